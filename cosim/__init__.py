@@ -12,11 +12,22 @@ What is named here is the public face; everything else may change.
 from __future__ import annotations
 
 import os
+import sys
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from cosim.version import __version__
+
+if sys.version_info < (3, 11):  # noqa: UP036  this file can be read by older ones
+    _TOO_OLD = (
+        f"cosim needs Python 3.11 or newer, and this is {sys.version_info[0]}."
+        f"{sys.version_info[1]} ({sys.executable})"
+    )
+    if sys.argv[:1] == ["-m"]:  # python -m cosim
+        print(_TOO_OLD, file=sys.stderr)
+        raise SystemExit(2)
+    raise ImportError(_TOO_OLD)
 
 if TYPE_CHECKING:
     from cosim.case.schema import Case

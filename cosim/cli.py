@@ -89,8 +89,8 @@ COMMANDS = {
         ),
         "schema": Command(
             "run.schema",
-            "JSON Schema of a case file, for editors.",
-            "cosim schema > case.schema.json",
+            "JSON Schemas of case and study files, for editors.",
+            "cosim schema --out .",
         ),
         "reduce": Command(
             "reduce.reduce",

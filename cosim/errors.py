@@ -13,6 +13,18 @@ def quiet(text: str) -> None:
     """The progress of a caller who asks for none."""
 
 
+def span(seconds: float) -> str:
+    """The words for a time in the terminal.
+
+    >>> span(45), span(600)
+    ('45 s', '10 min')
+    """
+    for unit, size in (("d", 86400), ("h", 3600), ("min", 60)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.0f} s"
+
+
 SWAP = 0.5
 """Two neighbouring letters in the other order, against one letter that is wrong."""
 

@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from uuid import uuid4
 
 from cosim.errors import InputError
@@ -28,6 +29,19 @@ def shown_path(path: Path) -> str:
         return min(str(path), os.path.relpath(path), key=len)
     except ValueError:  # another drive
         return str(path)
+
+
+def relative_path(path: Path, folder: Path) -> str:
+    """The path from a folder, as a file in it names another on every system; the whole path to
+    another drive.
+
+    >>> relative_path(Path("cases/mine.toml"), Path("runs/mine"))
+    '../../cases/mine.toml'
+    """
+    try:
+        return Path(os.path.relpath(os.path.realpath(path), os.path.realpath(folder))).as_posix()
+    except ValueError:
+        return path.resolve().as_posix()
 
 
 def move_into_place(part: Path, target: Path) -> None:
@@ -126,9 +140,14 @@ def check_file(path: Path) -> None:
 def _check_place(path: Path) -> None:
     """Raises InputError where the folder around `path` can neither be written to nor made."""
     place = next(p for p in path.absolute().parents if p.exists())
-    if not place.is_dir() or not os.access(place, os.W_OK):
-        reason = "may not be written to" if place.is_dir() else "is no folder"
-        raise InputError(f"{path}: cannot be written ({shown_path(place)} {reason})")
+    if not place.is_dir():
+        raise InputError(f"{path}: cannot be written ({shown_path(place)} is no folder)")
+    try:
+        with TemporaryDirectory(prefix=".cosim-", dir=place):  # rights alone do not tell
+            pass
+    except OSError as error:
+        where = f"{shown_path(place)} may not be written to: {error.strerror}"
+        raise InputError(f"{path}: cannot be written ({where})") from error
 
 
 def check_folder(target: Path, mark: str) -> None:

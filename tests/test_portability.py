@@ -15,8 +15,8 @@ import psutil
 import pytest
 
 from cosim import files
-from cosim.analyses.identify import case_text as identified
 from cosim.analyses.identify.parameters import read_free
+from cosim.case import file
 from cosim.case.file import load_case
 from cosim.errors import CosimError, InputError
 from cosim.files import replace_folder
@@ -224,7 +224,7 @@ def test_a_case_on_another_drive_is_named_by_its_whole_path(tmp_path, monkeypatc
 
     source = tmp_path / "a.toml"
     monkeypatch.setattr(os.path, "relpath", raise_value_error)
-    assert identified.base_of(source, tmp_path / "out.toml") == source.resolve().as_posix()
+    assert file.base_name(source, tmp_path) == source.resolve().as_posix()
 
 
 def test_files_of_a_windows_editor_are_read(tmp_path):
@@ -243,3 +243,16 @@ def test_files_of_a_windows_editor_are_read(tmp_path):
     free.write_bytes(f"{BOM}a = 1\r\n".encode())
     with pytest.raises(InputError, match="expected a table"):
         read_free(free, load_case("strain_lee2008_average_ti"))
+
+
+def test_an_older_python_is_told_which_one_is_needed():
+    for name in ("__init__.py", "__main__.py", "version.py"):  # what is read before the message
+        text = (ROOT / "cosim" / name).read_text(encoding="utf-8")
+        ast.parse(text, feature_version=(3, 7))
+    program = "import sys; sys.version_info = (3, 9, 1); sys.argv = [{!r}]; import cosim"
+    for word, code, first in (("-m", 2, "cosim needs"), ("x.py", 1, "Traceback")):
+        call = [sys.executable, "-c", program.format(word)]
+        done = subprocess.run(call, capture_output=True, text=True, cwd=ROOT)
+        assert done.returncode == code
+        assert done.stderr.startswith(first)
+        assert "cosim needs Python 3.11 or newer, and this is 3.9" in done.stderr

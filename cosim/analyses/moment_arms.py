@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.build.models import Models
-from cosim.errors import ConvergenceError
+from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.port import STATIC, Array, Load, Motion, State
 from cosim.results.looks import Look, look
 
@@ -29,7 +29,11 @@ NEAR = float(np.radians(1.0))
 
 
 def sweep(
-    models: Models, tension: Array, ranges: Mapping[str, tuple[float, float]], steps: int
+    models: Models,
+    tension: Array,
+    ranges: Mapping[str, tuple[float, float]],
+    steps: int,
+    progress: Progress = quiet,
 ) -> tuple[pandas.DataFrame, list[str]]:
     """Moment arms in mm (flexion and radial abduction positive) while each joint passes its range
     (rad) in `steps` postures and the others keep the case's; and where the hood could not follow.
@@ -43,7 +47,7 @@ def sweep(
         j = models.finger.joints.index(joint)
         angles = np.linspace(*bounds, steps)
         found = _own(models, joint, angles)
-        pulled, why = _hood(models, tension, joint, angles)
+        pulled, why = _hood(models, tension, joint, angles, progress)
         lost += why
         for k, angle in enumerate(np.degrees(angles)):
             for tendon, arm in {**pulled.get(k, {}), **found[k]}.items():
@@ -65,7 +69,7 @@ def _own(models: Models, joint: str, angles: Array) -> list[dict[str, Array]]:
 
 
 def _hood(
-    models: Models, tension: Array, joint: str, angles: Array
+    models: Models, tension: Array, joint: str, angles: Array, progress: Progress
 ) -> tuple[dict[int, dict[str, Array]], list[str]]:
     """Arms of the hood's tendons by the number of the angle, from the case's posture outwards to
     either side, so that the hood follows the bones; and where it could not."""
@@ -82,6 +86,7 @@ def _hood(
                     motion = _motion(models, joint, angle)
                     state = models.hood.advance(state, motion, tension, STATIC).state
                 at = angles[k]
+                progress(f"{joint} {np.degrees(at):.0f} deg, {len(out) + 1}/{len(angles)}")
                 out[int(k)] = _with_tension(models, joint, at, state)
         except ConvergenceError as error:
             beyond = f"from {np.degrees(at):.0f} towards {np.degrees(angles[side[-1]]):.0f} deg"

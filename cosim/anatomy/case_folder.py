@@ -13,6 +13,7 @@ import numpy as np
 from cosim.anatomy.read import Built, Defaults, UserAnatomy, read_anatomy
 from cosim.errors import InputError
 from cosim.files import output_folder
+from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 
 BASE, BARE = "base/index_finger.toml", "base/split.toml"
 REPORT = "cosim_new.txt"
@@ -45,6 +46,7 @@ def _defaults() -> Defaults:
 
 def write_case(part: Path, name: str, given: UserAnatomy, made: Built) -> None:
     """The files of a case into the folder `part`."""
+    from cosim.case.file import json_schema
     from meshes.hood_mesh import write
 
     if made.hood is not None:
@@ -57,6 +59,7 @@ def write_case(part: Path, name: str, given: UserAnatomy, made: Built) -> None:
     for body, (points, faces) in (made.bones.surfaces if made.bones else {}).items():
         text = _obj(points / [scale, 1.0, 1.0], faces)
         (part / f"{body}.obj").write_text(text, encoding="utf-8")
+    (part / CASE_SCHEMA).write_text(json.dumps(json_schema(), ensure_ascii=False), encoding="utf-8")
     lines = "\n".join(_case_lines(name, given, made))
     (part / f"{name}.toml").write_text(lines + "\n", encoding="utf-8")
     (part / REPORT).write_text("\n".join(made.report) + "\n", encoding="utf-8")
@@ -70,6 +73,7 @@ def _obj(points: np.ndarray, faces: np.ndarray) -> str:
 
 
 def _case_lines(name: str, given: UserAnatomy, made: Built) -> Iterator[str]:
+    yield schema_line(CASE_SCHEMA)
     yield f"# Written by `cosim new`; {REPORT} says what was read, assumed, repaired and dropped."
     yield "# Materials, springs, passive joints, posture: the base case's until you state yours."
     yield f'extends = "{BASE if made.hood is not None else BARE}"'

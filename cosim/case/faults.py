@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from cosim.case.layers import ALL
 from cosim.errors import Fault, nearest_names
 from cosim.schema.fields import Text
 
@@ -32,11 +33,25 @@ def describe(
         place = _place(loc, model, values)
         if item["type"].startswith("union_tag"):
             place = (*place, "kind")
-        key = re.sub(r"\.\[", "[", ".".join(_display_key(part) for part in place)) or "the case"
+        shown = _stated_place(place, layers, missing=item["type"] in _ABSENT)
+        key = re.sub(r"\.\[", "[", ".".join(_display_key(part) for part in shown)) or "the case"
         message = _message(item, place, model, values)
-        stated = "" if item["type"] in _ABSENT else _stating_layer(layers, place)
+        stated = "" if item["type"] in _ABSENT else _stating_layer(layers, shown)
         faults.append(Fault(key, value_text(_lookup(values, place)), stated, message))
-    return sorted(faults, key=str)
+    return sorted(dict.fromkeys(faults), key=str)
+
+
+def _stated_place(place: Place, layers: Sequence[tuple[str, Mapping]], missing: bool) -> Place:
+    """Where a value of a region stands: with the region, or in `hood.regions.all`; of what is
+    missing, where the last word on the region's kind stands."""
+    if place[:2] != ("hood", "regions") or len(place) < 4:
+        return place
+    every = (*place[:2], ALL, *place[3:])
+    for _, values in reversed(layers):
+        for found in (place, every):
+            if _lookup(values, (*found[:-1], "kind") if missing else found) is not None:
+                return found
+    return place
 
 
 def _display_key(part: str | int) -> str:
@@ -145,7 +160,7 @@ def _advice(place: Place, model: Model, values: Any) -> str:
         return f"write {' or '.join(words)}"
     for facts in _texts(place, model, values):
         example = facts["examples"][0] if "examples" in facts else "..."
-        return f'write: {facts["description"]}, for example "{example}"'
+        return f'write: {facts["title"]}, for example "{example}"'
     if float in types or int in types:
         return "write a number"
     if str in types:

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path, PurePath
 from typing import Any
@@ -14,7 +14,8 @@ from typing import Any
 from cosim.case.layers import Layer, nested
 from cosim.case.schema import Case, CaseFile
 from cosim.errors import InputError, nearest_names
-from cosim.files import shown_path
+from cosim.files import relative_path, shown_path
+from cosim.schema.json_schema import CASE_SCHEMA, editor_schema, schema_line
 
 Settings = tuple[str, ...]
 """KEY=VALUE, as --set takes them; a later one has the last word."""
@@ -66,6 +67,18 @@ def find_case(path_or_name: str | Path, beside: Path | None = None) -> Path:
     raise InputError(
         f"{text!r}: no such file and no packaged case; {hint}`cosim list cases` has their names"
     )
+
+
+def base_name(source: Path, folder: Path) -> str:
+    """How a case file in that folder names the case at `source` that it extends: a packaged one by
+    its name, so that the file serves on other machines, any other by its relative path."""
+    packaged = Path(os.path.realpath(_packaged_folder()))
+    if source.is_relative_to(packaged):
+        is_named = source.stem in packaged_cases()
+        name = source.stem if is_named else source.relative_to(packaged).as_posix()
+        if find_case(name, folder) == source:
+            return name
+    return relative_path(source, folder)
 
 
 def _packaged_folder() -> Path:
@@ -129,14 +142,20 @@ def _toml_fault(shown: str, text: str, message: str) -> str:
 
 def _anchor_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Paths stated in a file made relative to that file."""
+    for table, key in _paths(values):
+        table[key] = str(folder / table[key])
+    return values
+
+
+def _paths(values: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+    """The tables of a case that state paths, and the keys of these."""
     mesh = _table(values, "hood", "mesh")
     tables = [(mesh, "path"), (_table(values, "hood"), "path"), (_table(values, "finger"), "path")]
     tables += [(_table(t, "signal"), "path") for t in _table(values, "tendons").values()]
     tables += [(bone, "surface") for bone in _table(values, "finger", "bones").values()]
     for table, key in tables:
         if isinstance(table, dict) and isinstance(table.get(key), str):
-            table[key] = str(folder / table[key])
-    return values
+            yield table, key
 
 
 def _table(values: Any, *keys: str) -> dict[str, Any]:
@@ -166,9 +185,22 @@ def _value(text: str) -> Any:
 
 
 def resolved_toml(case: Case) -> str:
-    """The whole case as one TOML file, which loads to the same case again."""
-    values = case.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
-    return "\n".join(_toml_lines(values, ())).lstrip() + "\n"
+    """The whole case as one TOML file, which loads to the same case again; its schema lies in the
+    folder above, beside those of other runs."""
+    return _whole_toml(case.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True))
+
+
+def moved_toml(text: str, folder: Path) -> str:
+    """The text of a whole case as it lies in a folder: paths are relative to it, so that no path of
+    a machine stands there and the folders can be moved together."""
+    values = tomllib.loads(text)
+    for table, key in _paths(values):
+        table[key] = relative_path(Path(table[key]), folder)
+    return _whole_toml(values)
+
+
+def _whole_toml(values: Mapping[str, Any]) -> str:
+    return "\n".join([schema_line(f"../{CASE_SCHEMA}"), *_toml_lines(values, ())]) + "\n"
 
 
 def _toml_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
@@ -199,22 +231,9 @@ def json_schema() -> dict[str, Any]:
 
     Since a file may leave to the one it extends what it does not say itself, nothing is required.
     """
-    schema = _relax(CaseFile.model_json_schema())
+    schema = editor_schema(CaseFile, partial=True)
     schema["properties"]["extends"] = {
         "type": "string",
-        "description": "case file whose values these come on top of; relative to this file",
+        "description": "Case file whose values these come on top of; relative to this file.",
     }
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
-
-
-def _relax(node: Any) -> Any:
-    match node:
-        case list() | tuple():
-            return [_relax(item) for item in node]
-        case dict():
-            left = (pair for pair in node.items() if pair[0] not in ("required", "discriminator"))
-            kept = {k: _relax(v) for k, v in left}
-            if "oneOf" in kept:
-                kept["anyOf"] = kept.pop("oneOf")
-            return kept
-    return node
+    return schema

@@ -40,6 +40,33 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
+ALL = "all"
+"""Of `hood.regions`: what every region has that does not say otherwise."""
+
+
+def add_layer(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """`merge`, with `hood.regions.all` of `over` on top of the regions of `base` and below those
+    that `over` names."""
+    old, new = _table(_table(base, "hood"), "regions"), _table(_table(over, "hood"), "regions")
+    every = _table(new, ALL)
+    if not new or not (every or ALL in old):
+        return merge(base, over)
+    spread = dict(new)
+    for name in {*old, *new} - {ALL}:
+        match new.get(name, {}):
+            case dict(stated):
+                below = every if name in old else merge(_table(old, ALL), every)
+                spread[name] = merge(below, stated)
+    return merge(base, {**over, "hood": {**over["hood"], "regions": spread}})
+
+
+def _table(values: Mapping[str, Any], key: str) -> dict[str, Any]:
+    match values.get(key):
+        case dict(found):
+            return found
+    return {}
+
+
 def nested(key: str, value: Any) -> dict[str, Any]:
     """The tables that a dotted key names, the value innermost."""
     for name in reversed(key.split(".")):

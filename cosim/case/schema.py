@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from cosim.case.faults import describe
-from cosim.case.layers import Layer, merge, nested
+from cosim.case.layers import Layer, add_layer, nested
 from cosim.errors import InputError
 from cosim.files import shown_path
 from cosim.fingers.common import stamps
@@ -29,9 +29,14 @@ class SolveConfig(Table):
     """Tolerances: of the coupling (relative residual) and of the hood's own equilibrium."""
 
     resting_tension: Annotated[float, quantity(units.FORCE, least="0 N", most="10 N")] = 0.05
+    """Tension of every tendon that the case does not name, and of all tendons in the unloaded
+    state."""
     tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 5e-7
+    """Coupled equilibrium: largest residual over the largest tension."""
     max_iterations: Annotated[Count, Field(ge=1, le=1000)] = 50
+    """Iterations of the coupled equilibrium; a solve that needs more fails."""
     hood_tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-10
+    """The hood's own equilibrium: largest residual over the largest force."""
 
 
 class OneWayConfig(Table):
@@ -57,10 +62,13 @@ class CouplingConfig(Table):
     "implicit", staggered ("explicit") or side by side ("jacobi")."""
 
     scheme: Literal["linear", "newton", "implicit", "explicit", "jacobi", "one_way"] = "linear"
+    """How hood and finger come to agree; "linear" is Newton's method in an equilibrium."""
     accelerator: Literal["constant", "aitken", "iqn_ils"] = "aitken"
+    """Relaxation of the fixed point, with scheme = "implicit"."""
     tolerance: Annotated[float, quantity(units.ANGLE, above="0 deg", most="1 deg")] = 1e-9
-    """rad, on the joint angles, in the iterated schemes."""
+    """Of the joint angles, in the iterated schemes."""
     one_way: OneWayConfig = OneWayConfig()
+    """What the hood hands over, with scheme = "one_way"."""
     allow_double_counting: Switch = False
     """Run even where the hood hands over a force that the finger makes too."""
 
@@ -77,7 +85,9 @@ class AdaptiveConfig(Table):
     to be shorter than `floor` stops the run."""
 
     tolerance: Annotated[float, quantity(units.ANGLE, above="0 deg", most="10 deg")]
+    """Largest error of a joint angle in one step."""
     floor: Annotated[float, quantity(units.TIME, least="1e-9 s", most="0.1 s")] = 1e-6
+    """Shortest step; an error that asks for a shorter one ends the run."""
 
 
 class ForwardConfig(Table):
@@ -85,9 +95,11 @@ class ForwardConfig(Table):
     activations act from the start on."""
 
     duration: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] = 2.0
+    """Simulated time, a whole number of steps."""
     step: Annotated[float, quantity(units.TIME, least="1e-6 s", most="0.1 s")] = 1e-3
-    """s, the length of every step; with `adaptive` of the first and the longest."""
+    """Length of every step; with `adaptive` of the first and the longest."""
     adaptive: AdaptiveConfig | None = None
+    """Lets the length of a step follow from its error; without it all steps are equal."""
     must_rest: Switch = True
     """The run fails where the finger is still moving at the end."""
     checkpoint: Annotated[Count, Field(ge=0, le=1_000_000)] | None = None
@@ -108,21 +120,32 @@ class OutputConfig(Table):
     """What is written besides the numbers."""
 
     picture: Switch = True
+    """Draw picture.png."""
 
 
 class CaseFile(Table):
     """A case as its files state it."""
 
     title: str
+    """The case in one line, for tables and reports."""
     notes: str | None = None
+    """What else a reader needs to know; it changes no number."""
     finger: Annotated[AnyFinger, Field(discriminator="kind")]
+    """The finger: its kind, posture, joints and fingertip."""
     tendons: dict[TendonName, TendonConfig] = Field(default_factory=dict)
+    """What pulls each tendon; one that is not named has the resting tension."""
     hood: Annotated[AnyHood, Field(discriminator="kind")]
+    """The extensor hood: its kind and what that kind is made of."""
     lesion: LesionConfig | None = None
+    """An injury of the hood or its repair; without it the hood is intact."""
     solve: SolveConfig = SolveConfig()
+    """Tolerances, and the tension at rest."""
     forward: ForwardConfig | None = None
+    """A motion in time in place of an equilibrium."""
     coupling: CouplingConfig = CouplingConfig()
+    """How finger and hood come to agree."""
     output: OutputConfig = OutputConfig()
+    """What is written besides summary, arrays and ledger."""
 
     @model_validator(mode="after")
     def _can_be_injured(self) -> CaseFile:
@@ -155,7 +178,7 @@ class Case(CaseFile):
         merged: dict[str, Any] = {}
         try:
             for _, layer in layers:
-                merged = merge(merged, layer)
+                merged = add_layer(merged, layer)
             checked = CaseFile.model_validate(merged)
         except ValidationError as error:
             faults = describe(error, CaseFile, merged, layers)

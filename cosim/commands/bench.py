@@ -11,7 +11,7 @@ from cosim.commands.febio import bench_fe, bench_febio
 from cosim.commands.finger import bench_fingers, bench_robotic_finger
 from cosim.commands.run import Settings, load_cases
 from cosim.commands.study import bench_studies
-from cosim.commands.terminal import exit_on_error
+from cosim.commands.terminal import exit_on_error, stages
 
 
 def bench(
@@ -55,6 +55,8 @@ def bench(
     (checked,) = load_cases([case], settings)
     from cosim.commands.bench_case import bench_case
 
+    with exit_on_error(), stages(checked.name) as told:
+        found = bench_case(checked, told.say)
     with exit_on_error():
-        for name, value in bench_case(checked).items():
+        for name, value in found.items():
             typer.echo(f"{name:<20} {value:.4g}")

@@ -9,7 +9,7 @@ from cosim.build.models import build
 from cosim.build.motion import moving_models
 from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.motion import motion_states
-from cosim.errors import InputError, quiet
+from cosim.errors import InputError, Progress, quiet
 from cosim.solve.session import Session
 from cosim.solve.solvers import solve
 
@@ -18,7 +18,7 @@ EVERY = 25
 """Steps of a motion between two measurements of its tangent."""
 
 
-def bench_case(case: Case) -> dict[str, float]:
+def bench_case(case: Case, progress: Progress = quiet) -> dict[str, float]:
     """Medians of `REPEATS`, all measured in this process, s, and their ratio.
 
     `warm_run_s`: the loaded equilibrium with its audit, once models and the unloaded state are
@@ -26,16 +26,19 @@ def bench_case(case: Case) -> dict[str, float]:
     with the bones' distances baked.  Of a motion see `bench_motion`.  Raises InputError for a hood
     without a tangent."""
     if case.forward is not None:
-        return bench_motion(case, case.forward)
+        return bench_motion(case, case.forward, progress)
     session = Session()
+    progress("solving the case once")
     models, states = solve(case, session)
     if models.linear is None:
         raise InputError(f"{case.name}: bench needs a hood of finite elements")
     warm, linear, cold = [], [], []
-    for _ in range(REPEATS):
+    for k in range(REPEATS):
+        progress(f"warm run {k + 1}/{REPEATS}")
         warm.append(_seconds(case, session))
         linear.append(models.linear(states.loaded.response.state))
-    for _ in range(2):
+    for k in range(2):
+        progress(f"cold run {k + 1}/2")
         cold.append(_seconds(case, Session()))
     assembly, factorisation = (median(column) for column in zip(*linear, strict=True))
     return {
@@ -48,9 +51,12 @@ def bench_case(case: Case) -> dict[str, float]:
     }
 
 
-def bench_motion(case: Case, forward: ForwardConfig) -> dict[str, float]:
+def bench_motion(
+    case: Case, forward: ForwardConfig, progress: Progress = quiet
+) -> dict[str, float]:
     """Means over the steps of a coupled motion, s, and their ratio; assembly and factorisation of
     the hood's own tangent are measured between its steps."""
+    progress("building the models")
     tangent = build(case).linear
     if tangent is None:
         raise InputError(f"{case.name}: bench needs a hood of finite elements")
@@ -59,7 +65,7 @@ def bench_motion(case: Case, forward: ForwardConfig) -> dict[str, float]:
     begun = moves.begin(both.initial_state)
     steps, floors = [], []
     start = perf_counter()
-    for now in motion_states(moves, begun, round(forward.duration / forward.step), quiet):
+    for now in motion_states(moves, begun, round(forward.duration / forward.step), progress):
         steps.append(perf_counter() - start)
         if len(steps) % EVERY == 1:
             floors.append(tangent(now.coupled.hood))  # once, with its caches as a step finds them

@@ -120,6 +120,7 @@ def estimate(
         checked = load_case(case, settings or ())
         folder = out / checked.name
         check_folder(folder, "estimate.json")
+        _say("building the models")
         made = setup(
             checked,
             weights.value,

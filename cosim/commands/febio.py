@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.commands.terminal import console, exit_on_error
+from cosim.commands.terminal import console, exit_on_error, stages
 from cosim.errors import InputError
-from cosim.files import check_folder
+from cosim.files import check_file, check_folder
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -93,10 +93,12 @@ def solve(
             JobOptions(penetration=limit, spacing=grid),
             spread_times(job, until, states),
         )
-        if solid:
-            result = solve_solid(job, options=options, times=times)
-        else:
-            result = solve_job(job, options=options, times=times, ways=alternatives(job))
+        with stages(model.name) as told:
+            told.say(f"solving {len(job.quads)} elements")
+            if solid:
+                result = solve_solid(job, options=options, times=times)
+            else:
+                result = solve_job(job, options=options, times=times, ways=alternatives(job))
         _show(result)
         typer.echo(f"results in {write_job(folder, result)}")
 
@@ -159,6 +161,8 @@ def export(
         from fe_solver.hood.shell_hood import ShellHood
 
         checked = load_case(case, settings or ())
+        check_file(out)
+        typer.echo(f"{checked.name}: building the models", err=True)
         models = build(checked)
         if not isinstance(models.hood, ShellHood):
             raise InputError(f"{checked.name}: has no shell hood to write")
@@ -178,7 +182,12 @@ def bench_fe(quads: Sequence[int] = QUADS) -> None:
     table = Table("quads", "case", "iterations", "linear solves", "floor ms")
     table.add_column("iteration / floor", justify="right")
     table.add_column("linear solve / floor", justify="right")
-    for s in (found for count in quads for found in speed(count)):
+    with stages("bench", len(quads)) as told:
+        speeds = []
+        for count in quads:
+            told.begin(f"{count} quads")
+            speeds += list(speed(count))
+    for s in speeds:
         row = [s.quads, s.case, s.iterations, s.solves, f"{1e3 * s.floor_s:.3g}"]
         table.add_row(*map(str, row), f"{s.ratio:.2f}", f"{s.solve_ratio:.2f}")
     screen = console()
@@ -204,6 +213,7 @@ def bench_febio(folder: Path | None, spacing: str) -> None:
     except ValueError as error:
         raise InputError(str(error)) from error
     screen = console()
+    typer.echo("bench: solving each model in three ways; many minutes", err=True)
     for found in compare(folder, grid):
         _print_comparison(screen, found)
     screen.print(f"FEBio's figures: {SOURCE}.")

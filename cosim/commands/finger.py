@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.commands.terminal import exit_on_error, print_table
+from cosim.commands.terminal import exit_on_error, print_table, stages
 from cosim.errors import InputError
 from cosim.files import check_file, output_file
 
@@ -40,9 +40,12 @@ def moment_arms(
 
         checked = load_case(case, settings or ())
         check_file(out / "moment_arms.csv")
-        models = build(checked)
-        tension, _ = tensions(checked, models)
-        table, lost = sweep(models, tension, joint_ranges(models.finger), steps)
+        with stages(checked.name) as told:
+            told.say("building the models")
+            models = build(checked)
+            tension, _ = tensions(checked, models)
+            ranges = joint_ranges(models.finger)
+            table, lost = sweep(models, tension, ranges, steps, told.say)
         known, compared = None, None
         if checked.finger.has_literature:
             known, compared = published_arms(), beside_published(models)
@@ -128,14 +131,20 @@ def bench_fingers(beside_opensim: bool) -> None:
     if not beside_opensim:
         from rigid.verification.dynamics_rows import time_rows
 
-        for row in time_rows():
+        with stages("bench") as told:
+            told.say("solving the finger many times")
+            rows = list(time_rows())
+        for row in rows:
             typer.echo(f"static solve of the finger, ms  {row.computed:.3f}   ({row.source})")
         return
     if find_spec("opensim") is None:
         raise InputError("OpenSim is not installed here: pip install '.[opensim]'")
     from rigid.verification.bench import bench_opensim
 
-    for name, value in bench_opensim().items():
+    with stages("bench") as told:
+        told.say("moving the finger here and in OpenSim")
+        found = bench_opensim()
+    for name, value in found.items():
         typer.echo(f"{name:<20} {value:.4g}")
 
 
@@ -144,6 +153,9 @@ def bench_robotic_finger() -> None:
     from rigid.verification.robot_bench import PAPER_LOOP, PAPER_QP, bench_robot
 
     paper = {"loop_s": PAPER_LOOP, "qp_s": PAPER_QP}
-    for name, value in bench_robot().items():
+    with stages("bench") as told:
+        told.say("running the control loop many times")
+        found = bench_robot()
+    for name, value in found.items():
         beside = f"   (paper: {paper[name]:.4g})" if name in paper else ""
         typer.echo(f"{name:<20} {value:.4g}{beside}")

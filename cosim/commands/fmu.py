@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from cosim.commands.finger import CaseName, Settings
-from cosim.commands.terminal import exit_on_error
+from cosim.commands.terminal import exit_on_error, stages
+from cosim.files import check_file
 
 
 class FmuPart(StrEnum):
@@ -45,5 +46,8 @@ def fmu(
 
         checked = load_case(case, settings or ())
         path = out or Path(f"{checked.name}_{part.value}_fmi{fmi}.fmu")
-        write_fmu(checked, part.value, fmi, path, tangent=tangent)
+        check_file(path)
+        with stages(checked.name) as told:
+            told.say(f"building and describing its {part.value}")
+            write_fmu(checked, part.value, fmi, path, tangent=tangent)
         typer.echo(f"{part.value} in {path}, FMI {fmi}")

@@ -93,6 +93,7 @@ def sensitivity(
         ):
             with output_file(folder / name) as part:
                 part.write_text(text, encoding="utf-8")
+        typer.echo(f"{checked.name}: drawing the charts", err=True)
         charts = _write_charts(folder, found, targets)
         _show_sensitivity(found)
         typer.echo(f"table and {charts} charts in {folder}")
@@ -245,13 +246,13 @@ def _write_found(
     out: Path, found: Fit, cases: Sequence[FitCase], own: tuple[str, ...], targets: str
 ) -> None:
     """The case that all cases are made of, or, where they are made of several, the settings."""
-    from cosim.analyses.identify.case_text import base_of, case_text, check_loads
-    from cosim.case.file import load_case
+    from cosim.analyses.identify.case_text import case_text, check_loads
+    from cosim.case.file import base_name, load_case
 
     stated = [case.stated for case in cases]
     source = stated[0].source
     of_one = all(case.source == source for case in stated)
-    base = base_of(source, out) if of_one else None
+    base = base_name(source, out.parent) if of_one else None
     title = f"{load_case(source, own).title}, identified"
     with output_file(out) as part:
         text = case_text(found, title, base, own, targets, stated)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.commands.identify import CaseName, Settings, Workers
-from cosim.commands.terminal import exit_on_error, print_table
+from cosim.commands.terminal import exit_on_error, print_table, stages
 from cosim.files import check_folder, output_folder
 
 if TYPE_CHECKING:
@@ -38,10 +38,12 @@ def ladder(
         target = out / checked.name
         check_folder(target, MARK)
         names, rungs = rungs_of(checked), []
-        for rung in solve_rungs(checked.source, own, workers):
-            rungs.append(rung)
-            told_of = rung.status if rung.status != "converged" else f"{rung.wall:.1f} s"
-            typer.echo(f"{len(rungs)}/{len(names)} {rung.name}: {told_of}", err=True)
+        with stages(checked.name, len(names)) as told:
+            told.say(f"0/{len(names)}, from {names[0]} to {names[-1]}")
+            for rung in solve_rungs(checked.source, own, workers):
+                rungs.append(rung)
+                how = rung.status if rung.status != "converged" else f"{rung.wall:.1f} s"
+                told.end(f"{rung.name}: {how}")
         with output_folder(target, MARK) as folder:
             _write(folder, rungs, checked.title)
     _show(rungs, checked.title)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cosim.commands.terminal import console, exit_on_error, warn_of_audits
+from cosim.commands.terminal import console, exit_on_error, stages, warn_of_audits
 from cosim.results.audit import describe_misses
 
 if TYPE_CHECKING:
@@ -68,12 +68,13 @@ def _solve_runs(case: Case, out: Path) -> list[RunPair]:
     four, runs, session = both_sides(case), {}, Session()
     for one in four.values():
         check_target(out, one.name)
-    for key, one in four.items():
-        typer.echo(f"{one.title}", err=True)
-        try:
-            runs[key] = read_run(run_case(one, session).save(out))
-        except CosimError as error:
-            raise type(error)(f"{one.name}: {error}") from error
+    with stages(total=len(four)) as told:
+        for key, one in four.items():
+            told.begin(one.title)
+            try:
+                runs[key] = read_run(run_case(one, session, told.say).save(out))
+            except CosimError as error:
+                raise type(error)(f"{one.name}: {error}") from error
     return [RunPair(tip, runs[tip, "before"], runs[tip, "after"]) for tip in TIPS]
 
 

@@ -163,7 +163,7 @@ def _alternatives(whole: Schema, node: Schema) -> Iterator[tuple[str, Schema]]:
         yield _kind(node), node
         return
     for choice in choices:
-        if choice.get("type") != "null":
+        if choice is not True:  # of a union, see `cosim.schema.json_schema.choose`
             yield from _alternatives(whole, choice)
 
 
@@ -176,7 +176,9 @@ def _row(whole: Schema, key: str, node: Schema) -> tuple[str, str, str]:
     forms = [_leaf(whole, one) for _, one in _alternatives(whole, node)]
     has_default = node.get("default") is not None and forms != ["a table"]
     shown = str(node["default"]) if has_default else ""
-    return key, " or ".join(forms), shown
+    form, meaning = " or ".join(forms), str(node.get("description", ""))
+    whole_text = meaning if form in meaning else f"{form}. {meaning}".strip(". ")
+    return key, " ".join(whole_text.split()), shown
 
 
 def _leaf(whole: Schema, one: Schema) -> str:
@@ -187,7 +189,7 @@ def _leaf(whole: Schema, one: Schema) -> str:
         return ", ".join(f'"{word}"' for word in one["enum"])
     if "properties" in one or "additionalProperties" in one:
         return _kind(one) or "a table"
-    text = str(one.get("description") or one.get("type", "a value"))
+    text = str(one.get("title") or one.get("type", "a value"))
     bounds = {"exclusiveMinimum": "above", "minimum": "at least", "exclusiveMaximum": "below"}
     bounds["maximum"] = "at most"
     limits = [f"{word} {one[name]:g}" for name, word in bounds.items() if name in one]

@@ -54,11 +54,11 @@ def reduce(
     """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
     for use in real time; the error is that of postures held out."""
     with exit_on_error():
-        from cosim.analyses.identify.case_text import base_of, check_loads
+        from cosim.analyses.identify.case_text import check_loads
         from cosim.analyses.reduction.case_text import case_text
         from cosim.analyses.reduction.reduce import read_grid, reduce_case
         from cosim.analyses.reduction.walks import SPREAD
-        from cosim.case.file import load_case
+        from cosim.case.file import base_name, load_case
 
         own = tuple(settings or ())
         checked = load_case(case, own)
@@ -75,7 +75,7 @@ def reduce(
         )
         _show(found)
         if out is not None:
-            base, title = base_of(checked.source, out), f"{checked.title}, hood reduced"
+            base, title = base_name(checked.source, out.parent), f"{checked.title}, hood reduced"
             with output_file(out) as part:
                 part.write_text(case_text(found, title, base, own), encoding="utf-8")
                 check_loads(part)

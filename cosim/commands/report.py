@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from cosim.commands.terminal import exit_on_error
+from cosim.commands.terminal import exit_on_error, stages
 
 Format = Literal["html", "csv", "json", "md"]
 
@@ -38,7 +38,10 @@ def report(
     with exit_on_error():
         from cosim.report.write import write_report
 
-        written = write_report(
-            runs, out, form, against, data, lambda text: typer.echo(f"note: {text}", err=True)
-        )
+        with stages("report") as told:
+            told.say(f"reading and drawing {len(runs)} run{'s' if len(runs) > 1 else ''}")
+            notes: list[str] = []
+            written = write_report(runs, out, form, against, data, notes.append)
+    for note in notes:
+        typer.echo(f"note: {note}", err=True)
     typer.echo(written, nl=not written.endswith("\n"))

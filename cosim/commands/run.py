@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,9 +13,24 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from cosim.commands.terminal import console, exit_on_error, tell, warn, warn_of_audits
-from cosim.errors import ConvergenceError, CosimError, InputError, Progress, StoppedError, quiet
-from cosim.files import shown_path
+from cosim.commands.terminal import (
+    console,
+    exit_on_error,
+    stages,
+    tell,
+    warn,
+    warn_of_audits,
+)
+from cosim.errors import (
+    ConvergenceError,
+    CosimError,
+    InputError,
+    Progress,
+    StoppedError,
+    quiet,
+    span,
+)
+from cosim.files import output_file, shown_path
 from cosim.results.audit import describe_misses
 
 if TYPE_CHECKING:
@@ -84,7 +98,11 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1) -
     last."""
     summaries: dict[str, Mapping[str, Any] | None] = {}
     failed, started = 0, time.perf_counter()
-    ran = _one_by_one(cases, out, voice) if workers == 1 else _side_by_side(cases, out, workers)
+    ran = (
+        _one_by_one(cases, out, voice)
+        if workers == 1
+        else _side_by_side(cases, out, voice, workers)
+    )
     for case, ended, error in ran:
         summaries[case.name] = None if ended is None else ended[0]
         if error is not None:
@@ -151,13 +169,15 @@ def _one_by_one(
 
 
 def _side_by_side(
-    cases: Sequence[Case], out: Path, workers: int
+    cases: Sequence[Case], out: Path, voice: Voice, workers: int
 ) -> Iterator[tuple[Case, Ended | None, CosimError | None]]:
     """Run and write cases in so many processes; each as it ends."""
     from cosim.pipeline import run_cases
     from cosim.solve.motion import checkpoint_folder
 
     waiting = set(range(len(cases)))
+    if voice == "plain":
+        typer.echo(f"0/{len(cases)}: {min(workers, len(cases))} processes begin", err=True)
     try:
         for i, ended, error in run_cases(cases, partial(_save, out=out), workers, checkpoints=out):
             waiting.remove(i)
@@ -191,7 +211,7 @@ def _tell_end(
 
 def _count(name: str, done: int, total: int, seconds: float) -> None:
     left = seconds / done * (total - done)
-    words = f", about {left:.0f} s left" if done < total else ""
+    words = f", about {span(left)} left" if done < total else ""
     typer.echo(f"{done}/{total}{words}: {name}", err=True)
 
 
@@ -258,13 +278,8 @@ def _progress(name: str, voice: Voice) -> Iterator[Progress]:
     if voice == "json":
         yield lambda stage: typer.echo(json.dumps({"case": name, "stage": stage}))
         return
-    if not sys.stderr.isatty():
-        yield lambda stage: typer.echo(f"{name}: {stage}", err=True)
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status(name) as status:
-        yield lambda stage: status.update(f"{name}: {stage}")
+    with stages(name) as told:
+        yield told.say
 
 
 def _show(case: Case, summary: Mapping[str, Any]) -> None:
@@ -300,8 +315,31 @@ def check(cases: Cases, settings: Settings = None) -> None:
     raise typer.Exit(max(codes))
 
 
-def schema() -> None:
-    """Print the JSON Schema of a case file, for editors."""
-    from cosim.case.file import json_schema
+def schema(
+    what: Annotated[
+        Literal["case", "study"], typer.Argument(help="Of which file.", show_default=True)
+    ] = "case",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FOLDER", help="Write both schemas there instead."),
+    ] = None,
+) -> None:
+    """Print the JSON Schema of a case or of a study file, or write both, for editors."""
+    from cosim.schema.json_schema import CASE_SCHEMA, STUDY_SCHEMA
 
-    typer.echo(json.dumps(json_schema(), indent=2))
+    if out is None:
+        typer.echo(_schema_text(what))
+        return
+    with exit_on_error():
+        for kind, name in (("case", CASE_SCHEMA), ("study", STUDY_SCHEMA)):
+            with output_file(out / name) as part:
+                part.write_text(_schema_text(kind) + "\n", encoding="utf-8")
+            typer.echo(f"schema of a {kind} file in {out / name}")
+
+
+def _schema_text(what: str) -> str:
+    from cosim.case.file import json_schema
+    from cosim.study.file import study_schema
+
+    made = json_schema() if what == "case" else study_schema()
+    return json.dumps(made, indent=2, ensure_ascii=False)

@@ -29,6 +29,10 @@ def study(
         str | None,
         typer.Option(metavar="CASE", help="Case file or name, in place of the study's own."),
     ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
+    ] = None,
     workers: Annotated[
         int,
         typer.Option(min=0, max=1024, help="Processes on this machine; 0: in this process alone."),
@@ -56,7 +60,7 @@ def study(
         from cosim.study.progress import progress
         from cosim.study.store import Store
 
-        plan = read_plan(file, case)
+        plan = read_plan(file, case, tuple(settings or ()))
         if workers == 0 and scheduler is None and plan.most_seconds is not None:
             raise InputError("limits.time needs a process that can be ended: --workers 1 or more")
         kept = Store((store or out / "store").absolute()).open()
@@ -121,7 +125,8 @@ def status(
         from rich import box
         from rich.table import Table
 
-        from cosim.study.progress import notes, span, state_text
+        from cosim.errors import span
+        from cosim.study.progress import notes, state_text
 
         found = notes(store)
         if not found:

@@ -4,13 +4,14 @@ where the output is no terminal."""
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import typer
 
-from cosim.errors import CosimError, InputError, StoppedError
+from cosim.errors import CosimError, InputError, StoppedError, span
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -61,6 +62,51 @@ def console() -> Console:
     from rich.console import Console
 
     return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)
+
+
+class Stages:
+    """The signs of life of what takes more than two seconds: its stages, and of those that can be
+    counted n of m with the time left."""
+
+    def __init__(self, name: str, total: int, show: Callable[[str], None]) -> None:
+        self._head, self._total, self._show = f"{name}: " if name else "", total, show
+        self._done, self._started = 0, time.perf_counter()
+
+    def say(self, text: str) -> None:
+        """Tell what is done now."""
+        self._show(f"{self._head}{text}")
+
+    def begin(self, text: str) -> None:
+        """Tell that the next of the counted stages begins."""
+        self._tell(self._done + 1, text)
+        self._done += 1
+
+    def end(self, text: str) -> None:
+        """Tell that one of the counted stages, which may run side by side, has ended."""
+        self._done += 1
+        self._tell(self._done, text)
+
+    def _tell(self, number: int, text: str) -> None:
+        seconds, left = time.perf_counter() - self._started, self._total - self._done
+        rest = f", about {span(seconds / self._done * left)} left" if self._done and left else ""
+        self.say(f"{number}/{self._total} {text}{rest}")
+
+
+@contextmanager
+def stages(name: str = "", total: int = 0) -> Iterator[Stages]:
+    """Tell of the stages of a command on the error stream: on a terminal in one line that moves,
+    with the seconds that have passed, else in a line for each."""
+    if not sys.stderr.isatty():
+        yield Stages(name, total, lambda text: typer.echo(text, err=True))
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    words = TextColumn("{task.description}", markup=False)
+    columns = (SpinnerColumn(), words, TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name, total=None)
+        yield Stages(name, total, lambda text: bar.update(task, description=text))
 
 
 def print_table(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.commands.terminal import console, exit_on_error, warn_of_audits
+from cosim.files import check_file
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -76,6 +77,7 @@ def validate(
         if listed:
             _list(groups)
             return
+        check_file(out / "scoreboard.json")
         finer_groups = [] if finer is None else on_finer_meshes(groups, finer, own)
         boards = run_validation(groups, out, own, workers, _progress)
         again = run_validation(finer_groups, out / "finer", (), workers, _progress)

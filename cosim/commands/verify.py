@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cosim.commands.terminal import console, exit_on_error
+from cosim.commands.terminal import console, exit_on_error, stages
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -64,9 +64,10 @@ def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: boo
     with exit_on_error():
         studies = select_studies(only, slow, studies)
     rows: list[Row] = []
-    for study in studies:
-        typer.echo(f"verify: {study.name}", err=True)
-        rows += list(study.rows())
+    with stages("verify", len(studies)) as told:
+        for study in studies:
+            told.begin(study.name)
+            rows += list(study.rows())
     _print(rows, as_json)
     raise typer.Exit(0 if all(row.passed for row in rows) else 1)
 

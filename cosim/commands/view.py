@@ -12,7 +12,7 @@ import typer
 from cosim.commands.run import Settings, load_cases
 from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
-from cosim.files import shown_path
+from cosim.files import check_file, shown_path
 
 
 def view(
@@ -56,6 +56,8 @@ def mesh(
         from cosim.build.models import hood_mesh
         from meshes.hood_mesh import write
 
+        check_file(out)
+        typer.echo(f"{checked.name}: laying out the hood", err=True)
         made = hood_mesh(checked)
         try:
             write(made, out)

@@ -87,8 +87,11 @@ class PlanarPostureConfig(Table):
     """Flexion angles, rad."""
 
     MCP: McpAngle
+    """Flexion of the metacarpophalangeal joint."""
     PIP: PipAngle
+    """Flexion of the proximal interphalangeal joint."""
     DIP: DipAngle
+    """Flexion of the distal interphalangeal joint."""
 
     def angles(self) -> dict[str, float]:
         """Joint name -> angle (rad)."""
@@ -99,6 +102,7 @@ class PostureConfig(PlanarPostureConfig):
     """Joint angles, rad; radial abduction positive."""
 
     MCP_abduction: AbductionAngle = 0.0
+    """Radial abduction of the metacarpophalangeal joint."""
 
 
 JointAngle = Annotated[float, quantity(units.ANGLE, least="-90 deg", most="150 deg")]
@@ -110,13 +114,17 @@ class LimitConfig(Table):
     CoordinateLimitForce)."""
 
     half_range: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")]
+    """How far a joint turns from the posture, to both sides, before the limit acts."""
     stiffness: Annotated[
         float, quantity(units.LIMIT_STIFFNESS, least="0 N*m/deg", most="1000 N*m/deg")
     ]
+    """Slope of the torque from `transition` beyond the limit on."""
     transition: Annotated[float, quantity(units.ANGLE, above="0 deg", most="45 deg")]
+    """Angle beyond the limit over which the stiffness sets in."""
     damping: Annotated[
         float, quantity(units.LIMIT_DAMPING, least="0 N*m*s/deg", most="100 N*m*s/deg")
     ] = 0.0
+    """Torque per rate beyond the limit, in a motion."""
 
 
 class PassiveConfig(Table):
@@ -128,6 +136,7 @@ class PassiveConfig(Table):
         Annotated[float, quantity(units.JOINT_STIFFNESS, least="0 N*m/rad", most="100 N*m/rad")]
         | None
     ) = None
+    """Slope of a linear torque about `rest`; without it and without a curve there is none."""
     rest: (
         Annotated[
             float | Literal["posture"],
@@ -135,10 +144,13 @@ class PassiveConfig(Table):
         ]
         | None
     ) = None
+    """Angle without torque, or "posture": that of the case."""
     curve: Annotated[tuple[tuple[JointAngle, JointTorque], ...], Field(min_length=2)] | None = None
+    """Points of angle and torque, flexing torques positive."""
     damping: Annotated[
         float, quantity(units.JOINT_DAMPING, least="0 N*m*s/rad", most="1 N*m*s/rad")
     ] = 0.0
+    """Viscous torque per rate of the joint, in a motion."""
 
     @model_validator(mode="after")
     def _one_way(self) -> PassiveConfig:
@@ -158,6 +170,7 @@ class HeldTipConfig(Table):
     on a rig are."""
 
     kind: Literal["point", "clamped", "free", "posture"]
+    """How the fingertip is held."""
 
 
 class DeviceTipConfig(Table):
@@ -165,16 +178,21 @@ class DeviceTipConfig(Table):
     motion in time.  Defaults are those of the thesis (section 2.2.1) and of Simbody."""
 
     sphere: Annotated[float, quantity(units.LENGTH, above="0 mm", most="100 mm")] = 8e-3
-    """Diameter, m."""
+    """Diameter of the sphere."""
     width: Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")] = 9e-3
-    """m, between opposite walls."""
+    """Distance of opposite walls, or inner diameter of the shell."""
     dissipation: Annotated[float, quantity(units.DISSIPATION, least="0 s/m", most="1e4 s/m")] = 0.99
+    """Damping of the contact (Hunt and Crossley 1975)."""
     static_friction: Annotated[Number, Field(ge=0, le=10)] = 0.1
+    """Coefficient of friction at rest."""
     dynamic_friction: Annotated[Number, Field(ge=0, le=10)] = 0.03
+    """Coefficient of friction in sliding."""
     viscous_friction: Annotated[float, quantity(units.DRAG, least="0 s/m", most="1e4 s/m")] = 0.6
+    """Coefficient of friction per sliding velocity."""
     transition_velocity: Annotated[float, quantity(units.SPEED, above="0 m/s", most="10 m/s")] = (
         0.01
     )
+    """Sliding velocity at which friction is greatest."""
 
     @model_validator(mode="after")
     def _fits(self) -> DeviceTipConfig:
@@ -189,6 +207,7 @@ class CageTipConfig(DeviceTipConfig):
 
     kind: Literal["cage"]
     stiffness: Annotated[float, quantity(units.PRESSURE, above="0 MPa", most="1000 GPa")] = 20e9
+    """Plane-strain modulus of sphere and walls."""
 
 
 class ShellTipConfig(DeviceTipConfig):
@@ -198,6 +217,10 @@ class ShellTipConfig(DeviceTipConfig):
     stiffness: Annotated[
         float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
     ] = 20e9
+    """Pressure per depth of the elastic foundation."""
 
 
-TipConfig = Annotated[HeldTipConfig | CageTipConfig | ShellTipConfig, Field(discriminator="kind")]
+TipConfig = Annotated[
+    HeldTipConfig | CageTipConfig | ShellTipConfig,
+    Field(discriminator="kind", description="What holds the fingertip, or what it pushes against."),
+]

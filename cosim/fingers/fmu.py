@@ -28,13 +28,19 @@ class FmuFingerConfig(FingerConfig):
     is_native: ClassVar[bool] = False
     kind: Literal["fmu"]
     path: File
+    """The FMU; it runs code."""
     bodies: Annotated[tuple[BodyName, ...], Field(min_length=2)] = BODIES
+    """Its bodies, in its order, from proximal to distal."""
     joints: Annotated[tuple[str, ...], Field(min_length=1)]
+    """Its joints, in its order."""
     tendons: tuple[TendonName, ...] = ()
+    """Its tendons, in its order; none: it has none of its own."""
     map: dict[Annotated[str, name_of("quantity", FINGER_QUANTITIES)], str] = Field(
         default_factory=dict
     )
+    """How its variables are called, by quantity, where not as in our own units."""
     assume_si: Switch = False
+    """Take variables without a stated unit as SI units."""
 
     @model_validator(mode="after")
     def _once(self) -> FmuFingerConfig:

@@ -34,12 +34,16 @@ class HingeFingerConfig(FingerConfig):
     has_mass: ClassVar[bool] = False
     kind: Literal["hinge"]
     lengths: tuple[Phalanx, Phalanx, Phalanx]
+    """Lengths of proximal, middle and distal phalanx."""
     posture: PlanarPostureConfig
+    """Joint angles, held or from which the finger starts."""
     tip: TipConfig = HeldTipConfig(kind="point")
     limit: LimitConfig | None = None
+    """Limits of the joints; without it they turn freely."""
     passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], PassiveConfig] = Field(
         default_factory=dict
     )
+    """Passive torques by joint; a joint that is not named has none."""
 
 
 def build(finger: HingeFingerConfig, extensor: Extensor) -> ChainFinger:

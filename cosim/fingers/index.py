@@ -50,8 +50,11 @@ class BoneConfig(Table):
     """A watertight surface (STL or OBJ) in place of our bone."""
 
     surface: File
+    """A watertight surface, STL or OBJ."""
     unit: Literal["m", "mm"]
+    """Unit of the file's coordinates."""
     frame: Literal["ours", "myohand"]
+    """Frame of its coordinates: "ours" is the body's own, "myohand" that of MyoHand's meshes."""
 
 
 class IndexFingerConfig(FingerConfig):
@@ -65,15 +68,22 @@ class IndexFingerConfig(FingerConfig):
     the site "tip" are called as `cosim mjcf` calls them (`cosim new` makes such a file of another).
     """
     posture: PostureConfig
+    """Joint angles, held or from which the finger starts."""
     length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
+    """Lengths over those of our index finger."""
     width_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
+    """Widths of the bones over those of our index finger."""
     tip: TipConfig = HeldTipConfig(kind="point")
     limit: LimitConfig | None = None
+    """Limits of the joints; without it they turn freely."""
     passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
         default_factory=dict
     )
+    """Passive torques by joint; a joint that is not named has none."""
     bones: dict[BodyName, BoneConfig] = Field(default_factory=dict)
+    """Surfaces in place of our bones, by body."""
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+    """Gravity along the world's axes distal, radial and dorsal; none by default."""
 
     @model_validator(mode="after")
     def _of_one_size(self) -> IndexFingerConfig:

@@ -40,13 +40,18 @@ class MiddleFingerConfig(FingerConfig):
     flexed: ClassVar[tuple[float, float, float]] = (40.0, 55.0, 35.0)
     kind: Literal["middle"]
     posture: PostureConfig
+    """Joint angles, held or from which the finger starts."""
     length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
+    """Lengths over those of Synek's middle finger."""
     tip: TipConfig = HeldTipConfig(kind="point")
     limit: LimitConfig | None = None
+    """Limits of the joints; without it they turn freely."""
     passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
         default_factory=dict
     )
+    """Passive torques by joint; a joint that is not named has none."""
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+    """Gravity along the world's axes distal, radial and dorsal; none by default."""
 
     def muscle_areas(self, names: Collection[str]) -> tuple[Mapping[str, float], str]:
         areas = dict(AREAS)

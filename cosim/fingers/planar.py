@@ -37,16 +37,24 @@ class PlanarFingerConfig(FingerConfig):
     title: ClassVar[str] = "planar finger of three links"
     kind: Literal["planar"]
     lengths: tuple[Phalanx, Phalanx, Phalanx]
+    """Lengths of proximal, middle and distal phalanx."""
     centres: tuple[Phalanx, Phalanx, Phalanx]
+    """Distances of the centres of mass from the proximal joints."""
     masses: tuple[Mass, Mass, Mass]
+    """Masses of the phalanges, from proximal to distal."""
     inertias: tuple[Inertia, Inertia, Inertia]
+    """Moments of inertia about the centres of mass, normal to the plane."""
     posture: PlanarPostureConfig
+    """Joint angles, held or from which the finger starts."""
     tip: TipConfig = HeldTipConfig(kind="point")
     limit: LimitConfig | None = None
+    """Limits of the joints; without it they turn freely."""
     passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], PassiveConfig] = Field(
         default_factory=dict
     )
+    """Passive torques by joint; a joint that is not named has none."""
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+    """Gravity along the world's axes distal, radial and dorsal; none by default."""
 
 
 def planar_chain(finger: PlanarFingerConfig) -> PlanarChain:

@@ -43,14 +43,18 @@ class RobotFingerConfig(FingerConfig):
     title: ClassVar[str] = "robotic finger of Xu et al. 2012"
     kind: Literal["robot"]
     posture: PostureConfig
+    """Joint angles, held or from which the finger starts."""
     second_extensor: Switch = False
     """Six tendons: one more extensor, to the proximal phalanx alone."""
     tip: TipConfig = HeldTipConfig(kind="point")
     limit: LimitConfig | None = None
+    """Limits of the joints; without it they turn freely."""
     passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
         default_factory=dict
     )
+    """Passive torques by joint; a joint that is not named has none."""
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+    """Gravity along the world's axes distal, radial and dorsal; none by default."""
 
     def check_extensor(self, extensor: Extensor) -> None:
         from rigid.fingers.robot_tables import LONG, SHORT

@@ -25,13 +25,19 @@ class FmuHoodConfig(HoodConfig):
     needs_no_tension: ClassVar[bool] = False
     kind: Literal["fmu"]
     path: File
+    """The FMU; it runs code."""
     tendons: Annotated[tuple[TendonName, ...], Field(min_length=1)]
+    """Its tendons, in its order."""
     sources: Annotated[tuple[str, ...], Field(min_length=1)]
+    """Its sources of load (springs, contact, insertions), in its order."""
     map: dict[Annotated[str, name_of("quantity", HOOD_QUANTITIES)], str] = Field(
         default_factory=dict
     )
+    """How its variables are called, by quantity, where not as in our own units."""
     rest_step: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] | None = None
+    """Communication step in which it comes to rest, of a unit without the switch `static`."""
     assume_si: Switch = False
+    """Take variables without a stated unit as SI units."""
 
     def tendon_names(self) -> tuple[str, ...]:
         return self.tendons

@@ -42,9 +42,13 @@ class LesionConfig(Table):
     says, m."""
 
     cut: tuple[str, ...] = ()
+    """Parts that are severed, or that come off their bone."""
     adhere: tuple[str, ...] = ()
+    """Parts that grow onto the bone beneath them."""
     shorten: dict[str, LengthChange] = Field(default_factory=dict)
+    """How much shorter a part is than the case says."""
     lengthen: dict[str, LengthChange] = Field(default_factory=dict)
+    """How much longer a part is than the case says."""
     adhesion: Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e6 N/mm")] = 1e6
     """The thesis's stiffness of ligamentous adhesions to the proximal phalanx, 1000 N/mm."""
 

@@ -17,7 +17,9 @@ class PathPointConfig(Table):
     """A point fixed to a body, in its frame, m."""
 
     body: BodyName
+    """The body that it is fixed to."""
     point: tuple[Coordinate, Coordinate, Coordinate]
+    """Place in the body's frame: distal, radial, dorsal."""
 
 
 class PulleyHoodConfig(HoodConfig):
@@ -28,6 +30,7 @@ class PulleyHoodConfig(HoodConfig):
     example: ClassVar[tuple[str, ...]] = ("pulley_edc",)
     kind: Literal["pulley"]
     paths: dict[TendonName, Annotated[tuple[PathPointConfig, ...], Field(min_length=2)]]
+    """Points that each tendon runs through, from proximal to its insertion."""
 
     @property
     def shares_fixed(self) -> bool:

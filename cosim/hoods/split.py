@@ -29,6 +29,7 @@ class SplitHoodConfig(HoodConfig):
     example: ClassVar[tuple[str, ...]] = ("split_edc",)
     kind: Literal["split"]
     central: Annotated[Number, Field(ge=0, le=1)] = EQUAL_SHARES
+    """Share of the central slip in what enters the hood."""
 
     @property
     def left_to_finger(self) -> Extensor:

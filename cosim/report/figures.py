@@ -93,8 +93,8 @@ def write_figures(
     Raises InputError where the folder cannot be written, and what a study raises."""
     with output_folder(folder, MARK) as part:
         shown = []
-        for study in studies:
-            progress(f"{study.name}: {study.about}")
+        for k, study in enumerate(studies, 1):
+            progress(f"{k}/{len(studies)} {study.name}: {study.about}")
             for figure in study.figures():
                 shown.append(_write_and_show(part, page, study, figure))
         (part / MARK).write_text(_page(page, studies, shown), encoding="utf-8")

@@ -23,15 +23,21 @@ def write_report(
     note: Progress = quiet,
 ) -> str:
     """Write the report and return what to tell: where it is, or without `out` the tables; `note`
-    takes what there is to say beside it.
+    takes what there is to say beside it.  The run `against` may be one of the others.
 
     Raises InputError where a folder is no run, or the file cannot be written."""
     targets = read_targets(data) if data is not None else ()
-    every = read_runs([*folders, against] if against is not None else folders, targets)
+    shown, places = list(folders), [folder.resolve() for folder in folders]
+    at = None if against is None else against.resolve()
+    if against is not None and at not in places:
+        shown.append(against)
+    every = read_runs(shown, targets)
     others = Counter(t.case for t in targets if t.case not in ("", *(run.case for run in every)))
     for case, count in others.items():
         note(f"{data}: rows for the case {case}, of which no run is reported: {count}")
-    runs, other = (every, None) if against is None else (every[:-1], every[-1])
+    runs, other = every[: len(folders)], None
+    if at is not None:
+        other = every[places.index(at)] if at in places else every[-1]
     tables = tables_of(runs, other)
     if form == "html":
         from cosim.report.page import page

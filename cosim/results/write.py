@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.case.file import moved_toml
 from cosim.errors import InputError
 from cosim.files import replace_folder
 from cosim.hoods.view import HoodField
@@ -76,7 +77,7 @@ def _unwritable(target: Path, error: OSError) -> InputError:
 def _write_files(folder: Path, run: CaseParts) -> None:
     summary = json.dumps(run.summary, indent=2, default=plain, allow_nan=False)
     (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
-    (folder / "case.toml").write_text(run.case_text, encoding="utf-8")
+    (folder / "case.toml").write_text(moved_toml(run.case_text, folder), encoding="utf-8")
     run.data.to_netcdf(folder / "results.nc", engine="h5netcdf")
     _write_ledger(folder / "ledger.csv", run.rows)
     if run.hood is not None:

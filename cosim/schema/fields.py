@@ -22,13 +22,17 @@ class Text:
     read: Callable[[Any], Any]
     write: Callable[[Any], Any]
     schema: tuple[tuple[str, Any], ...]
+    """What a JSON Schema says of it; `title` is its form in words."""
+    pattern: Callable[[], str] | None = None
+    """The regular expression of the text, made where it is asked for."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
         write = core_schema.plain_serializer_function_ser_schema(self.write, when_used="json")
         return core_schema.no_info_plain_validator_function(self.read, serialization=write)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
-        return {"type": "string", **dict(self.schema)}
+        pattern = {} if self.pattern is None else {"pattern": self.pattern()}
+        return {"type": "string", **pattern, **dict(self.schema)}
 
 
 def fault(message: str) -> PydanticCustomError:
@@ -73,25 +77,30 @@ def quantity(
 
     bounds = [("above", above), ("at least", least), ("at most", most), ("or the word", word)]
     limits = ", ".join(f"{name} {bound}" for name, bound in bounds if bound)
-    description = f"{kind.name} with its unit" + (f": {limits}" if limits else "")
-    return Text(read, write, (("description", description), ("examples", (kind.example,))))
+    form = f"{kind.name} with its unit" + (f": {limits}" if limits else "")
+
+    def pattern() -> str:
+        return units.pattern(kind) + (f"|^{word}$" if word else "")
+
+    return Text(read, write, (("title", form), ("examples", (kind.example,))), pattern)
 
 
-def name_of(what: str, names: tuple[str, ...]) -> Text:
-    """One of a list of names, as the key of a table."""
+def name_of(what: str, names: tuple[str, ...], also: tuple[str, ...] = ()) -> Text:
+    """One of a list of names, as the key of a table; `also`: keys that a file may have and that are
+    replaced before the names are read."""
 
     def read(value: Any) -> str:
         if value not in names:
-            context = {"what": what, "names": names}
+            context = {"what": what, "names": (*names, *also)}
             raise PydanticCustomError("unknown_name", "is not a {what}", context)
         return str(value)
 
-    return Text(read, str, (("enum", names),))
+    return Text(read, str, (("enum", (*names, *also)),))
 
 
 def existing_file() -> Text:
     """A path; that the file exists is checked."""
-    return Text(_read_file, str, (("description", "path of a file"),))
+    return Text(_read_file, str, (("title", "path of a file"),))
 
 
 def _read_file(value: Any) -> Path:

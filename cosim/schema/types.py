@@ -51,9 +51,12 @@ BodyName = Annotated[str, name_of("body", BODIES)]
 
 
 class Table(BaseModel):
-    """A table of a case: frozen, unknown keys refused."""
+    """A table of a case: frozen, unknown keys refused.  The text below a key is its description in
+    the JSON Schema and in `cosim explain`."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", protected_namespaces=(), use_attribute_docstrings=True
+    )
 
 
 class RegionConfig(Table):
@@ -62,8 +65,11 @@ class RegionConfig(Table):
     sheet wrinkles instead of bearing compression in its plane."""
 
     thickness: Thickness | None = None
+    """Thickness of the region; without it the hood's."""
     section: Section | None = None
+    """Cross-section that thickness times mean width makes, in place of `thickness`."""
     tension_field: Switch = False
+    """The sheet wrinkles instead of bearing compression in its plane."""
 
     @property
     def fibrous(self) -> Any:

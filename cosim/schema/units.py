@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
@@ -20,13 +21,13 @@ centi- = 1e-2 = c-
 milli- = 1e-3 = m-
 micro- = 1e-6 = µ- = μ- = u-
 meter = [length] = m = metre
-kilogram = [mass] = kg
-gram = 1e-3 * kilogram = g
+base_mass = [mass]
+gram = 1e-3 * base_mass = g
 second = [time] = s
 hertz = 1 / second = Hz
 radian = [angle] = rad
 degree = 0.017453292519943295 * radian = deg = °
-newton = kilogram * meter / second ** 2 = N
+newton = base_mass * meter / second ** 2 = N
 newton_meter = newton * meter = Nm
 newton_millimeter = 1e-3 * newton * meter = Nmm
 pascal = newton / meter ** 2 = Pa
@@ -35,10 +36,39 @@ volt = [voltage] = V
 kelvin = [temperature] = K
 """
 
-_DIGITS = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?"
-_NUMBER = re.compile(rf"\s*([-+]?(?:{_DIGITS}|(?:nan|infinity|inf)\b))", re.I)
-_POWER = r"[^\W\d]+°?(?:(?:\*\*|\^)-?[0-9])?"
-_UNIT = re.compile(rf"(?:°|{_POWER})(?:\s*[*/·]\s*{_POWER}| {_POWER}){{0,5}}")
+_DIGITS = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_NUMBER = re.compile(rf"\s*([-+]?(?:{_DIGITS}|(?i:nan|infinity|inf)\b))")
+_PREFIX = "(?:giga|mega|kilo|centi|milli|micro|[GMkcmµμu])?"
+_NAMES = {
+    "meter": "m|met(?:er|re)s?",
+    "gram": "g|grams?",
+    "second": "s|seconds?",
+    "hertz": "Hz|hertz",
+    "radian": "rad|radians?",
+    "degree": "deg|degrees?",
+    "newton": "N|newtons?",
+    "newton_meter": "Nm|newton_meters?",
+    "newton_millimeter": "Nmm|newton_millimeters?",
+    "pascal": "Pa|pascals?",
+    "watt": "W|watts?",
+    "volt": "V|volts?",
+    "kelvin": "K|kelvins?",
+}
+"""How each unit may be written after its prefix, as regular expressions that JSON Schema can hold
+too.  A kilogram is a prefix and a gram: as a unit of its own it would send pint round in circles,
+from "kilograms" (kilo and grams) to gram (a part of a kilogram)."""
+
+
+def _named(units: Iterable[str]) -> str:
+    """The regular expression of any of these units with its prefix."""
+    names = list(units)
+    sign = "|°" if "degree" in names else ""
+    return f"(?:{_PREFIX}(?:{'|'.join(_NAMES[name] for name in names)}){sign})"
+
+
+_FACTOR = rf"{_named(_NAMES)}(?:(?:\*\*|\^)-?[0-9])?"
+_TIMES = r"(?:\s*[*/·]\s*| )"
+_UNIT = re.compile(rf"{_FACTOR}(?:{_TIMES}{_FACTOR}){{0,5}}")
 
 
 @dataclass(frozen=True)
@@ -99,14 +129,10 @@ def _unit(text: str) -> tuple[Decimal, Any]:
     """SI factor and dimensions of a unit; ValueError when it is none we know.
 
     Decimal, so that 1 mm**3 is 1e-9 m**3 to the last bit."""
-    import pint
-
     if not _UNIT.fullmatch(text):
-        raise ValueError(f"`{text[:30]}` is not a unit")
-    try:
-        quantity = _registry().Quantity(Decimal(1), text.replace("·", "*")).to_root_units()
-    except pint.UndefinedUnitError as error:
-        raise ValueError(f"`{text}` is not a unit known here") from error
+        raise ValueError(f"`{text[:30]}` is not a unit known here")
+    plain = text.replace("·", "*").replace("°", "deg")
+    quantity = _registry().Quantity(Decimal(1), plain).to_root_units()
     return Decimal(quantity.magnitude), quantity.dimensionality
 
 
@@ -138,6 +164,29 @@ def parse(text: str, kind: Kind) -> float:
     if not math.isfinite(value):
         raise ValueError(f"is not finite; {advice}")
     return value
+
+
+@cache
+def pattern(kind: Kind) -> str:
+    """A regular expression of the texts that `parse` may take for a kind, for a JSON Schema.
+
+    It decides a single unit and its power ("40 mm" is no angle).  Of a product it decides that all
+    units are known, and that each base dimension of the kind occurs: "5 N/mm" is no angle, but
+    passes for a length, and `parse` refuses it."""
+    wanted = _unit(kind.unit)[1]
+    dimensions = {name: _unit(name)[1] for name in _NAMES}
+    single = [
+        _named([unit]) + (rf"(?:(?:\*\*|\^){power})" + ("?" if power == 1 else ""))
+        for unit in _NAMES
+        for power in range(-9, 10)
+        if power and dimensions[unit] ** power == wanted
+    ]
+    needed = "".join(
+        rf"(?=(?:.*[\s\d*/·])?{_named(u for u in _NAMES if base in dimensions[u])}(?![A-Za-z_]))"
+        for base in sorted(wanted)
+    )
+    product = rf"{needed}{_FACTOR}(?:{_TIMES}{_FACTOR}){{1,5}}"
+    return rf"^\s*[-+]?{_DIGITS}\s*(?:{'|'.join([*single, product])})\s*$"
 
 
 def spell(value: float, kind: Kind) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from cosim.build.motion import MovingModels, moving_models
 from cosim.build.states import special_states
-from cosim.case.file import resolved_toml
+from cosim.case.file import moved_toml, resolved_toml
 from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.adaptive import Control
 from cosim.coupling.checkpoint import NAME, MotionHistory, read_checkpoint, write_checkpoint
@@ -141,7 +141,7 @@ def _keeper(
             raise
         progress(f"keeps no checkpoints: {error}")
         return None
-    text = resolved_toml(case)
+    text = moved_toml(resolved_toml(case), folder)
     if _case_in(folder) != text:
         shutil.rmtree(folder, ignore_errors=True)
         with output_file(folder / "case.toml") as part:
@@ -159,9 +159,9 @@ def checkpoint_folder(case: Case, checkpoints: Path | None) -> Path | None:
 def has_begun(case: Case, checkpoints: Path) -> bool:
     """Whether a part of this very case is kept there."""
     folder = checkpoint_folder(case, checkpoints)
-    return (
-        folder is not None and (folder / NAME).is_file() and _case_in(folder) == resolved_toml(case)
-    )
+    if folder is None or not (folder / NAME).is_file():
+        return False
+    return _case_in(folder) == moved_toml(resolved_toml(case), folder)
 
 
 def _case_in(folder: Path) -> str | None:

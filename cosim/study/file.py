@@ -10,11 +10,12 @@ from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, PlainValidator, ValidationError
+from pydantic import Field, PlainValidator, ValidationError, WithJsonSchema
 
 from cosim.errors import InputError
 from cosim.schema import units
 from cosim.schema.fields import fault, is_number, quantity
+from cosim.schema.json_schema import choose, editor_schema, has
 from cosim.schema.types import Count, Switch, Table
 from cosim.study.distributions import (
     GridAxis,
@@ -67,56 +68,88 @@ def _step(value: Any) -> Measure | str | bool:
     return _measure(value)
 
 
-Stated = Annotated[Any, PlainValidator(_measure)]
-Step = Annotated[Any, PlainValidator(_step)]
+_NUMBER = {"anyOf": [{"type": "number"}, {"type": "string", "pattern": f"^{FORM.pattern}$"}]}
+Stated = Annotated[Any, PlainValidator(_measure), WithJsonSchema(_NUMBER)]
+Step = Annotated[
+    Any, PlainValidator(_step), WithJsonSchema({"type": ["number", "string", "boolean"]})
+]
 Texts = tuple[str, ...]
 
 
-class _Parameter(Table):
+class ParameterConfig(Table):
     """What every parameter may say: the `settings` that it makes (KEY={value}), or the keys whose
     numbers in the case it scales; without either, its name is the key."""
 
     settings: Texts = ()
+    """What it sets in the case, as KEY={value}; by default its own name is the key."""
     scale: Texts = ()
+    """Keys whose numbers in the case it multiplies, in place of `settings`."""
     label: str = ""
+    """Its name in plots; by default its key."""
 
 
-class _Normal(_Parameter):
+class NormalConfig(ParameterConfig):
+    """Normal or lognormal."""
+
     distribution: Literal["normal", "lognormal"]
+    """The distribution that it follows."""
     mean: Stated
+    """Mean, with its unit."""
     sd: Stated
+    """Standard deviation, with its unit."""
 
 
-class _Truncated(_Parameter):
+class TruncatedNormalConfig(ParameterConfig):
+    """Normal between two bounds."""
+
     distribution: Literal["truncated_normal"]
+    """The distribution that it follows."""
     mean: Stated
+    """Mean before truncation, with its unit."""
     sd: Stated
+    """Standard deviation before truncation, with its unit."""
     low: Stated
+    """Lower bound, with its unit."""
     high: Stated
+    """Upper bound, with its unit."""
 
 
-class _Uniform(_Parameter):
+class UniformConfig(ParameterConfig):
+    """Uniform between two bounds."""
+
     distribution: Literal["uniform"]
+    """The distribution that it follows."""
     low: Stated
+    """Lower bound, with its unit."""
     high: Stated
+    """Upper bound, with its unit."""
 
 
-class _List(_Parameter):
+class ListConfig(ParameterConfig):
+    """Values one after the other."""
+
     values: Annotated[tuple[Step, ...], Field(min_length=1)]
+    """Values one after the other: numbers with their unit, words or truth values."""
 
 
-class _Range(_Parameter):
+class RangeConfig(ParameterConfig):
+    """Values in equal steps or ratios."""
+
     first: Annotated[Stated, Field(alias="from")]
+    """First value, with its unit."""
     last: Annotated[Stated, Field(alias="to")]
+    """Last value, with its unit."""
     count: Annotated[Count, Field(ge=2, le=100_000)]
+    """Values, both ends included."""
     spacing: Literal["linear", "log"] = "linear"
+    """Equal steps, or equal ratios."""
 
 
-_DISTRIBUTIONS: dict[str, type[_Parameter]] = {
-    "normal": _Normal,
-    "truncated_normal": _Truncated,
-    "lognormal": _Normal,
-    "uniform": _Uniform,
+_DISTRIBUTIONS: dict[str, type[ParameterConfig]] = {
+    "normal": NormalConfig,
+    "truncated_normal": TruncatedNormalConfig,
+    "lognormal": NormalConfig,
+    "uniform": UniformConfig,
 }
 
 
@@ -124,31 +157,69 @@ class SamplingConfig(Table):
     """How distributions are sampled; `n`: points, of Saltelli's scheme base points."""
 
     kind: Kind
+    """The scheme that places the points."""
     n: Annotated[Count, Field(ge=2, le=2**22)]
+    """Points; of Saltelli's scheme base points."""
     seed: Annotated[Count, Field(ge=0, le=2**32 - 1)]
+    """Seed of the random numbers; the same seed gives the same points."""
     second_order: Switch = False
+    """Saltelli's scheme with indices of second order."""
 
 
 class StudyLimitsConfig(Table):
     """Seconds for a run, and failed runs after which no other is begun."""
 
     time: Annotated[float, quantity(units.TIME, above="0 s", most="1e6 s")] | None = None
+    """Longest time of a run; without it a run has no limit."""
     failures: Annotated[Count, Field(ge=1)] | None = None
+    """Failed runs after which no other is begun; without it none stops the study."""
 
 
 class StudyFile(Table):
     """A study as its file states it; `parameters` are read one by one."""
 
     title: str = ""
+    """The study in one line."""
     notes: str = ""
+    """What else a reader needs to know; it changes no number."""
     case: str
+    """Name of a packaged case, or the path of a case file relative to this one."""
     settings: Texts = ()
+    """Values of every run, as KEY=VALUE."""
     parameters: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
+    """What differs from run to run, by a name of your own or the key of the case."""
     sampling: SamplingConfig | None = None
+    """How distributions are sampled; without one there are none."""
     outputs: Annotated[dict[str, str], Field(min_length=1)]
+    """Numbers of the table: a name of your own, and the key of summary.json."""
     limits: StudyLimitsConfig = StudyLimitsConfig()
+    """When a run or the study is ended."""
     arrays: Switch | Texts = False
+    """Keep the arrays of every run: all, or those named."""
     data: str = ""
+    """A CSV file of measured values to show beside, relative to this file."""
+
+
+def study_schema() -> dict[str, Any]:
+    """JSON Schema of a study file, for editors."""
+    schema = editor_schema(StudyFile)
+    by_word = Annotated[
+        NormalConfig | TruncatedNormalConfig | UniformConfig, Field(discriminator="distribution")
+    ]
+    defs = schema.setdefault("$defs", {})
+    for form in (ListConfig, RangeConfig, by_word):
+        made = editor_schema(form)
+        del made["$schema"]
+        defs |= made.pop("$defs", {})
+        defs[made.get("title", "DistributionConfig")] = made
+    names = ("DistributionConfig", "ListConfig", "RangeConfig")
+    distribution, values, bounds = [{"$ref": f"#/$defs/{name}"} for name in names]
+    tests = [(has("distribution"), distribution), (has("values"), values)]
+    neither = {"not": {"anyOf": [test for test, _ in tests]}}
+    schema["properties"]["parameters"]["additionalProperties"] = choose(
+        [*tests, (neither, bounds)], [distribution, values, bounds]
+    )
+    return schema
 
 
 class Parameter(NamedTuple):
@@ -234,7 +305,7 @@ def _toml(source: Path) -> dict[str, Any]:
         raise InputError(f"{source}: is not valid TOML: {error}") from error
 
 
-def _model(table: Mapping[str, Any]) -> type[_Parameter]:
+def _model(table: Mapping[str, Any]) -> type[ParameterConfig]:
     """The distribution that the keys state.  Raises InputError where they state none."""
     if "distribution" in table:
         word = table["distribution"]
@@ -242,9 +313,9 @@ def _model(table: Mapping[str, Any]) -> type[_Parameter]:
             raise InputError(f"distribution = {word!r}: write {' or '.join(_DISTRIBUTIONS)}")
         return _DISTRIBUTIONS[word]
     if "values" in table:
-        return _List
+        return ListConfig
     if {"from", "to", "count"} & set(table):
-        return _Range
+        return RangeConfig
     raise InputError(
         'write distribution = "normal" (or another), values = [...], or from, to and count'
     )
@@ -264,9 +335,9 @@ def _parameter(name: str, table: dict[str, Any]) -> Parameter:
     return Parameter(name, read.label or name, unit, law, settings, read.scale)
 
 
-def _law(read: _Parameter) -> tuple[Law, str]:
+def _law(read: ParameterConfig) -> tuple[Law, str]:
     stated = [value for _, value in read if isinstance(value, Measure)]
-    if isinstance(read, _List):
+    if isinstance(read, ListConfig):
         stated = [value for value in read.values if isinstance(value, Measure)]
     units_found = list(dict.fromkeys(m.unit for m in stated))
     if len(units_found) > 1:
@@ -275,21 +346,21 @@ def _law(read: _Parameter) -> tuple[Law, str]:
     return _law_of(read), units_found[0] if units_found else ""
 
 
-def _law_of(read: _Parameter) -> Law:
+def _law_of(read: ParameterConfig) -> Law:
     match read:
-        case _Normal(distribution="lognormal"):
+        case NormalConfig(distribution="lognormal"):
             return Lognormal(read.mean.number, read.sd.number)
-        case _Normal():
+        case NormalConfig():
             return Normal(read.mean.number, read.sd.number)
-        case _Truncated():
+        case TruncatedNormalConfig():
             return TruncatedNormal(
                 read.mean.number, read.sd.number, read.low.number, read.high.number
             )
-        case _Uniform():
+        case UniformConfig():
             return Uniform(read.low.number, read.high.number)
-        case _List():
+        case ListConfig():
             return GridAxis(tuple(v.number if isinstance(v, Measure) else v for v in read.values))
-        case _Range():
+        case RangeConfig():
             return axis(read.first.number, read.last.number, read.count, read.spacing)
     raise AssertionError(read)
 

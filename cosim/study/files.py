@@ -8,7 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from cosim.files import output_file
+from cosim.files import output_file, relative_path
+from cosim.schema.json_schema import STUDY_SCHEMA, with_schema
 from cosim.study.answers import CONFIDENCE, QUANTILES, Indices
 from cosim.study.execute import StudyOutcome
 from cosim.study.plan import StudyPlan
@@ -20,8 +21,8 @@ from cosim.study.table import table_of, units_of, write_table
 def write_study(plan: StudyPlan, done: StudyOutcome, store: Store, folder: Path) -> StudyResults:
     """Table, answers and page in the folder.  Raises InputError where it cannot be written."""
     write_table(table_of(plan, done, store), folder)
-    _write(folder / "study.toml", plan.text)
-    _write(folder / MARK, _json(facts_of(plan, store)))
+    _write(folder / "study.toml", with_schema(plan.text, f"../{STUDY_SCHEMA}"))
+    _write(folder / MARK, _json(facts_of(plan, store, folder)))
     found = read_study(folder)
     _write(folder / "answers.json", _json(answers_of(found)))
     _write(folder / "indices.csv", "\n".join(_index_lines(found)) + "\n")
@@ -31,7 +32,7 @@ def write_study(plan: StudyPlan, done: StudyOutcome, store: Store, folder: Path)
     return found
 
 
-def facts_of(plan: StudyPlan, store: Store) -> dict[str, Any]:
+def facts_of(plan: StudyPlan, store: Store, folder: Path) -> dict[str, Any]:
     """What `StudyResults` reads."""
     s = plan.sampling
     return {
@@ -44,7 +45,7 @@ def facts_of(plan: StudyPlan, store: Store) -> dict[str, Any]:
         "outputs": dict(plan.outputs),
         "units": units_of(plan),
         "sampling": None if s is None else s.model_dump(),
-        "store": str(store.root.resolve()),
+        "store": relative_path(store.root, folder),
     }
 
 

@@ -65,16 +65,19 @@ class StudyPlan:
         return (*self.settings, *_settings(self.parameters, point, self.base))
 
 
-def read_plan(path_or_name: str | Path, other: str | Path | None = None) -> StudyPlan:
+def read_plan(
+    path_or_name: str | Path, other: str | Path | None = None, own: Settings = ()
+) -> StudyPlan:
     """The study of a file or of a packaged name, of its case or of the `other`, a path from here or
-    a packaged name; checked with its case, at its settings and in the middle of every parameter.
+    a packaged name, with settings of one's `own` on top of the file's; checked with its case, at
+    its settings and in the middle of every parameter.
 
     Raises InputError."""
     source = find_study(path_or_name)
     read, parameters = read_file(source)
     try:
         case = find_case(other) if other else find_case(read.case, source.parent)
-        settings = tuple(read.settings)
+        settings = (*read.settings, *own)
         base = load_case(case, settings)
     except InputError as error:
         raise InputError(f"{source}: case: {error}") from None
@@ -121,10 +124,17 @@ def _settings(
     parameters: tuple[Parameter, ...], point: Point, base: Mapping[str, Any]
 ) -> Iterator[str]:
     for p, value in zip(parameters, point, strict=True):
-        written = f"{value!r} {p.unit}".rstrip() if type(value) is float else _word(value)
+        written = _number(value, p.unit) if type(value) is float else _word(value)
         yield from (text.replace("{value}", written) for text in p.settings)
         for key in p.scale:
             yield from scale_setting(base, key, float(value))
+
+
+def _number(value: float, unit: str) -> str:
+    """A number as a case states it; a whole one without a unit may be a count."""
+    if unit:
+        return f"{value!r} {unit}"
+    return str(int(value)) if value.is_integer() else repr(value)
 
 
 def _word(value: Word) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 
 import typer
 
-from cosim.errors import InputError
+from cosim.errors import InputError, span
 from cosim.study.execute import Count
 from cosim.study.store import Store, StoreError
 
@@ -118,14 +118,6 @@ def _rest(note: Note) -> str:
     rate = "" if note.rate is None else f", {note.rate:.3g} runs/s"
     left = "" if note.remaining is None or not note.remaining else f", {span(note.remaining)} left"
     return f"{note.failed} failed{rate}{left}"
-
-
-def span(seconds: float) -> str:
-    """The words for it in the terminal."""
-    for unit, size in (("d", 86400), ("h", 3600), ("min", 60)):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.0f} s"
 
 
 def notes(root: Path) -> list[Note]:

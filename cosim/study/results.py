@@ -135,7 +135,7 @@ class StudyResults:
         import xarray
 
         key = str(self.table.set_index("run").loc[run, "key"])
-        path = Path(self.facts["store"]) / "arrays" / key[:2] / f"{key}.nc"
+        path = self.folder / self.facts["store"] / "arrays" / key[:2] / f"{key}.nc"
         if not path.is_file():
             raise InputError(f"run {run} has no arrays; `arrays = true` in the study keeps them")
         return xarray.open_dataset(path, engine="h5netcdf")

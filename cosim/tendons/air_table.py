@@ -27,32 +27,40 @@ class PneumaticConfig(Table):
 
     kind: Literal["pneumatic"]
     voltage: Annotated[float, quantity(units.VOLTAGE, least="0 V", most="10 V")] | None = None
+    """Voltage of the valve: 0 V exhausts, 10 V fills."""
     pressure: GaugePressure | None = None
+    """Wanted pressure above the atmosphere's, in place of `voltage`."""
     supply: Supply | None = None
-    """Pa above the atmosphere; 90 psi."""
+    """Pressure of the supply above the atmosphere's; by default 90 psi (0.62 MPa)."""
     delay: Annotated[float, quantity(units.TIME, least="0 s", most="1 s")] | None = None
-    """Dead time from a command to the valve."""
+    """Dead time from a command to the valve; by default 30 ms."""
     lag: Annotated[float, quantity(units.TIME, least="1e-4 s", most="1 s")] | None = None
-    """Time constant of the spool."""
+    """Time constant of the spool; by default 1.3 ms."""
     conductance: (
         Annotated[float, quantity(units.CONDUCTANCE, above="0 m**3/s/Pa", most="1e-6 m**3/s/Pa")]
         | None
     ) = None
-    """Sonic conductance of the open valve (ISO 6358)."""
+    """Sonic conductance of the open valve (ISO 6358); by default 3.8 mm**3/s/Pa."""
     critical_ratio: Annotated[Number, Field(ge=0.05, le=0.9)] | None = None
+    """Pressure ratio below which the flow is sonic (ISO 6358); by default 0.35."""
     underlap: Annotated[Number, Field(ge=0.01, le=1)] | None = None
-    """Opening of both edges at 5 V, over the full one."""
+    """Opening of both edges at 5 V over the full one; by default 0.1."""
     bore: Diameter | None = None
+    """Diameter of the cylinder; by default 9.3 mm."""
     rod: RodDiameter | None = None
+    """Diameter of the rod; by default 3 mm."""
     stroke: Stroke | None = None
+    """Greatest travel of the piston; by default 37.5 mm."""
     start: Annotated[Number, Field(ge=0, le=1)] = 0.5
     """How far the piston is drawn in at the start, over the stroke."""
     dead_volume: (
         Annotated[float, quantity(units.VOLUME, least="100 mm**3", most="1e6 mm**3")] | None
     ) = None
+    """Volume of air that no piston empties, tube included; by default 5000 mm**3."""
     friction: Annotated[float, quantity(units.FORCE, least="0 N", most="100 N")] | None = None
+    """Coulomb friction of the piston; by default 0.05 N."""
     heat: Annotated[float, quantity(units.HEAT, least="0 W/K", most="100 W/K")] | None = None
-    """From the walls to the air: 0 adiabatic, much of it isothermal."""
+    """Heat from the walls to the air: 0 is adiabatic, much is isothermal; by default 0.5 W/K."""
 
     @model_validator(mode="after")
     def _one_way(self) -> PneumaticConfig:

@@ -25,6 +25,7 @@ class PointsSignalConfig(Table):
         ],
         Field(min_length=1),
     ]
+    """Pairs of time and factor."""
 
     @model_validator(mode="after")
     def _rising(self) -> PointsSignalConfig:
@@ -38,9 +39,13 @@ class SineSignalConfig(Table):
 
     kind: Literal["sine"]
     frequency: Annotated[float, quantity(units.FREQUENCY, above="0 Hz", most="1000 Hz")]
+    """Oscillations per second."""
     mean: Factor
+    """Mean factor."""
     amplitude: Factor
+    """Amplitude of the factor."""
     phase: Annotated[float, quantity(units.ANGLE, least="-360 deg", most="360 deg")] = 0.0
+    """Phase at time zero."""
 
 
 class FileSignalConfig(Table):
@@ -48,7 +53,9 @@ class FileSignalConfig(Table):
 
     kind: Literal["file"]
     path: File
+    """The table, .sto, .mot or .csv."""
     column: str
+    """Name of the column of factors."""
 
 
 SignalConfig = Annotated[
@@ -65,10 +72,15 @@ class MillardConfig(Table):
 
     kind: Literal["millard"]
     optimal_fibre_length: Annotated[float, quantity(units.LENGTH, above="0 mm", most="500 mm")]
+    """Fibre length of the greatest active force."""
     tendon_slack_length: Annotated[float, quantity(units.LENGTH, above="0 mm", most="1000 mm")]
+    """Length of the unloaded tendon."""
     pennation: Annotated[float, quantity(units.ANGLE, least="0 deg", most="60 deg")] = 0.0
+    """Angle of fibre and tendon at the optimal length."""
     fibre_length: Annotated[Number, Field(ge=0.4, le=1.7)] = 1.0
+    """Fibre length over the optimal one, in the unloaded posture: an assumption."""
     tendon: Literal["elastic", "rigid"] = "elastic"
+    """Whether the tendon stretches."""
 
 
 class TendonConfig(Table):
@@ -77,12 +89,16 @@ class TendonConfig(Table):
     what `muscle` makes of it."""
 
     tension: Force | None = None
+    """Tension, in place of an activation."""
     max_force: Force | None = None
+    """Greatest isometric force, which `activation` is a part of."""
     activation: Annotated[Number, Field(ge=0, le=1)] | None = None
+    """Activation, 0 to 1."""
     muscle: MillardConfig | None = None
+    """A muscle with a fibre; without it the tension is activation times greatest force."""
     excursion: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")] | None = None
     """In place of a tension: how far the tendon's end is drawn proximally from the unloaded state,
-    m, or in a motion from its start; the tension that this takes is found."""
+    or in a motion from its start; the tension that this takes is found."""
     actuation: PneumaticConfig | None = None
     """In place of a tension, in a motion: what pulls, and on what command."""
     signal: SignalConfig | None = None

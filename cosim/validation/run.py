@@ -13,7 +13,7 @@ from typing import Any
 from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.errors import ConvergenceError, InputError, Progress, nearest_names, quiet
+from cosim.errors import ConvergenceError, InputError, Progress, nearest_names, quiet, span
 from cosim.files import output_file
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
@@ -133,23 +133,21 @@ def run_validation(
     outcomes: dict[str, ValidationOutcome] = {}
     started = time.perf_counter()
     batches = _batches(tasks)
+    if tasks:
+        told(f"0 of {len(tasks)}, in {min(workers, len(batches))} processes")
     with process_pool(min(workers, len(batches)), "--workers") as pool:
         for ended in pool.as_ended(_run_batch, [[batch] for batch in batches]):
             for outcome in ended:
                 outcomes[outcome.trial] = outcome
                 done, word = len(outcomes), f": {outcome.failure}" if outcome.failure else ""
                 left = (time.perf_counter() - started) / done * (len(tasks) - done)
-                told(f"{done} of {len(tasks)}, {_duration(left)} left: {outcome.trial}{word}")
+                told(f"{done} of {len(tasks)}, about {span(left)} left: {outcome.trial}{word}")
     boards = [_board(group, outcomes) for group in chosen_groups]
     for name in trials:
         own = [row for b in boards for row in b.rows if row.target.case == name]
         if own and (folder / folder_name(name)).is_dir():
             write_json(folder / folder_name(name) / "comparison.json", own)
     return boards
-
-
-def _duration(seconds: float) -> str:
-    return f"about {seconds / 60:.0f} min" if seconds >= 90 else f"about {seconds:.0f} s"
 
 
 def _batches(tasks: Sequence[Task]) -> list[list[Task]]:

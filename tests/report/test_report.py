@@ -183,6 +183,15 @@ def test_against_another_run_there_are_differences(hood, split):
     assert slip[3:] == (None, None)
 
 
+def test_against_may_be_one_of_the_runs(hood, split, tmp_path):
+    text = write_report([hood, split], None, "json", hood)
+    assert text == write_report([hood, split], None, "json", hood.parent / "." / hood.name)
+    rows = json.loads(text)
+    assert [run["case"] for run in rows["runs"]] == ["isometric_edc", "split_edc"]
+    write_report([hood], tmp_path / "page.html", "html", hood)
+    assert (tmp_path / "page.html").is_file()
+
+
 def test_frames_hold_bones_tendons_and_hood(hood):
     run = read_run(hood)
     view = view_of(run)

@@ -202,3 +202,15 @@ def test_no_bytes_end_in_a_traceback(tmp_path_factory, content):
     file.write_bytes(content)
     with pytest.raises(InputError):
         read_file(file)
+
+
+def test_settings_of_ones_own_come_on_top_of_the_file(made):
+    file = made('[parameters."solve.max_iterations"]\nvalues = [20, 30]')
+    plan = read_plan(file, own=('tendons.EDC.tension="7 N"',))
+    assert plan.base["tendons"]["EDC"]["tension"] == "7 N"
+    assert plan.settings_at(plan.points[0])[-2:] == (
+        'tendons.EDC.tension="7 N"',
+        "solve.max_iterations=20",
+    )
+    with pytest.raises(InputError, match="unknown key"):
+        read_plan(file, own=("hood.zzz=1",))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,6 +13,7 @@ from cosim.analyses.identify.fit import Fit, identifiability, interval
 from cosim.case.file import Settings
 from cosim.errors import InputError
 from cosim.results.compare import Comparison, number, reference_text
+from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 
 WIDTH = 98
 
@@ -29,7 +29,8 @@ def case_text(
     """TOML that extends the case `base` (a path or name) with `settings` and those found; without a
     base the settings alone, for a case file of one's own.  `cases`: of a fit over several."""
     told = _provenance(fit, targets, cases)
-    lines = [f"# {line}".rstrip() for part in told for line in _wrap(part)]
+    lines = [schema_line(CASE_SCHEMA)]
+    lines += [f"# {line}".rstrip() for part in told for line in _wrap(part)]
     if base is None:
         lines += ['# Settings alone: write extends = "CASE" and a title above them.', ""]
     else:
@@ -49,14 +50,6 @@ def check_same_settings(cases: Sequence[FitCase]) -> None:
             f"{cases[0].name}, so that one file cannot say them; leave --out away, or give the "
             "parameters settings in --free"
         )
-
-
-def base_of(source: Path, out: Path) -> str:
-    """How a case file at `out` names the case that it extends."""
-    try:
-        return Path(os.path.relpath(source, out.resolve().parent)).as_posix()
-    except ValueError:  # another drive
-        return source.resolve().as_posix()
 
 
 def _wrap(text: str) -> list[str]:

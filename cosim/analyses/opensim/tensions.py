@@ -8,16 +8,16 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 
 from cosim.build.fit import check_fit
-from cosim.case.file import find_case, load_case, packaged_cases
+from cosim.case.file import base_name, find_case, load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.files import output_file
+from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.schema.types import TENDONS
 from rigid.opensim.sto import StoTable, read_sto
 
@@ -105,7 +105,8 @@ def write_case(
     `over_time`, the table's columns as the tensions of a motion.
 
     Raises InputError where the case that comes of it has a fault."""
-    lines = [f"extends = {json.dumps(_extends(base, out.parent))}"]
+    name = base_name(find_case(base), out.parent)
+    lines = [schema_line(CASE_SCHEMA), f"extends = {json.dumps(name)}"]
     if over_time:
         _check_span(tensions.table, base)
         path = json.dumps(Path(os.path.relpath(source, out.parent)).as_posix())
@@ -142,18 +143,6 @@ def _check_span(table: StoTable, base: str) -> None:
             f"to {forward.duration:g} s; record "
             "longer, or extend a case with a shorter duration"
         )
-
-
-def _extends(base: str, folder: Path) -> str:
-    """What to write for the case `base` in a file of that folder."""
-    source = find_case(base)
-    packaged = Path(os.path.realpath(str(resources.files("cases"))))
-    if source.is_relative_to(packaged):
-        is_named = source.stem in packaged_cases()
-        name = source.stem if is_named else source.relative_to(packaged).as_posix()
-        if find_case(name, folder) == source:
-            return name
-    return Path(os.path.relpath(source, os.path.realpath(folder))).as_posix()
 
 
 def _is_called(column: str, tendon: str) -> bool:

@@ -25,6 +25,7 @@ from cosim.analyses.reduction.walks import (
 )
 from cosim.case.file import Settings
 from cosim.schema import units
+from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 
 if TYPE_CHECKING:
     from cosim.hoods.lumped.reduction import Potential
@@ -35,7 +36,8 @@ WIDTH, DIGITS = 98, 9
 def case_text(found: Reduction, title: str, base: str, settings: Settings) -> str:
     """TOML that extends the case `base` (a path or name) with the fitted hood and those of the
     settings that are not of the hood."""
-    lines = [f"# {line}".rstrip() for part in _provenance(found) for line in _wrap(part)]
+    lines = [schema_line(CASE_SCHEMA)]
+    lines += [f"# {line}".rstrip() for part in _provenance(found) for line in _wrap(part)]
     lines += [f"extends = {json.dumps(base)}", f"title = {json.dumps(title)}"]
     lines += [line for text in settings if (line := _assignment(text))]
     return "\n".join([*lines, *_hood(found.potential)]) + "\n"

@@ -37,8 +37,11 @@ class CableConfig(Table):
     beyond the toe, and how much longer than laid out it is, m."""
 
     section: Section
+    """Cross-section of each cable of this name."""
     modulus: Modulus
+    """Tangent modulus beyond the toe."""
     extra_length: ExtraLength = 0.0
+    """How much longer than laid out; negative: shorter."""
 
 
 class CableMeshConfig(Table):
@@ -46,7 +49,9 @@ class CableMeshConfig(Table):
     residual tension, in cells of about `spacing`, m."""
 
     spacing: Annotated[float, quantity(units.LENGTH, least="0.3 mm", most="5 mm")]
+    """Size of a cell, about."""
     rest_posture: PostureConfig
+    """Posture in which the net is laid out, free of stress but for the residual tension."""
 
 
 class CableHoodConfig(HoodConfig):
@@ -67,11 +72,17 @@ class CableHoodConfig(HoodConfig):
     )
     kind: Literal["cable"]
     mesh: CableMeshConfig
+    """How the net is laid out."""
     cables: dict[Annotated[str, name_of("cable", CABLES)], CableConfig]
+    """Cross-section and modulus by cable."""
     toe: Annotated[Number, Field(gt=0, le=0.2)]
+    """Strain up to which the tension is quadratic."""
     residual_tension: Annotated[float, quantity(units.FORCE, least="1e-4 N", most="1 N")]
+    """Tension of a slack cable, which keeps the net from being a mechanism."""
     contact: ContactConfig
+    """Contact with the bones."""
     springs: dict[Annotated[str, name_of("spring set", SPRINGS)], SpringConfig]
+    """What holds the net beside its insertions, by set."""
 
     @model_validator(mode="after")
     def _complete(self) -> CableHoodConfig:

@@ -23,7 +23,9 @@ class ArmConfig(Table):
     """A moment arm, flexion positive: `constant` + `slope` times the joint's angle, m, m/rad."""
 
     constant: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")]
+    """Moment arm at a joint angle of zero, flexion positive."""
     slope: Annotated[float, quantity(units.ARM_SLOPE, least="-50 mm/rad", most="50 mm/rad")] = 0.0
+    """Change of the arm per angle of the joint."""
 
 
 Arms = dict[Annotated[str, name_of("joint", JOINTS)], ArmConfig]
@@ -38,9 +40,13 @@ class ConnectingTendonConfig(Table):
     straight, m."""
 
     muscle: TendonName
+    """The muscle from whose junction it leads."""
     stiffness: Stiffness
+    """Its stiffness."""
     rest: Annotated[float, quantity(units.LENGTH, least="-20 mm", most="20 mm")] = 0.0
+    """Slack with all joints straight; negative: pre-stretch."""
     arms: Annotated[Arms, Field(min_length=1)]
+    """Its moment arms by joint."""
 
 
 class ReductionConfig(Table):
@@ -51,15 +57,24 @@ class ReductionConfig(Table):
     N and 1/m, for each of `slip_powers` a constant and a factor of each joint's torque."""
 
     angles: dict[Annotated[str, name_of("joint", ALL_JOINTS)], tuple[JointAngle, JointAngle]]
+    """The box of joint angles: lowest and highest by joint, in the finger's order."""
     tensions: dict[TendonName, Annotated[float, quantity(units.FORCE, above="0 N", most="1000 N")]]
+    """Greatest tension by muscle."""
     toe: Annotated[Number, Field(gt=0, le=1)]
+    """Part of the greatest tension below which the fit is rounded off to zero."""
     angle_powers: Powers
+    """Powers of the scaled angles of each term."""
     tension_terms: Annotated[
         tuple[tuple[Annotated[Count, Field(ge=0, le=3)], ...], ...], Field(min_length=1)
     ]
+    """Powers of the tensions of each term."""
     energy: tuple[tuple[Number, ...], ...]
+    """Coefficients (J): a row for each of `angle_powers`, a column for each of `tension_terms`."""
     slip_powers: Powers
+    """Powers of the scaled angles of each term of the slips' forces."""
     slips: tuple[tuple[tuple[Number, ...], ...], tuple[tuple[Number, ...], ...]]
+    """Coefficients (N, 1/m) of central and terminal slip: for each of `slip_powers` a constant and
+    one for each joint's torque."""
 
 
 class NetworkHoodConfig(HoodConfig):
@@ -78,11 +93,15 @@ class NetworkHoodConfig(HoodConfig):
     example: ClassVar[tuple[str, ...]] = ("network_edc",)
     kind: Literal["network"]
     muscles: Annotated[dict[TendonName, Arms], Field(min_length=1)]
+    """Moment arms by muscle and joint, up to its junction."""
     connecting: dict[str, ConnectingTendonConfig]
+    """Tendons from junctions on, by a name of your own."""
     operating_force: Annotated[float, quantity(units.FORCE, above="0 N", most="1000 N")] | None = (
         None
     )
+    """Force of every muscle at which the shares are fixed; without it they follow the load."""
     reduced: ReductionConfig | None = None
+    """The fit of another hood, in place of arms and connecting tendons."""
 
     @model_validator(mode="after")
     def _check_network(self) -> NetworkHoodConfig:
@@ -133,11 +152,17 @@ class TwoBandHoodConfig(HoodConfig):
     example: ClassVar[tuple[str, ...]] = ("two_band_edc",)
     kind: Literal["two_band"]
     muscles: Annotated[dict[TendonName, Arms], Field(min_length=1)]
+    """Moment arms by muscle and joint."""
     extensor: TendonName = "EDC"
+    """The muscle that parts into both bands."""
     middle: Annotated[Arms, Field(min_length=1)]
+    """Moment arms of the middle band by joint."""
     lateral: Annotated[Arms, Field(min_length=1)]
+    """Moment arms of the lateral band by joint."""
     elasticity: Stiffness = 500.0
+    """Stiffness between the bands."""
     lateral_share: Annotated[Number, Field(gt=0, lt=1)] = 0.5
+    """Share of the extensor's tension in the lateral band where both bands shift alike."""
 
     @model_validator(mode="after")
     def _check_network(self) -> TwoBandHoodConfig:

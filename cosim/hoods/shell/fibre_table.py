@@ -38,7 +38,7 @@ _ANGLES = Text(
     _write_angles,
     (
         (
-            "description",
+            "title",
             "angle with its unit: at least -90 deg, at most 90 deg; or a list of them, one for "
             "each number of along; or a list of such rows, with a column for each number of across",
         ),
@@ -63,9 +63,13 @@ class DirectionConfig(Table):
     `field` is the name of a field of directions in the mesh file, in place of an angle."""
 
     angle: Annotated[AngleGrid, _ANGLES] | None = None
+    """Angle of the fibres from the mesh's line along the finger."""
     along: Places | None = None
+    """Places of the angles from the region's proximal (0) to its distal end (1)."""
     across: Places | None = None
+    """Places of the angles from the edge nearest to the midline (0) to the far one (1)."""
     field: str | None = None
+    """Name of a field of directions in the mesh file, in place of `angle`."""
 
     @model_validator(mode="after")
     def _one_way(self) -> DirectionConfig:
@@ -106,6 +110,7 @@ class SecondFamilyConfig(Table):
     """A second fibre family: its direction, said as that of the first."""
 
     direction: DirectionConfig
+    """Direction of the second family."""
 
 
 class FibrousConfig(RegionConfig):
@@ -114,8 +119,11 @@ class FibrousConfig(RegionConfig):
     fibres of the sheet as laid out, before anything moves or pulls."""
 
     direction: DirectionConfig | None = None
+    """Direction of the (first) fibres; without it that of the mesh."""
     second: SecondFamilyConfig | None = None
+    """A second family of fibres; without it there is one."""
     in_situ_stretch: InSituStretch = 1.0
+    """Stretch along the (first) fibres of the sheet as laid out, before anything pulls."""
 
     @property
     def fibrous(self) -> FibrousConfig:
@@ -127,20 +135,28 @@ class SecondLinearConfig(SecondFamilyConfig):
     """Straight fibres that add `modulus` to the sheet's along themselves, and nothing else."""
 
     modulus: Modulus
+    """What the family adds to the modulus along itself."""
 
 
 class SecondMooneyRivlinConfig(SecondFamilyConfig):
     """Fibres of the trans iso Mooney-Rivlin law with numbers of their own."""
 
     c3: Modulus
+    """Factor of the exponential toe."""
     c4: Annotated[Number, Field(gt=0, le=600)]
+    """Exponent of the toe."""
     c5: Modulus
+    """Modulus of the straight part."""
     lam_max: Annotated[Number, Field(gt=1, le=2)]
+    """Stretch at which the fibres are straight."""
 
 
 class SecondGasserConfig(SecondFamilyConfig):
     """Fibres of Holzapfel, Gasser and Ogden with numbers of their own."""
 
     k1: Modulus
+    """Stiffness of the fibres at small stretch."""
     k2: Annotated[Number, Field(gt=0, le=1e4)]
+    """Exponent of the stiffening."""
     dispersion: Annotated[Number, Field(ge=0, le=0.3333)]
+    """Spread of the fibres: 0 aligned, 1/3 isotropic."""

@@ -50,6 +50,8 @@ THIN_SHEETS = (
     "triangular_ligament",
 )
 """Regions of a sheet between its tendons, which a cut takes out whole."""
+LACKING = {"one_sheet": ("triangular_ligament",)}
+"""Regions that a layout does not have."""
 PARTS = InjurableParts(
     (*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS
 )
@@ -61,14 +63,18 @@ class GeneratedMeshConfig(Table):
 
     kind: Literal["generated"]
     quads: Annotated[Count, Field(ge=120, le=20000)]
+    """Elements, about: whole rows and columns are made."""
     elements: Literal["linear", "quadratic"] = "linear"
+    """Four nodes ("linear") or nine ("quadratic")."""
     layout: Literal["anatomical", "one_sheet"] = "anatomical"
+    """The regions: of the anatomical hood, or of one sheet without a triangular ligament."""
     rest_posture: PostureConfig
+    """Posture in which the hood is laid out, free of stress."""
 
     @property
     def lacks(self) -> tuple[str, ...]:
         """Regions that this layout does not have."""
-        return ("triangular_ligament",) if self.layout == "one_sheet" else ()
+        return LACKING.get(self.layout, ())
 
 
 class MeshFileConfig(Table):
@@ -76,6 +82,7 @@ class MeshFileConfig(Table):
 
     kind: Literal["file"]
     path: File
+    """A hood mesh: .json of `cosim mesh`, or as `cosim new` writes it."""
 
 
 class IsotropicConfig(RegionConfig):
@@ -83,7 +90,9 @@ class IsotropicConfig(RegionConfig):
 
     kind: Literal["isotropic"]
     modulus: Modulus
+    """Young's modulus."""
     poisson: Annotated[Number, Field(ge=0, le=0.49)]
+    """Poisson's ratio."""
 
 
 class TransverselyIsotropicConfig(FibrousConfig):
@@ -93,11 +102,17 @@ class TransverselyIsotropicConfig(FibrousConfig):
 
     kind: Literal["transversely_isotropic"]
     modulus_along: Modulus
+    """Young's modulus along the fibres."""
     modulus_across: Modulus
+    """Young's modulus across the fibres."""
     shear_modulus: Modulus
+    """Shear modulus along the fibres."""
     poisson: Annotated[Number, Field(ge=0, le=2)]
+    """Contraction across a pull along the fibres."""
     poisson_across: Annotated[Number, Field(ge=0, le=0.99)]
+    """Contraction in the plane across the fibres."""
     second: SecondLinearConfig | None = None
+    """A second family, which adds its own modulus; without it there is one."""
 
 
 class NeoHookeanConfig(RegionConfig):
@@ -105,7 +120,9 @@ class NeoHookeanConfig(RegionConfig):
 
     kind: Literal["neo_hookean"]
     modulus: Modulus
+    """Young's modulus at small strain."""
     poisson: Annotated[Number, Field(ge=0, le=0.49)]
+    """Poisson's ratio at small strain."""
 
 
 class FibreMooneyRivlinConfig(FibrousConfig):
@@ -115,13 +132,21 @@ class FibreMooneyRivlinConfig(FibrousConfig):
 
     kind: Literal["trans_iso_mooney_rivlin"]
     c1: Modulus
+    """First coefficient of the Mooney-Rivlin matrix."""
     c2: Annotated[float, quantity(units.PRESSURE, least="0 MPa", most="100 GPa")]
+    """Second coefficient of the Mooney-Rivlin matrix."""
     c3: Modulus
+    """Factor of the exponential toe."""
     c4: Annotated[Number, Field(gt=0, le=600)]
+    """Exponent of the toe."""
     c5: Modulus
+    """Modulus of the straight fibres."""
     lam_max: Annotated[Number, Field(gt=1, le=2)]
+    """Stretch at which the fibres are straight."""
     bulk_modulus: Modulus | None = None
+    """Bulk modulus; without it the law is incompressible."""
     second: SecondMooneyRivlinConfig | None = None
+    """A second family with numbers of its own; without it there is one."""
 
 
 class FibreGasserConfig(FibrousConfig):
@@ -132,12 +157,19 @@ class FibreGasserConfig(FibrousConfig):
 
     kind: Literal["holzapfel_gasser_ogden"]
     c: Modulus
+    """Neo-Hookean coefficient of the matrix."""
     k1: Modulus
+    """Stiffness of the fibres at small stretch."""
     k2: Annotated[Number, Field(gt=0, le=1e4)]
+    """Exponent of the stiffening."""
     dispersion: Annotated[Number, Field(ge=0, le=0.3333)]
+    """Spread of the fibres: 0 aligned, 1/3 isotropic."""
     angle: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")] | None = None
+    """Two families of the same numbers, at this angle on both sides of the region's direction."""
     bulk_modulus: Modulus | None = None
+    """Bulk modulus; without it the law is incompressible."""
     second: SecondGasserConfig | None = None
+    """A second family with numbers of its own, in place of `angle`."""
 
     @model_validator(mode="after")
     def _families(self) -> FibreGasserConfig:
@@ -163,7 +195,9 @@ class ExtraLengthsConfig(Table):
     """How much longer than laid out a slip is, m."""
 
     central_slip: ExtraLength = 0.0
+    """Of the central slip; negative: shorter."""
     terminal_slip: ExtraLength = 0.0
+    """Of the terminal slip; negative: shorter."""
 
 
 class ShellHoodConfig(HoodConfig):
@@ -187,16 +221,38 @@ class ShellHoodConfig(HoodConfig):
     )
     kind: Literal["shell"]
     mesh: Annotated[GeneratedMeshConfig | MeshFileConfig, Field(discriminator="kind")]
+    """The mesh: generated, or a file."""
     thickness: Thickness
+    """Thickness of the sheet where a region says nothing else."""
     bending_stiffness: BendingStiffness = 0.0
-    regions: dict[Annotated[str, name_of("region", REGIONS)], MaterialConfig]
+    """Of a strip per its width, as if of a sheet that acts in bending alone, besides what the
+    regions' laws make."""
+    regions: dict[Annotated[str, name_of("region", REGIONS, also=("all",))], MaterialConfig]
+    """Material by region; `all` is of every region, with a region's own keys on top."""
     contact: ContactConfig
+    """Contact with the bones."""
     extra_length: ExtraLengthsConfig = ExtraLengthsConfig()
+    """How much longer than laid out each slip is."""
     points: dict[str, tuple[Coordinate, Coordinate, Coordinate]] = Field(default_factory=dict)
     """Places on the undeformed hood (world axes, as it is laid), such as ink dots."""
     gauges: dict[str, tuple[str, str]] = Field(default_factory=dict)
     """Pairs of points by their names; the change of their distance is a strain."""
     springs: dict[Annotated[str, name_of("spring set", SPRINGS)], SpringConfig]
+    """What holds the hood beside its insertions, by set."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spread_all(cls, values: Any) -> Any:
+        """With `regions.all` in place of the regions that no file names; those that one names have
+        it already (`cosim.case.layers`)."""
+        match values:
+            case {"regions": {"all": {**every}, **named}, "mesh": {**mesh}}:
+                lacks = LACKING.get(str(mesh.get("layout")), ())
+                left = {name: every for name in REGIONS if name not in (*lacks, *named)}
+                return {**values, "regions": {**named, **left}}
+            case {"regions": {"all": other}} if not hasattr(other, "keys"):
+                raise fault("regions.all: must be a table, [hood.regions.all]")
+        return values
 
     @model_validator(mode="after")
     def _gauges_have_points(self) -> ShellHoodConfig:

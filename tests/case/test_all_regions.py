@@ -1,0 +1,111 @@
+"""`hood.regions.all`: what it gives to the regions, and what comes on top of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+
+from cosim.case.file import load_case, packaged_cases, resolved_toml
+from cosim.case.schema import Case
+from cosim.errors import InputError
+from cosim.hoods.kind import kind_of
+from cosim.hoods.shell.table import MaterialConfig
+from meshes.hood_mesh import REGIONS
+
+ALL = '[hood.regions.all]\nkind = "neo_hookean"\nmodulus = "80 MPa"\npoisson = 0.3\n'
+LAWS = [kind_of(table) for table in get_args(get_args(MaterialConfig)[0])]
+
+
+def case_of(folder: Path, text: str, *settings: str, base: str = "base/one_sheet.toml") -> Case:
+    path = folder / "mine.toml"
+    path.write_text(f'extends = "{base}"\ntitle = "mine"\n{text}', encoding="utf-8")
+    return load_case(path, settings)
+
+
+def regions(case: Case) -> dict[str, Any]:
+    hood: Any = case.hood
+    return hood.regions
+
+
+def test_every_region_has_it_over_what_the_base_says(tmp_path):
+    found = regions(case_of(tmp_path, ALL))
+    assert set(found) == set(REGIONS) - {"triangular_ligament"}
+    assert {(r.kind, r.modulus, r.poisson) for r in found.values()} == {("neo_hookean", 80e6, 0.3)}
+
+
+def test_a_region_of_the_same_file_comes_on_top_key_by_key(tmp_path):
+    own = '[hood.regions.central_slip]\nmodulus = "150 MPa"\n'
+    for text in (ALL + own, own + ALL):
+        found = regions(case_of(tmp_path, text))
+        assert (found["central_slip"].modulus, found["central_slip"].poisson) == (150e6, 0.3)
+        assert found["central_band"].modulus == 80e6
+
+
+def test_a_region_of_another_law_replaces_it(tmp_path):
+    own = '[hood.regions.central_slip]\nkind = "isotropic"\nmodulus = "9 MPa"\npoisson = 0.1\n'
+    found = regions(case_of(tmp_path, ALL + own))
+    assert (found["central_slip"].kind, found["terminal_slip"].kind) == ("isotropic", "neo_hookean")
+
+
+def test_a_part_of_it_leaves_the_rest_of_each_region(tmp_path):
+    before = regions(load_case("base/index_finger.toml"))
+    text = "[hood.regions.all]\ntension_field = true\n"
+    found = regions(case_of(tmp_path, text, base="base/index_finger.toml"))
+    assert all(region.tension_field for region in found.values())
+    for name, region in found.items():
+        assert region.model_copy(update={"tension_field": False}) == before[name]
+
+
+def test_a_setting_is_over_the_file_and_a_later_file_over_the_one_before(tmp_path):
+    own = '[hood.regions.central_slip]\nmodulus = "150 MPa"\n'
+    found = regions(case_of(tmp_path, ALL + own, 'hood.regions.all.modulus="7 MPa"'))
+    assert {region.modulus for region in found.values()} == {7e6}
+    found = regions(case_of(tmp_path, ALL, 'hood.regions.central_slip.modulus="7 MPa"'))
+    assert found["central_slip"].modulus == 7e6
+    assert found["central_slip"].poisson == 0.3
+    replaced = case_of(tmp_path, ALL).replace({"hood.regions.all.poisson": 0.2})
+    assert {region.poisson for region in regions(replaced).values()} == {0.2}
+
+
+def test_without_a_base_it_names_all_regions_of_the_layout(tmp_path):
+    for layout, lacks in (("anatomical", set()), ("one_sheet", {"triangular_ligament"})):
+        case = load_case("base/one_sheet.toml")
+        table = case.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
+        table["hood"]["mesh"]["layout"] = layout
+        table["hood"]["regions"] = {"all": table["hood"]["regions"]["central_slip"]}
+        found = Case.from_layers([("here", table)], tmp_path / "mine.toml")
+        assert set(regions(found)) == set(REGIONS) - lacks
+
+
+def test_the_resolved_case_names_each_region(tmp_path):
+    case = case_of(tmp_path, ALL)
+    text = resolved_toml(case)
+    assert "regions.all" not in text
+    again = tmp_path / "again.toml"
+    again.write_text(text, encoding="utf-8")
+    assert load_case(again).hood == case.hood
+
+
+@pytest.mark.parametrize(
+    ("setting", "line"),
+    [
+        ('hood.regions.all.modulus="5 mm"', "hood.regions.all.modulus = '5 mm'"),
+        ('hood.regions.all.kind="holzapfel_gasser_ogden"', "hood.regions.all.k1: is missing"),
+        ("hood.regions.all.modulos=1", "hood.regions.all.modulos = 1"),
+        ("hood.regions.all=3", "regions.all: must be a table"),
+    ],
+)
+def test_a_fault_in_it_is_told_once_where_it_stands(tmp_path, setting, line):
+    with pytest.raises(InputError) as caught:
+        case_of(tmp_path, ALL, setting)
+    assert str(caught.value).count(line) == 1
+    assert "central_slip:" not in str(caught.value)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_has_a_shipped_case(law):
+    """Each is run by the golden numbers, which hold it to its audit."""
+    used = {name for name in packaged_cases() if load_case(name).hood.laws(law)}
+    assert used, f"no shipped case shows {law}"
