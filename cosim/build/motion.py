@@ -45,6 +45,8 @@ class MovingModels:
     bones: Mapping[str, Triangles]
     lines: Callable[[Motion], Mapping[str, Array]]
     view: Callable[[State], HoodView] | None
+    point_names: tuple[str, ...] = ()
+    """Of the points of the user's on the hood."""
 
     @property
     def finger(self) -> RecordedFinger:
@@ -77,8 +79,13 @@ def moving_models(case: Case, forward: ForwardConfig) -> MovingModels:
     pulls = CaseTendonDrive(case, (*models.hood.tendons, *finger.tendons))
     driven = _prescribed_excursions(case, pulls.tendons)
     scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()
-    moves = CoupledMotion(scheme, finger, models.hood, pulls, forward.step, driven)
-    return MovingModels(moves, pulls, models.posture, models.bones, models.lines, models.view)
+    points = models.points
+    moves = CoupledMotion(
+        scheme, finger, models.hood, pulls, forward.step, driven, points.positions
+    )
+    return MovingModels(
+        moves, pulls, models.posture, models.bones, models.lines, models.view, points.names
+    )
 
 
 def _with_unit(case: Case, forward: ForwardConfig) -> MovingModels:

@@ -86,6 +86,7 @@ FIELDS = (
     "total",
     "imbalance",
     "drive",
+    "points",
 )
 NUMBERS = ("residual", "energy")
 
@@ -109,6 +110,7 @@ def _unstack_frames(arrays: dict[str, Array]) -> tuple[tuple[MotionFrame, ...], 
             residual=float(arrays["residual"][k]),
             energy=float(arrays["energy"][k]),
             drive=arrays["drive"][k],
+            points=arrays["points"][k],
         )
         for k in range(len(arrays["time"]))
     )

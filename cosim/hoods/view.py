@@ -3,13 +3,13 @@ and reports loop over."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from cosim.port import Array
+from cosim.port import Array, State
 
 STRAIN = "longitudinal_strain"
 """The cell data that pictures colour a hood by, dimensionless."""
@@ -43,6 +43,18 @@ class Colour:
     factor: float
     on_mesh: str
     mesh_factor: float
+
+
+@dataclass(frozen=True)
+class TrackedPoints:
+    """The points of the user's on a hood, by name."""
+
+    names: tuple[str, ...] = ()
+    positions: Callable[[State], Array] = lambda state: np.zeros((0, 3))
+    """(k, 3) m, world axes, in a state of the hood."""
+
+
+NO_POINTS = TrackedPoints()
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 MOST_TIMES = 250
 """In a ledger: of more steps, as many are booked as evenly as can be, the last among them."""
+OF_POINTS = ("point_displacement_mm", "point_strain_percent", "gauge_strain_percent")
+"""What a hood's view says of the points of the user's."""
 SMALL_TORQUE = 1e-12
 """N m."""
 
@@ -95,6 +97,9 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         out["prescribed_excursion_mm"] = dict(zip(names, reached.tolist(), strict=True))
     if not case.finger.is_native:
         out["not_in_ledger"] = OPEN
+    if t.point_names and t.view is not None:
+        seen = t.view(end.coupled.hood).summary()
+        out |= {key: seen[key] for key in OF_POINTS if key in seen}
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:
         out["double_counted"] = twice
     if lengths := t.pulls.lengths(end.drive):
@@ -247,6 +252,11 @@ def _dataset(t: MovingModels, kept: MotionHistory) -> xarray.Dataset:
             "body": list(hood.bodies),
             "source": list(hood.sources),
         }
+    if t.point_names:
+        path = [f.points for f in frames]
+        what = "path of the named point of the hood, at the scheme's pose"
+        data["hood_point_position"] = over_time(("hood_point", "axis"), "m", path, what)
+        coords["hood_point"] = list(t.point_names)
     air, cylinders = air_data(t.pulls.cylinders, np.array([f.drive for f in frames]))
     return xarray.Dataset({**data, **air}, {**coords, **cylinders})
 

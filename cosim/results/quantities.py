@@ -27,6 +27,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<axis>": (*AXES, *OPPOSITE),
     "<region>": REGIONS,
     "<direction>": ("longitudinal", "lateral"),
+    "<component>": ("longitudinal", "lateral", "shear"),
     "<statistic>": ("min", "mean", "max"),
     "<slip>": ("central", "terminal"),
     "<tension>": ("taut", "wrinkled", "slack"),
@@ -65,6 +66,7 @@ STATE = (
     "region_strain_percent.<region>.<direction>.<statistic>",
     "region_force_N.<region>",
     "point_displacement_mm.*.<axis>",
+    "point_strain_percent.*.<component>",
     "gauge_strain_percent.*",
     "tension_field_area_percent.<tension>",
     "max_penetration_mm",
@@ -82,6 +84,7 @@ DIFFERENCE = (
     "region_engineering_strain_percent.<region>.<direction>.<statistic>",
     "marker_strain_percent.<direction>.<statistic>",
     "point_displacement_mm.*.<axis>",
+    "point_strain_percent.*.<component>",
     "gauge_strain_percent.*",
     "moment_arm_mm.<tendon>.<joint>",
 )

@@ -89,9 +89,9 @@ def name_of(what: str, names: tuple[str, ...]) -> Text:
     return Text(read, str, (("enum", names),))
 
 
-def existing_file() -> Text:
+def existing_file(what: str = "path of a file") -> Text:
     """A path; that the file exists is checked."""
-    return Text(_read_file, str, (("description", "path of a file"),))
+    return Text(_read_file, str, (("description", what),))
 
 
 def _read_file(value: Any) -> Path:

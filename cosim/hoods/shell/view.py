@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
-from cosim.hoods.shell.gauges import Gauges, place_gauges
+from cosim.hoods.shell.gauges import STRAIN_COMPONENTS, Gauges, strain_between
 from cosim.hoods.shell.region_forces import Crossing, middle_crossings, region_forces
 from cosim.hoods.view import FAMILIES, STRAIN, Colour, Field
 from cosim.port import Array, State
@@ -27,7 +27,6 @@ from meshes.hood_mesh import REGIONS, display_quads
 from meshes.skeleton import JOINTS
 
 if TYPE_CHECKING:
-    from cosim.hoods.shell.table import ShellHoodConfig
     from fe_solver.hood.shell_hood import ShellHood as FeHood
     from meshes.hood_mesh import HoodMesh
     from meshes.markers import Markers
@@ -135,13 +134,36 @@ class ShellView(FeView):
                 for name, fibres in zip(FAMILIES, self.fibres, strict=False)
             ),
             *([Field("tension_state", quad, "1", state, self.tension, on_mesh=True)] * bears),
+            *self._point_fields(),
         )
+
+    def _point_fields(self) -> tuple[Field, ...]:
+        """Where the points of the user's are, and the surface strain tensor there."""
+        if not self.gauges.points:
+            return ()
+        position = self.gauges.positions(self.points)
+        strain = self.point_strain()
+        component = ("hood_point", "surface_component")
+        where = "named point of the hood"
+        return (
+            Field("hood_point_position", ("hood_point", "axis"), "m", where, position),
+            Field("hood_point_strain", component, "1", "Green-Lagrange strain tensor", strain),
+        )
+
+    def point_strain(self, before: ShellView | None = None) -> Array:
+        """(k, 3) Green-Lagrange E11, E22, E12 at the user's points, along the finger, across it and
+        shear, from free of stress or from another state."""
+        strain = self.line_strain[self.gauges.quads]
+        first = np.zeros_like(strain) if before is None else before.line_strain[self.gauges.quads]
+        return strain_between(first, strain)
 
     def coordinates(self) -> Mapping[str, Any]:
         return {
             "strain_component": ["along", "across", "shear"],
             "quad_node": (("quad", "corner"), self.quads),
             "region": ("quad", [REGIONS[i] for i in self.region]),
+            **({"hood_point": list(names)} if (names := self.gauges.points) else {}),
+            **({"surface_component": list(STRAIN_COMPONENTS)} if names else {}),
             **super().coordinates(),
         }
 
@@ -149,27 +171,32 @@ class ShellView(FeView):
         return {"hood_quads": len(self.quads)}
 
     def own_summary(self) -> Mapping[str, Any]:
-        return {**strain_summary(self), **_gauge_summary(self, self.reference)}
+        return {**strain_summary(self), **_gauge_summary(self, None)}
 
     def change(self, before: ShellView) -> Mapping[str, Any]:
-        return {**strain_change(before, self), **_gauge_summary(self, before.points)}
+        return {**strain_change(before, self), **_gauge_summary(self, before)}
 
 
-def _gauge_summary(view: ShellView, before: Array) -> dict[str, Any]:
-    """Displacements and strains of the user's points and gauges from the sheet at `before`."""
+def _gauge_summary(view: ShellView, before: ShellView | None) -> dict[str, Any]:
+    """Displacements and strains of the user's points and gauges from where the sheet was laid, or
+    from another state."""
+    x = view.reference if before is None else before.points
+    strains = 100 * view.point_strain(before)
     found = {
-        "point_displacement_mm": view.gauges.displacements(view.points, before),
-        "gauge_strain_percent": view.gauges.strain(view.points, before),
+        "point_displacement_mm": view.gauges.displacements(view.points, x),
+        "point_strain_percent": {
+            name: dict(zip(STRAIN_COMPONENTS, strain.tolist(), strict=True))
+            for name, strain in zip(view.gauges.points, strains, strict=True)
+        },
+        "gauge_strain_percent": view.gauges.strain(view.points, x),
     }
     return {key: value for key, value in found.items() if value}
 
 
 def view_of(
-    config: ShellHoodConfig, hood: FeHood, mesh: HoodMesh, skeleton: Skeleton
+    hood: FeHood, mesh: HoodMesh, skeleton: Skeleton, gauges: Gauges
 ) -> Callable[[State], ShellView]:
-    """What there is to see at a state; the mesh lies on a finger of that skeleton.
-
-    Raises InputError for a point of the case that is not on the hood."""
+    """What there is to see at a state; the mesh lies on a finger of that skeleton."""
     from meshes.bands import sheet_bands
     from meshes.glide import sheet_places
     from meshes.markers import markers
@@ -178,9 +205,6 @@ def view_of(
     lines = Lines(sheet_places(mesh), sheet_bands(mesh), skeleton.axis[JOINTS.index("PIP")])
     crossings = middle_crossings(mesh, skeleton)
     depth, placed = guide_depth(hood), markers(mesh, CENTRAL)
-    quads = display_quads(mesh.quads)
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    gauges = place_gauges(config.points, config.gauges, hood.model.reference, triangles)
     return partial(_view, hood, mesh, depth, lines, placed, turn, crossings, gauges)
 
 
