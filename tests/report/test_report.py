@@ -202,6 +202,8 @@ def test_frames_hold_bones_tendons_and_hood(hood):
         ("shear", "shear_strain", 100),
         ("stress_along", "fibre_stress", 1e-6),
         ("stress_across", "transverse_stress", 1e-6),
+        ("energy_density", "strain_energy_density", 1e-3),
+        ("thickness_stretch", "thickness_stretch", 1),
     ):
         assert by_key[key] == pytest.approx(factor * run.hood.cell_data[name])
     assert by_key["pressure"] == pytest.approx(1e-6 * run.hood.point_data["contact_pressure"])

@@ -55,6 +55,14 @@ _COLOURS: tuple[tuple[str, str, str, tuple[str, int | None], float, str, float],
     ),
     ("pressure", "Contact pressure", "MPa", ("pressure", None), 1e-6, "contact_pressure", 1e-6),
     (
+        *("energy_density", "Strain energy density", "kJ/m3"),
+        *(("strain_energy_density", None), 1e-3, "strain_energy_density", 1e-3),
+    ),
+    (
+        *("thickness_stretch", "Stretch of the thickness", ""),
+        *(("thickness_stretch", None), 1, "thickness_stretch", 1),
+    ),
+    (
         *("tension_state", "Tension field: 0 taut, 1 wrinkled, 2 slack (-1: bears compression)"),
         *("", ("tension_state", None), 1, "tension_state", 1),
     ),
@@ -80,6 +88,12 @@ class ShellView(FeView):
     """(ne, 2) E11 at the two faces."""
     stress: Array
     """(ne, 3) second Piola-Kirchhoff S11, S22, S12, Pa."""
+    energy_density: Array
+    """(ne,) J/m3 of strain energy per stress-free volume."""
+    volume: Array
+    """(ne,) m3, stress-free."""
+    thickness_stretch: Array
+    """(ne,) current over stress-free thickness."""
     tension: np.ndarray
     """(ne,) 0 taut, 1 wrinkled, 2 slack; -1 where the sheet bears compression."""
     area: Array
@@ -109,6 +123,10 @@ class ShellView(FeView):
             dimensions = quad if values.ndim == 1 else ("quad", "axis")
             return Field(name, dimensions, unit, what, values, in_results=False, on_mesh=True)
 
+        def both(name: str, unit: str, what: str, values: Array) -> Field:
+            what = f"{name.replace('_', ' ')}, {what}"
+            return Field(name, quad, unit, what, values, on_mesh=True)
+
         def contact(name: str, in_results: bool) -> Field:
             on_mesh = not in_results
             return Field(name, point, "Pa", "contact pressure", self.pressure, in_results, on_mesh)
@@ -119,6 +137,9 @@ class ShellView(FeView):
             *super().fields(),
             Field("strain", component, "1", "Green-Lagrange strain", self.strain),
             Field("stress", component, "Pa", "2nd Piola-Kirchhoff", self.stress),
+            Field("stress_free_volume", quad, "m3", "stress-free volume of the quad", self.volume),
+            both("strain_energy_density", "J m-3", "per stress-free volume", self.energy_density),
+            both("thickness_stretch", "1", "over the stress-free one", self.thickness_stretch),
             contact("pressure", in_results=True),
             contact("contact_pressure", in_results=False),
             mesh(STRAIN, "1", "strain along the fibres", self.strain[:, 0]),
@@ -241,9 +262,10 @@ def _view(
     state: State,
 ) -> ShellView:
     from fe_solver.hood.fibre_families import fibre_families
-    from fe_solver.solver.fields import contact_pressure, fields
+    from fe_solver.solver.fields import contact_pressure, energy_fields, fields
 
     field = fields(hood.model, state.configuration)
+    energy = energy_fields(hood.model, state.configuration)
     return ShellView(
         **vars(view_at(hood, depth, lines, state)),
         quads=hood.model.quads,
@@ -252,6 +274,9 @@ def _view(
         line_strain=_rotate_strains(field.strain, turn),
         faces=field.faces,
         stress=field.stress,
+        energy_density=energy.density,
+        volume=energy.volume,
+        thickness_stretch=energy.stretch,
         tension=field.tension,
         area=hood.model.tables.weight.sum(axis=1),
         central=mesh.cells(*CENTRAL),
