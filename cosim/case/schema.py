@@ -108,6 +108,12 @@ class OutputConfig(Table):
     """What is written besides the numbers."""
 
     picture: Switch = True
+    frames: Annotated[
+        Count,
+        Field(
+            ge=0, le=1000, description="shapes of the hood kept over a motion, besides its start"
+        ),
+    ] = 50
 
 
 class CaseFile(Table):

@@ -117,3 +117,21 @@ def hood_field(view: HoodView) -> HoodField:
             each = len(view.plot_cells) // len(field.values)
             cell_data[field.name] = np.repeat(field.values, each, axis=0)
     return HoodField(view.points, view.plot_cells, point_data, cell_data)
+
+
+def arrays_of(field: HoodField) -> dict[str, Array]:
+    """A hood's shape and fields as arrays by name, without its cells."""
+    return {
+        "points": field.points,
+        **{f"point {name}": np.asarray(values) for name, values in field.point_data.items()},
+        **{f"cell {name}": np.asarray(values) for name, values in field.cell_data.items()},
+    }
+
+
+def field_of(arrays: Mapping[str, Array], quads: np.ndarray) -> HoodField:
+    """The hood that `arrays_of` made the arrays of, with its cells."""
+
+    def under(start: str) -> dict[str, Array]:
+        return {k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)}
+
+    return HoodField(arrays["points"], quads, under("point "), under("cell "))

@@ -15,7 +15,7 @@ from cosim.coupling.checkpoint import MotionHistory
 from cosim.coupling.motion import MotionFrame, MotionState
 from cosim.fingers.kinds import tip_support_kind
 from cosim.fmu.finger import OPEN
-from cosim.hoods.view import hood_field
+from cosim.hoods.view import field_of, hood_field
 from cosim.port import AXES, Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
@@ -281,4 +281,7 @@ def _scene(t: MovingModels, kept: MotionHistory) -> Scene:
     hood = hood_field(t.view(coupled.hood)) if t.view else None
     lines = {**t.lines(motion), **finger.lines(angles)}
     force = None if point is None else (point, kept.tips[-1][:3])
-    return Scene(hood, bones_in_world(t.bones, motion), tuple(lines.items()), force)
+    frames = tuple(
+        (float(shape["time"]), field_of(shape, hood.quads)) for shape in kept.shapes if hood
+    )
+    return Scene(hood, bones_in_world(t.bones, motion), tuple(lines.items()), force, frames)
