@@ -20,6 +20,7 @@ from cosim.port import AXES, Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis
+from cosim.results.joint_limits import joints_ever_at_limit, limits_of
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
@@ -90,6 +91,8 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         "iterations": {"steps": len(frames) - 1, "hood_solves": end.coupled.solves},
     }
     out["audit_missed"] = missed_bounds(out["audit"])
+    if at_limit := _at_limits(case, moved):
+        out["joints_at_limit"] = at_limit
     if case.forward is not None and case.forward.adaptive is not None:
         out["step_control"] = _steps(end, frames)
     if names := t.moves.prescribed.names:
@@ -151,6 +154,26 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     }
     in_mJ = {name: 1e3 * value for name, value in energy.items()}
     return in_mJ, abs(artificial) / max(done.effort, 1e-12)
+
+
+def _at_limits(case: Case, moved: SolvedMotion) -> dict[str, dict[str, float]]:
+    t, frames, tips = moved.models, moved.history.frames, moved.history.tips
+
+    def torque(k: int) -> Array:
+        """(nq,) N m of the limits on the joints at the k-th time, of the first at the second."""
+        k = max(k, 1)
+        books = _books(t, frames[k - 1], frames[k], tips[k])
+        if "limit" not in books:
+            return np.zeros(len(t.finger.joints))
+        return np.asarray(t.finger.jacobian(frames[k].angles).T @ books["limit"].ravel())
+
+    return joints_ever_at_limit(
+        limits_of(case, t.ranges),
+        t.finger.joints,
+        [f.time for f in frames],
+        np.array([f.angles for f in frames]),
+        torque,
+    )
 
 
 def _balance_at_rest(moved: SolvedMotion) -> dict[str, float]:
