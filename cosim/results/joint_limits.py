@@ -89,14 +89,10 @@ def describe_limits(summary: Mapping[str, Any]) -> Iterator[str]:
     """A sentence for each joint that stands at a limit, or in a motion came to one."""
     for joint, at in summary.get("joints_at_limit", {}).items():
         name, limit = joint.replace("_", " "), f"{at['limit_deg'] + 0.0:.4g} deg"
-        angle, torque = (
-            f"{at['angle_deg'] + 0.0:.4g} deg",
-            f"{abs(at['limit_torque_Nmm']):.3g} N mm",
-        )
+        angle, torque = f"{at['angle_deg'] + 0.0:.4g} deg", abs(at["limit_torque_Nmm"])
+        end = f"its limit of {limit}" if torque else f"the end of its range of motion, {limit}"
+        borne = f"; the limit bears {torque:.3g} N mm there" if torque else ""
         if "first_s" in at:
-            begin = f"{name} comes to its limit of {limit} at {at['first_s']:.4g} s"
-            yield f"{begin}, and at most to {angle}; the limit bears up to {torque} there"
-        elif at["limit_torque_Nmm"]:
-            yield f"{name} stands at {angle}, at its limit of {limit}, which bears {torque}"
+            yield f"{name} comes to {end}, at {at['first_s']:.4g} s, and at most to {angle}{borne}"
         else:
-            yield f"{name} stands at {angle}, at the end of its range of motion ({limit})"
+            yield f"{name} stands at {angle}, at {end}{borne}"

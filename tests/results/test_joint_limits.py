@@ -52,8 +52,8 @@ def test_a_motion_tells_when_a_joint_first_came_to_a_limit_and_how_far_beyond():
     }
     (text,) = describe_limits({"joints_at_limit": found})
     assert text == (
-        "PIP comes to its limit of 28.65 deg at 0.1 s, and at most to 31.51 deg; the limit bears "
-        "up to 3 N mm there"
+        "PIP comes to its limit of 28.65 deg, at 0.1 s, and at most to 31.51 deg; the limit "
+        "bears 3 N mm there"
     )
 
 
@@ -88,7 +88,7 @@ def test_a_joint_at_the_end_of_its_range_without_a_stop_is_told():
     summary = run_case(load_case("split_edc", [PLAIN, straight])).summary
     (text,) = describe_limits(summary)
     assert summary["joints_at_limit"]["PIP"]["limit_torque_Nmm"] == 0
-    assert text.endswith("at the end of its range of motion (0 deg)")
+    assert text.endswith("at the end of its range of motion, 0 deg")
 
 
 def test_joints_that_a_case_holds_have_no_limits():
