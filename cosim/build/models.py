@@ -14,7 +14,7 @@ from cosim.errors import InputError
 from cosim.fingers.kinds import anatomy_of, bones_of, live_finger, mjcf, unit
 from cosim.hoods.kind import BuiltHood, Site, Slips
 from cosim.hoods.kinds import KINDS
-from cosim.hoods.view import HoodView
+from cosim.hoods.view import NO_POINTS, HoodView, TrackedPoints
 from cosim.port import Array, Hood, Motion, OpenFinger, Pair, PairState, State, Triangles
 from cosim.tendons.muscles import CaseMuscles, live_muscles
 
@@ -42,6 +42,8 @@ class Models:
     """N in the slips at a state, central and terminal; None for a hood without."""
     own_slips: Callable[[Mapping[str, float]], Slips] | None = None
     """N in the slips from the tensions (N) of the finger's own tendons, where these make them."""
+    points: TrackedPoints = NO_POINTS
+    """The points of the user's on the hood."""
 
     @property
     def pair(self) -> Pair:
@@ -85,6 +87,7 @@ def build_any(case: Case) -> Models:
         hood.linear,
         hood.slips,
         hood.own_slips,
+        hood.points,
     )
 
 

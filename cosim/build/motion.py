@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, cast
 
@@ -17,7 +17,7 @@ from cosim.coupling.excursion import PrescribedExcursions
 from cosim.coupling.motion import CoupledMotion, RecordedFinger
 from cosim.coupling.schemes import Alone
 from cosim.fingers.common import CageTipConfig, ShellTipConfig
-from cosim.fingers.kinds import unit
+from cosim.fingers.kinds import joint_ranges, unit
 from cosim.hoods.view import HoodView
 from cosim.port import Array, Hood, Motion, State, Triangles
 from cosim.tendons.air import cylinders, initial_air, step_cylinders
@@ -45,6 +45,10 @@ class MovingModels:
     bones: Mapping[str, Triangles]
     lines: Callable[[Motion], Mapping[str, Array]]
     view: Callable[[State], HoodView] | None
+    point_names: tuple[str, ...] = ()
+    """Of the points of the user's on the hood."""
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """rad by joint, the ranges of motion; none of a finger in an FMU."""
 
     @property
     def finger(self) -> RecordedFinger:
@@ -77,8 +81,20 @@ def moving_models(case: Case, forward: ForwardConfig) -> MovingModels:
     pulls = CaseTendonDrive(case, (*models.hood.tendons, *finger.tendons))
     driven = _prescribed_excursions(case, pulls.tendons)
     scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()
-    moves = CoupledMotion(scheme, finger, models.hood, pulls, forward.step, driven)
-    return MovingModels(moves, pulls, models.posture, models.bones, models.lines, models.view)
+    points = models.points
+    moves = CoupledMotion(
+        scheme, finger, models.hood, pulls, forward.step, driven, points.positions
+    )
+    return MovingModels(
+        moves,
+        pulls,
+        models.posture,
+        models.bones,
+        models.lines,
+        models.view,
+        points.names,
+        joint_ranges(models.finger),
+    )
 
 
 def _with_unit(case: Case, forward: ForwardConfig) -> MovingModels:

@@ -150,7 +150,8 @@ def _anchor_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]:
 def _paths(values: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     """The tables of a case that state paths, and the keys of these."""
     mesh = _table(values, "hood", "mesh")
-    tables = [(mesh, "path"), (_table(values, "hood"), "path"), (_table(values, "finger"), "path")]
+    hood, finger = _table(values, "hood"), _table(values, "finger")
+    tables = [(mesh, "path"), (hood, "path"), (hood, "points_file"), (finger, "path")]
     tables += [(_table(t, "signal"), "path") for t in _table(values, "tendons").values()]
     tables += [(bone, "surface") for bone in _table(values, "finger", "bones").values()]
     for table, key in tables:

@@ -121,6 +121,8 @@ class OutputConfig(Table):
 
     picture: Switch = True
     """Draw picture.png."""
+    frames: Annotated[Count, Field(ge=0, le=1000)] = 50
+    """Shapes of the hood kept over a motion, besides its start."""
 
 
 class CaseFile(Table):

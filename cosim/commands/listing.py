@@ -129,7 +129,8 @@ def describe_key(whole: Schema, key: str) -> Iterator[tuple[str, str, Rows]]:
         elif "additionalProperties" in one:
             names = one.get("propertyNames", {}).get("enum", ["NAME"])
             rows = [_row(whole, "NAME", one["additionalProperties"])]
-            yield heading, f"tables by name: {', '.join(names)}", rows
+            what = str(one.get("description", "tables"))
+            yield heading, f"{what}, by name: {', '.join(names)}", rows
         else:
             yield heading, text, []
 
@@ -142,8 +143,8 @@ def _at(whole: Schema, key: str) -> Schema:
         for _, one in _alternatives(whole, node):
             known += [*one.get("properties", ()), *one.get("propertyNames", {}).get("enum", ())]
             found = found or one.get("properties", {}).get(part)
-            if part in one.get("propertyNames", {}).get("enum", ()):
-                found = one["additionalProperties"]
+            if part in one.get("propertyNames", {}).get("enum", (part,)):
+                found = found or one.get("additionalProperties") or None
         if found is None:
             above = ".".join(parts[:place]) or "a case file"
             near = nearest_names(part, known)
@@ -187,8 +188,10 @@ def _leaf(whole: Schema, one: Schema) -> str:
         return f'"{one["const"]}"'
     if "enum" in one:
         return ", ".join(f'"{word}"' for word in one["enum"])
-    if "properties" in one or "additionalProperties" in one:
+    if "properties" in one:
         return _kind(one) or "a table"
+    if "additionalProperties" in one:
+        return str(one.get("title", "a table"))
     text = str(one.get("title") or one.get("type", "a value"))
     bounds = {"exclusiveMinimum": "above", "minimum": "at least", "exclusiveMaximum": "below"}
     bounds["maximum"] = "at most"

@@ -7,7 +7,7 @@ nothing in it can build anything but the state of that case.
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,16 +22,19 @@ from cosim.port import Array
 from cosim.version import __version__
 
 NAME = "checkpoint.npz"
-FRAMES = "frames"
+FRAMES, SHAPES = "frames", "shapes"
 
 
 @dataclass(frozen=True)
 class MotionHistory:
-    """A motion so far: its state, and the frames and fingertip wrenches of the steps behind."""
+    """A motion so far: its state, the frames and fingertip wrenches of the steps behind, and what
+    the hood looked like at some of them."""
 
     moment: MotionState
     frames: Sequence[MotionFrame]
     tips: Sequence[Array]
+    shapes: Sequence[Mapping[str, Array]] = ()
+    """Arrays by name, the same of each, `time` (s) among them."""
 
 
 def write_checkpoint(folder: Path, case: str, kept: MotionHistory, special: Special) -> None:
@@ -39,6 +42,8 @@ def write_checkpoint(folder: Path, case: str, kept: MotionHistory, special: Spec
     leaves the older one as it was)."""
     arrays = flatten(kept.moment, special)
     arrays |= {f"{FRAMES}/{k}": v for k, v in _stack_frames(kept.frames, kept.tips).items()}
+    for name in kept.shapes[0] if kept.shapes else ():
+        arrays[f"{SHAPES}/{name}"] = np.array([shape[name] for shape in kept.shapes])
     arrays |= {"case": np.array(case), "version": np.array(__version__)}
     with output_file(folder / NAME) as part, part.open("wb") as file:
         np.savez(file, **arrays)
@@ -67,13 +72,20 @@ def read_checkpoint(
         )
     if told["case"] != case:
         raise InputError(f"{path}: belongs to another case than {folder / 'case.toml'} says")
-    own = {k: arrays.pop(k) for k in list(arrays) if k.startswith(f"{FRAMES}/")}
+    own, seen = (_under(arrays, start) for start in (FRAMES, SHAPES))
     try:
         moment = rebuild(template.moment, arrays, special)
-        frames, tips = _unstack_frames({k.partition("/")[2]: v for k, v in own.items()})
-    except (KeyError, ValueError, TypeError) as error:
+        frames, tips = _unstack_frames(own)
+        shapes = tuple({k: v[i] for k, v in seen.items()} for i in range(len(seen.get("time", ()))))
+    except (KeyError, ValueError, TypeError, IndexError) as error:
         raise InputError(f"{path}: is no whole checkpoint ({error}); run the case anew") from error
-    return MotionHistory(moment, frames, tips)
+    return MotionHistory(moment, frames, tips, shapes)
+
+
+def _under(arrays: dict[str, Any], start: str) -> dict[str, Any]:
+    """The arrays whose paths begin so, by the rest of their paths; they are taken out."""
+    own = [name for name in arrays if name.startswith(f"{start}/")]
+    return {name.partition("/")[2]: arrays.pop(name) for name in own}
 
 
 FIELDS = (
@@ -86,6 +98,7 @@ FIELDS = (
     "total",
     "imbalance",
     "drive",
+    "points",
 )
 NUMBERS = ("residual", "energy")
 
@@ -109,6 +122,7 @@ def _unstack_frames(arrays: dict[str, Array]) -> tuple[tuple[MotionFrame, ...], 
             residual=float(arrays["residual"][k]),
             energy=float(arrays["energy"][k]),
             drive=arrays["drive"][k],
+            points=arrays["points"][k],
         )
         for k in range(len(arrays["time"]))
     )

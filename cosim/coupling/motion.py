@@ -6,7 +6,7 @@ Muscles pull with the lengths that their paths had at the end of the step before
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -138,9 +138,16 @@ class MotionFrame:
     """J, the finger's energy."""
     drive: Array
     """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
+    points: Array
+    """(k, 3) m, the points of the user's on the hood, world axes."""
 
 
 NO_EXCURSIONS = PrescribedExcursions((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
+
+
+def no_points(state: State) -> Array:
+    """(0, 3), of a hood without points of the user's."""
+    return np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -153,6 +160,8 @@ class CoupledMotion:
     drive: TendonDrive
     dt: float
     prescribed: PrescribedExcursions = NO_EXCURSIONS
+    points: Callable[[State], Array] = no_points
+    """(k, 3) m, the points of the user's on the hood in one of its states."""
 
     def begin(self, state: State) -> MotionState:
         """The motion at rest in the finger's `state`, the hood in equilibrium on it."""
@@ -239,6 +248,7 @@ class CoupledMotion:
             c.residual,
             self.finger.energy(c.finger),
             self.drive.cylinder_signals(at.drive, c.time),
+            self.points(c.hood),
         )
 
     def _own(self, state: State) -> Array:

@@ -12,7 +12,7 @@ from cosim.fingers.common import Extensor
 from cosim.fingers.kind import Anatomy
 from cosim.hoods.lesion import InjurableParts, LesionConfig
 from cosim.hoods.variation import Settings, Variation, no_variation
-from cosim.hoods.view import Colour, HoodView
+from cosim.hoods.view import NO_POINTS, Colour, HoodView, TrackedPoints
 from cosim.port import Array, Hood, Motion, State
 from cosim.schema.types import Table
 
@@ -148,6 +148,8 @@ class BuiltHood:
     """N in the slips from the tensions (N) of the finger's own tendons, where these make them."""
     linear: Callable[[State], tuple[float, float]] | None = None
     """Seconds of one assembly and of one factorisation of its tangent at a state."""
+    points: TrackedPoints = NO_POINTS
+    """The points of the user's on it."""
 
 
 def no_variations(hood: HoodConfig) -> Iterator[Variation]:

@@ -3,13 +3,13 @@ and reports loop over."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from cosim.port import Array
+from cosim.port import Array, State
 
 STRAIN = "longitudinal_strain"
 """The cell data that pictures colour a hood by, dimensionless."""
@@ -43,6 +43,18 @@ class Colour:
     factor: float
     on_mesh: str
     mesh_factor: float
+
+
+@dataclass(frozen=True)
+class TrackedPoints:
+    """The points of the user's on a hood, by name."""
+
+    names: tuple[str, ...] = ()
+    positions: Callable[[State], Array] = lambda state: np.zeros((0, 3))
+    """(k, 3) m, world axes, in a state of the hood."""
+
+
+NO_POINTS = TrackedPoints()
 
 
 @dataclass(frozen=True)
@@ -105,3 +117,21 @@ def hood_field(view: HoodView) -> HoodField:
             each = len(view.plot_cells) // len(field.values)
             cell_data[field.name] = np.repeat(field.values, each, axis=0)
     return HoodField(view.points, view.plot_cells, point_data, cell_data)
+
+
+def arrays_of(field: HoodField) -> dict[str, Array]:
+    """A hood's shape and fields as arrays by name, without its cells."""
+    return {
+        "points": field.points,
+        **{f"point {name}": np.asarray(values) for name, values in field.point_data.items()},
+        **{f"cell {name}": np.asarray(values) for name, values in field.cell_data.items()},
+    }
+
+
+def field_of(arrays: Mapping[str, Array], quads: np.ndarray) -> HoodField:
+    """The hood that `arrays_of` made the arrays of, with its cells."""
+
+    def under(start: str) -> dict[str, Array]:
+        return {k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)}
+
+    return HoodField(arrays["points"], quads, under("point "), under("cell "))

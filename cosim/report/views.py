@@ -202,7 +202,10 @@ def _sheet(run: Result, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ..
         return Sheet(hood.quads, region, flat, every, points, fields, _fibres(hood, points)), ()
     ended = (_of_mesh(hood, colour) for colour in COLOURS)
     fields = tuple(field for field in ended if field is not None)
-    note = "This run stores the shape of its hood at its end only: it is shown there."
+    note = (
+        "This page shows the hood of a motion at its end only. hood.pvd in the run's folder has it "
+        "over time, for ParaView."
+    )
     points = hood.points[None]
     fibres = _fibres(hood, points)
     return Sheet(hood.quads, region, flat, (last,), points, fields, fibres), (note,)

@@ -14,6 +14,7 @@ from cosim.port import AXES
 from cosim.report.tables import last_ledger
 from cosim.results.compare import Comparison, number, tally, value_of
 from cosim.results.conventions import OPPOSITE
+from cosim.results.joint_limits import describe_limits
 from cosim.results.load_and_rest import describe_rest
 from cosim.results.result import Result
 
@@ -182,6 +183,8 @@ def doubts(run: Result) -> Iterator[str]:
     """What a reader must know before believing a number."""
     if run.summary.get("came_to_rest") is False:
         yield "The finger was still moving at the end."
+    for text in describe_limits(run.summary):
+        yield f"{text}.".replace("-", "−")
     if twice := run.summary.get("double_counted"):
         yield f"Counted twice: {'; '.join(map(str, twice))}."
     if run.summary.get("audit_missed"):

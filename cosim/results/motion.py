@@ -15,11 +15,12 @@ from cosim.coupling.checkpoint import MotionHistory
 from cosim.coupling.motion import MotionFrame, MotionState
 from cosim.fingers.kinds import tip_support_kind
 from cosim.fmu.finger import OPEN
-from cosim.hoods.view import hood_field
+from cosim.hoods.view import field_of, hood_field
 from cosim.port import AXES, Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis
+from cosim.results.joint_limits import joints_ever_at_limit, limits_of
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 MOST_TIMES = 250
 """In a ledger: of more steps, as many are booked as evenly as can be, the last among them."""
+OF_POINTS = ("point_displacement_mm", "point_strain_percent", "gauge_strain_percent")
+"""What a hood's view says of the points of the user's."""
 SMALL_TORQUE = 1e-12
 """N m."""
 
@@ -88,6 +91,8 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         "iterations": {"steps": len(frames) - 1, "hood_solves": end.coupled.solves},
     }
     out["audit_missed"] = missed_bounds(out["audit"])
+    if at_limit := _at_limits(case, moved):
+        out["joints_at_limit"] = at_limit
     if case.forward is not None and case.forward.adaptive is not None:
         out["step_control"] = _steps(end, frames)
     if names := t.moves.prescribed.names:
@@ -95,6 +100,9 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         out["prescribed_excursion_mm"] = dict(zip(names, reached.tolist(), strict=True))
     if not case.finger.is_native:
         out["not_in_ledger"] = OPEN
+    if t.point_names and t.view is not None:
+        seen = t.view(end.coupled.hood).summary()
+        out |= {key: seen[key] for key in OF_POINTS if key in seen}
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:
         out["double_counted"] = twice
     if lengths := t.pulls.lengths(end.drive):
@@ -146,6 +154,26 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     }
     in_mJ = {name: 1e3 * value for name, value in energy.items()}
     return in_mJ, abs(artificial) / max(done.effort, 1e-12)
+
+
+def _at_limits(case: Case, moved: SolvedMotion) -> dict[str, dict[str, float]]:
+    t, frames, tips = moved.models, moved.history.frames, moved.history.tips
+
+    def torque(k: int) -> Array:
+        """(nq,) N m of the limits on the joints at the k-th time, of the first at the second."""
+        k = max(k, 1)
+        books = _books(t, frames[k - 1], frames[k], tips[k])
+        if "limit" not in books:
+            return np.zeros(len(t.finger.joints))
+        return np.asarray(t.finger.jacobian(frames[k].angles).T @ books["limit"].ravel())
+
+    return joints_ever_at_limit(
+        limits_of(case, t.ranges),
+        t.finger.joints,
+        [f.time for f in frames],
+        np.array([f.angles for f in frames]),
+        torque,
+    )
 
 
 def _balance_at_rest(moved: SolvedMotion) -> dict[str, float]:
@@ -247,6 +275,11 @@ def _dataset(t: MovingModels, kept: MotionHistory) -> xarray.Dataset:
             "body": list(hood.bodies),
             "source": list(hood.sources),
         }
+    if t.point_names:
+        path = [f.points for f in frames]
+        what = "path of the named point of the hood, at the scheme's pose"
+        data["hood_point_position"] = over_time(("hood_point", "axis"), "m", path, what)
+        coords["hood_point"] = list(t.point_names)
     air, cylinders = air_data(t.pulls.cylinders, np.array([f.drive for f in frames]))
     return xarray.Dataset({**data, **air}, {**coords, **cylinders})
 
@@ -271,4 +304,7 @@ def _scene(t: MovingModels, kept: MotionHistory) -> Scene:
     hood = hood_field(t.view(coupled.hood)) if t.view else None
     lines = {**t.lines(motion), **finger.lines(angles)}
     force = None if point is None else (point, kept.tips[-1][:3])
-    return Scene(hood, bones_in_world(t.bones, motion), tuple(lines.items()), force)
+    frames = tuple(
+        (float(shape["time"]), field_of(shape, hood.quads)) for shape in kept.shapes if hood
+    )
+    return Scene(hood, bones_in_world(t.bones, motion), tuple(lines.items()), force, frames)

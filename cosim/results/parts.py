@@ -35,6 +35,8 @@ class Scene:
     """Name, points (k, 3) in order."""
     tip: tuple[Array, Array] | None = None
     """The fingertip point (3,) and the force of the fingertip on the world (3,) N."""
+    frames: tuple[tuple[float, HoodField], ...] = ()
+    """The hood over a motion, with the times in s."""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from cosim.hoods.view import HoodView
 from cosim.port import AXES, Array, Finger
 from cosim.results.audit import POSTURE, audit_figures, missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis, vector_of
+from cosim.results.joint_limits import Limits, joints_at_limit, limits_of
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.one_way import one_way_summary
 from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
@@ -60,8 +61,9 @@ def summary(
     head |= {"wall_s": round(wall, 4)}
     if views:
         head |= views["loaded"].size()
-    before = _state(models, unloaded, views.get("unloaded"))
-    now = _state(models, loaded, views.get("loaded"))
+    limits = {} if loaded.balance is None else limits_of(case, joint_ranges(models.finger))
+    before = _state(models, unloaded, views.get("unloaded"), limits)
+    now = _state(models, loaded, views.get("loaded"), limits)
     passed = states.one_way
     load, motion = (loaded.load, loaded.motion) if passed is None else (passed.answer, passed.at)
     force, moment = load.imbalance(motion)
@@ -120,7 +122,7 @@ def _muscles(case: Case, models: Models, states: States) -> dict[str, Any]:
     return {"muscle": out} if out else {}
 
 
-def _state(models: Models, e: Equilibrium, view: HoodView | None) -> dict[str, Any]:
+def _state(models: Models, e: Equilibrium, view: HoodView | None, limits: Limits) -> dict[str, Any]:
     """One equilibrium in numbers."""
     hood, finger = models.hood, models.finger
     on_world = finger.tip_force(e.finger_state)
@@ -144,6 +146,10 @@ def _state(models: Models, e: Equilibrium, view: HoodView | None) -> dict[str, A
         out["joint_torque_Nmm"] = {
             source: _by_joint(models, 1e3 * torque) for source, torque in e.balance.torque.items()
         }
+        angles = _by_joint(models, finger.angles(e.finger_state))
+        borne = e.balance.torque.get("limit", np.zeros(len(finger.joints)))
+        if at_limit := joints_at_limit(limits, angles, _by_joint(models, borne)):
+            out["joints_at_limit"] = at_limit
     if models.slips is not None:
         slips = models.slips(e.response.state)
         out["slip_force_N"] = dict(slips)

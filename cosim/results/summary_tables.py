@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cosim.port import AXES
+from cosim.results.joint_limits import describe_limits
 from cosim.results.load_and_rest import describe_rest
 
 if TYPE_CHECKING:
@@ -139,6 +140,8 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     if any(abs(value) > LEAST_MOMENT for value in moment.values()):
         parts = (f"{axis} {_number(value)}" for axis, value in moment.items())
         yield "fingertip moment N mm", ", ".join(parts)
+    for text in describe_limits(summary):
+        yield "joint at its limit", text
     yield from describe_rest(summary)
     for name, muscle in (_at(summary, "muscle") or {}).items():
         now, then = (

@@ -6,7 +6,7 @@ import csv
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +82,8 @@ def _write_files(folder: Path, run: CaseParts) -> None:
     _write_ledger(folder / "ledger.csv", run.rows)
     if run.hood is not None:
         _write_hood(folder / "hood.vtu", run.hood)
+    if run.scene.frames:
+        _write_frames(folder, run.scene.frames)
     if run.case_table.get("output", {}).get("picture", True):
         _draw(folder, run)
 
@@ -116,6 +118,24 @@ def _write_ledger(path: Path, ledger: tuple[LedgerRow, ...]) -> None:
             writer.writerow(
                 [row.state, row.body, row.source, *(f"{x:.9g}" for x in numbers), "world"]
             )
+
+
+def _write_frames(folder: Path, frames: Sequence[tuple[float, HoodField]]) -> None:
+    """`hood.pvd`, which ParaView opens, with a .vtu for each frame in `hood_frames`."""
+    (folder / "hood_frames").mkdir()
+    sets = []
+    for i, (time, hood) in enumerate(frames):
+        name = f"hood_frames/{i:04d}.vtu"
+        _write_hood(folder / name, hood)
+        sets.append(f'<DataSet timestep="{time!r}" part="0" file="{name}"/>\n')
+    text = f"""<?xml version="1.0"?>
+<VTKFile type="Collection" version="0.1">
+<!--Time: s-->
+<Collection>
+{"".join(sets)}</Collection>
+</VTKFile>
+"""
+    (folder / "hood.pvd").write_text(text, encoding="utf-8")
 
 
 def _write_hood(path: Path, hood: HoodField) -> None:

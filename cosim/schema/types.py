@@ -25,7 +25,8 @@ TENDONS = MUSCLES + OF_ROBOT
 Phalanx = Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")]
 Mass = Annotated[float, quantity(units.MASS, above="0 g", most="10 kg")]
 Inertia = Annotated[float, quantity(units.INERTIA, above="0 kg*mm**2", most="1 kg*m**2")]
-Coordinate = Annotated[float, quantity(units.LENGTH, least="-200 mm", most="200 mm")]
+COORDINATE = quantity(units.LENGTH, least="-200 mm", most="200 mm")
+Coordinate = Annotated[float, COORDINATE]
 Force = Annotated[float, quantity(units.FORCE, least="0 N", most="1000 N")]
 Acceleration = Annotated[
     float, quantity(units.ACCELERATION, least="-100 m/s**2", most="100 m/s**2")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,6 +21,8 @@ from cosim.coupling.paced import adaptive_states
 from cosim.coupling.state_arrays import Special
 from cosim.errors import ConvergenceError, InputError, Progress, StoppedError, quiet
 from cosim.files import output_file
+from cosim.hoods.view import HoodView, arrays_of, hood_field
+from cosim.port import Array, State
 from cosim.solve.session import Session
 
 RATE, CHANGE, WINDOW = 1e-3, 1e-3, 0.1
@@ -30,6 +32,8 @@ creep has ended: Simbody's friction is viscous below its transition velocity, so
 slides until a face, a corner, a limit or the passive joints hold it without friction."""
 PAUSE = 10.0
 """s of computing from one checkpoint to the next, where the case states no number of steps."""
+ROUNDING = 1e-9
+"""Of the time between two shapes: so much before it is due a shape is taken."""
 UNFINISHED = ".unfinished"
 """What the folder of a motion that has not ended is called after its case's name."""
 
@@ -68,19 +72,25 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
     progress("building the models")
     both = moving_models(case, forward)
     begun = both.moves.begin(both.initial_state)
+    recorder = ShapeRecorder(both.view, forward.duration, case.output.frames)
     kept = MotionHistory(
-        begun, (both.moves.frame(begun),), (both.finger.tip_wrench(begun.coupled.finger),)
+        begun,
+        (both.moves.frame(begun),),
+        (both.finger.tip_wrench(begun.coupled.finger),),
+        recorder.begin(begun),
     )
     keeper = _keeper(case, forward, both, session.checkpoints, progress)
     if keeper is not None and (keeper.folder / NAME).exists():
         kept = keeper.read(kept)
         progress(f"going on from t = {kept.moment.coupled.time:.6g} s")
-    frames, tips = list(kept.frames), list(kept.tips)
+    frames, tips, shapes = list(kept.frames), list(kept.tips), list(kept.shapes)
     try:
         for done, now in _on(both.moves, forward, kept, progress):
             frames += [both.moves.frame(at) for at in now]
             tips += [both.finger.tip_wrench(at.coupled.finger) for at in now]
-            kept = MotionHistory(now[-1], frames, tips)
+            for at in now:
+                shapes += recorder.next(at, shapes)
+            kept = MotionHistory(now[-1], frames, tips, shapes)
             if keeper is not None and keeper.is_due(done):
                 keeper.write(kept)
     except KeyboardInterrupt:
@@ -95,6 +105,37 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
     if forward.must_rest:
         _check_rest(forward, rest)
     return SolvedMotion(both, kept, rest)
+
+
+@dataclass(frozen=True)
+class ShapeRecorder:
+    """What a hood looks like over a motion: at its start, and at the first state at or after each
+    of `count` times that are evenly spaced over `duration` s."""
+
+    view: Callable[[State], HoodView] | None
+    duration: float
+    count: int
+
+    def begin(self, at: MotionState) -> list[Mapping[str, Array]]:
+        """The first shape; none of a hood without one, and where none are asked for."""
+        return [] if self.view is None or self.count == 0 else [self._shape(at)]
+
+    def next(
+        self, at: MotionState, before: Sequence[Mapping[str, Array]]
+    ) -> list[Mapping[str, Array]]:
+        """The shape of a state, if one is due after those `before`."""
+        if not before or self._number(at.coupled.time) == self._number(float(before[-1]["time"])):
+            return []
+        return [self._shape(at)]
+
+    def _number(self, time: float) -> int:
+        """How many of the times are reached at `time` s."""
+        return int(self.count * time / self.duration + ROUNDING)
+
+    def _shape(self, at: MotionState) -> Mapping[str, Array]:
+        assert self.view is not None
+        field = hood_field(self.view(at.coupled.hood))
+        return {"time": np.array(at.coupled.time), **arrays_of(field)}
 
 
 @dataclass

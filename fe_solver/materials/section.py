@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from fe_solver.materials.hyperelastic import Potential
 from fe_solver.materials.linear import Law, LinearLaw, Real
 from fe_solver.materials.tension_field import TensionField
+from fe_solver.materials.thickness import thickness_stretch
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -140,6 +141,14 @@ class Section:
             if isinstance(p.law, TensionField):
                 states = p.law.state(strain[p.elements, :, None, :3])[..., 0]
                 out[p.elements] = np.rint(states.mean(axis=1))
+        return out
+
+    def thickness_stretch(self, strain: Array) -> Array:
+        """(ne, g) current over stress-free thickness by the mid-surface's strains (ne, g, 8)."""
+        out = np.empty(strain.shape[:2])
+        for p in self.patches:
+            own = thickness_stretch(p.law, strain[p.elements, :, None, :3])
+            out[p.elements] = own[..., 0]
         return out
 
     def stress(self, strain: Array, z: float = 0.0) -> Array:

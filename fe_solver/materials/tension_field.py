@@ -105,6 +105,12 @@ class TensionField:
         wrinkled = _principal_values(p)[0] > SEEN * self.smoothing
         return wrinkled.sum(axis=1).reshape(np.shape(strain)[:-1])
 
+    def elastic_strain(self, strain: Array) -> Array:
+        """(..., 3) strain of the base law at strains (..., 3): what wrinkles have taken up is added
+        to it."""
+        wrinkles = _strain(self._relaxation(strain).factor)
+        return np.asarray(strain + wrinkles.reshape(np.shape(strain)))
+
     def shear(self) -> tuple[Real, Real]:
         return self.base.shear()
 

@@ -39,6 +39,28 @@ def fields(model: ShellModel, c: Configuration) -> Fields:
     return Fields(mean[:, :3], stress, faces, model.section.tension_state(strain))
 
 
+@dataclass(frozen=True)
+class EnergyFields:
+    """Means over each quad and its thickness: density (ne,) J/m3 of the strain energy per
+    stress-free volume, bending and transverse shear included; volume (ne,) m3, stress-free, so that
+    their products add up to the shell's energy; stretch (ne,) of the thickness at the
+    mid-surface."""
+
+    density: Array
+    volume: Array
+    stretch: Array
+
+
+def energy_fields(model: ShellModel, c: Configuration) -> EnergyFields:
+    """Strain energy and thickness of a configuration, by the law that the residual comes from."""
+    strain = model.tables.strain(np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1))
+    area, each = model.tables.weight, model.tables.weight * model.section.thickness
+    volume = each.sum(axis=1)
+    energy = (area * model.section.response(strain).energy).sum(axis=1)
+    stretch = (each * model.section.thickness_stretch(strain)).sum(axis=1) / volume
+    return EnergyFields(energy / volume, volume, stretch)
+
+
 def contact_pressure(model: ShellModel, c: Configuration) -> Array:
     """(n,) N/m2 of all bodies on each node, over the node's area, friction left out."""
     return contact_fields(model.contacts, c.x, c.position, c.rotation).pressure.sum(axis=1)

@@ -83,3 +83,10 @@ def test_a_known_name_is_nearest_to_itself(name, others):
 def test_a_key_that_is_not_there_lists_those_that_are():
     with pytest.raises(InputError, match="There are kind, mesh"):
         list(describe_key(json_schema(), "hood.zzzzzz"))
+
+
+def test_a_key_that_the_case_names_is_explained() -> None:
+    told = CliRunner().invoke(app, ["explain", "hood.grids.camera"])
+    assert told.exit_code == 0, told.output
+    assert "points over a rectangle" in told.stdout
+    assert "Places on the undeformed hood" in CliRunner().invoke(app, ["explain", "hood"]).stdout

@@ -17,9 +17,11 @@ from cosim.hoods.kind import BuiltHood, HoodKind, Site, skeleton_of
 from cosim.hoods.shell import table
 from cosim.hoods.shell.fibre_table import FibrousConfig
 from cosim.hoods.shell.fibres import Fibres, fibres_of
+from cosim.hoods.shell.gauges import points_on
 from cosim.hoods.shell.table import ShellHoodConfig
 from cosim.hoods.shell.variation import scale_moduli, variations
 from cosim.hoods.shell.view import COLOURS, view_of
+from cosim.hoods.view import TrackedPoints
 from cosim.port import Array, Motion
 from cosim.schema.types import RegionConfig
 
@@ -61,14 +63,16 @@ SAME_ANGLE = 1e-9
 
 def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
     """The live sheet of shell elements on a finger. Raises InputError where it cannot be laid out
-    on it."""
+    on it, and for a point of the case that is not on the sheet."""
     mesh = apply_lesion_to_mesh(generate_mesh(hood, site.anatomy), site.lesion)
     made = shell_hood_of(hood, site, mesh)
+    gauges = points_on(hood, made.model.reference, mesh.quads)
     return BuiltHood(
         made,
-        view_of(hood, made, mesh, site.skeleton),
+        view_of(made, mesh, site.skeleton, gauges),
         partial(slip_forces, made),
         linear=partial(tangent_seconds, made),
+        points=TrackedPoints(gauges.points, lambda s: gauges.positions(s.configuration.x)),
     )
 
 

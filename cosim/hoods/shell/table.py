@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from cosim.errors import nearest_names
+from cosim.errors import InputError, nearest_names
 from cosim.fingers.common import PostureConfig, stamps
 from cosim.hoods.kind import HoodConfig
 from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts, LesionConfig
@@ -19,6 +19,7 @@ from cosim.hoods.shell.fibre_table import (
     SecondLinearConfig,
     SecondMooneyRivlinConfig,
 )
+from cosim.hoods.shell.point_table import GridConfig, check_names, read_points
 from cosim.hoods.supports import ContactConfig, SpringConfig
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
@@ -52,6 +53,8 @@ THIN_SHEETS = (
 """Regions of a sheet between its tendons, which a cut takes out whole."""
 LACKING = {"one_sheet": ("triangular_ligament",)}
 """Regions that a layout does not have."""
+MOST_NAMES = 20
+"""Of points, that a message lists."""
 PARTS = InjurableParts(
     (*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS
 )
@@ -235,6 +238,11 @@ class ShellHoodConfig(HoodConfig):
     """How much longer than laid out each slip is."""
     points: dict[str, tuple[Coordinate, Coordinate, Coordinate]] = Field(default_factory=dict)
     """Places on the undeformed hood (world axes, as it is laid), such as ink dots."""
+    points_file: File | None = None
+    """A CSV file of more points, with the columns name,distal_mm,radial_mm,dorsal_mm (or in m, cm,
+    um)."""
+    grids: dict[str, GridConfig] = Field(default_factory=dict)
+    """Grids of points, for image correlation."""
     gauges: dict[str, tuple[str, str]] = Field(default_factory=dict)
     """Pairs of points by their names; the change of their distance is a strain."""
     springs: dict[Annotated[str, name_of("spring set", SPRINGS)], SpringConfig]
@@ -255,17 +263,31 @@ class ShellHoodConfig(HoodConfig):
         return values
 
     @model_validator(mode="after")
-    def _gauges_have_points(self) -> ShellHoodConfig:
+    def _points_have_names(self) -> ShellHoodConfig:
+        try:
+            listed = {} if self.points_file is None else read_points(self.points_file)
+        except InputError as error:
+            raise fault(f"points_file: {error}") from None
+        of_grids = [name for grid, laid in self.grids.items() for name in laid.names(grid)]
+        names = (*self.points, *listed, *of_grids)
+        try:
+            check_names(names)
+        except ValueError as error:
+            raise fault(f"points: {error}") from None
+        self._check_gauges(names)
+        return self
+
+    def _check_gauges(self, names: Sequence[str]) -> None:
         for name, ends in self.gauges.items():
             for end in ends:
-                if end not in self.points:
-                    near = nearest_names(end, self.points)
+                if end not in names:
+                    near = nearest_names(end, names)
                     hint = f"did you mean {near[0]}? " if near else ""
-                    known = ", ".join(self.points) or "none"
-                    raise fault(f"gauges.{name}: no point {end!r}; {hint}known: {known}")
+                    known = ", ".join(names[:MOST_NAMES]) or "none"
+                    more = " ..." if len(names) > MOST_NAMES else ""
+                    raise fault(f"gauges.{name}: no point {end!r}; {hint}known: {known}{more}")
             if ends[0] == ends[1]:
                 raise fault(f"gauges.{name}: both ends are {ends[0]}")
-        return self
 
     @model_validator(mode="after")
     def _complete(self) -> ShellHoodConfig:
@@ -298,18 +320,22 @@ class ShellHoodConfig(HoodConfig):
         return ""
 
     def files(self) -> tuple[Path, ...]:
+        listed = () if self.points_file is None else (self.points_file,)
+        return (*self._mesh_files(), *listed)
+
+    def _mesh_files(self) -> tuple[Path, ...]:
         return (self.mesh.path,) if self.mesh.kind == "file" else ()
 
     def check_files(self) -> None:
         from meshes.hood_mesh import read
 
-        for path in self.files():
+        for path in self._mesh_files():
             read(path)
 
     def mesh_key(self) -> str:
         parts = self.model_dump(mode="json", include={"mesh", "thickness"})
         offset = self.contact.offset.model_dump()
-        return json.dumps([parts, offset, stamps(self.files())], sort_keys=True)
+        return json.dumps([parts, offset, stamps(self._mesh_files())], sort_keys=True)
 
     def laws(self, kind: str) -> Mapping[str, Any]:
         return {name: region for name, region in self.regions.items() if region.kind == kind}

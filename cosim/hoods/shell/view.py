@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
-from cosim.hoods.shell.gauges import Gauges, place_gauges
+from cosim.hoods.shell.gauges import STRAIN_COMPONENTS, Gauges, strain_between
 from cosim.hoods.shell.region_forces import Crossing, middle_crossings, region_forces
 from cosim.hoods.view import FAMILIES, STRAIN, Colour, Field
 from cosim.port import Array, State
@@ -27,7 +27,6 @@ from meshes.hood_mesh import REGIONS, display_quads
 from meshes.skeleton import JOINTS
 
 if TYPE_CHECKING:
-    from cosim.hoods.shell.table import ShellHoodConfig
     from fe_solver.hood.shell_hood import ShellHood as FeHood
     from meshes.hood_mesh import HoodMesh
     from meshes.markers import Markers
@@ -56,6 +55,14 @@ _COLOURS: tuple[tuple[str, str, str, tuple[str, int | None], float, str, float],
     ),
     ("pressure", "Contact pressure", "MPa", ("pressure", None), 1e-6, "contact_pressure", 1e-6),
     (
+        *("energy_density", "Strain energy density", "kJ/m3"),
+        *(("strain_energy_density", None), 1e-3, "strain_energy_density", 1e-3),
+    ),
+    (
+        *("thickness_stretch", "Stretch of the thickness", ""),
+        *(("thickness_stretch", None), 1, "thickness_stretch", 1),
+    ),
+    (
         *("tension_state", "Tension field: 0 taut, 1 wrinkled, 2 slack (-1: bears compression)"),
         *("", ("tension_state", None), 1, "tension_state", 1),
     ),
@@ -81,6 +88,12 @@ class ShellView(FeView):
     """(ne, 2) E11 at the two faces."""
     stress: Array
     """(ne, 3) second Piola-Kirchhoff S11, S22, S12, Pa."""
+    energy_density: Array
+    """(ne,) J/m3 of strain energy per stress-free volume."""
+    volume: Array
+    """(ne,) m3, stress-free."""
+    thickness_stretch: Array
+    """(ne,) current over stress-free thickness."""
     tension: np.ndarray
     """(ne,) 0 taut, 1 wrinkled, 2 slack; -1 where the sheet bears compression."""
     area: Array
@@ -110,6 +123,10 @@ class ShellView(FeView):
             dimensions = quad if values.ndim == 1 else ("quad", "axis")
             return Field(name, dimensions, unit, what, values, in_results=False, on_mesh=True)
 
+        def both(name: str, unit: str, what: str, values: Array) -> Field:
+            what = f"{name.replace('_', ' ')}, {what}"
+            return Field(name, quad, unit, what, values, on_mesh=True)
+
         def contact(name: str, in_results: bool) -> Field:
             on_mesh = not in_results
             return Field(name, point, "Pa", "contact pressure", self.pressure, in_results, on_mesh)
@@ -120,6 +137,9 @@ class ShellView(FeView):
             *super().fields(),
             Field("strain", component, "1", "Green-Lagrange strain", self.strain),
             Field("stress", component, "Pa", "2nd Piola-Kirchhoff", self.stress),
+            Field("stress_free_volume", quad, "m3", "stress-free volume of the quad", self.volume),
+            both("strain_energy_density", "J m-3", "per stress-free volume", self.energy_density),
+            both("thickness_stretch", "1", "over the stress-free one", self.thickness_stretch),
             contact("pressure", in_results=True),
             contact("contact_pressure", in_results=False),
             mesh(STRAIN, "1", "strain along the fibres", self.strain[:, 0]),
@@ -135,13 +155,36 @@ class ShellView(FeView):
                 for name, fibres in zip(FAMILIES, self.fibres, strict=False)
             ),
             *([Field("tension_state", quad, "1", state, self.tension, on_mesh=True)] * bears),
+            *self._point_fields(),
         )
+
+    def _point_fields(self) -> tuple[Field, ...]:
+        """Where the points of the user's are, and the surface strain tensor there."""
+        if not self.gauges.points:
+            return ()
+        position = self.gauges.positions(self.points)
+        strain = self.point_strain()
+        component = ("hood_point", "surface_component")
+        where = "named point of the hood"
+        return (
+            Field("hood_point_position", ("hood_point", "axis"), "m", where, position),
+            Field("hood_point_strain", component, "1", "Green-Lagrange strain tensor", strain),
+        )
+
+    def point_strain(self, before: ShellView | None = None) -> Array:
+        """(k, 3) Green-Lagrange E11, E22, E12 at the user's points, along the finger, across it and
+        shear, from free of stress or from another state."""
+        strain = self.line_strain[self.gauges.quads]
+        first = np.zeros_like(strain) if before is None else before.line_strain[self.gauges.quads]
+        return strain_between(first, strain)
 
     def coordinates(self) -> Mapping[str, Any]:
         return {
             "strain_component": ["along", "across", "shear"],
             "quad_node": (("quad", "corner"), self.quads),
             "region": ("quad", [REGIONS[i] for i in self.region]),
+            **({"hood_point": list(names)} if (names := self.gauges.points) else {}),
+            **({"surface_component": list(STRAIN_COMPONENTS)} if names else {}),
             **super().coordinates(),
         }
 
@@ -149,27 +192,32 @@ class ShellView(FeView):
         return {"hood_quads": len(self.quads)}
 
     def own_summary(self) -> Mapping[str, Any]:
-        return {**strain_summary(self), **_gauge_summary(self, self.reference)}
+        return {**strain_summary(self), **_gauge_summary(self, None)}
 
     def change(self, before: ShellView) -> Mapping[str, Any]:
-        return {**strain_change(before, self), **_gauge_summary(self, before.points)}
+        return {**strain_change(before, self), **_gauge_summary(self, before)}
 
 
-def _gauge_summary(view: ShellView, before: Array) -> dict[str, Any]:
-    """Displacements and strains of the user's points and gauges from the sheet at `before`."""
+def _gauge_summary(view: ShellView, before: ShellView | None) -> dict[str, Any]:
+    """Displacements and strains of the user's points and gauges from where the sheet was laid, or
+    from another state."""
+    x = view.reference if before is None else before.points
+    strains = 100 * view.point_strain(before)
     found = {
-        "point_displacement_mm": view.gauges.displacements(view.points, before),
-        "gauge_strain_percent": view.gauges.strain(view.points, before),
+        "point_displacement_mm": view.gauges.displacements(view.points, x),
+        "point_strain_percent": {
+            name: dict(zip(STRAIN_COMPONENTS, strain.tolist(), strict=True))
+            for name, strain in zip(view.gauges.points, strains, strict=True)
+        },
+        "gauge_strain_percent": view.gauges.strain(view.points, x),
     }
     return {key: value for key, value in found.items() if value}
 
 
 def view_of(
-    config: ShellHoodConfig, hood: FeHood, mesh: HoodMesh, skeleton: Skeleton
+    hood: FeHood, mesh: HoodMesh, skeleton: Skeleton, gauges: Gauges
 ) -> Callable[[State], ShellView]:
-    """What there is to see at a state; the mesh lies on a finger of that skeleton.
-
-    Raises InputError for a point of the case that is not on the hood."""
+    """What there is to see at a state; the mesh lies on a finger of that skeleton."""
     from meshes.bands import sheet_bands
     from meshes.glide import sheet_places
     from meshes.markers import markers
@@ -178,9 +226,6 @@ def view_of(
     lines = Lines(sheet_places(mesh), sheet_bands(mesh), skeleton.axis[JOINTS.index("PIP")])
     crossings = middle_crossings(mesh, skeleton)
     depth, placed = guide_depth(hood), markers(mesh, CENTRAL)
-    quads = display_quads(mesh.quads)
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    gauges = place_gauges(config.points, config.gauges, hood.model.reference, triangles)
     return partial(_view, hood, mesh, depth, lines, placed, turn, crossings, gauges)
 
 
@@ -217,9 +262,10 @@ def _view(
     state: State,
 ) -> ShellView:
     from fe_solver.hood.fibre_families import fibre_families
-    from fe_solver.solver.fields import contact_pressure, fields
+    from fe_solver.solver.fields import contact_pressure, energy_fields, fields
 
     field = fields(hood.model, state.configuration)
+    energy = energy_fields(hood.model, state.configuration)
     return ShellView(
         **vars(view_at(hood, depth, lines, state)),
         quads=hood.model.quads,
@@ -228,6 +274,9 @@ def _view(
         line_strain=_rotate_strains(field.strain, turn),
         faces=field.faces,
         stress=field.stress,
+        energy_density=energy.density,
+        volume=energy.volume,
+        thickness_stretch=energy.stretch,
         tension=field.tension,
         area=hood.model.tables.weight.sum(axis=1),
         central=mesh.cells(*CENTRAL),

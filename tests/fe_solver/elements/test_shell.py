@@ -26,7 +26,7 @@ from fe_solver.materials.linear import Isotropic
 from fe_solver.materials.section import Section, one_law
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.solver.body_coupling import wrenches
-from fe_solver.solver.fields import fields
+from fe_solver.solver.fields import energy_fields, fields
 from fe_solver.solver.model import Configuration
 from fe_solver.solver.newton import solve
 from tests.helpers import shells
@@ -339,3 +339,31 @@ def test_directors_may_point_to_either_side():
         model = clamp(model, np.flatnonzero(X[:, 0] == 0))
         tips.append(linear_response(model, load)[0][:, 2].max())
     assert tips[1] == pytest.approx(tips[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("law", [Isotropic(1e3, 0.3), NeoHookean(1e3, 0.3)])
+def test_the_energy_density_integrates_to_the_energy(law):
+    """Also with bending, shear and growth; and a pulled strip has E e^2 / 2 everywhere."""
+    X, quads = plate(4.0, 1.0, 8, 2)
+    model = sheet(X, quads, 1e3, 0.3, 0.1, growth=0.02)
+    model = replace(model, section=one_law(law, np.full(len(quads), 0.1)))
+    rng = np.random.default_rng(3)
+    c = at_rest(model)
+    d = c.d + 0.05 * rng.normal(size=c.d.shape)
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    c = replace(c, x=c.x + 0.01 * rng.normal(size=c.x.shape), d=d)
+    seen = energy_fields(model, c)
+    whole = model.evaluate(c, NO_TENSION, tangent=False).energy
+    assert seen.density @ seen.volume == pytest.approx(whole, rel=1e-12)
+    assert seen.volume.sum() == pytest.approx(4.0 * 1.02 * 0.1)
+    assert whole > 0
+
+
+def test_the_energy_density_of_a_pulled_strip():
+    X, quads = plate(4.0, 1.0, 8, 2)
+    model, e = sheet(X, quads, 1e3, 0.0, 0.1), 0.05
+    c = at_rest(model)
+    c = replace(c, x=c.x * [np.sqrt(1 + 2 * e), 1, 1])
+    seen = energy_fields(model, c)
+    assert seen.density == pytest.approx(np.full(len(quads), 1e3 * e**2 / 2))
+    assert seen.stretch == pytest.approx(np.ones(len(quads)))
