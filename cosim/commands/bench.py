@@ -18,7 +18,8 @@ def bench(
     case: Annotated[
         str,
         typer.Argument(
-            help="Case file or packaged case; or fe, febio, fingers, opensim, robot, studies."
+            help="Case file or packaged case; or fe, febio, fingers, opensim, pulls, robot, "
+            "studies."
         ),
     ],
     settings: Settings = None,
@@ -32,14 +33,21 @@ def bench(
     """Time a coupled run against one assembly and one factorisation of its own tangent; with fe the
     shell solver's iteration against its floor; with febio published models beside FEBio; with
     fingers the static solve of the finger alone; with opensim its motion beside OpenSim's; with
-    robot the control loop of the robotic finger beside its paper's; with studies what it costs to
-    hand out runs, and two workers beside one."""
+    pulls the linear solves that drawing a tendon takes, beside what they once were; with robot the
+    control loop of the robotic finger beside its paper's; with studies what it costs to hand out
+    runs, and two workers beside one."""
     if case == "fe":
         bench_fe()
         return
     if case in ("fingers", "opensim"):
         with exit_on_error():
             bench_fingers(beside_opensim=case == "opensim")
+        return
+    if case == "pulls":
+        from cosim.commands.bench_pulls import bench_pulls
+
+        with exit_on_error():
+            bench_pulls()
         return
     if case == "robot":
         bench_robotic_finger()

@@ -371,8 +371,9 @@ def test_the_command(hood, tmp_path, data):
     ):
         refused = runner.invoke(app, wrong)
         assert refused.exit_code == 2
-        assert refused.stderr.splitlines()[-1].startswith("cosim: ")
-        assert refused.stderr.count("\n") == 1
+        said = refused.stderr.splitlines()
+        assert said[-1].startswith("cosim: ")
+        assert len(said) <= 2  # after the stage, where it came so far
 
 
 def test_rows_for_a_case_of_which_no_run_is_reported_are_counted(hood, tmp_path, data):
