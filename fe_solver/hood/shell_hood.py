@@ -31,11 +31,26 @@ counts as no less than NO_PULL (N)."""
 MAX_TURN = 0.2
 """rad that a joint turns at most in one solve.  A slack sheet may have several equilibria in a bent
 posture (its central slip taut or not); which of them a long leap ends in is the mesh's whim."""
+ON_THE_WAY = 1e-2
+"""Newton's tolerance in the postures on the way to one that is far."""
 MOST_HALVINGS = 4
 DETOUR_TENSION = 6.0
 """Added to every tension (N) on a detour: a sheet that folds in a joint when slack is then taut."""
 SOFT_START = NewtonOptions(tolerance=1e-2)
 """Options for the equilibrium on softer contact that leads to the one that is sought."""
+
+
+@dataclass(frozen=True)
+class _Drift:
+    """How far nodes (n, 3) m and directors (n, 3) came to rest from where the bones carried them;
+    in a step of the same size they will about as far again."""
+
+    x: Array
+    d: Array
+
+    @classmethod
+    def of(cls, c: Configuration, carried: Configuration) -> _Drift:
+        return cls(c.x - carried.x, c.d - carried.d)
 
 
 @dataclass(frozen=True)
@@ -198,14 +213,20 @@ class ShellHood:
         if motion.bodies != self.bodies:
             raise InputError(f"the hood shares the bodies {self.bodies}, got {motion.bodies}")
 
-    def _carry(self, c: Configuration, motion: Motion) -> Configuration:
-        """Every node moved with the bodies that carry it, tied and guided nodes exactly."""
+    def _carry(
+        self, c: Configuration, motion: Motion, drift: _Drift | None = None
+    ) -> Configuration:
+        """Every node moved with the bodies that carry it, and by the drift of the step before as
+        they turn it; tied and guided nodes exactly."""
         turn = motion.rotation @ np.swapaxes(c.rotation, 1, 2)
         moved = np.einsum("bij,bnj->bni", turn, c.x[None] - c.position[:, None])
         moved += motion.position[:, None]
         x = np.einsum("nb,bni->ni", self.carriers, moved)
-        d = np.einsum("nb,bij,nj->ni", self.carriers, turn, c.d)
+        own = c.d if drift is None else c.d + drift.d
+        d = np.einsum("nb,bij,nj->ni", self.carriers, turn, own)
         d /= np.linalg.norm(d, axis=1, keepdims=True)
+        if drift is not None:
+            x += np.einsum("nb,bij,nj->ni", self.carriers, turn, drift.x)
         slid = self.model.move_bodies(c, motion.position, motion.rotation)
         held = np.concatenate([self.model.ties.node, self.model.guides.node])
         x[held] = slid.x[held]
@@ -257,25 +278,34 @@ class ShellHood:
                 raise error from None
 
     def _solve_in_steps(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
-        """Solve at `motion` and, where that is far, on the way there; a sheet stretched in situ is
-        balanced first where it was laid out."""
+        """Solve at `motion` and, where that is far, on the way there, loosely unless friction holds
+        what it meets; a sheet stretched in situ is balanced first where it was laid out."""
         if self.stretched and state.solution is None:
             state = self._solve_or_halve(state, state.motion, tension, MOST_HALVINGS)
         begin, before = state.motion, state.solution.tension if state.solution else tension
         steps = int(np.ceil(_largest_turn(begin, motion) / self.leap))
+        remembers, drift = self.augment is not None, None
+        way = self if remembers else self.with_tolerance(ON_THE_WAY)
         for part in np.arange(1, steps) / max(steps, 1):
             pull = before + part * (tension - before)
-            state = self._solve_or_halve(
-                state, interpolate_motion(begin, motion, part), pull, MOST_HALVINGS
-            )
-        return self._solve_or_halve(state, motion, tension, MOST_HALVINGS)
+            there = interpolate_motion(begin, motion, part)
+            reached = way._solve_or_halve(state, there, pull, MOST_HALVINGS, drift)
+            if not remembers:
+                drift = _Drift.of(reached.configuration, self._carry(state.configuration, there))
+            state = reached
+        return self._solve_or_halve(state, motion, tension, MOST_HALVINGS, drift)
 
     def _solve_or_halve(
-        self, state: HoodState, motion: Motion, tension: Array, halvings: int
+        self,
+        state: HoodState,
+        motion: Motion,
+        tension: Array,
+        halvings: int,
+        drift: _Drift | None = None,
     ) -> HoodState:
         """Solve at once, and where that fails half the way first; at last by a damped motion."""
         try:
-            return self._solve_once(state, motion, tension)
+            return self._solve_once(state, motion, tension, drift)
         except ConvergenceError as error:
             if halvings == 0:
                 return self._relax(state, motion, tension, error)
@@ -284,11 +314,13 @@ class ShellHood:
         middle = self._solve_or_halve(state, half, (before + tension) / 2, halvings - 1)
         return self._solve_or_halve(middle, motion, tension, halvings - 1)
 
-    def _solve_once(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+    def _solve_once(
+        self, state: HoodState, motion: Motion, tension: Array, drift: _Drift | None = None
+    ) -> HoodState:
         near = self._predict(state, motion, tension)
         if near is None:
             guess, spent = self._start_on_soft_contact(
-                self._carry(state.configuration, motion), tension
+                self._carry(state.configuration, motion, drift), tension
             )
             s = self._equilibrium(state, guess, tension, None)
             return HoodState(motion, s.configuration, s, state.iterations + spent + s.iterations)

@@ -39,6 +39,9 @@ CLOSE = 1e-4
 """Residual over the largest force at which the steps end."""
 NEAR = 0.1
 """Residual over the largest force below which the next tangent is the consistent one."""
+SHORT = 0.1
+"""Longest step with the consistent tangent, against the longest one allowed: near a bifurcation,
+where it is nearly singular, it would lead far away."""
 UNDAMPED = 6
 """Steps after which one that takes back what the last one closed or opened is halved."""
 
@@ -84,9 +87,10 @@ def take_mixed_steps(
         potential, usable = model.potential(c, e.energy, tension), not is_folded(model, c)
         if potential < least and (usable or iteration == 0):
             least, best = potential, c
-        if residual <= CLOSE * force and usable:
+        close = residual <= CLOSE * force
+        if close and usable:
             return MixedSteps(c, iteration, solves)
-        if iteration == most:
+        if close or iteration == most:
             break
         # the consistent tangent serves where it is positive definite
         try:
@@ -98,7 +102,8 @@ def take_mixed_steps(
                 solves += 1
         except ConvergenceError:
             break
-        step = limit_step(limit_to_contact(model, e, step), max_step, max_turn)[0]
+        part = 1.0 if e.convex else SHORT
+        step = limit_step(limit_to_contact(model, e, step), part * max_step, part * max_turn)[0]
         if iteration >= UNDAMPED and before is not None and _reverses(model, e, step, before):
             step = step / 2
         before = _predict(model, c, e, step)
