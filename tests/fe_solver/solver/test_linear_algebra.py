@@ -91,6 +91,15 @@ def test_an_indefinite_matrix_is_solved_for_one_side_and_for_many(backend):
     assert factor.solve(many).tobytes() == factor_of(matrix, backend).solve(many).tobytes()
 
 
+@pytest.mark.parametrize("backend", available())
+def test_as_many_pivots_are_negative_as_eigenvalues(backend):
+    for signs in (np.ones(SIZE), np.where(np.arange(SIZE) % 3, 1.0, -2.0)):
+        matrix = arrow(signs)
+        negative = int((np.linalg.eigvalsh(matrix.toarray()) < 0).sum())
+        if backend != "cholmod" or not negative:
+            assert factor_of(matrix, backend).negative == negative
+
+
 @pytest.mark.parametrize("backend", INDEFINITE)
 def test_an_earlier_factor_of_a_pattern_serves_after_a_later_one(backend):
     first, second = arrow(np.ones(SIZE)), arrow(np.linspace(1.0, 2.0, SIZE))

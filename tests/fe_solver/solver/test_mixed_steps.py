@@ -1,0 +1,136 @@
+"""Whole steps with predicted forces: where they lead, and what they predict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cosim.errors import ConvergenceError
+from fe_solver.elements.shell import Array
+from fe_solver.solver import mixed_steps
+from fe_solver.solver.mixed_steps import CLOSE, _predict, _reverses, take_mixed_steps
+from fe_solver.solver.model import Configuration, Forces, ShellModel
+from fe_solver.solver.newton import NewtonOptions, solve
+from fe_solver.solver.residual import is_folded, residual_norm
+from tests.helpers.shells import NO_TENSION, at_rest, plate, sheet
+from tests.helpers.straps import TENSION, TIGHT, perturb, springs, strap
+
+LONGEST = 3e-3, 0.6
+"""m and rad, the longest step."""
+REACH = 10e-3
+"""m, length of the springs of the swing."""
+
+
+@pytest.fixture(scope="module")
+def model() -> ShellModel:
+    return strap()
+
+
+def swing(stiffness: float, angle: float) -> ShellModel:
+    """A sheet without weight of its own on four one-sided springs, as long as they hang, pulled by
+    1 N along a direction that leans by `angle` from the vertical."""
+    X, quads = plate(20e-3, 10e-3, 4, 2)
+    corners = np.flatnonzero(np.isin(X[:, 0], [0, 20e-3]) & np.isin(X[:, 1], [0, 10e-3]))
+    held = springs(corners, 0, X[corners] + [0, 0, REACH], stiffness, REACH, only=True)
+    dead = np.zeros_like(X)
+    dead[:] = np.array([np.sin(angle), 0, -np.cos(angle)]) / len(X)
+    return replace(sheet(X, quads, 1e9, 0.3, 1e-3), springs=held, dead=dead)
+
+
+def test_a_swing_on_stiff_springs_turns_in_few_steps(monkeypatch):
+    """It moves along the springs' circle.  A search for less energy follows that circle in short
+    steps, the shorter the stiffer the springs are."""
+    angle = 1.0
+    model = swing(1e8, angle)
+    found = solve(model, at_rest(model), NO_TENSION, NewtonOptions(tolerance=1e-8))
+    moved = (found.configuration.x - model.reference)[model.springs.node].mean(axis=0)
+    circle = REACH * np.array([np.sin(angle), 0, 1 - np.cos(angle)])
+    assert moved == pytest.approx(circle, abs=1e-4 * REACH)
+    assert found.iterations < 25
+    monkeypatch.setattr(mixed_steps, "MOST_STEPS", 0)
+    with pytest.raises(ConvergenceError):
+        solve(model, at_rest(model), NO_TENSION, NewtonOptions(1e-8, 3 * found.iterations))
+
+
+def test_the_equilibrium_is_that_of_the_search(model, monkeypatch):
+    found = solve(model, at_rest(model), TENSION, TIGHT)
+    monkeypatch.setattr(mixed_steps, "MOST_STEPS", 0)
+    searched = solve(model, at_rest(model), TENSION, TIGHT)
+    assert found.configuration.x == pytest.approx(searched.configuration.x, abs=1e-10)
+    assert found.configuration.d == pytest.approx(searched.configuration.d, abs=1e-7)
+
+
+def test_the_steps_end_close_to_equilibrium(model):
+    found = take_mixed_steps(model, at_rest(model), TENSION, 40, *LONGEST)
+    residual, force = residual_norm(model, model.evaluate(found.configuration, TENSION, False))
+    assert residual <= CLOSE * force
+    assert 0 < found.iterations <= found.solves
+    assert not is_folded(model, found.configuration)
+
+
+def test_no_more_steps_are_taken_than_allowed(model):
+    """Where they do not arrive, nothing is worse than at the start."""
+    start = at_rest(model)
+    found = take_mixed_steps(model, start, TENSION, 2, *LONGEST)
+    assert found.iterations == 2
+
+    def potential(c: Configuration) -> float:
+        return model.potential(c, model.evaluate(c, TENSION, False).energy, TENSION)
+
+    assert potential(found.configuration) <= potential(start)
+
+
+def test_forces_are_predicted_to_first_order(model):
+    """The error falls with the square of the step; one-sided springs and contacts act throughout
+    or not at all."""
+    c = solve(model, at_rest(model), TENSION, TIGHT).configuration
+    e = model.evaluate(c, TENSION, tangent=False)
+    step = np.zeros(model.pattern.size)
+    step[model.free] = 1e-6 * np.random.default_rng(1).standard_normal(len(model.free))
+    acts = mixed_steps._acts(e.points.depth) & (e.points.depth > 1e-4)
+    errors = []
+    for part in (1.0, 0.5):
+        there = model.evaluate(model.take_step(c, e.bases, part * step), TENSION, False)
+        foreseen = _predict(model, c, e, part * step)
+        errors.append(
+            [
+                np.abs(foreseen.elements - there.elements.force).max(),
+                np.abs(foreseen.points - there.points.force)[acts].max(),
+            ]
+        )
+    assert np.array(errors[1]) == pytest.approx(np.array(errors[0]) / 4, rel=0.1)
+
+
+def test_its_own_forces_make_the_consistent_tangent(model):
+    c = perturb(model, at_rest(model), 1e-5)
+    e = model.evaluate(c, TENSION, tangent=True)
+    own = Forces(e.elements.force, e.points.force)
+    assert e.data is not None
+    assert np.array_equal(model.tangent(c, e, own), e.data)
+
+    def doubled(part: float) -> Array:
+        return model.tangent(c, e, Forces(part * own.elements, part * own.points))
+
+    assert doubled(2.0) - e.data == pytest.approx(e.data - doubled(0.0), rel=1e-6, abs=1e-3)
+
+
+def test_a_step_back_is_seen(model):
+    """A spring that a step has made taut and the next would slacken, and one that stays."""
+    c = solve(model, at_rest(model), TENSION, TIGHT).configuration
+    e = model.evaluate(c, TENSION, tangent=False)
+    step = np.zeros(model.pattern.size)
+    before = _predict(model, c, e, step)
+    keys = before.acting
+    assert len(keys) > 1
+    assert not _reverses(model, e, step, before)
+    p = e.points
+    depth, node = (a[mixed_steps._acts(p.depth)] for a in (p.depth, p.node))
+    i = int(np.argmin(depth))
+    away = step.reshape(-1, 5)
+    direction = p.direction[mixed_steps._acts(p.depth)][i]
+    away[node[i], :3] = -2 * depth[i] * e.bases[0][node[i]].T @ direction
+    opened = before._replace(acting=np.setdiff1d(keys, keys[i]))
+    assert _reverses(model, e, step, opened)
+    assert not _reverses(model, e, step, before)
