@@ -140,11 +140,13 @@ def anatomy_of(finger: AnyFinger, extensor: Extensor) -> Anatomy:
 
 
 def joint_ranges(finger: Finger) -> dict[str, tuple[float, float]]:
-    """rad by joint: the finger's own, or where it states none those of a posture in a case."""
+    """rad by joint: the finger's own, or where it states none those of a posture in a case; without
+    end of a joint that neither knows."""
     from rigid.fingers.anatomy import RANGES
 
     stated = {joint: r for joint, r in finger.ranges.items() if np.isfinite(r).all()}
-    return {joint: stated.get(joint, RANGES[joint]) for joint in finger.joints}
+    endless = (-np.inf, np.inf)
+    return {joint: stated.get(joint, RANGES.get(joint, endless)) for joint in finger.joints}
 
 
 def with_mass() -> str:
