@@ -31,7 +31,7 @@ counts as no less than NO_PULL (N)."""
 MAX_TURN = 0.2
 """rad that a joint turns at most in one solve.  A slack sheet may have several equilibria in a bent
 posture (its central slip taut or not); which of them a long leap ends in is the mesh's whim."""
-ON_THE_WAY = 1e-2
+ON_THE_WAY = 1e-3
 """Newton's tolerance in the postures on the way to one that is far."""
 MOST_HALVINGS = 4
 DETOUR_TENSION = 6.0

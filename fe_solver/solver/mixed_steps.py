@@ -36,7 +36,7 @@ Ints = NDArray[np.intp]
 
 MOST_STEPS = 40
 CLOSE = 1e-4
-"""Residual over the largest force at which the steps end."""
+"""Residual over the largest force at which the steps end at the latest."""
 NEAR = 0.1
 """Residual over the largest force below which the next tangent is the consistent one."""
 SHORT = 0.1
@@ -70,15 +70,17 @@ def take_mixed_steps(
     start: Configuration,
     tension: Array,
     most: int,
+    tolerance: float,
     max_step: float,
     max_turn: float,
 ) -> MixedSteps:
     """Take up to `most` steps (MOST_STEPS) from `start` under `tension` (nt,) N, none longer than
-    `max_step` (m) or turning a director by more than `max_turn` (rad), to a residual of CLOSE.
-    Where they do not lead there, the configuration is the one of least energy that they met, the
-    start included."""
+    `max_step` (m) or turning a director by more than `max_turn` (rad), to a residual of `tolerance`
+    (at least CLOSE) of the largest force.  Where they do not lead there, the configuration is the
+    one of least energy that they met, the start included."""
     c, before, convex = start, None, True
-    least, best, solves, most = np.inf, start, 0, min(most, MOST_STEPS)
+    most, tolerance = min(most, MOST_STEPS), max(tolerance, CLOSE)
+    least, best, solves = np.inf, start, 0
     for iteration in range(most + 1):
         e = model.evaluate(c, tension, tangent=False, convex=convex)
         residual, force = residual_norm(model, e)
@@ -87,7 +89,7 @@ def take_mixed_steps(
         potential, usable = model.potential(c, e.energy, tension), not is_folded(model, c)
         if potential < least and (usable or iteration == 0):
             least, best = potential, c
-        close = residual <= CLOSE * force
+        close = residual <= tolerance * force
         if close and usable:
             return MixedSteps(c, iteration, solves)
         if close or iteration == most:

@@ -161,10 +161,12 @@ def solve(
     """Solve for an equilibrium near `start` under `tension` (nt,) N at the poses of `start`, and
     return it with its residual.
 
-    Far from equilibrium the tangent is the convex one, near it (as `near` says of `start`) the
-    consistent one.  With `before`, an equilibrium of the same model close by, a factor serves again
-    (a chord iteration) while it lowers the residual fast, and that of `before` serves first; the
-    residual then ends nearer to the tolerance than Newton's own iterations leave it.
+    From afar it begins with the whole steps of `fe_solver.solver.mixed_steps`, and goes on from
+    where they lead by a search for less energy; from `near` it searches at once.  The tangent is
+    the convex one far from equilibrium, and near it the consistent one.  With `before`, an
+    equilibrium of the same model close by, a factor serves again (a chord iteration) while it
+    lowers the residual fast, and that of `before` serves first; the residual then ends nearer to
+    the tolerance than Newton's own iterations leave it.
 
     Where a sheet without compression comes near one only, it is sought with tension fields that are
     smoother at first (`SMOOTHER`).
@@ -207,8 +209,8 @@ def _solve(
     longest = options.max_step, options.max_turn
     c, first, solves = start, 0, 0
     if not near:
-        most = options.max_iterations
-        c, first, solves = take_mixed_steps(model, start, tension, most, *longest)
+        limits = options.max_iterations, options.tolerance, *longest
+        c, first, solves = take_mixed_steps(model, start, tension, *limits)
     convex, stuck, chord = not near and c is start, False, _chord_of(before)
     kept = None if before is None else before.factor
     e = model.evaluate(c, tension, tangent=chord is None, convex=convex)

@@ -65,7 +65,7 @@ def test_the_equilibrium_is_that_of_the_search(model, monkeypatch):
 
 
 def test_the_steps_end_close_to_equilibrium(model):
-    found = take_mixed_steps(model, at_rest(model), TENSION, 40, *LONGEST)
+    found = take_mixed_steps(model, at_rest(model), TENSION, 40, 0.0, *LONGEST)
     residual, force = residual_norm(model, model.evaluate(found.configuration, TENSION, False))
     assert residual <= CLOSE * force
     assert 0 < found.iterations <= found.solves
@@ -75,7 +75,7 @@ def test_the_steps_end_close_to_equilibrium(model):
 def test_no_more_steps_are_taken_than_allowed(model):
     """Where they do not arrive, nothing is worse than at the start."""
     start = at_rest(model)
-    found = take_mixed_steps(model, start, TENSION, 2, *LONGEST)
+    found = take_mixed_steps(model, start, TENSION, 2, 0.0, *LONGEST)
     assert found.iterations == 2
 
     def potential(c: Configuration) -> float:
