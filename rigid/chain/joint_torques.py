@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.kernels.kernel import compile_kernel
 from cosim.port import Array
-from rigid.kernels import compile_kernel
 
 LIMIT_STIFFNESS = float(np.degrees(20.0))
 """20 N m/deg (Jadelis, thesis, section 2.2.2) in N m/rad."""

@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.kernels.kernel import compile_kernel
 from cosim.port import Array, Motion
-from rigid.kernels import compile_kernel
 
 Indices = NDArray[np.integer]
 
