@@ -112,6 +112,7 @@ KNOW_THE_SOLVERS = {
     "cosim.commands.finger",
     "cosim.commands.opensim",
     "cosim.commands.verify",
+    "cosim.commands.warm",
     "cosim.results.sto",
     "cosim.solve.one_way",
     "cosim.tendons.air",

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import update_wrapper
 from importlib.util import find_spec
+from pathlib import Path
 from threading import RLock
-from typing import Any, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -21,10 +22,13 @@ class Kernel:
     numba itself is imported at the first call of any kernel, and not for those that only stand in
     a module that was imported."""
 
+    made: ClassVar[list[Kernel]] = []
+
     def __init__(self, function: Callable[..., Any]) -> None:
         update_wrapper(self, function)
         self.function = function
         self._compiled: Any = None
+        self.made.append(self)
 
     def __call__(self, *arguments: Any) -> Any:
         return (self._compiled or self.compiled())(*arguments)
@@ -42,6 +46,30 @@ class Kernel:
                     if type(value) is Kernel:
                         names[name] = value.compiled()
             return self._compiled
+
+
+class CompiledKernel(NamedTuple):
+    """What became of a kernel in this process."""
+
+    name: str
+    compiled: int
+    """For how many types of arguments it was compiled."""
+    loaded: int
+    """For how many it was found compiled."""
+    folder: Path | None
+    """Where it is kept; None where it is kept nowhere."""
+
+
+def compiled_kernels() -> Iterator[CompiledKernel]:
+    """Those that were called in this process, by Python or by a kernel that was compiled."""
+    for kernel in Kernel.made:
+        if kernel._compiled is not None:
+            _, hits, misses = kernel._compiled.stats
+            path = kernel._compiled.stats.cache_path
+            if hits or misses:
+                folder = None if path is None else Path(path)
+                name = f"{kernel.function.__module__}.{kernel.function.__name__}"
+                yield CompiledKernel(name, len(misses), len(hits), folder)
 
 
 def compile_kernel(function: Function) -> Function:
