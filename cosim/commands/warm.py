@@ -12,6 +12,7 @@ import typer
 from cosim.commands.terminal import exit_on_error, stages
 from cosim.errors import InputError
 from cosim.files import shown_path
+from cosim.kernels.kernel import compiled_kernels
 
 
 class Warmup(NamedTuple):
@@ -40,29 +41,32 @@ WARMUPS = (
 def warm() -> None:
     """Compile the kernels and bake the distances of the bones that the shipped cases need, so that
     no later run waits for it: after an installation, or while an image of a container is built."""
-    from cosim.kernels.kernel import HAS_NUMBA, compiled_kernels
-
     started = time.perf_counter()
     with exit_on_error(), stages("warm", len(WARMUPS) + 1) as told:
         told.begin("distances of a surface")
         _bake_tetrahedron()
+        _check_kept()
         for warmup in WARMUPS:
             told.begin(warmup.what)
             _warm_up(warmup)
-    kernels = list(compiled_kernels()) if HAS_NUMBA else []
+        _check_kept()
+    kernels = list(compiled_kernels())
     made, found = sum(k.compiled for k in kernels), sum(k.loaded for k in kernels)
     seconds = time.perf_counter() - started
     typer.echo(f"{made} kernels compiled and {found} found compiled, in {seconds:.0f} s")
     for folder in sorted({k.folder for k in kernels if k.folder is not None}):
         typer.echo(f"kernels are kept in {shown_path(folder)}")
-    typer.echo(f"distances of bones are kept in {_bones_folder()}")
-    lost = [k.name for k in kernels if k.folder is None]
-    with exit_on_error():
-        if lost:
+    typer.echo(f"distances of bones are kept {_bones_folder()}")
+
+
+def _check_kept() -> None:
+    """Raises InputError where a kernel was compiled and could not be kept."""
+    for kernel in compiled_kernels():
+        if kernel.folder is None:
             raise InputError(
-                f"{len(lost)} kernels are kept nowhere, {lost[0]} among them: neither the "
-                "installation nor the user's cache folder can be written to; set NUMBA_CACHE_DIR "
-                "to a folder that can, now and for each run"
+                f"compiled kernels ({kernel.name}) cannot be kept: neither the installation nor "
+                "the user's cache folder can be written to; set NUMBA_CACHE_DIR to a folder that "
+                "can, now and for each run"
             )
 
 
@@ -94,4 +98,5 @@ def _bake_tetrahedron() -> None:
 def _bones_folder() -> str:
     from fe_solver.surfaces.spline_distance import cache_folder
 
-    return shown_path(cache_folder())
+    folder = cache_folder()
+    return f"in {shown_path(folder)}" if folder.is_dir() else "nowhere: no cache folder of the user"

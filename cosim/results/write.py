@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
 import os
 import shutil
 from collections.abc import Callable
@@ -90,6 +91,8 @@ def _write_files(folder: Path, run: CaseParts) -> None:
 
 
 def _draw(folder: Path, run: CaseParts) -> None:
+    # where its own folder cannot be written to, matplotlib warns twice and works on
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     from cosim.results.scene_plot import draw
 
     _write_png(draw(run.scene, run.title), folder / "picture.png", dpi=150)
