@@ -13,7 +13,7 @@ from numba.core import caching
 
 def compile_and_keep(function: Callable[..., Any]) -> Any:
     """numba's dispatcher of a function, whose compiled code is kept on disk where one can."""
-    dispatcher = numba.njit(nogil=True, error_model="numpy", boundscheck=False)(function)
+    dispatcher: Any = numba.njit(nogil=True, error_model="numpy", boundscheck=False)(function)
     dispatcher._cache = KernelCache(function)  # as its enable_caching() would set numba's own
     return dispatcher
 
@@ -61,7 +61,8 @@ class KernelCache(caching.NullCache):
 def _places(function: Callable[..., Any]) -> Iterator[Any]:
     """numba's caches of a function in each place where it may have been kept."""
     by_user, *others = caching.CompileResultCacheImpl._locator_classes[:3]
-    for locator in (by_user,) if numba.config.CACHE_DIR else others:
+    config: Any = numba.config
+    for locator in (by_user,) if config.CACHE_DIR else others:
         trusted = type(locator.__name__, (locator,), {"ensure_cache_path": lambda self: None})
         impl = type("Impl", (caching.CompileResultCacheImpl,), {"_locator_classes": [trusted]})
         place = type("Place", (caching.FunctionCache,), {"_impl_class": impl})

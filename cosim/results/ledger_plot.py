@@ -25,13 +25,15 @@ def draw_ledger(rows: Sequence[LedgerRow], title: str) -> Figure:
     bars, of a motion all as lines against time."""
     from matplotlib.figure import Figure
 
-    force = [(r.state, r.body, r.source, float(np.linalg.norm(r.force))) for r in rows]
+    sized = [(row, float(np.linalg.norm(row.force))) for row in rows]
     largest: dict[str, float] = {}
-    for *_, source, size in force:
-        largest[source] = max(size, largest.get(source, 0.0))
+    for row, size in sized:
+        largest[row.source] = max(size, largest.get(row.source, 0.0))
     least = TELLING * max(largest.values(), default=0.0)
-    force = [row for row in force if largest[row[2]] >= least]
-    states, bodies, sources = (list(dict.fromkeys(row[i] for row in force)) for i in range(3))
+    sized = [(row, size) for row, size in sized if largest[row.source] >= least]
+    states = list(dict.fromkeys(row.state for row, _ in sized))
+    bodies = list(dict.fromkeys(row.body for row, _ in sized))
+    sources = list(dict.fromkeys(row.source for row, _ in sized))
     looks = {source: look(i) for i, source in enumerate(sources)}
     count, height, still = max(len(bodies), 1), 4.2, len(states) <= FEW
     figure = Figure(figsize=(3.6 * count, height), layout=None if still else "constrained")
@@ -41,7 +43,7 @@ def draw_ledger(rows: Sequence[LedgerRow], title: str) -> Figure:
         bottom = (0.2 + 0.056 * longest) / height
         figure.subplots_adjust(0.6 / (3.6 * count), bottom, 0.995, 0.88, wspace=0.05)
     for axes, body in zip(panels, bodies, strict=False):
-        of_body = {(state, source): size for state, b, source, size in force if b == body}
+        of_body = {(r.state, r.source): size for r, size in sized if r.body == body}
         if still:
             _bars(axes, {s: size for (at, s), size in of_body.items() if at == states[-1]}, looks)
         else:
