@@ -177,6 +177,7 @@ COMMANDS = {
             "cosim glossary excursion",
         ),
         "info": Command("verify.info", "What is installed and in use.", "cosim info"),
+        "warm": Command("warm.warm", "Compile and bake ahead of the first run.", "cosim warm"),
     },
 }
 """The commands by heading and name."""

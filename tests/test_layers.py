@@ -31,6 +31,7 @@ ALLOWED = {
     "cosim.mesh_file": ("cosim.port",),
     "cosim.xml_tree": ("cosim.port",),
     "cosim.vtu_child": (),
+    "cosim.kernels": ("cosim.kernels",),
     "cosim.checks": ("cosim.port",),
     "cosim.coupling.accelerators": ("cosim.port",),
     "cosim.coupling.state": ("cosim.port", "cosim.coupling.accelerators"),
@@ -53,17 +54,17 @@ ALLOWED = {
     ),
     "fe_solver": (
         *("cosim.port", "cosim.files", "cosim.mesh_file", "cosim.processes", "cosim.checks"),
-        *("cosim.xml_tree", "fe_solver"),
+        *("cosim.xml_tree", "cosim.kernels", "fe_solver"),
     ),
     "rigid": (
         *("cosim.port", "cosim.coupling.finger_equilibrium", "cosim.files", "cosim.checks"),
-        *("cosim.xml_tree", "meshes.skeleton", "rigid"),
+        *("cosim.xml_tree", "cosim.kernels", "meshes.skeleton", "rigid"),
     ),
     "meshes": ("cosim.port", "cosim.files", "cosim.mesh_file", "meshes"),
 }
 # The rooms of cosim from the ground up: each may import its own modules and those of floors below.
 FLOORS = (
-    {"cosim.errors", "cosim.version", "cosim.vtu_child"},
+    {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels"},
     {"cosim.port"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file"},
     {"cosim.processes", "cosim.xml_tree"},
@@ -111,6 +112,7 @@ KNOW_THE_SOLVERS = {
     "cosim.commands.finger",
     "cosim.commands.opensim",
     "cosim.commands.verify",
+    "cosim.commands.warm",
     "cosim.results.sto",
     "cosim.solve.one_way",
     "cosim.tendons.air",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from cosim.fmu.finger import OPEN
 from cosim.hoods.view import field_of, hood_field
 from cosim.port import AXES, Array
 from cosim.results.air import air_data, air_end
+from cosim.results.arrays import Arrays
 from cosim.results.audit import missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis
 from cosim.results.joint_limits import joints_ever_at_limit, limits_of
@@ -27,9 +28,6 @@ from cosim.results.result import Result
 from cosim.results.scene import bones_in_world
 from cosim.solve.motion import SolvedMotion
 from cosim.version import __version__
-
-if TYPE_CHECKING:
-    import xarray
 
 MOST_TIMES = 250
 """In a ledger: of more steps, as many are booked as evenly as can be, the last among them."""
@@ -43,7 +41,7 @@ def observe_motion(case: Case, moved: SolvedMotion, wall: float) -> Result:
     """Everything that a motion leaves behind."""
     return Result(
         _summary(case, moved, wall),
-        _dataset(moved.models, moved.history).assign_attrs(attributes(case.title, case.name)),
+        _arrays(case, moved.models, moved.history),
         tuple(_ledger(moved.models, moved.history)),
         _scene(moved.models, moved.history),
         resolved_toml(case),
@@ -214,9 +212,7 @@ def _steps(end: MotionState, frames: Sequence[MotionFrame]) -> dict[str, Any]:
     }
 
 
-def _dataset(t: MovingModels, kept: MotionHistory) -> xarray.Dataset:
-    import xarray
-
+def _arrays(case: Case, t: MovingModels, kept: MotionHistory) -> Arrays:
     finger, hood, frames = t.finger, t.hood, kept.frames
     split = len(hood.tendons)
 
@@ -281,7 +277,8 @@ def _dataset(t: MovingModels, kept: MotionHistory) -> xarray.Dataset:
         data["hood_point_position"] = over_time(("hood_point", "axis"), "m", path, what)
         coords["hood_point"] = list(t.point_names)
     air, cylinders = air_data(t.pulls.cylinders, np.array([f.drive for f in frames]))
-    return xarray.Dataset({**data, **air}, {**coords, **cylinders})
+    header = attributes(case.title, case.name)
+    return Arrays.of({**data, **air}, {**coords, **cylinders}, **header)
 
 
 def _ledger(t: MovingModels, kept: MotionHistory) -> Iterator[LedgerRow]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from cosim.hoods.view import HoodField
 from cosim.port import Array
+from cosim.results.arrays import Arrays
 from cosim.results.conventions import COMPONENTS, by_axis
 
 if TYPE_CHECKING:
@@ -84,14 +85,19 @@ class CaseParts:
 
     summary: Mapping[str, Any]
     """The numbers one asks for first; every key ends in its unit; written as JSON."""
-    data: xarray.Dataset
-    """All arrays, SI units, along `state` (of a motion along `time`)."""
+    arrays: Arrays
+    """SI units, along `state` (of a motion along `time`)."""
     rows: tuple[LedgerRow, ...]
     """The ledger: every force on every body by its source."""
     scene: Scene
     """What there is to see; of a run that was read, the hood alone."""
     case_text: str
     """The case with every default written out, TOML."""
+
+    @cached_property
+    def data(self) -> xarray.Dataset:
+        """All arrays, SI units, along `state` (of a motion along `time`)."""
+        return self.arrays.to_dataset()
 
     @cached_property
     def case_table(self) -> Mapping[str, Any]:
@@ -111,7 +117,7 @@ class CaseParts:
     @property
     def axis(self) -> str:
         """What the arrays run along: `time`, s, of a motion, else `state`."""
-        return "time" if "time" in self.data.dims else "state"
+        return "time" if "time" in self.arrays.dims else "state"
 
     @property
     def hood(self) -> HoodField | None:

@@ -8,20 +8,18 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from cosim.errors import InputError
 from cosim.hoods.view import STRAIN, HoodField
 from cosim.mesh_file import read_mesh_file
+from cosim.results.arrays import Arrays
 from cosim.results.compare import Target, compare_with_targets, read_json
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.quantities import check_quantities
 from cosim.results.result import Result
-
-if TYPE_CHECKING:
-    import xarray
 
 T = TypeVar("T")
 
@@ -48,7 +46,7 @@ def _read_run(folder: Path) -> Result:
     hood = _read(folder / "hood.vtu", _hood) if (folder / "hood.vtu").is_file() else None
     return Result(
         summary,
-        _read(folder / "results.nc", _dataset),
+        _read(folder / "results.nc", _arrays),
         _read(folder / "ledger.csv", _ledger) if (folder / "ledger.csv").is_file() else (),
         Scene(hood, (), ()),
         _read(folder / "case.toml", _case),
@@ -106,7 +104,7 @@ def _summary(path: Path) -> Mapping[str, Any]:
     return content
 
 
-def _dataset(path: Path) -> xarray.Dataset:
+def _arrays(path: Path) -> Arrays:
     import xarray
 
     data = xarray.load_dataset(path, engine="h5netcdf")
@@ -114,7 +112,7 @@ def _dataset(path: Path) -> xarray.Dataset:
         raise ValueError("its arrays run along neither state nor time")
     if not {"angle", "tip_force"} <= set(data):
         raise ValueError("it has no angle or no tip_force")
-    return data
+    return Arrays.from_dataset(data)
 
 
 def _ledger(path: Path) -> tuple[LedgerRow, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from cosim.fingers.kinds import joint_ranges
 from cosim.fmu.finger import OPEN
 from cosim.hoods.view import HoodView
 from cosim.port import AXES, Array, Finger
+from cosim.results.arrays import Arrays
 from cosim.results.audit import POSTURE, audit_figures, missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis, vector_of
 from cosim.results.joint_limits import Limits, joints_at_limit, limits_of
@@ -27,9 +28,6 @@ from cosim.results.slips import is_slack
 from cosim.solve.states import States
 from cosim.version import __version__
 
-if TYPE_CHECKING:
-    import xarray
-
 BEYOND = float(np.radians(10.0))
 """A joint further beyond its range of motion than this stands where no finger can."""
 HYPEREXTENDED = {"DIP": float(np.radians(25.0))}
@@ -41,10 +39,9 @@ def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Re
     models, states = solved
     pair = {"unloaded": states.unloaded, "loaded": states.loaded}
     views = {name: models.view(e.response.state) for name, e in pair.items()} if models.view else {}
-    data = dataset(models, pair, views)
     return Result(
         summary(case, models, states, views, wall),
-        data.assign_attrs(attributes(case.title, case.name)),
+        arrays(case, models, pair, views),
         tuple(row for name, e in pair.items() for row in ledger(models, name, e)),
         scene(models, states.loaded, views.get("loaded")),
         resolved_toml(case),
@@ -241,12 +238,10 @@ def ledger(models: Models, name: str, e: Equilibrium) -> Iterator[LedgerRow]:
     return ledger_rows(name, e.load.bodies, {**hood, **finger})
 
 
-def dataset(
-    models: Models, states: Mapping[str, Equilibrium], views: Mapping[str, HoodView]
-) -> xarray.Dataset:
+def arrays(
+    case: Case, models: Models, states: Mapping[str, Equilibrium], views: Mapping[str, HoodView]
+) -> Arrays:
     """All arrays against the load axis `state`, SI units."""
-    import xarray
-
     hood, finger, each = models.hood, models.finger, list(states.values())
 
     def stack(dims: tuple[str, ...], unit: str, values: list[Array], what: str) -> Any:
@@ -320,4 +315,4 @@ def dataset(
         data["torque"] = stack(("torque_source", "joint"), "N m", torque, "joint torque by source")
     for view in views.values():
         coords |= view.coordinates()
-    return xarray.Dataset(data, coords)
+    return Arrays.of(data, coords, **attributes(case.title, case.name))

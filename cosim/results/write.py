@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
 import os
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from cosim.files import replace_folder
 from cosim.hoods.view import HoodField
 from cosim.results.conventions import FRAME
 from cosim.results.parts import LEDGER_HEADER, CaseParts, LedgerRow
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def write_run(folder: str | Path, run: CaseParts) -> Path:
@@ -78,7 +82,7 @@ def _write_files(folder: Path, run: CaseParts) -> None:
     summary = json.dumps(run.summary, indent=2, default=plain, allow_nan=False)
     (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
     (folder / "case.toml").write_text(moved_toml(run.case_text, folder), encoding="utf-8")
-    run.data.to_netcdf(folder / "results.nc", engine="h5netcdf")
+    run.arrays.write(folder / "results.nc")
     _write_ledger(folder / "ledger.csv", run.rows)
     if run.hood is not None:
         _write_hood(folder / "hood.vtu", run.hood)
@@ -89,17 +93,27 @@ def _write_files(folder: Path, run: CaseParts) -> None:
 
 
 def _draw(folder: Path, run: CaseParts) -> None:
+    # where its own folder cannot be written to, matplotlib warns twice and works on
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     from cosim.results.scene_plot import draw
 
-    draw(run.scene, run.title).savefig(folder / "picture.png", dpi=150)
+    _write_png(draw(run.scene, run.title), folder / "picture.png", dpi=150)
     if run.rows:
         from cosim.results.ledger_plot import draw_ledger
 
-        draw_ledger(run.rows, run.title).savefig(folder / "ledger.png", dpi=130)
+        _write_png(draw_ledger(run.rows, run.title), folder / "ledger.png", dpi=130)
     if run.axis == "time":
         from cosim.results.history_plot import draw_history
 
-        draw_history(run.data, run.title).savefig(folder / "history.png", dpi=130)
+        _write_png(draw_history(run.data, run.title), folder / "history.png", dpi=130)
+
+
+def _write_png(figure: Figure, path: Path, dpi: int) -> None:
+    """Draw once; `Figure.savefig` draws twice, first to nowhere."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure.set_dpi(dpi)
+    FigureCanvasAgg(figure).print_png(path)
 
 
 def plain(value: Any) -> Any:

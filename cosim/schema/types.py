@@ -56,7 +56,11 @@ class Table(BaseModel):
     the JSON Schema and in `cosim explain`."""
 
     model_config = ConfigDict(
-        frozen=True, extra="forbid", protected_namespaces=(), use_attribute_docstrings=True
+        defer_build=True,
+        frozen=True,
+        extra="forbid",
+        protected_namespaces=(),
+        use_attribute_docstrings=True,
     )
 
 

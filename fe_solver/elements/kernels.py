@@ -11,36 +11,30 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from importlib.util import find_spec
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.kernels import kernel
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
-Kernel = TypeVar("Kernel", bound=Callable[..., None])
+Function = TypeVar("Function", bound=Callable[..., None])
 
-COMPILED = find_spec("numba") is not None and not os.environ.get("FE_SOLVER_NO_NUMBA")
+COMPILED = kernel.HAS_NUMBA and not os.environ.get("FE_SOLVER_NO_NUMBA")
 THREADS = "FE_SOLVER_THREADS"
 MOST_THREADS = 256
 PAYS = 1000
 """Elements from which a second thread pays."""
 
 
-def compile_kernel(kernel: Kernel) -> Kernel:
-    """The kernel compiled when it is first called, and kept on disk."""
-    if not COMPILED:
-        return kernel
-    import numba
-
-    jit: Any = numba.njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
-    made: Kernel = jit(kernel)
-    return made
+def compile_kernel(function: Function) -> Function:
+    """The function as a kernel (`cosim.kernels.kernel`), unless compiled ones are switched off."""
+    return kernel.compile_kernel(function) if COMPILED else function
 
 
 def thread_count() -> int:

@@ -75,8 +75,9 @@ def check_surface(vertices: Array, faces: Ints) -> tuple[Array, Ints]:
 def _require_watertight(faces: Ints) -> None:
     """Every edge must belong to an even number of faces: only then does a ray change sides at each
     crossing."""
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    _, count = np.unique(edges, axis=0, return_counts=True)
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T.astype(np.int64)
+    number = ends.min(axis=0) * (ends.max(initial=0) + 1) + ends.max(axis=0)  # of each edge
+    _, count = np.unique(number, return_counts=True)
     loose = int((count % 2).sum())
     if loose or len(faces) == 0:
         raise InputError(

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.kernels.kernel import compile_kernel
 from cosim.port import Array
-from rigid.kernels import compile_kernel
 
 LIMIT_STIFFNESS = float(np.degrees(20.0))
 """20 N m/deg (Jadelis, thesis, section 2.2.2) in N m/rad."""
@@ -30,13 +30,31 @@ def spring_torque(q: Array, stiffness: Array, rest: Array) -> tuple[Array, Array
 
 
 @compile_kernel
-def smooth_step(u: Array) -> tuple[Array, Array]:
+def _smooth_step(u: float) -> tuple[float, float]:
     """s = 10 u^3 - 15 u^4 + 6 u^5 between 0 and 1 (constant outside) and ds/du."""
-    u = np.minimum(np.maximum(u, 0.0), 1.0)
+    u = min(max(u, 0.0), 1.0)
     return u**3 * (10 + u * (6 * u - 15)), 30 * u**2 * (1 - u) ** 2
 
 
 @compile_kernel
+def _smooth_steps(u: Array, out: Array) -> None:
+    for i in range(len(u)):
+        out[i] = _smooth_step(u[i])[0]
+
+
+@compile_kernel
+def _limit_torques(
+    q: Array, lower: Array, upper: Array, stiffness: float, transition: float, out: Array
+) -> None:
+    for i in range(len(q)):
+        above, below = max(q[i] - upper[i], 0.0), max(lower[i] - q[i], 0.0)
+        x = above + below  # at most one of them is not zero
+        s, slope = _smooth_step(x / transition)
+        sign = 0.0 if below == above else 1.0 if below > above else -1.0
+        out[0, i] = sign * stiffness * s * x
+        out[1, i] = -stiffness * (s + slope * x / transition)
+
+
 def limit_torque(
     q: Array,
     lower: Array,
@@ -50,18 +68,20 @@ def limit_torque(
     the limits, `stiffness` N m/rad in full at `transition` rad beyond one.  An infinite limit is
     none.
     """
-    above, below = np.maximum(q - upper, 0.0), np.maximum(lower - q, 0.0)
-    x = above + below  # at most one of them is not zero
-    s, slope = smooth_step(x / transition)
-    torque = np.sign(below - above) * stiffness * s * x
-    return torque, -stiffness * (s + slope * x / transition)
+    shape = np.broadcast_shapes(np.shape(q), np.shape(lower), np.shape(upper))
+    q, lower, upper = (np.array(np.broadcast_to(x, shape)).ravel() for x in (q, lower, upper))
+    out = np.empty((2, len(q)))
+    _limit_torques(q, lower, upper, stiffness, transition, out)
+    return out[0].reshape(shape), out[1].reshape(shape)
 
 
 def limit_damping(q: Array, lower: Array, upper: Array, damping: float, transition: float) -> Array:
     """N m s/rad, the damping of OpenSim's CoordinateLimitForce: s(x / transition) `damping` at x
     rad beyond a limit, against the motion in either direction."""
     beyond = np.maximum(q - upper, 0.0) + np.maximum(lower - q, 0.0)
-    return damping * smooth_step(beyond / transition)[0]
+    share = np.empty(np.shape(beyond))
+    _smooth_steps(np.ravel(beyond / transition), share.reshape(-1))
+    return damping * share
 
 
 def limit_energy(

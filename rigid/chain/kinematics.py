@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.kernels.kernel import compile_kernel
 from cosim.port import Array, Motion
-from rigid.kernels import compile_kernel
 
 Indices = NDArray[np.integer]
 
@@ -52,13 +52,30 @@ def point_jacobian(chain: Chain, body: Indices, point: Array) -> Array:
     return _point_jacobian(chain.axis, chain.anchor, chain.child, body, point)
 
 
+# The kernels below take vectors apart: numba compiles sums and slices of arrays ten times longer.
+Vector = tuple[float, float, float]
+
+
 @compile_kernel
-def _cross(a: Array, b: Array) -> Array:
-    out = np.empty(3)
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-    return out
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@compile_kernel
+def _arm(point: Array, k: int, anchor: Array, j: int) -> Vector:
+    """From anchor j to point k."""
+    a, b, c = point[k, 0] - anchor[j, 0], point[k, 1] - anchor[j, 1], point[k, 2] - anchor[j, 2]
+    return a, b, c
+
+
+@compile_kernel
+def _row(of: Array, i: int, first: int) -> Vector:
+    return of[i, first], of[i, first + 1], of[i, first + 2]
+
+
+@compile_kernel
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compile_kernel
@@ -69,8 +86,9 @@ def _point_jacobian(
     for k in range(len(body)):
         for j in range(len(axis)):
             if child[j] <= body[k]:
-                out[k, :3, j] = _cross(axis[j], point[k] - anchor[j])
-                out[k, 3:, j] = axis[j]
+                turned = _cross(_row(axis, j, 0), _arm(point, k, anchor, j))
+                out[k, 0, j], out[k, 1, j], out[k, 2, j] = turned
+                out[k, 3, j], out[k, 4, j], out[k, 5, j] = _row(axis, j, 0)
     return out
 
 
@@ -109,15 +127,15 @@ def _geometric_stiffness(
         for i in range(nq):
             if child[i] > body[k]:
                 continue
-            bend = _cross(wrench[k, :3], axis[i])
-            turn = _cross(wrench[k, 3:], axis[i])
+            bend = _cross(_row(wrench, k, 0), _row(axis, i, 0))
+            turn = _cross(_row(wrench, k, 3), _row(axis, i, 0))
             for j in range(i, nq):
                 if child[j] > body[k]:
                     continue
-                value = (bend * _cross(axis[j], point[k] - anchor[j])).sum()
+                value = _dot(bend, _cross(_row(axis, j, 0), _arm(point, k, anchor, j)))
                 out[i, j] += value
                 if j > i:
-                    out[j, i] += value + (turn * axis[j]).sum()
+                    out[j, i] += value + _dot(turn, _row(axis, j, 0))
     return out
 
 

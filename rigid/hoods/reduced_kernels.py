@@ -1,7 +1,7 @@
 """What a reduced hood takes for one state: the angles of a chain's joints from the poses of its
 bodies, and products of functions with their derivatives.
 
-Compiled by numba where it is installed, see `rigid.kernels`.  `rigid.hoods.hinge_angle` and
+Compiled by numba where it is installed, see `cosim.kernels`.  `rigid.hoods.hinge_angle` and
 `rigid.hoods.universal_angle` say what the angles are; a hinge's is computed here from 4 w times the
 quaternion of its turn Q, (1 + tr Q, vee(Q - Q^T)): all that follows is the same at any scale.
 """
@@ -13,8 +13,8 @@ from math import atan2
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.kernels.kernel import compile_kernel
 from cosim.port import Array
-from rigid.kernels import compile_kernel
 
 Turned = tuple[float, Array, Array]
 """An angle, its derivative (3,) by the child's turn in the parent's frame, and that one's

@@ -1,7 +1,7 @@
 """The inner loop of a finger in motion: laws of contact and one implicit step in time.
 
 Compiled by numba where it is installed; without it the same code runs, some fifty times slower.
-All in one file, see `rigid.kernels`; `rigid.mujoco.step_data` holds what goes in.
+All in one file, see `cosim.kernels`; `rigid.mujoco.step_data` holds what goes in.
 `rigid.mujoco.tip_device` says which laws these are, `rigid.mujoco.dynamics` which step.
 """
 
@@ -11,8 +11,8 @@ from math import pi, sqrt
 
 import numpy as np
 
+from cosim.kernels.kernel import compile_kernel
 from cosim.port import Array
-from rigid.kernels import compile_kernel
 from rigid.mujoco.step_data import CAGE, SHELL, DeviceData, Joints, Readings, StepStart
 
 HERTZ_DAMPING, BED_DAMPING = 1.5, 1.0

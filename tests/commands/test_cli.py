@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray
 from typer import Context
 from typer.core import TyperGroup
 from typer.main import get_command
@@ -18,6 +17,7 @@ from cosim.case.file import resolved_toml
 from cosim.cli import COMMANDS, app
 from cosim.commands.glossary import read_glossary
 from cosim.errors import ConvergenceError, InputError
+from cosim.results.arrays import Arrays
 from cosim.results.audit import BEYOND, BOUNDS, POSTURE
 from cosim.results.parts import LedgerRow, Scene
 from cosim.results.result import Result
@@ -57,7 +57,7 @@ def solver(monkeypatch, tmp_path):
         row = LedgerRow("loaded", "distal", "contact", np.zeros(3), np.zeros(3))
         told = {"case": case.name, **fake.summary}
         scene, text = Scene(None, (), ()), resolved_toml(case)
-        return Result(told, xarray.Dataset(), (row,), scene, text, case.name)
+        return Result(told, Arrays.of({}, {}), (row,), scene, text, case.name)
 
     fake.run_case = run_case
     monkeypatch.setitem(sys.modules, "cosim.pipeline", fake)

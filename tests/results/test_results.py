@@ -10,6 +10,7 @@ import xarray
 from cosim.case.file import load_case, resolved_toml
 from cosim.errors import InputError
 from cosim.hoods.view import STRAIN, HoodField
+from cosim.results.arrays import Arrays
 from cosim.results.conventions import FRAME, by_axis
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.result import Result
@@ -51,7 +52,7 @@ def result() -> Result:
     )
     summary = {"case": "isometric_edc", "fingertip_force_N": by_axis((0.1, 0.2, 0.0))}
     text = resolved_toml(load_case("isometric_edc"))
-    return Result(summary, dataset, (row,), scene, text, "isometric_edc")
+    return Result(summary, Arrays.from_dataset(dataset), (row,), scene, text, "isometric_edc")
 
 
 def test_a_result_reads_back(tmp_path: Path, result):

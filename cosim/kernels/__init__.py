@@ -1,0 +1,1 @@
+"""Small loops compiled by numba, and where the compiled ones are kept."""

@@ -1,0 +1,70 @@
+"""Compiled kernels on disk: read from where they are, written to where that is allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import caching
+
+
+def compile_and_keep(function: Callable[..., Any]) -> Any:
+    """numba's dispatcher of a function, whose compiled code is kept on disk where one can."""
+    dispatcher: Any = numba.njit(nogil=True, error_model="numpy", boundscheck=False)(function)
+    dispatcher._cache = KernelCache(function)  # as its enable_caching() would set numba's own
+    return dispatcher
+
+
+class KernelCache(caching.NullCache):
+    """What numba's cache does, without its errors: it refuses to compile where it can write
+    nowhere, and passes on whatever a stale or damaged file raises.
+
+    Code is looked for in NUMBA_CACHE_DIR where that is set, else beside the module, also where one
+    may not write there, and then in the user's cache folder.  What is found nowhere is compiled,
+    and kept in the first of these that takes it."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._places = list(_places(function))
+        self._path: str | None = None
+
+    @property
+    def cache_path(self) -> str | None:
+        """The folder that the code was loaded from or saved in; None where it is kept nowhere."""
+        return self._path
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The code for a signature, None where there is none that can be used."""
+        for place in self._places:
+            with suppress(Exception):  # whatever a pickle or LLVM raises of a file that is no good
+                found = place.load_overload(sig, target_context)
+                if found is not None:
+                    self._path = place.cache_path
+                    return found
+        return None
+
+    def save_overload(self, sig: Any, cres: Any) -> None:
+        """Keep the code for a signature in the first place that takes it."""
+        for place in self._places:
+            for has_failed in (False, True):
+                with suppress(Exception):
+                    if has_failed:  # its index may be damaged: begin a new one
+                        place.flush()
+                    Path(place.cache_path).mkdir(parents=True, exist_ok=True)
+                    place.save_overload(sig, cres)
+                    self._path = place.cache_path
+                    return
+
+
+def _places(function: Callable[..., Any]) -> Iterator[Any]:
+    """numba's caches of a function in each place where it may have been kept."""
+    by_user, *others = caching.CompileResultCacheImpl._locator_classes[:3]
+    config: Any = numba.config
+    for locator in (by_user,) if config.CACHE_DIR else others:
+        trusted = type(locator.__name__, (locator,), {"ensure_cache_path": lambda self: None})
+        impl = type("Impl", (caching.CompileResultCacheImpl,), {"_locator_classes": [trusted]})
+        place = type("Place", (caching.FunctionCache,), {"_impl_class": impl})
+        with suppress(Exception):  # a module that lies in an archive has no file
+            yield place(function)

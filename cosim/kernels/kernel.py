@@ -1,0 +1,83 @@
+"""Compilation of small loops by numba, where it is installed; else they run as plain Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import update_wrapper
+from importlib.util import find_spec
+from pathlib import Path
+from threading import RLock
+from typing import Any, ClassVar, NamedTuple, TypeVar
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+HAS_NUMBA = find_spec("numba") is not None
+_lock = RLock()
+
+
+class Kernel:
+    """A function that is compiled for the types of its arguments when it is first called with them,
+    or loaded where a process before compiled it.
+
+    numba itself is imported at the first call of any kernel, and not for those that only stand in
+    a module that was imported."""
+
+    made: ClassVar[list[Kernel]] = []
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        update_wrapper(self, function)
+        self.function = function
+        self._compiled: Any = None
+        self.made.append(self)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return (self._compiled or self.compiled())(*arguments)
+
+    def compiled(self) -> Any:
+        """numba's dispatcher of the function."""
+        with _lock:
+            if self._compiled is None:
+                from cosim.kernels.disk_cache import compile_and_keep
+
+                names = self.function.__globals__
+                self._compiled = compile_and_keep(self.function)
+                # numba looks the kernels that this one calls up among the names of its module
+                for name, value in list(names.items()):
+                    if type(value) is Kernel:
+                        names[name] = value.compiled()
+            return self._compiled
+
+
+class CompiledKernel(NamedTuple):
+    """What became of a kernel in this process."""
+
+    name: str
+    compiled: int
+    """For how many types of arguments it was compiled."""
+    loaded: int
+    """For how many it was found compiled."""
+    folder: Path | None
+    """Where it is kept; None where it is kept nowhere."""
+
+
+def compiled_kernels() -> Iterator[CompiledKernel]:
+    """Those that were called in this process, by Python or by a kernel that was compiled."""
+    for kernel in Kernel.made:
+        if kernel._compiled is not None:
+            _, hits, misses = kernel._compiled.stats
+            path = kernel._compiled.stats.cache_path
+            if hits or misses:
+                folder = None if path is None else Path(path)
+                name = f"{kernel.function.__module__}.{kernel.function.__name__}"
+                yield CompiledKernel(name, len(misses), len(hits), folder)
+
+
+def compile_kernel(function: Function) -> Function:
+    """The function as a `Kernel`, where numba is installed.
+
+    A kernel calls only others of its own file: numba looks at no other one when it decides whether
+    to compile anew."""
+    if not HAS_NUMBA:
+        return function
+    kernel: Any = Kernel(function)
+    return kernel

@@ -1,0 +1,103 @@
+"""The arrays of a run by name, written as netCDF; xarray is imported where someone asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray
+
+
+class Variable(NamedTuple):
+    """An array with the names of its dimensions and its attributes (unit, long name)."""
+
+    dims: tuple[str, ...]
+    values: np.ndarray
+    attributes: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Arrays:
+    """What `xarray.Dataset` takes: variables and coordinates by name, and attributes."""
+
+    variables: Mapping[str, Variable]
+    coordinates: Mapping[str, Variable]
+    attributes: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, variables: Mapping[str, Any], coordinates: Mapping[str, Any], **attributes: str
+    ) -> Arrays:
+        """Of tuples (dims, values, attributes), where the last may lack; a coordinate may be the
+        values along the dimension of its name."""
+
+        def whole(name: str, given: Any) -> Variable:
+            if type(given) is not tuple:
+                given = (name, given)
+            dims, values, *rest = given
+            dims = (dims,) if type(dims) is str else tuple(dims)
+            return Variable(dims, np.asarray(values), rest[0] if rest else {})
+
+        return cls(
+            {name: whole(name, given) for name, given in variables.items()},
+            {name: whole(name, given) for name, given in coordinates.items()},
+            attributes,
+        )
+
+    @classmethod
+    def from_dataset(cls, data: xarray.Dataset) -> Arrays:
+        """The same arrays."""
+
+        def bare(given: Mapping[Any, xarray.DataArray]) -> dict[str, Variable]:
+            return {
+                str(k): Variable(tuple(map(str, v.dims)), v.values, v.attrs)
+                for k, v in given.items()
+            }
+
+        return cls(bare(data.data_vars), bare(data.coords), data.attrs)
+
+    @property
+    def dims(self) -> set[str]:
+        """The names of all dimensions."""
+        every = (*self.variables.values(), *self.coordinates.values())
+        return {dim for variable in every for dim in variable.dims}
+
+    def to_dataset(self) -> xarray.Dataset:
+        """The same as an xarray.Dataset."""
+        import xarray
+
+        return xarray.Dataset(dict(self.variables), dict(self.coordinates), self.attributes)
+
+    def write(self, path: Path) -> None:
+        """Write the netCDF-4 file that `to_dataset().to_netcdf(path)` would, without the imports of
+        xarray: pandas and, where it is installed, the whole of dask."""
+        import h5netcdf
+        import h5py
+
+        beside = {k: set(v.dims) for k, v in self.coordinates.items() if k not in v.dims}
+        named: set[str] = set()
+        with h5netcdf.File(path, "w") as file:
+            for variable in (*self.variables.values(), *self.coordinates.values()):
+                for dim, size in zip(variable.dims, variable.values.shape, strict=True):
+                    if dim not in file.dimensions:
+                        file.dimensions[dim] = size
+            for name, (dims, values, attributes) in {**self.variables, **self.coordinates}.items():
+                if values.dtype.kind == "U":
+                    made = file.create_variable(name, dims, h5py.string_dtype())
+                    values = values.astype(object)
+                else:
+                    fill = np.nan if values.dtype.kind == "f" else None
+                    made = file.create_variable(name, dims, values.dtype, fillvalue=fill)
+                made[...] = values
+                of_this = sorted(k for k, along in beside.items() if along <= set(dims))
+                if name in self.variables and of_this:
+                    attributes = {**attributes, "coordinates": " ".join(of_this)}
+                    named.update(of_this)
+                made.attrs.update(attributes)
+            rest = " ".join(sorted(beside.keys() - named))
+            file.attrs.update({**self.attributes, **({"coordinates": rest} if rest else {})})

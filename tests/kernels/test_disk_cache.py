@@ -1,0 +1,142 @@
+"""Compiled kernels on disk: kept where that is allowed, and never the cause of a failure."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from tests.helpers.folders import ROOT
+
+pytest.importorskip("numba")
+
+MODULE = """
+from cosim.kernels.kernel import compile_kernel
+
+@compile_kernel
+def double(x):
+    return 2.0 * x
+
+@compile_kernel
+def quadruple(x):
+    return double(double(x))
+"""
+CALL = """
+import loops
+from cosim.kernels.kernel import compiled_kernels
+assert loops.quadruple(1.5) == 6.0
+kernel = next(k for k in compiled_kernels() if k.name == "loops.quadruple")
+print(kernel.compiled, kernel.loaded, kernel.folder)
+"""
+NOWHERE = {"HOME": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/nowhere"}
+WITHOUT_A_PLACE = {**NOWHERE, "NUMBA_CACHE_DIR": "/proc/nowhere"}
+
+
+@pytest.fixture
+def installation(tmp_path: Path) -> Path:
+    """A folder with a module of kernels."""
+    (tmp_path / "loops.py").write_text(MODULE)
+    return tmp_path
+
+
+def call(
+    installation: Path, before: str = "", environment: Mapping[str, str] = NOWHERE
+) -> tuple[int, int, str]:
+    """How often a kernel was compiled and loaded in a new process, and where it is kept."""
+    paths = os.pathsep.join([str(installation), str(ROOT)])
+    given = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    done = subprocess.run(
+        [sys.executable, "-c", before + CALL],
+        env={**given, "PYTHONPATH": paths, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    compiled, loaded, folder = done.stdout.split()
+    return int(compiled), int(loaded), folder
+
+
+def test_a_kernel_is_compiled_once_and_kept_beside_its_module(installation):
+    assert call(installation) == (1, 0, str(installation / "__pycache__"))
+    assert call(installation) == (0, 1, str(installation / "__pycache__"))
+
+
+def test_kernels_go_to_the_folder_that_the_user_names(installation, tmp_path):
+    named = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    assert call(installation, environment=named)[2].startswith(str(tmp_path / "kept"))
+    assert call(installation, environment=named)[:2] == (0, 1)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the folder is named another way")
+def test_of_a_read_only_installation_they_go_to_the_user_s_cache(installation, tmp_path):
+    (installation / "__pycache__").write_text("no folder can be made here")
+    home = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    assert call(installation, environment=home)[2].startswith(str(tmp_path))
+    assert call(installation, environment=home)[:2] == (0, 1)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="/proc/nowhere can be made")
+def test_where_nothing_can_be_written_they_are_compiled_in_memory(installation):
+    (installation / "__pycache__").write_text("no folder can be made here")
+    assert call(installation) == (1, 0, "None")
+    assert call(installation, environment=WITHOUT_A_PLACE) == (1, 0, "None")
+
+
+def test_kernels_of_an_installation_that_became_read_only_are_used(installation):
+    """As in a container that was warmed while its image was built; numba alone would not look."""
+    call(installation)
+    locked = """
+import tempfile
+def refuse(*args, **kwargs): raise PermissionError
+tempfile.TemporaryFile = refuse
+"""
+    assert call(installation, before=locked) == (0, 1, str(installation / "__pycache__"))
+
+
+class Renamed:
+    """A class that the process that reads does not have."""
+
+
+def _damage(file: Path, how: str) -> None:
+    content = file.read_bytes()
+    if how == "cut off":
+        file.write_bytes(content[: len(content) // 2])
+    elif how == "of a renamed class":
+        named = pickle.dumps(Renamed())
+        assert b"Renamed" in named
+        version = pickle.dumps(pickle.loads(content)) if file.suffix == ".nbi" else b""
+        file.write_bytes(version + named)
+    else:
+        file.unlink()
+
+
+@pytest.mark.parametrize("how", ["cut off", "of a renamed class", "gone"])
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_files_that_are_no_good_are_compiled_anew_and_replaced(installation, kind, how):
+    call(installation)
+    files = list((installation / "__pycache__").glob(f"*.{kind}"))
+    assert files
+    for file in files:
+        _damage(file, how)
+    assert call(installation)[:2] == (1, 0)
+    assert call(installation)[:2] == (0, 1)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="/proc/nowhere can be made")
+def test_a_run_needs_no_folder_but_that_of_its_results(tmp_path):
+    words = ["run", "split_edc", "--quiet", "--out", str(tmp_path / "runs")]
+    done = subprocess.run(
+        [sys.executable, "-B", "-m", "cosim", *words],
+        cwd=ROOT,
+        env={**os.environ, **WITHOUT_A_PLACE},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "runs" / "split_edc" / "picture.png").is_file()
