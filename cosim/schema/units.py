@@ -7,40 +7,38 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
+from typing import Any
 
-Dimensions = dict[str, int]
-"""The power of each base dimension in a unit, those that are zero left out."""
-_PREFIXES = {
-    **{"giga": 9, "mega": 6, "kilo": 3, "centi": -2, "milli": -3, "micro": -6},
-    **{"G": 9, "M": 6, "k": 3, "c": -2, "m": -3, "µ": -6, "μ": -6, "u": -6},
-}
-"""Powers of ten."""
-_FORCE = {"mass": 1, "length": 1, "time": -2}
-_UNITS: dict[str, tuple[str, Dimensions]] = {
-    "meter": ("1", {"length": 1}),
-    "gram": ("1e-3", {"mass": 1}),
-    "second": ("1", {"time": 1}),
-    "hertz": ("1", {"time": -1}),
-    "radian": ("1", {"angle": 1}),
-    "degree": ("0.017453292519943295", {"angle": 1}),
-    "newton": ("1", _FORCE),
-    "newton_meter": ("1", {**_FORCE, "length": 2}),
-    "newton_millimeter": ("1e-3", {**_FORCE, "length": 2}),
-    "pascal": ("1", {**_FORCE, "length": -1}),
-    "watt": ("1", {**_FORCE, "length": 2, "time": -3}),
-    "volt": ("1", {"voltage": 1}),
-    "kelvin": ("1", {"temperature": 1}),
-}
-"""The SI factor and the dimensions of each unit without its prefix."""
+_DEFINITIONS = """
+giga- = 1e9 = G-
+mega- = 1e6 = M-
+kilo- = 1e3 = k-
+centi- = 1e-2 = c-
+milli- = 1e-3 = m-
+micro- = 1e-6 = µ- = μ- = u-
+meter = [length] = m = metre
+base_mass = [mass]
+gram = 1e-3 * base_mass = g
+second = [time] = s
+hertz = 1 / second = Hz
+radian = [angle] = rad
+degree = 0.017453292519943295 * radian = deg = °
+newton = base_mass * meter / second ** 2 = N
+newton_meter = newton * meter = Nm
+newton_millimeter = 1e-3 * newton * meter = Nmm
+pascal = newton / meter ** 2 = Pa
+watt = newton * meter / second = W
+volt = [voltage] = V
+kelvin = [temperature] = K
+"""
 
 _DIGITS = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = re.compile(rf"\s*([-+]?(?:{_DIGITS}|(?i:nan|infinity|inf)\b))")
-_PREFIX = f"(?:{'|'.join(p for p in _PREFIXES if len(p) > 1)}|[GMkcmµμu])?"
+_PREFIX = "(?:giga|mega|kilo|centi|milli|micro|[GMkcmµμu])?"
 _NAMES = {
     "meter": "m|met(?:er|re)s?",
     "gram": "g|grams?",
@@ -57,7 +55,8 @@ _NAMES = {
     "kelvin": "K|kelvins?",
 }
 """How each unit may be written after its prefix, as regular expressions that JSON Schema can hold
-too."""
+too.  A kilogram is a prefix and a gram: as a unit of its own it would send pint round in circles,
+from "kilograms" (kilo and grams) to gram (a part of a kilogram)."""
 
 
 def _named(units: Iterable[str]) -> str:
@@ -67,10 +66,9 @@ def _named(units: Iterable[str]) -> str:
     return f"(?:{_PREFIX}(?:{'|'.join(_NAMES[name] for name in names)}){sign})"
 
 
-_FACTOR = rf"{_named(_NAMES)}(?:(?:\*\*|\^)-?[0-9])?"
+_FACTOR = rf"{_named(_NAMES)}(?:(?:\*\*|\^)-?[1-9])?"
 _TIMES = r"(?:\s*[*/·]\s*| )"
 _UNIT = re.compile(rf"{_FACTOR}(?:{_TIMES}{_FACTOR}){{0,5}}")
-_PART = re.compile(r"(?P<times>[*/·]?)\s*(?P<name>[^\s*/·^]+)(?:(?:\*\*|\^)(?P<power>-?[0-9]))?\s*")
 
 
 @dataclass(frozen=True)
@@ -117,35 +115,25 @@ SPEED = Kind("speed", "m/s", "m/s", "0.1 m/s")
 
 
 @cache
-def _factor(name: str) -> tuple[Decimal, Dimensions]:
-    """SI factor and dimensions of one unit with its prefix."""
-    for unit, (factor, dimensions) in _UNITS.items():
-        sign = "|°" if unit == "degree" else ""
-        found = re.fullmatch(f"({_PREFIX})(?:{_NAMES[unit]}{sign})", name)
-        if found:
-            return Decimal(factor).scaleb(_PREFIXES.get(found[1], 0)), dimensions
-    raise ValueError(f"`{name}` is not a unit known here")
+def _registry() -> Any:
+    """The dozen units of a case; pint's own registry of a thousand takes longer to load."""
+    import pint
+
+    registry: Any = pint.UnitRegistry(None, non_int_type=Decimal)
+    registry.load_definitions(_DEFINITIONS.strip().splitlines())
+    return registry
 
 
 @cache
-def _unit(text: str) -> tuple[Decimal, Dimensions]:
+def _unit(text: str) -> tuple[Decimal, Any]:
     """SI factor and dimensions of a unit; ValueError when it is none we know.
 
-    Decimal, so that 1 mm**3 is 1e-9 m**3 to the last bit.  Written here and not taken from pint,
-    whose import takes longer than to read a case."""
+    Decimal, so that 1 mm**3 is 1e-9 m**3 to the last bit."""
     if not _UNIT.fullmatch(text):
         raise ValueError(f"`{text[:30]}` is not a unit known here")
-    value, total = Decimal(1), Counter[str]()
-    for part in _PART.finditer(text):
-        power = int(part["power"] or 1) * (-1 if part["times"] == "/" else 1)
-        factor, dimensions = _factor(part["name"])
-        value *= factor**power
-        total.update(_raised(dimensions, power))
-    return value, {base: power for base, power in total.items() if power}
-
-
-def _raised(dimensions: Dimensions, power: int) -> Dimensions:
-    return {base: power * n for base, n in dimensions.items()}
+    plain = text.replace("·", "*").replace("°", "deg")
+    quantity = _registry().Quantity(Decimal(1), plain).to_root_units()
+    return Decimal(quantity.magnitude), quantity.dimensionality
 
 
 @cache
@@ -186,12 +174,12 @@ def pattern(kind: Kind) -> str:
     units are known, and that each base dimension of the kind occurs: "5 N/mm" is no angle, but
     passes for a length, and `parse` refuses it."""
     wanted = _unit(kind.unit)[1]
-    dimensions = {name: of_unit for name, (_, of_unit) in _UNITS.items()}
+    dimensions = {name: _unit(name)[1] for name in _NAMES}
     single = [
         _named([unit]) + (rf"(?:(?:\*\*|\^){power})" + ("?" if power == 1 else ""))
         for unit in _NAMES
         for power in range(-9, 10)
-        if power and _raised(dimensions[unit], power) == wanted
+        if power and dimensions[unit] ** power == wanted
     ]
     needed = "".join(
         rf"(?=(?:.*[\s\d*/·])?{_named(u for u in _NAMES if base in dimensions[u])}(?![A-Za-z_]))"
