@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
@@ -52,6 +53,18 @@ def prepare_process() -> None:
     threadpool_limits(1, user_api="blas")  # of what has loaded
     for name, value in MALLOC_SETTINGS.items():
         os.environ.setdefault(name, value)
+
+
+def peak_mb() -> float:
+    """Largest memory of this process so far, MB (1e6 bytes)."""
+    if sys.platform == "win32":
+        import psutil
+
+        return float(psutil.Process().memory_info().peak_wset) / 1e6
+    import resource
+
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
 T = TypeVar("T")
