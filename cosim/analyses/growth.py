@@ -171,7 +171,7 @@ def fit_growth(costs: Sequence[SolveCost]) -> list[Growth]:
 def _fit(elements: str, state: str, costs: Sequence[SolveCost]) -> Growth:
     first, last = costs[0].measured, costs[-1].measured
     size = np.log([cost.measured.unknowns for cost in costs])
-    columns = {"CPU time": [cost.measured.cpu_s for cost in costs]}
+    columns = {"all": [cost.measured.cpu_s for cost in costs]}
     columns |= {part: [cost.parts[part] for cost in costs] for part in costs[0].parts}
     exponents = {
         name: float(np.polyfit(size, np.log(values), 1)[0])
