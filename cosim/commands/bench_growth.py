@@ -59,11 +59,15 @@ def print_growth(growth: Sequence[Growth]) -> None:
     names = list(dict.fromkeys(name for g in growth for name in g.exponents))
     rows = [
         (
-            *(g.elements, g.state, f"{g.iterations:.2f}", f"{g.solves:.2f}"),
+            *(f"{g.state}, {g.elements}", f"{g.iterations:.2f}", f"{g.solves:.2f}"),
             *(f"{g.exponents[name]:.2f}" if name in g.exponents else "-" for name in names),
         )
         for g in growth
     ]
-    header = ("elements", "solve", "iterations", "linear solves", *names)
-    print_table("finest mesh over coarsest; p of the fit t ~ N^p in the unknowns", header, rows)
+    header = ("solve", "iterations", "solves", *names)
+    print_table(
+        "iterations and linear solves, finest mesh over coarsest; p of t ~ N^p in the unknowns",
+        header,
+        rows,
+    )
     typer.echo(f"aims: iterations at most {MOST_GROWTH}, p of the CPU time about {AIM}")

@@ -38,9 +38,9 @@ def bench_pulls() -> dict[str, float]:
     ratios: dict[str, float] = {}
     for what, some in (("pulls", drawn), ("goings to rest", resting)):
         screen.print(_total(what, some))
-        solves, before = _solves(some)
-        ratios[f"{what}: linear solves each"] = solves / len(some)
-        ratios[f"{what}: linear solves / before"] = solves / before
+        total, total_before = _solves(some)
+        ratios[f"{what}: linear solves each"] = total / len(some)
+        ratios[f"{what}: linear solves / before"] = total / total_before
         ratios[f"{what}: failed"] = sum(bool(m.failure) for m in some)
     return ratios
 
