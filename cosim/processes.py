@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
@@ -59,6 +60,20 @@ def prepare_process() -> None:
 
 YOUNG_COLLECTIONS = 200
 """Collections of garbage among younger objects before one among all (Python's own: 10)."""
+
+
+def peak_mb() -> float:
+    """Largest memory of this process so far, MB (1e6 bytes)."""
+    if sys.platform == "win32":
+        import psutil
+
+        return float(psutil.Process().memory_info().peak_wset) / 1e6
+    import resource
+
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+
+
 T = TypeVar("T")
 R = TypeVar("R")
 Memory = dict[str, Any]

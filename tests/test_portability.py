@@ -20,12 +20,12 @@ from cosim.case import file
 from cosim.case.file import load_case
 from cosim.errors import CosimError, InputError
 from cosim.files import replace_folder
+from cosim.processes import peak_mb
 from cosim.study import process
 from cosim.study.plan import read_plan
 from cosim.validation.plan import groups
 from cosim.validation.run import folder_name
 from fe_solver.verification import json_command
-from fe_solver.verification.febio import compare
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
@@ -214,7 +214,7 @@ def test_the_peak_memory_is_known_without_the_module_resource(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(psutil, "Process", lambda: SimpleNamespace(memory_info=lambda: memory))
         patch.setattr(sys, "platform", "win32")
-        peak = compare.peak_mb()
+        peak = peak_mb()
     assert peak == 5.0
 
 

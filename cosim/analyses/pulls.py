@@ -42,10 +42,12 @@ class Pull(NamedTuple):
 
 
 class MeasuredPull(NamedTuple):
-    """A pull, the linear solves that it took, the processor's time (s), and why it failed, if it
-    did."""
+    """A pull on a hood with so many unknowns, the Newton iterations (0 if it failed) and linear
+    solves that it took, the processor's time (s), and why it failed, if it did."""
 
     pull: Pull
+    unknowns: int
+    iterations: int
     solves: int
     cpu_s: float
     failure: str
@@ -101,41 +103,46 @@ def measure_pulls(pulls: list[Pull], progress: Progress = quiet) -> Iterator[Mea
 
 
 @dataclass
-class _CountingAnalysis:
+class CountingAnalysis:
     """An analysis of the linear solver that counts the solutions of its factors."""
 
     analysis: Any
     solves: int = 0
     dear: ClassVar[bool] = True
 
-    def factor(self, data: Array) -> _CountingFactor:
-        return _CountingFactor(self, self.analysis.factor(data))
+    def factor(self, data: Array) -> CountingFactor:
+        """The factor of the analysis, its solutions counted."""
+        return CountingFactor(self, self.analysis.factor(data))
 
 
 @dataclass
-class _CountingFactor:
-    counter: _CountingAnalysis
+class CountingFactor:
+    """A factor whose solutions its analysis counts."""
+
+    counter: CountingAnalysis
     factor: Any
 
     def solve(self, right: Array) -> Array:
+        """The factor's solution."""
         self.counter.solves += 1
         return np.asarray(self.factor.solve(right))
 
     @property
     def negative(self) -> int:
+        """The factor's negative pivots."""
         return int(self.factor.negative)
 
 
 @dataclass
 class _CountedHood:
     hood: Hood
-    counters: tuple[_CountingAnalysis, _CountingAnalysis]
+    counters: tuple[CountingAnalysis, CountingAnalysis]
 
     @classmethod
     def of(cls, hood: Hood) -> _CountedHood:
         """The hood, the solutions with its sparsity's factors counted."""
         pattern = cast("ShellHood", hood).model.pattern
-        counters = _CountingAnalysis(pattern.analysis), _CountingAnalysis(pattern.general)
+        counters = CountingAnalysis(pattern.analysis), CountingAnalysis(pattern.general)
         vars(pattern)["analysis"], vars(pattern)["general"] = counters
         return cls(hood, counters)
 
@@ -143,10 +150,12 @@ class _CountedHood:
         self, pull: Pull, state: State, motion: Motion, tension: Array
     ) -> tuple[MeasuredPull, Response | None]:
         before, start = sum(c.solves for c in self.counters), process_time()
-        response, failure = None, ""
+        response, failure, iterations = None, "", 0
         try:
             response = self.hood.advance(state, motion, tension, STATIC)
+            iterations = response.state.iterations - state.iterations
         except ConvergenceError as error:
             failure = str(error)
+        cpu_s, unknowns = process_time() - start, self.counters[0].analysis.slots.shape[0]
         solves = sum(c.solves for c in self.counters) - before
-        return MeasuredPull(pull, solves, process_time() - start, failure), response
+        return MeasuredPull(pull, unknowns, iterations, solves, cpu_s, failure), response

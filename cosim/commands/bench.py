@@ -1,25 +1,101 @@
-"""`cosim bench`."""
+"""`cosim bench`: one table of benches."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
+from cosim.commands.bench_files import (
+    BenchRecord,
+    Ratios,
+    describe_machine,
+    print_beside,
+    read_record,
+    source_version,
+    time_stamp,
+    write_record,
+)
+from cosim.commands.bench_growth import bench_growth
+from cosim.commands.bench_pulls import bench_pulls
 from cosim.commands.febio import bench_fe, bench_febio
-from cosim.commands.finger import bench_fingers, bench_robotic_finger
-from cosim.commands.run import Settings, load_cases
+from cosim.commands.finger import bench_fingers, bench_opensim, bench_robotic_finger
+from cosim.commands.run import Settings
 from cosim.commands.study import bench_studies
 from cosim.commands.terminal import exit_on_error, stages
+from cosim.errors import InputError, nearest_names
+from cosim.files import check_file
+
+MOST, MOST_OF_ALL = 2400, 1350
+"""Largest mesh of `growth`, alone and among all benches, in quads."""
+RUNS_OF_ALL = 16
+"""Runs of a study among all benches."""
+CASE_OF_ALL = "isometric_edc"
+
+
+@dataclass(frozen=True)
+class Options:
+    """The options of the command that only some benches read."""
+
+    settings: Settings = None
+    models: Path | None = None
+    spacing: str = "0.25 mm"
+    most: int = MOST
+
+
+class Bench(NamedTuple):
+    """A bench: what it measures, in a line, and the function that measures it, prints it and
+    returns its ratios by name."""
+
+    line: str
+    measure: Callable[[Options], Ratios]
+
+
+BENCHES = {
+    "fe": Bench("the shell solver's iteration against its floor", lambda o: bench_fe()),
+    "febio": Bench(
+        "published models beside FEBio (--models, --spacing)",
+        lambda o: bench_febio(o.models, o.spacing),
+    ),
+    "fingers": Bench("the static solve of the finger alone", lambda o: bench_fingers()),
+    "growth": Bench(
+        "iterations, time and memory on ever finer meshes (--most)", lambda o: bench_growth(o.most)
+    ),
+    "opensim": Bench("the finger's motion beside OpenSim's", lambda o: bench_opensim()),
+    "pulls": Bench("linear solves of the pulls of tendons, beside before", lambda o: bench_pulls()),
+    "robot": Bench(
+        "the robotic finger's control loop beside its paper's", lambda o: bench_robotic_finger()
+    ),
+    "studies": Bench("handing out runs, and two workers beside one", lambda o: bench_studies()),
+}
+OF_ALL: dict[str, Callable[[], Ratios]] = {
+    "fe": bench_fe,
+    "fingers": bench_fingers,
+    "pulls": bench_pulls,
+    "growth": lambda: bench_growth(MOST_OF_ALL),
+    CASE_OF_ALL: lambda: bench_one_case(CASE_OF_ALL, None),
+    "studies": lambda: bench_studies(RUNS_OF_ALL),
+}
+"""The benches that need no files or programs from outside, of a size to take minutes."""
+ALL, FILES = "all", "files"
+LINES = {name: bench.line for name, bench in BENCHES.items()} | {
+    ALL: f"{', '.join(OF_ALL)}, one after the other (--json, --against)",
+    FILES: "the ratios of files that --json wrote, side by side (--against each)",
+}
 
 
 def bench(
-    case: Annotated[
+    name: Annotated[
         str,
         typer.Argument(
-            help="Case file or packaged case; or fe, febio, fingers, opensim, pulls, robot, "
-            "studies."
+            metavar="CASE|NAME",
+            help="Case file or packaged case: a coupled run against one assembly and one "
+            "factorisation of its own tangent. Or a name: "
+            + "; ".join(f"{name}: {line}" for name, line in sorted(LINES.items()))
+            + ".",
         ),
     ],
     settings: Settings = None,
@@ -29,42 +105,60 @@ def bench(
     spacing: Annotated[
         str, typer.Option(help="Of febio: of the grids for the distances of the bones.")
     ] = "0.25 mm",
+    most: Annotated[
+        int, typer.Option(min=250, help="Of growth: largest mesh, in linear quads; up to 16000.")
+    ] = MOST,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write the ratios to this file.")
+    ] = None,
+    against: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Show the ratios beside those of this file; repeatable."),
+    ] = None,
 ) -> None:
-    """Time a coupled run against one assembly and one factorisation of its own tangent; with fe the
-    shell solver's iteration against its floor; with febio published models beside FEBio; with
-    fingers the static solve of the finger alone; with opensim its motion beside OpenSim's; with
-    pulls the linear solves that drawing a tendon takes, beside what they once were; with robot the
-    control loop of the robotic finger beside its paper's; with studies what it costs to hand out
-    runs, and two workers beside one."""
-    if case == "fe":
-        bench_fe()
-        return
-    if case in ("fingers", "opensim"):
-        with exit_on_error():
-            bench_fingers(beside_opensim=case == "opensim")
-        return
-    if case == "pulls":
-        from cosim.commands.bench_pulls import bench_pulls
+    """Measure speed, as ratios and counts, which other machines share."""
+    with exit_on_error():
+        if json_file is not None:
+            check_file(json_file)
+        if name == FILES and not against:
+            raise InputError("bench files: name each file with --against")
+        records = [read_record(path) for path in against or ()]
+        if name != FILES:
+            ratios = _measure(name, Options(settings, models, spacing, most))
+            record = BenchRecord(source_version(), time_stamp(), describe_machine(), ratios)
+            records.append(record)
+            if json_file is not None:
+                write_record(json_file, record)
+        if against:
+            print_beside(records)
 
-        with exit_on_error():
-            bench_pulls()
-        return
-    if case == "robot":
-        bench_robotic_finger()
-        return
-    if case == "studies":
-        with exit_on_error():
-            bench_studies()
-        return
-    if case == "febio":
-        with exit_on_error():
-            bench_febio(models, spacing)
-        return
-    (checked,) = load_cases([case], settings)
+
+def _measure(name: str, options: Options) -> dict[str, Ratios]:
+    """The ratios of a bench, of all, or of a case, by the bench's name."""
+    if name in BENCHES:
+        return {name: BENCHES[name].measure(options)}
+    if name != ALL:
+        return {name: bench_one_case(name, options.settings)}
+    found = {}
+    for one, measure in OF_ALL.items():
+        typer.echo(f"\n{one}")
+        found[one] = measure()
+    return found
+
+
+def bench_one_case(name: str, settings: Settings) -> Ratios:
+    """Print what a coupled run of a case costs; raises CosimError."""
+    from cosim.case.file import load_case
+
+    try:
+        case = load_case(name, settings or ())
+    except InputError as error:
+        near = nearest_names(name, LINES)
+        raise InputError(f"{error}; or the bench {near[0]}?") if near else error from None
     from cosim.commands.bench_case import bench_case
 
-    with exit_on_error(), stages(checked.name) as told:
-        found = bench_case(checked, told.say)
-    with exit_on_error():
-        for name, value in found.items():
-            typer.echo(f"{name:<20} {value:.4g}")
+    with stages(case.name) as shown:
+        found = bench_case(case, shown.say)
+    for figure, value in found.items():
+        typer.echo(f"{figure:<20} {value:.4g}")
+    return {key: value for key, value in found.items() if key.endswith("ratio")}

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from cosim.analyses.pulls import REST, MeasuredPull, measure_pulls, read_pulls
+from typing import TYPE_CHECKING
+
 from cosim.commands.terminal import console, stages
 
+if TYPE_CHECKING:
+    from cosim.analyses.pulls import MeasuredPull
 
-def bench_pulls() -> None:
-    """Solve and print the table.  Raises InputError."""
+
+def bench_pulls() -> dict[str, float]:
+    """Solve, print the table and return the totals.  Raises InputError."""
     from rich.table import Table
+
+    from cosim.analyses.pulls import REST, measure_pulls, read_pulls
 
     pulls = read_pulls()
     settings = list(dict.fromkeys((p.case, p.settings) for p in pulls))
@@ -29,14 +35,25 @@ def bench_pulls() -> None:
     screen.print(table)
     drawn = [m for m in measured if m.pull.tendon]
     resting = [m for m in measured if not m.pull.tendon]
+    ratios: dict[str, float] = {}
     for what, some in (("pulls", drawn), ("goings to rest", resting)):
         screen.print(_total(what, some))
+        total, total_before = _solves(some)
+        ratios[f"{what}: linear solves each"] = total / len(some)
+        ratios[f"{what}: linear solves / before"] = total / total_before
+        ratios[f"{what}: failed"] = sum(bool(m.failure) for m in some)
+    return ratios
 
 
 def _total(what: str, some: list[MeasuredPull]) -> str:
-    solves, before = sum(m.solves for m in some), sum(m.pull.solves_before for m in some)
+    solves, before = _solves(some)
     failures = sum(bool(m.failure) for m in some)
     return (
         f"{len(some)} {what}: {solves / len(some):.1f} linear solves each, {solves / before:.2f} "
         f"of before; {sum(m.cpu_s for m in some) / len(some):.2f} s CPU each; {failures} failed"
     )
+
+
+def _solves(some: list[MeasuredPull]) -> tuple[int, int]:
+    """Linear solves of all, and before."""
+    return sum(m.solves for m in some), sum(m.pull.solves_before for m in some)

@@ -173,8 +173,8 @@ def export(
         typer.echo(f"{len(job.quads)} elements in {out}")
 
 
-def bench_fe(quads: Sequence[int] = QUADS) -> None:
-    """Print how long a Newton iteration takes, beside its floor."""
+def bench_fe(quads: Sequence[int] = QUADS) -> dict[str, float]:
+    """Print how long a Newton iteration takes, beside its floor; the ratios by name."""
     from rich.table import Table
 
     from fe_solver.verification.bench import machine, speed
@@ -198,10 +198,17 @@ def bench_fe(quads: Sequence[int] = QUADS) -> None:
         "load"
     )
     screen.print(machine())
+    ratios: dict[str, float] = {}
+    for s in speeds:
+        name = f"{s.case}, {s.quads} quads"
+        ratios |= {f"{name}: iterations": s.iterations, f"{name}: linear solves": s.solves}
+        ratios |= {f"{name}: iteration / floor": s.ratio}
+    return ratios
 
 
-def bench_febio(folder: Path | None, spacing: str) -> None:
-    """Print our answers and costs beside FEBio's.  Raises CosimError."""
+def bench_febio(folder: Path | None, spacing: str) -> dict[str, float]:
+    """Print our answers and costs beside FEBio's; the ratios of the costs by name, where FEBio's
+    are known.  Raises CosimError."""
     from cosim.schema.units import LENGTH, parse
     from fe_solver.verification.febio.compare import compare
     from fe_solver.verification.febio.figures import SOURCE
@@ -214,8 +221,9 @@ def bench_febio(folder: Path | None, spacing: str) -> None:
         raise InputError(str(error)) from error
     screen = console()
     typer.echo("bench: solving each model in three ways; many minutes", err=True)
+    ratios: dict[str, float] = {}
     for found in compare(folder, grid):
-        _print_comparison(screen, found)
+        ratios |= _print_comparison(screen, found)
     screen.print(f"FEBio's figures: {SOURCE}.")
     screen.print(
         "In brackets: differences from FEBio's figure, or where there is none from q4ans; of "
@@ -225,9 +233,11 @@ def bench_febio(folder: Path | None, spacing: str) -> None:
         "a penalty alone.  Verdicts: agrees: our own shell, within 3 %; formulation: not that, but "
         "q4ans (or cosim solve, if that is missing) is; differs: neither."
     )
+    return ratios
 
 
-def _print_comparison(screen: Console, found: ModelComparison) -> None:
+def _print_comparison(screen: Console, found: ModelComparison) -> dict[str, float]:
+    """Print a model's figures and costs; the CPU times over FEBio's by name."""
     from rich.table import Table
 
     from fe_solver.verification.febio.compare import Formulation
@@ -240,13 +250,18 @@ def _print_comparison(screen: Console, found: ModelComparison) -> None:
         values = (_beside(r, v) for v in (r.own, r.shell, r.q4ans, r.febio))
         table.add_row(r.quantity, *values, r.verdict)
     screen.print(table)
-    for element, solved in found.solved.items():
-        _print_cost(screen, element.value, solved, found.febio_s)
+    costs = {
+        f"{found.model} {element.value}: CPU time / FEBio's": _print_cost(
+            screen, element.value, solved, found.febio_s
+        )
+        for element, solved in found.solved.items()
+    }
     theirs = found.published
     if theirs is not None:
         scaled = "" if found.febio_s is None else f"CPU {found.febio_s:.2f} s on this machine; "
         depth = f"deepest penetration {theirs.penetration:.1f} um"
         screen.print(f"FEBio: {scaled}{depth}; peak memory {theirs.peak_mb:.0f} MB")
+    return {name: cost for name, cost in costs.items() if cost is not None}
 
 
 def _beside(row: ComparedQuantity, value: float | None) -> str:
@@ -257,11 +272,15 @@ def _beside(row: ComparedQuantity, value: float | None) -> str:
     return f"{value:.5g}" if off is None else f"{value:.5g} ({100 * off:+.1f} %)"
 
 
-def _print_cost(screen: Console, name: str, solved: ModelRun | str, febio_s: float | None) -> None:
+def _print_cost(
+    screen: Console, name: str, solved: ModelRun | str, febio_s: float | None
+) -> float | None:
+    """Print a solve's cost; its CPU time over FEBio's, if both are known."""
     if isinstance(solved, str):
         screen.print(f"{name}: {solved}")
-        return
-    share = "" if febio_s is None else f", {solved.solve_s / febio_s:.2f} of FEBio's"
+        return None
+    ratio = None if febio_s is None else solved.solve_s / febio_s
+    share = "" if ratio is None else f", {ratio:.2f} of FEBio's"
     own = solved.peak_mb - solved.import_mb
     screen.print(
         f"{name}: CPU {solved.solve_s:.2f} s{share} ({solved.iterations} iterations, "
@@ -269,3 +288,4 @@ def _print_cost(screen: Console, name: str, solved: ModelRun | str, febio_s: flo
         f"{solved.penetration:.1f} um; peak memory {solved.peak_mb:.0f} MB, of which the solve "
         f"{own:.0f}"
     )
+    return ratio

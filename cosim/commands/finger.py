@@ -123,39 +123,46 @@ def mjcf(
         )
 
 
-def bench_fingers(beside_opensim: bool) -> None:
-    """Print what the finger alone costs; raises InputError where OpenSim is to be there and is
-    not."""
+def bench_fingers() -> dict[str, float]:
+    """Print what the static solve of the finger alone costs; its ratio."""
+    from rigid.verification.dynamics_rows import time_static_solve
+
+    with stages("bench") as shown:
+        shown.say("solving the finger many times")
+        return _print_figures(time_static_solve(), "static solve / mj_forward")
+
+
+def bench_opensim() -> dict[str, float]:
+    """Print what the finger's motion costs here and in OpenSim; their ratio.  Raises InputError
+    where OpenSim is not installed."""
     from importlib.util import find_spec
 
-    if not beside_opensim:
-        from rigid.verification.dynamics_rows import time_rows
-
-        with stages("bench") as told:
-            told.say("solving the finger many times")
-            rows = list(time_rows())
-        for row in rows:
-            typer.echo(f"static solve of the finger, ms  {row.computed:.3f}   ({row.source})")
-        return
     if find_spec("opensim") is None:
         raise InputError("OpenSim is not installed here: pip install '.[opensim]'")
-    from rigid.verification.bench import bench_opensim
+    from rigid.verification.bench import bench_opensim as measure
 
-    with stages("bench") as told:
-        told.say("moving the finger here and in OpenSim")
-        found = bench_opensim()
-    for name, value in found.items():
-        typer.echo(f"{name:<20} {value:.4g}")
+    with stages("bench") as shown:
+        shown.say("moving the finger here and in OpenSim")
+        return _print_figures(measure(), "OpenSim / ours")
 
 
-def bench_robotic_finger() -> None:
-    """Print what the robotic finger's control loop costs, beside the paper's figures."""
+def bench_robotic_finger() -> dict[str, float]:
+    """Print what the robotic finger's control loop costs, beside the paper's figures; its parts
+    over the loop."""
     from rigid.verification.robot_bench import PAPER_LOOP, PAPER_QP, bench_robot
 
     paper = {"loop_s": PAPER_LOOP, "qp_s": PAPER_QP}
-    with stages("bench") as told:
-        told.say("running the control loop many times")
+    with stages("bench") as shown:
+        shown.say("running the control loop many times")
         found = bench_robot()
     for name, value in found.items():
         beside = f"   (paper: {paper[name]:.4g})" if name in paper else ""
         typer.echo(f"{name:<20} {value:.4g}{beside}")
+    return {f"{name} / loop_s": value / found["loop_s"] for name, value in found.items()}
+
+
+def _print_figures(figures: dict[str, float], ratio: str) -> dict[str, float]:
+    """Print figures; the ratio among them, by the name of what it is."""
+    for name, value in figures.items():
+        typer.echo(f"{name:<20} {value:.4g}")
+    return {ratio: figures["ratio"]}

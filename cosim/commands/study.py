@@ -143,9 +143,14 @@ def status(
         console().print(table)
 
 
-def bench_studies() -> None:
-    """Time what it costs to hand out runs, and what a second worker gains."""
-    from cosim.study.bench import figures
+def bench_studies(runs: int | None = None) -> dict[str, float]:
+    """Print what it costs to hand out runs, what a second worker gains and how many runs an hour
+    more would solve; the ratios by name."""
+    from cosim.study.bench import PER_HOUR, PLAN, RUNS, SECONDS, figures
 
-    for name, value in figures(lambda text: typer.echo(text, err=True)):
+    found = dict(figures(lambda text: typer.echo(text, err=True), runs or RUNS))
+    for name, value in found.items():
         typer.echo(f"{name:<58} {value:.4g}")
+    typer.echo(PLAN)
+    times = (SECONDS, PER_HOUR)
+    return {name: value for name, value in found.items() if not name.startswith(times)}

@@ -128,13 +128,14 @@ def studies(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> N
 def info() -> None:
     """What is installed and in use, and what would be faster."""
     with exit_on_error():
-        facts = dict(_facts())
-    wide = max(map(len, facts))
-    for name, value in facts.items():
+        found = dict(facts()) | dict(_for_purposes())
+    wide = max(map(len, found))
+    for name, value in found.items():
         typer.echo(f"{name:{wide}}  {value}")
 
 
-def _facts() -> Iterator[tuple[str, str]]:
+def facts() -> Iterator[tuple[str, str]]:
+    """Names and words of the version, the libraries, the kernels and the linear solver in use."""
     from importlib.metadata import version
 
     from cosim.version import __version__
@@ -154,6 +155,9 @@ def _facts() -> Iterator[tuple[str, str]]:
     better = [name for name in order[: order.index(backend_name())] if name in FASTER]
     words = [f"{b} (set {VARIABLE})" if b in available() else FASTER[b] for b in better]
     yield "faster would be", "; ".join(words) or "nothing that is known"
+
+
+def _for_purposes() -> Iterator[tuple[str, str]]:
     for purpose, names in PURPOSES.items():
         yield f"for {purpose}", ", ".join(map(_installed, names))
 

@@ -29,6 +29,15 @@ count = {runs}
 tip_force = "fingertip_magnitude_N"
 """
 """A study of the shell hood."""
+HOUR, MANY = 3600, 128
+"""s; workers for whom a rate is planned and not measured."""
+SECONDS, PER_HOUR = "seconds", "runs per hour"
+"""How the names of figures begin that are times, or rates."""
+PLAN = (
+    "planned by Amdahl's law, 1 / (h + s / n) runs per second: n workers, s the seconds of a run, "
+    "h what it costs one worker beside them, all of it taken to be serial; slower memory of a full "
+    "machine is not in it"
+)
 Engine = Callable[[int], AbstractContextManager[Solve]]
 """What solves runs, by so many workers."""
 
@@ -96,18 +105,30 @@ def _share(tasks: list[Task]) -> list[Verdict]:
         apart.close()
 
 
-def figures(tell: Progress) -> Iterator[tuple[str, float]]:
-    """Name and value of every figure."""
-    text = STUDY.format(runs=RUNS)
-    tell(f"{RUNS} runs of the shell by one worker")
+def planned_rate(one: StudyTiming, workers: int) -> float:
+    """Runs per second of so many workers by Amdahl's law, from the timing of one: what a run costs
+    beside its solving is taken to be serial."""
+    serial = max(one.seconds - one.solving, 0.0) / one.runs
+    return 1 / (serial + one.solving / one.runs / workers)
+
+
+def figures(tell: Progress, runs: int = RUNS) -> Iterator[tuple[str, float]]:
+    """Name and value of every figure; studies of so many runs."""
+    text = STUDY.format(runs=runs)
+    tell(f"{runs} runs of the shell by one worker")
     one = time_study(dask, 1, text)
-    yield "seconds of a run, one worker", one.solving / one.runs
+    yield f"{SECONDS} of a run, one worker", one.solving / one.runs
     yield "cost of handing out, of the run's time", one.seconds / one.solving - 1
-    tell(f"{RUNS} runs of the shell by two workers")
+    tell(f"{runs} runs of the shell by two workers")
     two = time_study(dask, 2, text)
-    yield "seconds of a run, two workers", two.solving / two.runs
+    yield f"{SECONDS} of a run, two workers", two.solving / two.runs
     yield "cost of handing out, two workers", 2 * two.seconds / two.solving - 1
     yield "runs per second, two workers over one", two.rate / one.rate
-    tell(f"{2 * RUNS} runs of the shell by one process and two without an engine")
+    tell(f"{2 * runs} runs of the shell by one process and two without an engine")
     ceiling = time_study(plain, 2, text).rate / time_study(plain, 1, text).rate
     yield "runs per second, two plain processes over one", ceiling
+    yield f"{PER_HOUR}, one worker", HOUR * one.rate
+    yield f"{PER_HOUR}, two workers", HOUR * two.rate
+    planned = planned_rate(one, MANY)
+    yield f"{PER_HOUR}, {MANY} workers (planned)", HOUR * planned
+    yield f"runs per second, {MANY} workers over one (planned)", planned / one.rate

@@ -251,10 +251,11 @@ def solve_error(tmp_path: Path, model: Path) -> str:
     """What `cosim solve` says of a bad file; it must end with code 2 and leave nothing."""
     done = CliRunner().invoke(app, ["solve", str(model), "--out", str(tmp_path / "out")])
     assert done.exit_code == 2, done.output
-    assert done.stderr.startswith("cosim: ")
-    assert done.stderr.count("\n") == 1
+    *stages, message = done.stderr.splitlines()
+    assert message.startswith("cosim: ")
+    assert len(stages) <= 1  # "solving", where the file could be read
     assert not (tmp_path / "out").exists()
-    return done.stderr
+    return message
 
 
 @pytest.mark.parametrize("name", BAD)

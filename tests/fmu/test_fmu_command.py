@@ -29,7 +29,7 @@ def test_the_command_writes_a_unit(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = command("--part", "finger", "--fmi", "3", "--no-tangent")
     assert done.exit_code == 0, done.output
-    assert done.output.strip() == "finger in pulley_edc_finger_fmi3.fmu, FMI 3"
+    assert done.stdout.strip() == "finger in pulley_edc_finger_fmi3.fmu, FMI 3"
     variables = Unit(tmp_path / "pulley_edc_finger_fmi3.fmu").opened.description.modelVariables
     assert {"force", "angle"} <= {v.name for v in variables}
     assert "load_motion" not in {v.name for v in variables}

@@ -38,7 +38,7 @@ def test_pictures_tables_and_a_page_that_needs_nothing_else(tmp_path):
     said = []
     count = write_figures(found, choose_studies(found, ()), tmp_path / "out", said.append)
     assert count == 2
-    assert said == ["one: the first"]
+    assert said == ["1/1 one: the first"]
     page = (tmp_path / "out/index.html").read_text(encoding="utf-8")
     assert "Figure 1: a &lt;line&gt;" in page
     assert page.count("data:image/png;base64,") == 2

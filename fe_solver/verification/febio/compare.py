@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import CosimError, InputError
+from cosim.processes import peak_mb
 from fe_solver.febio.read import read_feb
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
@@ -265,18 +266,6 @@ def _main(path: str, element: str, spacing: str) -> None:
         backend_name(),
     )
     print(json.dumps(asdict(made)))
-
-
-def peak_mb() -> float:
-    """Largest memory of this process so far, MB (1e6 bytes)."""
-    if sys.platform == "win32":
-        import psutil
-
-        return float(psutil.Process().memory_info().peak_wset) / 1e6
-    import resource
-
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
 if __name__ == "__main__":

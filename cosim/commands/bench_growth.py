@@ -1,0 +1,73 @@
+"""`cosim bench growth`: what a solve costs on ever finer meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import typer
+
+from cosim.commands.terminal import print_table, stages
+
+if TYPE_CHECKING:
+    from cosim.analyses.growth import Growth, SolveCost
+
+MOST_GROWTH, AIM = 1.25, 1.3
+"""What is aimed at: iterations of the finest mesh over those of the coarsest, and the exponent."""
+
+
+def bench_growth(most: int) -> dict[str, float]:
+    """Solve, print and return the growth; raises InputError."""
+    from cosim.analyses.growth import fit_growth, measure_growth, meshes_up_to
+
+    with stages("bench", len(meshes_up_to(most))) as shown:
+        costs = list(measure_growth(most, shown.begin))
+    growth = fit_growth(costs)
+    print_costs(costs)
+    print_growth(growth)
+    ratios = {}
+    for g in growth:
+        solve = f"{g.state} on {g.elements} quads"
+        ratios[f"{solve}: iterations, finest / coarsest"] = g.iterations
+        ratios[f"{solve}: exponent of CPU time"] = g.exponents["all"]
+    return ratios
+
+
+def print_costs(costs: Sequence[SolveCost]) -> None:
+    """Print what each solve took, and the time of each part for one linear solve."""
+    from cosim.analyses.growth import CASE, TENDON
+    from cosim.analyses.pulls import REST
+
+    header = ("quads", "unknowns", "solve", "iterations", "linear solves", "CPU s", "peak MB")
+    rows, parts = [], []
+    for cost in costs:
+        m, mesh = cost.measured, f"{cost.quads} {cost.elements}"
+        solves = f"{m.solves} failed" if m.failure else str(m.solves)
+        figures = (str(m.iterations), solves, f"{m.cpu_s:.2f}", f"{cost.peak_mb:.0f}")
+        rows.append((mesh, str(m.unknowns), cost.state, *figures))
+        times = (m.cpu_s, *cost.parts.values())
+        parts.append((mesh, cost.state, *(f"{1e3 * t / max(m.solves, 1):.1f}" for t in times)))
+    print_table(f"{CASE}: to {REST} from as it is laid out, then {TENDON} pulled", header, rows)
+    names = costs[0].parts if costs else ()
+    print_table("CPU time for each linear solve, ms", ("quads", "solve", "all", *names), parts)
+
+
+def print_growth(growth: Sequence[Growth]) -> None:
+    """Print the growth of each solve, beside what is aimed at."""
+    if not growth:
+        return
+    names = list(dict.fromkeys(name for g in growth for name in g.exponents))
+    rows = [
+        (
+            *(f"{g.state}, {g.elements}", f"{g.iterations:.2f}", f"{g.solves:.2f}"),
+            *(f"{g.exponents[name]:.2f}" if name in g.exponents else "-" for name in names),
+        )
+        for g in growth
+    ]
+    header = ("solve", "iterations", "solves", *names)
+    print_table(
+        "iterations and linear solves, finest mesh over coarsest; p of t ~ N^p in the unknowns",
+        header,
+        rows,
+    )
+    typer.echo(f"aims: iterations at most {MOST_GROWTH}, p of the CPU time about {AIM}")
