@@ -51,6 +51,7 @@ PARTS = {
 """Where the functions are whose time is measured, by the names of the parts of a solve; none calls
 another one.  The first factorisation includes the symbolic analysis."""
 OTHER = "other"
+CPU, EACH = "CPU time", "CPU time of one linear solve"
 
 
 class SolveCost(NamedTuple):
@@ -75,7 +76,8 @@ class Growth(NamedTuple):
     """How the cost of one solve grows from the coarsest mesh to the finest.
 
     `iterations` and `solves` are those of the finest mesh over those of the coarsest; `exponents`
-    are the p of a fit t ~ N^p in the number N of unknowns, of the CPU time and of each part's."""
+    are the p of fits t ~ N^p in the number N of unknowns: of the CPU time (CPU), of that for one
+    linear solve (EACH), and of each part's for one linear solve."""
 
     elements: str
     state: str
@@ -171,8 +173,10 @@ def fit_growth(costs: Sequence[SolveCost]) -> list[Growth]:
 def _fit(elements: str, state: str, costs: Sequence[SolveCost]) -> Growth:
     first, last = costs[0].measured, costs[-1].measured
     size = np.log([cost.measured.unknowns for cost in costs])
-    columns = {"all": [cost.measured.cpu_s for cost in costs]}
-    columns |= {part: [cost.parts[part] for cost in costs] for part in costs[0].parts}
+    columns = {CPU: [cost.measured.cpu_s for cost in costs]}
+    columns[EACH] = [cost.measured.cpu_s / cost.measured.solves for cost in costs]
+    for part in costs[0].parts:
+        columns[part] = [cost.parts[part] / cost.measured.solves for cost in costs]
     exponents = {
         name: float(np.polyfit(size, np.log(values), 1)[0])
         for name, values in columns.items()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 from cosim.analyses.growth import (
+    CPU,
+    EACH,
     OTHER,
     PARTS,
     SolveCost,
@@ -32,7 +34,7 @@ def test_exponents_are_fitted_to_the_solves_that_did_not_fail():
     costs = [cost(1000, 20), cost(1000, 80, ""), cost(4000, 22), cost(9000, 1, failure="stuck")]
     (growth,) = fit_growth(costs)
     assert (growth.state, growth.iterations, growth.solves) == ("EDC", 1.1, 1.1)
-    assert growth.exponents == pytest.approx({"all": 1.3, "solution": 1.1})
+    assert growth.exponents == pytest.approx({CPU: 1.3, EACH: 1.3, "solution": 1.1}, abs=0.1)
 
 
 def test_the_parts_of_a_solve_make_up_its_time():
