@@ -39,6 +39,10 @@ CLOSE = 1e-4
 """Residual over the largest force at which the steps end at the latest."""
 NEAR = 0.1
 """Residual over the largest force below which the next tangent is the consistent one."""
+MOST_HALVINGS = 4
+"""Of a step that would turn a director into the plane of an element."""
+SMALLER = 0.25
+"""Part of the longest step that is allowed from the start on, once, where no halving helps."""
 SHORT = 0.1
 """Longest step with the consistent tangent, against the longest one allowed: near a bifurcation,
 where it is nearly singular, it would lead far away."""
@@ -80,7 +84,7 @@ def take_mixed_steps(
     one of least energy that they met, the start included."""
     c, before, convex = start, None, True
     most, tolerance = min(most, MOST_STEPS), max(tolerance, CLOSE)
-    least, best, solves = np.inf, start, 0
+    least, best, solves, restarted = np.inf, start, 0, False
     for iteration in range(most + 1):
         e = model.evaluate(c, tension, tangent=False, convex=convex)
         residual, force = residual_norm(model, e)
@@ -108,8 +112,17 @@ def take_mixed_steps(
         step = limit_step(limit_to_contact(model, e, step), part * max_step, part * max_turn)[0]
         if iteration >= UNDAMPED and before is not None and _reverses(model, e, step, before):
             step = step / 2
-        before = _predict(model, c, e, step)
-        c = model.take_step(c, e.bases, _follow_springs(model, e, step))
+        trial = model.take_step(c, e.bases, _follow_springs(model, e, step))
+        for _ in range(MOST_HALVINGS if usable else 0):
+            if not is_folded(model, trial):
+                break
+            step = step / 2
+            trial = model.take_step(c, e.bases, _follow_springs(model, e, step))
+        if usable and is_folded(model, trial) and not restarted:
+            c, before, convex, restarted = start, None, True, True
+            max_step, max_turn = SMALLER * max_step, SMALLER * max_turn
+            continue
+        before, c = _predict(model, c, e, step), trial
         convex = residual > NEAR * force
     return MixedSteps(best, iteration, solves)
 

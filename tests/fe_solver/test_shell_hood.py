@@ -155,7 +155,7 @@ def test_a_small_turn_is_foreseen(hood, solved, motion):
 def test_a_loose_hood_stops_earlier_near_the_same_state(hood, solved, motion):
     loose = hood.with_tolerance(1e-2)
     response = loose.advance(loose.start(motion), motion, TENSION, STATIC)
-    assert response.state.iterations < solved.state.iterations
+    assert 1e3 * solved.state.solution.residual < response.state.solution.residual
     assert response.load.total() == pytest.approx(solved.load.total(), abs=0.1)
     assert hood.with_tolerance(1e-14).options == hood.options
 
