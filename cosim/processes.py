@@ -24,6 +24,8 @@ MALLOC_SETTINGS = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(2**30)
 freed memory (bytes) stays with the process. Handed back and asked for again with each factorisation
 it costs a fifth of that, and the kernel's work on page faults keeps processes side by side from
 each other."""
+YOUNG_COLLECTIONS = 200
+"""Collections of garbage among younger objects before one among all (Python's own: 10)."""
 
 
 @contextmanager
@@ -51,15 +53,10 @@ def prepare_process() -> None:
     from threadpoolctl import threadpool_limits
 
     gc.set_threshold(*gc.get_threshold()[:2], YOUNG_COLLECTIONS)
-
     os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))  # of what loads from now on
     threadpool_limits(1, user_api="blas")  # of what has loaded
     for name, value in MALLOC_SETTINGS.items():
         os.environ.setdefault(name, value)
-
-
-YOUNG_COLLECTIONS = 200
-"""Collections of garbage among younger objects before one among all (Python's own: 10)."""
 
 
 def peak_mb() -> float:

@@ -35,23 +35,23 @@ def draw_ledger(rows: Sequence[LedgerRow], title: str) -> Figure:
     bodies = list(dict.fromkeys(row.body for row, _ in sized))
     sources = list(dict.fromkeys(row.source for row, _ in sized))
     looks = {source: look(i) for i, source in enumerate(sources)}
-    count, height, still = max(len(bodies), 1), 4.2, len(states) <= FEW
-    figure = Figure(figsize=(3.6 * count, height), layout=None if still else "constrained")
+    count, height, as_bars = max(len(bodies), 1), 4.2, len(states) <= FEW
+    figure = Figure(figsize=(3.6 * count, height), layout=None if as_bars else "constrained")
     panels = figure.subplots(1, count, sharey=True, squeeze=False).ravel()
-    if still:  # places of our own: constrained layout takes longer than to draw
+    if as_bars:  # places of our own: constrained layout takes longer than to draw
         longest = max(map(len, sources), default=0)
         bottom = (0.2 + 0.056 * longest) / height
         figure.subplots_adjust(0.6 / (3.6 * count), bottom, 0.995, 0.88, wspace=0.05)
     for axes, body in zip(panels, bodies, strict=False):
         of_body = {(r.state, r.source): size for r, size in sized if r.body == body}
-        if still:
+        if as_bars:
             _bars(axes, {s: size for (at, s), size in of_body.items() if at == states[-1]}, looks)
         else:
             _lines(axes, of_body, states, looks)
         axes.set_title(body)
         axes.grid(alpha=0.3)
     panels[0].set_ylabel("force on the body, N")
-    if not still:
+    if not as_bars:
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right center", fontsize=8, handlelength=3)
     figure.suptitle(f"{title}: forces by source", fontsize=11)
@@ -77,6 +77,6 @@ def _lines(
     at = {float(s.removesuffix(" s")): s for s in states if s in acting}
     times = sorted(at)
     for source, one in looks.items():
-        course = [force.get((at[time], source), 0.0) for time in times]
-        axes.plot(times, course, lw=1.0, label=source, **one.line)
+        over_time = [force.get((at[time], source), 0.0) for time in times]
+        axes.plot(times, over_time, lw=1.0, label=source, **one.line)
     axes.set_xlabel("time, s")

@@ -281,6 +281,8 @@ class _OneFactorAnalysis:
 
     slots: sp.csc_array
     held: weakref.ref[_KeptFactor] | None = None
+    negative: int = 0
+    """Negative pivots of the factor that the solver keeps."""
 
     def factor(self, data: Array) -> Factor:
         """The numeric factor of the matrix with entries from `data`."""
@@ -289,16 +291,12 @@ class _OneFactorAnalysis:
         return made
 
     def factorise(self, data: Array) -> None:
-        """Make the numeric factor that the solver keeps.  Raises ConvergenceError for a singular
-        matrix."""
+        """Make the numeric factor that the solver keeps, and count its negative pivots.  Raises
+        ConvergenceError for a singular matrix."""
         raise NotImplementedError
 
     def solve(self, right: Array) -> Array:
         """Solution for right-hand sides (n,) or (n, m) by the factor that the solver keeps."""
-        raise NotImplementedError
-
-    def count_negative(self) -> int:
-        """Negative pivots of the factor that the solver keeps."""
         raise NotImplementedError
 
 
@@ -324,14 +322,13 @@ class _KeptFactor:
     def negative(self) -> int:
         """Negative pivots, which are as many as negative eigenvalues."""
         self.hold()
-        return self.analysis.count_negative()
+        return self.analysis.negative
 
 
 class FeralAnalysis(_OneFactorAnalysis):
     """Symmetric indefinite L D L' of feral, which is written in Rust and has one thread here."""
 
     dear: ClassVar[bool] = True
-    negative: int = 0
 
     @cached_property
     def _lower(self) -> tuple[Ints, Any, Any]:
@@ -357,10 +354,6 @@ class FeralAnalysis(_OneFactorAnalysis):
         if status != feral.FactorStatus.SUCCESS or inertia.n_zero:
             raise _singular(f"{inertia.n_zero} of its pivots are zero")
         self.negative = int(inertia.n_neg)
-
-    def count_negative(self) -> int:
-        """As the base class says."""
-        return self.negative
 
     def solve(self, right: Array) -> Array:
         """As the base class says."""
@@ -392,15 +385,12 @@ class PardisoAnalysis(_OneFactorAnalysis):
         matrix, slots, solver = self._upper
         matrix.data = data[slots]
         _phase(solver, 22, matrix, np.zeros(matrix.shape[0]))
+        self.negative = int(solver.get_iparm(23))
 
     def solve(self, right: Array) -> Array:
         """As the base class says."""
         matrix, _, solver = self._upper
         return _phase(solver, 33, matrix, np.asfortranarray(right))
-
-    def count_negative(self) -> int:
-        """As the base class says."""
-        return int(self._upper[2].get_iparm(23))
 
 
 def _phase(solver: Any, phase: int, matrix: sp.csr_matrix, right: Array) -> Array:

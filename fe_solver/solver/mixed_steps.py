@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
 from fe_solver.forces.springs import PointForces
-from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.linear_algebra import Factor
 from fe_solver.solver.model import Configuration, Evaluation, Forces, ShellModel
 from fe_solver.solver.newton_step import (
@@ -28,6 +27,7 @@ from fe_solver.solver.newton_step import (
     displacements,
     limit_step,
     limit_to_contact,
+    move_nodes,
 )
 from fe_solver.solver.residual import is_folded, residual_norm
 
@@ -181,7 +181,7 @@ def _reverses(model: ShellModel, e: Evaluation, step: Array, before: _Prediction
 def _follow_springs(model: ShellModel, e: Evaluation, step: Array) -> Array:
     """The step with each node that a single spring holds brought to the spring's predicted length:
     a taut one's changes as to first order, down to its slack length; a slack one grows up to it."""
-    p, A = e.points, e.bases[0]
+    p = e.points
     more = approach(p, e.bases, step)
     slack = np.where(np.isfinite(p.depth), p.length - p.depth, 0.0)
     on = np.flatnonzero(np.isfinite(p.length) & (p.length + more > 0) & (p.length > 0))
@@ -191,9 +191,5 @@ def _follow_springs(model: ShellModel, e: Evaluation, step: Array) -> Array:
     length = np.linalg.norm(reach, axis=1)
     taut = np.maximum(p.length[on] + more[on], slack[on])
     wanted = np.where(p.depth[on] > 0, taut, np.minimum(length, slack[on]))
-    moved = np.zeros_like(step)
     back = (wanted / np.maximum(length, np.finfo(float).tiny) - 1)[:, None] * reach
-    moved.reshape(-1, DOFS)[node, :3] = np.einsum("kij,ki->kj", A[node], back)
-    out = step.copy()
-    out[model.free] += moved[model.free]
-    return out
+    return move_nodes(model, e.bases[0], step, node, back)

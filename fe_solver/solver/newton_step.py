@@ -13,6 +13,7 @@ from fe_solver.solver.linear_algebra import Analysis, Factor, Nearby, NotPositiv
 from fe_solver.solver.model import Evaluation, ShellModel
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
 
 MOST_FLIPS = 2
 """Rounds of the active set in one step; more cost factorisations and saved no iterations."""
@@ -75,31 +76,6 @@ def newton_step(
     return step, factor
 
 
-def damped_step(
-    model: ShellModel,
-    data: Array,
-    gradient: Array,
-    max_step: float,
-    max_turn: float,
-    near: Factor | None = None,
-) -> tuple[Array, Factor | None]:
-    """`newton_step` of a model with slack parts, which have next to no stiffness: the diagonal is
-    raised by ever more of its mean until no step is LONG times the longest allowed.  Shortened as a
-    whole instead, the step would move the slack parts alone.  A damped tangent's factor is None."""
-    pattern, turns = model.pattern, model.free % DOFS > 2
-    diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[model.free]
-    size = np.abs(data[diagonal])
-    mean = np.where(turns, size[turns].mean(), size[~turns].mean())
-    step, factor = newton_step(model, data, gradient, near)
-    for share in DAMPING:
-        if limit_step(step, max_step, max_turn)[1] <= LONG:
-            break
-        damped, factor = data.copy(), None
-        damped[diagonal] += share * mean
-        step = newton_step(model, damped, gradient)[0]
-    return step, factor
-
-
 def descent_step(
     model: ShellModel,
     data: Array,
@@ -108,10 +84,24 @@ def descent_step(
     max_turn: float,
     near: Factor | None = None,
 ) -> tuple[Array, Factor | None]:
-    """`newton_step`, or `damped_step` of a model whose sheet may be slack."""
+    """`newton_step`, damped for a model that may have slack parts (a tension field), which have
+    next to no stiffness: the diagonal is raised by ever more of its mean until no step is LONG
+    times the longest allowed.  Shortened as a whole instead, the step would move the slack parts
+    alone.  A damped tangent's factor is None."""
+    step, factor = newton_step(model, data, gradient, near)
     if model.section.smoothing is None:
-        return newton_step(model, data, gradient, near)
-    return damped_step(model, data, gradient, max_step, max_turn, near)
+        return step, factor
+    pattern, turns = model.pattern, model.free % DOFS > 2
+    diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[model.free]
+    size = np.abs(data[diagonal])
+    mean = np.where(turns, size[turns].mean(), size[~turns].mean())
+    for share in DAMPING:
+        if limit_step(step, max_step, max_turn)[1] <= LONG:
+            break
+        damped, factor = data.copy(), None
+        damped[diagonal] += share * mean
+        step = newton_step(model, damped, gradient)[0]
+    return step, factor
 
 
 def _analysis(model: ShellModel) -> Analysis:
@@ -187,8 +177,14 @@ def limit_to_contact(model: ShellModel, e: Evaluation, step: Array) -> Array:
     _, value, slope = ramp(depth, width)
     force = value + slope * more
     away = np.where(force > 0, inverse_ramp(force, width) - (depth + more), 0.0)
+    return move_nodes(model, A, step, node, away[:, None] * normal)
+
+
+def move_nodes(model: ShellModel, A: Array, step: Array, node: Ints, by: Array) -> Array:
+    """The step (5n,) in the nodes' bases A (n, 3, 3) with some nodes (k,) moved further by (k, 3)
+    m, as far as they are free."""
     moved = np.zeros_like(step)
-    moved.reshape(-1, DOFS)[node, :3] = np.einsum("kij,ki->kj", A[node], away[:, None] * normal)
+    moved.reshape(-1, DOFS)[node, :3] = np.einsum("kij,ki->kj", A[node], by)
     out = step.copy()
     out[model.free] += moved[model.free]
     return out

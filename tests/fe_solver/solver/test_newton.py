@@ -16,7 +16,7 @@ from fe_solver.solver import newton_step as steps
 from fe_solver.solver.linear_algebra import Nearby
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
-from fe_solver.solver.newton_step import LONG, damped_step, factorise, limit_step, newton_step
+from fe_solver.solver.newton_step import LONG, descent_step, factorise, limit_step, newton_step
 from fe_solver.solver.residual import residual_norm
 from fe_solver.surfaces.spline_distance import Sphere
 from tests.helpers import shells
@@ -294,12 +294,12 @@ def test_a_damped_step_does_not_run_away_in_slack_parts():
     gradient[model.free] = np.random.default_rng(2).normal(size=len(model.free))
     longest = 1e-6, 1e-3
     whole = newton_step(model, e.data, gradient)[0]
-    damped, factor = damped_step(model, e.data, gradient, *longest)
+    damped, factor = descent_step(model, e.data, gradient, *longest)
     assert limit_step(whole, *longest)[1] > 1e3 * LONG
     assert limit_step(damped, *longest)[1] < limit_step(whole, *longest)[1] / 5
     assert damped @ gradient < 0
     assert factor is None
-    assert np.array_equal(damped_step(model, e.data, gradient, 1e9, 1e9)[0], whole)
+    assert np.array_equal(descent_step(model, e.data, gradient, 1e9, 1e9)[0], whole)
 
 
 @pytest.mark.parametrize("share", [0.01, 0.5])
