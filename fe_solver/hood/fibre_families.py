@@ -54,10 +54,9 @@ def _direction_in_layout(model: ShellModel, patch: Patch, angle: Real) -> Array:
     """(k, 3) directions at an angle in the stress-free sheet, in the sheet as it was laid out: mean
     over each element."""
     frame, grown = model.tables.frame[patch.elements], 1 + model.tables.growth[patch.elements]
-    angle = np.broadcast_to(angle, (*patch.thickness.shape, 1))
-    along = np.cos(angle) / grown[:, None, None, 0]
-    across = np.sin(angle) / grown[:, None, None, 1]
-    direction = along * frame[:, :, 0] + across * frame[:, :, 1]
+    angle = np.broadcast_to(angle, patch.thickness.shape)
+    turned = np.stack([np.cos(angle), np.sin(angle)], axis=2) / grown[:, None]
+    direction = np.einsum("ega,egai->egi", turned, frame[:, :, :2])
     direction /= np.linalg.norm(direction, axis=2, keepdims=True)
     return leading(np.einsum("egi,egj->eij", direction, direction))
 

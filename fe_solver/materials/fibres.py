@@ -167,7 +167,7 @@ class TransIsoMooneyRivlin(ExponentialToe):
                 -2 / 3 * (2 * c1b + 2 * c2i + c2a * I / D),
                 -rate / (6 * f),
             ),
-            stiffness=self.volumetric(p, np.asarray(j))[1],
+            stiffness=0.0 if self.incompressible() else self.volumetric(p, np.asarray(j))[1],
         )
 
 

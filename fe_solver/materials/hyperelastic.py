@@ -53,8 +53,8 @@ class Expansion(NamedTuple):
     """Upper triangle of W_pq; absent entries are zero."""
     mixed: Sequence[Real]
     """W_pj."""
-    stiffness: Array
-    """W_jj."""
+    stiffness: Real
+    """W_jj; an incompressible sheet's, which nobody asks for, may be anything."""
 
 
 @runtime_checkable
@@ -133,12 +133,11 @@ def _curvature(x: Expansion, condensed: bool) -> list[list[Real]]:
     """W_pq with ln J eliminated."""
     n = len(x.slope)
     H: list[list[Real]] = [[0.0] * n for _ in range(n)]
-    lever = [m / x.stiffness for m in x.mixed]
     for p in range(n):
         for q in range(p, n):
             H[p][q] = x.curvature.get((p, q), 0.0)
             if condensed:
-                H[p][q] = H[p][q] - x.mixed[p] * lever[q]
+                H[p][q] = H[p][q] - x.mixed[p] * (x.mixed[q] / x.stiffness)
             H[q][p] = H[p][q]
     return H
 
@@ -169,10 +168,10 @@ def response(law: Potential, strain: Array) -> Stress:
         plane = _plane(law, strain)
         j, found = _log_volume(law, plane.p)
         out = _by_strain(law, plane, law.expansion(plane.p, j), strain.shape[:-1])
-        sums = out.energy + out.stress.sum(-1) + out.tangent.sum((-2, -1))
-    fine = plane.admissible & found & np.isfinite(sums)
-    if fine.all():
-        return out
+        fine = plane.admissible & found
+        if fine.all() and np.isfinite(sum(map(np.sum, out))):
+            return out
+        fine &= np.isfinite(out.energy + out.stress.sum(-1) + out.tangent.sum((-2, -1)))
     return Stress(
         np.where(fine, out.energy, np.inf),
         np.where(fine[..., None], out.stress, 0.0),

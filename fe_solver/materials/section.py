@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fe_solver.materials.hyperelastic import Potential
-from fe_solver.materials.linear import Law, LinearLaw, Real
+from fe_solver.materials.linear import Law, LinearLaw
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.materials.thickness import thickness_stretch
 
@@ -29,6 +29,9 @@ Ints = NDArray[np.intp]
 SHEAR_CORRECTION = 5.0 / 6.0
 LAYERS, LAYER_WEIGHTS = np.polynomial.legendre.leggauss(5)
 """Gauss-Legendre points through the thickness, in [-1, 1]."""
+LAYER_MOMENTS = LAYER_WEIGHTS * LAYERS ** np.arange(3)[:, None]
+"""(3, layers) what makes the integral of a function through the thickness of 2, and its first and
+second moment, of its values at the layers."""
 
 
 class Resultants(NamedTuple):
@@ -44,7 +47,7 @@ class Resultants(NamedTuple):
 @dataclass(frozen=True)
 class Patch:
     """Elements of one material: indices (k,), their law and thickness (k, g) m at the Gauss
-    points.  Parameters of the law that differ by element have shape (k, 1, 1); `factor` (k, 1) or
+    points.  Parameters of the law have shape (k, 1) or (k, g) where they differ; `factor` (k, 1) or
     (1, 1) multiplies all its stresses.  `bending` (3, 3) Pa are moduli of bending besides the law's
     own; `shear_correction` multiplies transverse shear."""
 
@@ -128,9 +131,9 @@ class Section:
             more = own(p, strain[p.elements])
             if isinstance(base, Potential):
                 more = _with_shear(p, strain[p.elements], more)
-            energy[p.elements] += p.factor * more.energy
-            force[p.elements] += p.factor[..., None] * more.force
-            stiffness[p.elements] += p.factor[..., None, None] * more.stiffness
+            for total, part in zip((energy, force, stiffness), more, strict=True):
+                part *= p.factor.reshape(p.factor.shape + (1,) * (part.ndim - 2))
+                total[p.elements] += part
         return Resultants(energy, force, stiffness)
 
     def tension_state(self, strain: Array) -> NDArray[np.int8]:
@@ -139,7 +142,7 @@ class Section:
         out = np.full(len(strain), -1, dtype=np.int8)
         for p in self.patches:
             if isinstance(p.law, TensionField):
-                states = p.law.state(strain[p.elements, :, None, :3])[..., 0]
+                states = p.law.state(strain[p.elements, :, :3])
                 out[p.elements] = np.rint(states.mean(axis=1))
         return out
 
@@ -147,8 +150,7 @@ class Section:
         """(ne, g) current over stress-free thickness by the mid-surface's strains (ne, g, 8)."""
         out = np.empty(strain.shape[:2])
         for p in self.patches:
-            own = thickness_stretch(p.law, strain[p.elements, :, None, :3])
-            out[p.elements] = own[..., 0]
+            out[p.elements] = thickness_stretch(p.law, strain[p.elements, :, :3])
         return out
 
     def stress(self, strain: Array, z: float = 0.0) -> Array:
@@ -158,8 +160,7 @@ class Section:
         for p in self.patches:
             e = strain[p.elements]
             plane = e[..., :3] + z * p.thickness[..., None] / 2 * e[..., 3:6]
-            own = p.law.response(plane[..., None, :]).stress[..., 0, :]
-            out[p.elements] = p.factor[..., None] * own
+            out[p.elements] = p.factor[..., None] * p.law.response(plane).stress
         return out
 
 
@@ -214,7 +215,7 @@ def _as_one(patches: Sequence[Patch]) -> Patch:
     for name in vars(bases[0]):
         values = [getattr(law, name) for law in bases]
         if len(set(values)) > 1:
-            numbers[name] = np.repeat(values, sizes)[:, None, None]
+            numbers[name] = np.repeat(values, sizes)[:, None]
     law, first = replace(bases[0], **numbers), patches[0].law
     return Patch(
         np.concatenate([p.elements for p in patches]),
@@ -235,8 +236,8 @@ def _constant(p: Patch) -> Array:
     law = _base(p.law)[0]
     if not isinstance(law, Potential):
         for i, modulus in zip((6, 7), law.shear(), strict=True):
-            out[..., i, i] = p.shear_correction * h * _at_points(modulus, h)
-    plane = law.response(np.zeros((*h.shape, 1, 3))).tangent[:, :, 0]
+            out[..., i, i] = p.shear_correction * h * modulus
+    plane = law.response(np.zeros((*h.shape, 3))).tangent
     out[..., 3:6, 3:6] += plane * (h**3 / 12)[..., None, None]
     if law is p.law:
         out[..., :3, :3] = plane * h[..., None, None]
@@ -246,26 +247,29 @@ def _constant(p: Patch) -> Array:
 def _membrane(p: Patch, strain: Array) -> Resultants:
     """A law that acts on the mid-surface's strain alone."""
     h = p.thickness
-    answer = p.law.response(strain[..., None, :3])
+    answer = p.law.response(strain[..., :3])
     out = _nothing(strain)
-    out.energy[:] = answer.energy[..., 0] * h
-    out.force[..., :3] = answer.stress[..., 0, :] * h[..., None]
-    out.stiffness[..., :3, :3] = answer.tangent[..., 0, :, :] * h[..., None, None]
+    out.energy[:] = answer.energy * h
+    out.force[..., :3] = answer.stress * h[..., None]
+    out.stiffness[..., :3, :3] = answer.tangent * h[..., None, None]
     return out
 
 
 def _integrate(p: Patch, strain: Array) -> Resultants:
     """A law at points through the thickness."""
-    h = p.thickness[..., None]
-    z, w = LAYERS * h / 2, LAYER_WEIGHTS * h / 2  # (k, g, layers)
-    answer = p.law.response(strain[..., None, :3] + z[..., None] * strain[..., None, 3:6])
-    out = _nothing(strain)
-    out.energy[:] = (w * answer.energy).sum(axis=-1)
-    for i, power in ((0, np.ones_like(z)), (1, z)):
-        out.force[..., 3 * i : 3 * i + 3] = np.einsum("...z,...zi->...i", w * power, answer.stress)
-    for i, j, power in ((0, 0, np.ones_like(z)), (0, 1, z), (1, 0, z), (1, 1, z**2)):
-        block = np.einsum("...z,...zij->...ij", w * power, answer.tangent)
-        out.stiffness[..., 3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = block
+    half = p.thickness / 2
+    z = LAYERS[:, None, None] * half  # (layers, k, g)
+    answer = p.law.response(strain[..., :3] + z[..., None] * strain[..., 3:6])
+    stress = np.tensordot(LAYER_MOMENTS[:2], answer.stress, 1)
+    tangent = np.tensordot(LAYER_MOMENTS, answer.tangent, 1)
+    out, (membrane, bending) = _nothing(strain), (slice(3), slice(3, 6))
+    out.energy[:] = half * np.tensordot(LAYER_WEIGHTS, answer.energy, 1)
+    lever = np.stack([half, half**2, half**3])[..., None]
+    out.force[..., membrane], out.force[..., bending] = lever[:2] * stress
+    tangent *= lever[..., None]
+    out.stiffness[..., membrane, membrane] = tangent[0]
+    out.stiffness[..., membrane, bending] = out.stiffness[..., bending, membrane] = tangent[1]
+    out.stiffness[..., bending, bending] = tangent[2]
     return out
 
 
@@ -282,31 +286,26 @@ def _with_shear(p: Patch, strain: Array, plane: Resultants) -> Resultants:
     r = D - (c22 * g1 * g1 - 2 * c12 * g1 * g2 + c11 * g2 * g2)
     fine = (c11 > 0) & (D > 0) & (r > 0)
     D, r = np.where(fine, D, 1.0), np.where(fine, r, 1.0)
-    k = np.where(fine, p.shear_correction * p.thickness * _at_points(p.law.shear()[0], D) / 2, 0.0)
-    by_D = 2 * np.stack([c22, c11, -c12, 0 * D, 0 * D], -1)
-    lean = np.stack([g2 * g2, g1 * g1, -g1 * g2, c22 * g1 - c12 * g2, c11 * g2 - c12 * g1], -1)
+    k = np.where(fine, p.shear_correction * p.thickness * p.law.shear()[0] / 2, 0.0)
+    by_D = 2 * np.stack([c22, c11, -c12, 0 * D, 0 * D])  # rows and columns first
+    lean = np.stack([g2 * g2, g1 * g1, -g1 * g2, c22 * g1 - c12 * g2, c11 * g2 - c12 * g1])
     by_r = by_D - 2 * lean
     curved, plain = k / r**2, k / D**2
-    own = np.zeros((*D.shape, 5, 5))  # what D and r themselves bend
-    own[..., 0, 1], own[..., 2, 2] = 4 * (plain - curved), 2 * (curved - plain)
-    own[..., 0, 4], own[..., 1, 3] = 4 * curved * g2, 4 * curved * g1
-    own[..., 2, 3], own[..., 2, 4] = -2 * curved * g2, -2 * curved * g1
-    own[..., 3, 3], own[..., 4, 4] = 2 * curved * c22, 2 * curved * c11
-    own[..., 3, 4] = -2 * curved * c12
+    own = np.zeros((5, 5, *D.shape))  # what D and r themselves bend
+    own[0, 1], own[2, 2] = 4 * (plain - curved), 2 * (curved - plain)
+    own[0, 4], own[1, 3] = 4 * curved * g2, 4 * curved * g1
+    own[2, 3], own[2, 4] = -2 * curved * g2, -2 * curved * g1
+    own[3, 3], own[4, 4] = 2 * curved * c22, 2 * curved * c11
+    own[3, 4] = -2 * curved * c12
     for i, j in ((0, 1), (0, 4), (1, 3), (2, 3), (2, 4), (3, 4)):
-        own[..., j, i] = own[..., i, j]
-    for factor, by in ((2 * curved / r, by_r), (-2 * plain / D, by_D)):
-        own += (factor[..., None] * by)[..., :, None] * by[..., None, :]
+        own[j, i] = own[i, j]
+    own += (2 * curved / r * by_r)[:, None] * by_r
+    own[:3, :3] -= (2 * plain / D * by_D[:3])[:, None] * by_D[:3]
     at = np.array([0, 1, 2, 6, 7])
     plane.energy[:] = np.where(fine, plane.energy + k / r - k / D, np.inf)
-    plane.force[..., at] += plain[..., None] * by_D - curved[..., None] * by_r
-    plane.stiffness[..., at[:, None], at] += own
+    plane.force[..., at] += np.moveaxis(plain * by_D - curved * by_r, 0, -1)
+    plane.stiffness[..., at[:, None], at] += np.moveaxis(own, (0, 1), (-2, -1))
     return plane
-
-
-def _at_points(modulus: Real, like: Array) -> Array:
-    """A law's modulus at the Gauss points (k, g)."""
-    return np.broadcast_to(modulus, (*like.shape, 1))[..., 0]
 
 
 def _nothing(strain: Array) -> Resultants:

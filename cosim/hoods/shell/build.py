@@ -208,14 +208,14 @@ def _section(
 
 def _law_angle(laid: Array | None, growth: Array) -> Real:
     """The angle (rad) from the first to the second family in the stress-free sheet, from that as
-    laid out (k, g): one number, or (k, g, 1) where it varies; `growth` (k, 2)."""
+    laid out (k, g): one number, or (k, g) where it varies; `growth` (k, 2)."""
     if laid is None:
         return 0.0
     along, across = (1 + growth.T)[..., None]
     angle = np.arctan2(across * np.sin(laid), along * np.cos(laid))
     if np.ptp(angle) < SAME_ANGLE:
         return float(angle.mean())
-    return np.asarray(angle[..., None])
+    return np.asarray(angle)
 
 
 def _law(name: str, region: RegionConfig, angle: Real) -> Law | TensionField:

@@ -181,9 +181,9 @@ def test_fibres_hold_at_rest_and_slacken_in_compression() -> None:
 
 @pytest.mark.parametrize("name", [*LAWS, *MORE])
 def test_parameters_by_element(name: str) -> None:
-    """A value per element (k, 1, 1) at strains (k, 4, nz, 3) is each element's own law."""
+    """A value per element (k, 1) at strains (layers, k, 4, 3) is each element's own law."""
     law = (LAWS | MORE)[name]
-    points = strains(3 * 4 * 2).reshape(3, 4, 2, 3)
+    points = strains(2 * 3 * 4).reshape(2, 3, 4, 3)
     base = law.base if isinstance(law, TensionField) else law
     scales = (1.0, 1.1, 1.3)
     stiffness = next(iter(vars(base)))
@@ -193,12 +193,14 @@ def test_parameters_by_element(name: str) -> None:
         changed = replace(base, **{stiffness: value * by})
         return replace(law, base=changed) if isinstance(law, TensionField) else changed
 
-    out = scaled(np.array(scales)[:, None, None]).response(points)
-    assert out.tangent.shape == (3, 4, 2, 3, 3)
+    out = scaled(np.array(scales)[:, None]).response(points)
+    assert out.tangent.shape == (2, 3, 4, 3, 3)
     for n, scale in enumerate(scales):
-        alone = scaled(scale).response(points[n])
+        alone = scaled(scale).response(points[:, n])
         for ours, other in zip(out, alone, strict=True):
-            np.testing.assert_allclose(ours[n], other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
+            np.testing.assert_allclose(
+                ours[:, n], other, rtol=1e-12, atol=1e-12 * np.abs(other).max()
+            )
 
 
 @pytest.mark.parametrize("name", ["isotropic", "neo-Hookean", "tension field, isotropic"])
@@ -304,14 +306,14 @@ def test_a_crushed_sheet_has_an_answer() -> None:
 
 def test_parameters_by_point_are_each_points_own() -> None:
     """Within a law of two families too, in strains of all three states."""
-    points = strains(24, 0.3).reshape(4, 6, 1, 3) - 0.05
-    angles = np.linspace(0.2, 0.9, 24).reshape(4, 6, 1)
-    base = replace(TENDON, c1=np.linspace(1e6, 3e6, 4)[:, None, None])
+    points = strains(24, 0.3).reshape(4, 6, 3) - 0.05
+    angles = np.linspace(0.2, 0.9, 24).reshape(4, 6)
+    base = replace(TENDON, c1=np.linspace(1e6, 3e6, 4)[:, None])
     family = ExponentialFamily(1e5, 40.0, 3e7, 1.03)
     out = TensionField(CrossedFibres(base, family, angles)).response(points)
     for i in range(4):
         for g in range(6):
-            own = CrossedFibres(replace(TENDON, c1=base.c1[i, 0, 0]), family, angles[i, g, 0])
+            own = CrossedFibres(replace(TENDON, c1=base.c1[i, 0]), family, angles[i, g])
             alone = TensionField(own).response(points[i, g])
             np.testing.assert_allclose(out.stress[i, g], alone.stress, rtol=1e-9, atol=1e-3)
 

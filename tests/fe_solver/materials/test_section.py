@@ -21,7 +21,7 @@ LAWS: tuple[Law | TensionField, ...] = (
     replace(TENDON, k=np.inf, c5=5e7),
     Isotropic(1e6, 0.3),
     NeoHookean(1e6, 0.3),
-    NeoHookean(np.array([[[1e6]], [[2e6]], [[3e6]]]), 0.3),
+    NeoHookean(np.array([[1e6], [2e6], [3e6]]), 0.3),
     HolzapfelGasserOgden(1e4, 1e5, 2.0, 0.1, 0.2, 1e6),
     HolzapfelGasserOgden(2e4, 1e5, 2.0, 0.1, 0.2, 1e6),
     HolzapfelGasserOgden(2e4, 1e5, 2.0, 0.1, 0.3, 1e6),
