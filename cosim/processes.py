@@ -33,7 +33,6 @@ PRELOADED = (
     "rigid.fingers.index",
     "rigid.mujoco.finger",
     "scipy.ndimage",
-    "pint",
 )
 """What the server of a pool imports before it forks: what the processes need, and nothing that
 starts a thread."""
@@ -70,6 +69,7 @@ def prepare_process() -> None:
     threadpool_limits(1, user_api="blas")  # of what has loaded
     for name, value in MALLOC_SETTINGS.items():
         os.environ.setdefault(name, value)
+    os.environ.setdefault("MUJOCO_GL", "off")  # it loads its windows else, of which we open none
 
 
 def peak_mb() -> float:
