@@ -70,7 +70,7 @@ class CompiledKernel(NamedTuple):
 
 
 def compiled_kernels() -> Iterator[CompiledKernel]:
-    """Those that were called in this process, by Python or by a kernel that was compiled."""
+    """Those that Python called in this process; kernels that they call are parts of them."""
     for kernel in Kernel.made:
         if kernel._compiled is not None:
             _, hits, misses = kernel._compiled.stats
