@@ -15,6 +15,7 @@ from cosim.errors import InputError
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
+    from multiprocessing.context import BaseContext
 
     from threadpoolctl import ThreadpoolController
 
@@ -24,6 +25,17 @@ MALLOC_SETTINGS = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(2**30)
 freed memory (bytes) stays with the process. Handed back and asked for again with each factorisation
 it costs a fifth of that, and the kernel's work on page faults keeps processes side by side from
 each other."""
+PRELOADED = (
+    "cosim.cli",
+    "cosim.pipeline",
+    "cosim.kernels.ready",
+    "fe_solver.hood.build_shell",
+    "rigid.fingers.index",
+    "rigid.mujoco.finger",
+    "scipy.ndimage",
+)
+"""What the server of a pool imports before it forks: what the processes need, and nothing that
+starts a thread."""
 YOUNG_COLLECTIONS = 200
 """Collections of garbage among younger objects before one among all (Python's own: 10)."""
 
@@ -57,6 +69,7 @@ def prepare_process() -> None:
     threadpool_limits(1, user_api="blas")  # of what has loaded
     for name, value in MALLOC_SETTINGS.items():
         os.environ.setdefault(name, value)
+    os.environ.setdefault("MUJOCO_GL", "off")  # it loads its windows else, of which we open none
 
 
 def peak_mb() -> float:
@@ -158,12 +171,12 @@ def process_pool(workers: int, option: str = "--workers") -> Iterator[ProcessPoo
         return
     from concurrent.futures import ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
-    from multiprocessing import active_children, get_context
+    from multiprocessing import active_children
 
     others, has_ended = set(active_children()), False
-    ignore = (signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches them too, and this process ends them
+    context, environment = process_context(), dict(os.environ)
     processes = [
-        ProcessPoolExecutor(1, get_context("spawn"), initializer=signal.signal, initargs=ignore)
+        ProcessPoolExecutor(1, context, initializer=_begin, initargs=(environment,))
         for _ in range(workers)
     ]
     try:
@@ -179,6 +192,41 @@ def process_pool(workers: int, option: str = "--workers") -> Iterator[ProcessPoo
             executor.shutdown(wait=has_ended, cancel_futures=True)
         for child in set(active_children()) - others:
             child.terminate()
+
+
+def process_context() -> BaseContext:
+    """How the processes of a pool start.  On Linux they are forks of a server, which this process
+    starts once and which has imported what they need; elsewhere each begins anew (a fork is not
+    safe on macOS and there is none on Windows).
+
+    Call it ahead of a pool to let the server import while this process does something else."""
+    from multiprocessing import get_context
+
+    if sys.platform != "linux":
+        return get_context("spawn")
+    from multiprocessing import forkserver, resource_tracker
+
+    forkserver.set_forkserver_preload(list(PRELOADED))
+    resource_tracker.ensure_running()  # would unblock the signal below
+    paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+    own, blocked = dict(os.environ), signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    os.environ.update({**MALLOC_SETTINGS, **own, **dict.fromkeys(BLAS_THREADS, "1")})
+    os.environ.update(PYTHONPATH=paths, PYTHONSAFEPATH="1")  # it imports what this process would
+    try:
+        forkserver.ensure_running()
+    finally:
+        os.environ.clear()
+        os.environ.update(own)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+    return get_context("forkserver")
+
+
+def _begin(environment: dict[str, str]) -> None:
+    """What a process of a pool does first: Ctrl-C reaches it too, and the pool ends it; the
+    environment is that of the pool."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ.clear()
+    os.environ.update(environment)
 
 
 def _with_memory(task: Callable[..., R], *args: Any) -> R:

@@ -30,6 +30,10 @@ def ladder(
     that does not fit the case is a column with its reason.  Exit code 1 where one that fits did not
     converge."""
     with exit_on_error():
+        from cosim.processes import process_context
+
+        if workers > 1:
+            process_context()  # imports while the case is read
         from cosim.analyses.ladder import rungs_of, solve_rungs
         from cosim.case.file import load_case
 

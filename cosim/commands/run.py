@@ -85,6 +85,10 @@ def run(
 ) -> None:
     """Run cases; each leaves its results in a folder of its name. Of one case what came out is
     shown; of several each is counted as it ends, and a table has them all side by side."""
+    from cosim.processes import process_context
+
+    if workers > 1:
+        process_context()  # imports while the cases are read
     none = () if pictures else ("output.picture=false",)
     checked = load_cases(cases, (*(settings or ()), *none))
     with exit_on_error():

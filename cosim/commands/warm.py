@@ -24,7 +24,7 @@ class Warmup(NamedTuple):
     solve: Literal["nothing", "hood at rest", "case"] = "nothing"
 
 
-MESH = {"hood.mesh.quads": 120}
+MESH = {"hood.mesh.quads": 120, "solve.hood_tolerance": 0.01}
 NINE_NODES = {**MESH, "hood.mesh.elements": "quadratic"}
 SHORT = {"forward.duration": "2 ms", "forward.must_rest": False}
 WARMUPS = (

@@ -4,16 +4,60 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numba
 from numba.core import caching
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+
+_compile: Any = partial(
+    numba.njit, nogil=True, error_model="numpy", boundscheck=False, no_cfunc_wrapper=True
+)
+"""No wrapper for C: nobody calls kernels from there."""
+
+
+class _Part(JITCodeLibrary):
+    """Code of a function that is optimised and made machine code as a part of others alone."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        self._ensure_finalized()
+        return 0
+
+    @property
+    def codegen(self) -> Any:
+        """What sets the Python objects of machine code: of a part there are none."""
+        return self
+
+    def set_env(self, name: str, env: Any) -> None:
+        pass
+
+
+class _PartCompiler(Compiler):
+    def __init__(self, typing: Any, target: Any, library: Any, *more: Any) -> None:
+        super().__init__(typing, target, _Part(target.codegen(), "part"), *more)
+
+
+def compile_as_part(function: Callable[..., Any]) -> Any:
+    """numba's dispatcher of a function for those that call it, with whose code its own is kept.
+
+    numba alone optimises it, makes machine code of it and wraps it for Python first, and again as
+    a part of each that calls it: of a kernel five calls deep five times."""
+    return _compile(function, pipeline_class=_PartCompiler, no_cpython_wrapper=True)
 
 
 def compile_and_keep(function: Callable[..., Any]) -> Any:
     """numba's dispatcher of a function, whose compiled code is kept on disk where one can."""
-    dispatcher: Any = numba.njit(nogil=True, error_model="numpy", boundscheck=False)(function)
+    dispatcher = _compile(function)
     dispatcher._cache = KernelCache(function)  # as its enable_caching() would set numba's own
     return dispatcher
 

@@ -28,6 +28,7 @@ class Kernel:
         update_wrapper(self, function)
         self.function = function
         self._compiled: Any = None
+        self._part: Any = None
         self.made.append(self)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -39,13 +40,21 @@ class Kernel:
             if self._compiled is None:
                 from cosim.kernels.disk_cache import compile_and_keep
 
-                names = self.function.__globals__
                 self._compiled = compile_and_keep(self.function)
-                # numba looks the kernels that this one calls up among the names of its module
-                for name, value in list(names.items()):
-                    if type(value) is Kernel:
-                        names[name] = value.compiled()
             return self._compiled
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes it for where another kernel calls it: a dispatcher of its own, whose
+        code becomes a part of theirs."""
+        from numba.core.types import Dispatcher
+
+        with _lock:
+            if self._part is None:
+                from cosim.kernels.disk_cache import compile_as_part
+
+                self._part = compile_as_part(self.function)
+            return Dispatcher(self._part)
 
 
 class CompiledKernel(NamedTuple):
@@ -61,7 +70,7 @@ class CompiledKernel(NamedTuple):
 
 
 def compiled_kernels() -> Iterator[CompiledKernel]:
-    """Those that were called in this process, by Python or by a kernel that was compiled."""
+    """Those that Python called in this process; kernels that they call are parts of them."""
     for kernel in Kernel.made:
         if kernel._compiled is not None:
             _, hits, misses = kernel._compiled.stats

@@ -113,7 +113,8 @@ def _write_png(figure: Figure, path: Path, dpi: int) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     figure.set_dpi(dpi)
-    FigureCanvasAgg(figure).print_png(path)
+    # of 1 to 9: half of the time of 6, which is usual, for a file a tenth larger
+    FigureCanvasAgg(figure).print_png(path, pil_kwargs={"compress_level": 3})
 
 
 def plain(value: Any) -> Any:

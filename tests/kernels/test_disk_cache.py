@@ -9,8 +9,10 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from cosim.kernels.kernel import compile_kernel
 from tests.helpers.folders import ROOT
 
 pytest.importorskip("numba")
@@ -65,6 +67,39 @@ def call(
 def test_a_kernel_is_compiled_once_and_kept_beside_its_module(installation):
     assert call(installation) == (1, 0, str(installation / "__pycache__"))
     assert call(installation) == (0, 1, str(installation / "__pycache__"))
+
+
+def test_a_kernel_that_another_calls_is_kept_as_a_part_of_it(installation):
+    call(installation)
+    (kept,) = (installation / "__pycache__").glob("*.nbi")
+    assert "quadruple" in kept.name
+
+
+@compile_kernel
+def _shifted(values):
+    out = np.zeros(len(values))
+    for i in range(len(values)):
+        out[i] = values[i] + 1.0
+    return out
+
+
+@compile_kernel
+def _shifted_twice(values):
+    return _shifted(_shifted(values))
+
+
+def test_parts_give_back_the_memory_that_they_take():
+    from numba.core.runtime import _nrt_python, rtsys
+
+    _nrt_python.memsys_enable_stats()
+    values = np.arange(3.0)
+    assert list(_shifted_twice(values)) == [2.0, 3.0, 4.0]
+    assert list(_shifted(values)) == [1.0, 2.0, 3.0]  # called by Python as well
+    before = rtsys.get_allocation_stats()
+    for _ in range(10):
+        _shifted_twice(values)
+    after = rtsys.get_allocation_stats()
+    assert after.alloc - before.alloc == after.free - before.free >= 20
 
 
 def test_kernels_go_to_the_folder_that_the_user_names(installation, tmp_path):

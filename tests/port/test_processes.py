@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cosim.errors import InputError
-from cosim.processes import Memory, process_pool
+from cosim.processes import BLAS_THREADS, PRELOADED, Memory, process_pool
 
 
 def slow_process_of(name: str) -> tuple[str, int]:
@@ -34,6 +34,18 @@ def end_oneself(x: int) -> int:
         os.kill(os.getpid(), signal.SIGTERM)
     time.sleep(30)
     return x
+
+
+def loaded_modules(name: str) -> list[str]:
+    return [module for module in PRELOADED if module in sys.modules]
+
+
+def tasks_of_parent(x: int) -> list[str]:
+    return os.listdir(f"/proc/{os.getppid()}/task")
+
+
+def setting(name: str) -> str | None:
+    return os.environ.get(name)
 
 
 def count(memory: Memory, step: int) -> int:
@@ -64,6 +76,24 @@ def test_a_process_remembers_as_long_as_its_pool(workers: int) -> None:
     for _ in range(2):
         with process_pool(workers) as pool:
             assert [pool.submit(0, count, 2).result() for _ in range(2)] == [2, 4]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes begin anew")
+def test_processes_are_forked_where_their_imports_are_done_and_no_thread_runs() -> None:
+    with process_pool(2) as pool:
+        assert list(pool.in_order(loaded_modules, ["all"])) == [list(PRELOADED)]
+        (threads,) = pool.in_order(tasks_of_parent, [0])
+    assert len(threads) == 1
+
+
+def test_processes_have_the_environment_of_their_pool(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ["A_SETTING", "PYTHONPATH", "PYTHONSAFEPATH", *BLAS_THREADS]
+    for value in ("one", "two"):
+        monkeypatch.setenv("A_SETTING", value)
+        monkeypatch.setenv(BLAS_THREADS[0], "2")
+        with process_pool(2) as pool:
+            assert list(pool.in_order(setting, names)) == [os.environ.get(name) for name in names]
+        assert os.environ["A_SETTING"] == value
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends signals")
