@@ -124,11 +124,7 @@ def take_mixed_steps(
             break
         part = 1.0 if e.convex or near else SHORT
         step = limit_step(limit_to_contact(model, e, step), part * max_step, part * max_turn)[0]
-        if (
-            iteration >= (0 if near else UNDAMPED)
-            and before is not None
-            and _reverses(model, e, step, before)
-        ):
+        if before is not None and iteration >= undamped and _reverses(model, e, step, before):
             step = step / 2
         trial = model.take_step(c, e.bases, _follow_springs(model, e, step))
         for _ in range(MOST_HALVINGS if usable else 0):
