@@ -34,8 +34,8 @@ MOST, MOST_OF_ALL = 2400, 1350
 RUNS_OF_ALL = 16
 """Runs of a study among all benches."""
 CASE_OF_ALL = "isometric_edc"
-MOTION = "motion_edc_fdp", ('forward.duration="30 ms"',)
-"""The case of `motion`, with its first steps alone."""
+MOTION = "motion_edc_fdp"
+FIRST_STEPS = ['forward.duration="30 ms"']
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ BENCHES = {
     ),
     "motion": Bench(
         "a coupled step of a motion against one assembly and factorisation",
-        lambda o: bench_one_case(*MOTION),
+        lambda o: bench_one_case(MOTION, FIRST_STEPS),
     ),
     "opensim": Bench("the finger's motion beside OpenSim's", lambda o: bench_opensim()),
     "pulls": Bench("linear solves of the pulls of tendons, beside before", lambda o: bench_pulls()),
@@ -82,7 +82,7 @@ OF_ALL: dict[str, Callable[[], Ratios]] = {
     "fingers": bench_fingers,
     "pulls": bench_pulls,
     "growth": lambda: bench_growth(MOST_OF_ALL),
-    "motion": lambda: bench_one_case(*MOTION),
+    "motion": lambda: bench_one_case(MOTION, FIRST_STEPS),
     CASE_OF_ALL: lambda: bench_one_case(CASE_OF_ALL, None),
     "studies": lambda: bench_studies(RUNS_OF_ALL),
 }

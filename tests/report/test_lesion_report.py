@@ -131,7 +131,7 @@ def test_a_hood_without_a_sheet_has_tables(sheetless):
 
 @pytest.mark.parametrize("form", ["csv", "json", "md"])
 def test_the_command_writes_the_tables_that_are_asked_for(tmp_path, monkeypatch, sheetless, form):
-    monkeypatch.setattr(lesion_commands, "_solve_runs", lambda case, out: sheetless[1])
+    monkeypatch.setattr(lesion_commands, "_solve_runs", lambda case, out, workers: sheetless[1])
     out = tmp_path / f"table.{form}"
     given = ("network_edc", "--set", 'lesion.cut=["central_slip"]')
     lesion(tmp_path, *given, "--format", form, "--page", str(out))
