@@ -143,6 +143,17 @@ def test_the_command_writes_the_tables_that_are_asked_for(tmp_path, monkeypatch,
         assert text == {"csv": as_csv, "md": as_markdown}[form](tables)
 
 
+def test_the_tables_are_the_same_for_any_number_of_workers(tmp_path):
+    given = ("network_edc", "--set", 'lesion.cut=["central_slip"]', "--set", QUICK)
+    texts = []
+    for workers in ("1", "2"):
+        page = tmp_path / f"{workers}.csv"
+        how = ("--format", "csv", "--page", str(page), "--workers", workers)
+        lesion(tmp_path / workers, *given, *how)
+        texts.append(page.read_bytes())
+    assert texts[0] == texts[1]
+
+
 def test_a_case_without_a_lesion_is_refused(tmp_path):
     assert "has no table [lesion]" in lesion(tmp_path, "split_edc", code=2)
     assert not (tmp_path / "page.html").exists()
