@@ -167,7 +167,8 @@ def solve(
     the convex one far from equilibrium, and near it the consistent one.  With `before`, an
     equilibrium of the same model close by, a factor serves again (a chord iteration) while it
     lowers the residual fast, and that of `before` serves first; the residual then ends nearer to
-    the tolerance than Newton's own iterations leave it.
+    the tolerance than Newton's own iterations leave it.  With the `forces` that `before` predicts
+    at `start` (`predict_motion`) it begins with a few whole steps from these.
 
     Where a sheet without compression comes near one only, it is sought with tension fields that are
     smoother at first (`SMOOTHER`).
