@@ -56,12 +56,13 @@ def run_cases(
     (one of the two is None).
 
     Cases that differ only in their tendons share their models and the unloaded equilibrium in a
-    process.  A case gives the same bytes for any number of workers.  Raises InputError where a
-    process is ended from outside."""
+    process, and those that differ in what holds the fingertip their hood.  A case gives the same
+    bytes for any number of workers.  Raises InputError where a process is ended from outside."""
     alike: dict[str, list[tuple[int, Case]]] = {}
     for i, case in enumerate(cases):
-        alike.setdefault(case.setting_key(), []).append((i, case))
-    batches = sorted(alike.values(), key=len, reverse=True)
+        alike.setdefault(case.hood_key(), []).append((i, case))
+    batches = [sorted(batch, key=lambda item: item[1].setting_key()) for batch in alike.values()]
+    batches.sort(key=len, reverse=True)
     run_one = partial(_run_one, then=then, checkpoints=checkpoints)
     with process_pool(max(1, min(workers, len(cases))), "--workers") as pool:
         yield from pool.as_ended(pool.with_memory(run_one), batches)

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
-from cosim.errors import ConvergenceError
+from cosim.errors import ConvergenceError, quiet
 from cosim.pipeline import run_case
 from cosim.results.conventions import by_axis, vector_of
 from cosim.results.result import Result
@@ -231,6 +231,24 @@ def test_a_case_gives_the_same_bits_alone_and_after_another():
         assert (a.state, a.body, a.source) == (b.state, b.body, b.source)
         assert np.array_equal(a.force, b.force)
         assert np.array_equal(a.moment, b.moment)
+
+
+def test_a_hood_serves_all_that_may_hold_the_fingertip():
+    """With the same bits as alone."""
+    coarse = ("hood.mesh.quads=120",)
+    held = load_case("isometric_edc", coarse)
+    free = load_case("isometric_edc", (*coarse, 'finger.tip.kind="posture"'))
+    longer = load_case("isometric_edc", (*coarse, "finger.length_scale=1.01"))
+    assert held.hood_key() == free.hood_key() != longer.hood_key()
+    session = Session()
+    first = session.models(held, quiet)
+    run_case(held, session)
+    after = run_case(free, session)
+    assert session.models(free, quiet).hood is first.hood
+    assert session.models(longer, quiet).hood is not first.hood
+    alone = run_case(free)
+    for name in alone.data.data_vars:
+        assert np.array_equal(alone.data[name], after.data[name]), name
 
 
 def test_a_run_at_the_resting_tension_is_its_own_unloaded_state():

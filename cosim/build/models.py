@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -89,6 +89,14 @@ def build_any(case: Case) -> Models:
         hood.own_slips,
         hood.points,
     )
+
+
+def with_own_finger(models: Models, case: Case) -> Models:
+    """The models of a case with another's hood, from which it differs in no more than what holds
+    the fingertip (`Case.hood_key`).  Raises InputError."""
+    check_fit(case)
+    finger = live_finger(case.native_finger(), case.hood.left_to_finger)
+    return replace(models, finger=finger, muscles=live_muscles(case.tendons))
 
 
 def site_of(case: Case, rest: Motion) -> Site:

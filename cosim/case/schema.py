@@ -226,6 +226,13 @@ class Case(CaseFile):
         files = (*self.finger.files(), *self.hood.files())
         return json.dumps([parts, stamps(files)], sort_keys=True)
 
+    def hood_key(self) -> str:
+        """A text that two cases share only if they differ in nothing but name, tendons and what
+        holds the fingertip, so that one hood serves both."""
+        parts, files = json.loads(self.setting_key())
+        parts["finger"].pop("tip", None)
+        return json.dumps([parts, files], sort_keys=True)
+
     def mesh_key(self) -> str:
         """A text that two cases share only where their hood is laid out alike, before any lesion; a
         file that they read counts with its time and size."""

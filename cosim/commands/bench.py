@@ -34,6 +34,8 @@ MOST, MOST_OF_ALL = 2400, 1350
 RUNS_OF_ALL = 16
 """Runs of a study among all benches."""
 CASE_OF_ALL = "isometric_edc"
+MOTION = "motion_edc_fdp"
+FIRST_STEPS = ['forward.duration="30 ms"']
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,10 @@ BENCHES = {
     "growth": Bench(
         "iterations, time and memory on ever finer meshes (--most)", lambda o: bench_growth(o.most)
     ),
+    "motion": Bench(
+        "a coupled step of a motion against one assembly and factorisation",
+        lambda o: bench_one_case(MOTION, FIRST_STEPS),
+    ),
     "opensim": Bench("the finger's motion beside OpenSim's", lambda o: bench_opensim()),
     "pulls": Bench("linear solves of the pulls of tendons, beside before", lambda o: bench_pulls()),
     "robot": Bench(
@@ -76,6 +82,7 @@ OF_ALL: dict[str, Callable[[], Ratios]] = {
     "fingers": bench_fingers,
     "pulls": bench_pulls,
     "growth": lambda: bench_growth(MOST_OF_ALL),
+    "motion": lambda: bench_one_case(MOTION, FIRST_STEPS),
     CASE_OF_ALL: lambda: bench_one_case(CASE_OF_ALL, None),
     "studies": lambda: bench_studies(RUNS_OF_ALL),
 }

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from cosim.commands.identify import Workers
 from cosim.commands.terminal import console, exit_on_error, stages, warn_of_audits
 from cosim.results.audit import describe_misses
 
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from cosim.case.schema import Case
     from cosim.report.lesion_page import RunPair
     from cosim.report.tables import ReportTable
+    from cosim.results.result import Result
 
 Format = Literal["html", "csv", "json", "md"]
 
@@ -36,6 +39,7 @@ def lesion(
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the four runs.")] = Path(
         "runs"
     ),
+    workers: Workers = 2,
 ) -> None:
     """Solve a case without its lesion and with it, fingertip free and held, and report both:
     posture, slip forces, fingertip force, strain maps."""
@@ -46,7 +50,7 @@ def lesion(
         checked = load_case(case, settings or ())
         where = page or Path(f"{checked.name}.{form}")
         check_file(where)
-        pairs = _solve_runs(checked, out)
+        pairs = _solve_runs(checked, out, workers)
         tables = _write(checked, pairs, where, form)
     for table in tables:
         _show(table)
@@ -55,27 +59,33 @@ def lesion(
     raise typer.Exit(warn_of_audits({run.name: list(describe_misses(run.summary)) for run in runs}))
 
 
-def _solve_runs(case: Case, out: Path) -> list[RunPair]:
-    """The four runs, each in its folder.  Raises InputError and ConvergenceError."""
+def _solve_runs(case: Case, out: Path, workers: int) -> list[RunPair]:
+    """The four runs, each in its folder.  Raises InputError, ConvergenceError."""
     from cosim.analyses.lesion import TIPS, both_sides
-    from cosim.errors import CosimError
-    from cosim.pipeline import run_case
+    from cosim.pipeline import run_cases
     from cosim.report.lesion_page import RunPair
     from cosim.results.read import read_run
     from cosim.results.write import check_target
-    from cosim.solve.session import Session
 
-    four, runs, session = both_sides(case), {}, Session()
-    for one in four.values():
+    four = both_sides(case)
+    keys, cases, errors = list(four), list(four.values()), {}
+    for one in cases:
         check_target(out, one.name)
-    with stages(total=len(four)) as told:
-        for key, one in four.items():
-            told.begin(one.title)
-            try:
-                runs[key] = read_run(run_case(one, session, told.say).save(out))
-            except CosimError as error:
-                raise type(error)(f"{one.name}: {error}") from error
+    with stages(case.name, len(cases)) as told:
+        told.say(f"0/{len(cases)} before and after, fingertip free and held")
+        for i, _, error in run_cases(cases, partial(_save, out=out), workers):
+            told.end(f"{cases[i].title}{'' if error is None else ': failed'}")
+            if error is not None:
+                errors[i] = error
+    if errors:
+        first = min(errors)
+        raise type(errors[first])(f"{cases[first].name}: {errors[first]}") from errors[first]
+    runs = {key: read_run(out / one.name) for key, one in zip(keys, cases, strict=True)}
     return [RunPair(tip, runs[tip, "before"], runs[tip, "after"]) for tip in TIPS]
+
+
+def _save(result: Result, out: Path) -> Path:
+    return result.save(out)
 
 
 def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Format) -> list[ReportTable]:

@@ -98,10 +98,12 @@ def equilibrium(
     tensions: Tensions,
     options: CouplingOptions,
     progress: Progress = quiet,
+    first: Response | None = None,
 ) -> Equilibrium:
     """Joint angles, tip reaction and hood shape that balance, from a finger and a hood nearby.
 
-    `start`: their states to begin from.  `tensions`: N, of the hood's tendons and of the finger's
+    `start`: their states to begin from.  `first`: the hood's `first_answer` there, where it is
+    known.  `tensions`: N, of the hood's tendons and of the finger's
     own.  `progress` is called with each round in words.  `cosim.couple` shows an example.
 
     Raises ConvergenceError when the interface residual stays above its tolerance (of a finger that
@@ -114,7 +116,7 @@ def equilibrium(
     for iteration in range(1, options.max_iterations + 1):
         motion = finger.motion(finger_state)
         solver = hood if exact else hood.with_tolerance(LOOSE)
-        response = solver.advance(state, motion, tensions.hood, STATIC)
+        response, first = first or solver.advance(state, motion, tensions.hood, STATIC), None
         jacobian = solver.jacobian(response.state)
         now = finger.balance(finger_state, response.load, tensions.finger)
         interface = np.nan if now is None else now.relative
@@ -153,6 +155,13 @@ def equilibrium(
         f"{_progress_text(interface, turn)}, allowed {_limit_text(interface, options.tolerance)}. "
         "Try more rounds (solve.max_iterations), a smaller tension, or a stiffer passive joint."
     )
+
+
+def first_answer(pair: Pair, start: PairState, tension: Array) -> Response:
+    """The hood's answer with which an `equilibrium` from `start` begins, which depends on nothing
+    but the hood, the pose and the hood's tensions (nt,) N."""
+    hood, motion = pair.hood.with_tolerance(LOOSE), pair.finger.motion(start.finger)
+    return hood.advance(start.hood, motion, tension, STATIC)
 
 
 def _is_at_rest(interface: float, turn: float, tolerance: float) -> bool:

@@ -264,6 +264,8 @@ def join_point_forces(parts: list[PointForces]) -> PointForces:
 def _as_wide(parts: list[PointForces]) -> list[PointForces]:
     """The point forces with as many nodes for each point, those more than it has without weight."""
     width = max(p.nodes.shape[1] for p in parts)
+    if all(p.nodes.shape[1] == width for p in parts):
+        return parts
     more = [((0, 0), (0, width - p.nodes.shape[1])) for p in parts]
     return [
         replace(p, nodes=np.pad(p.nodes, m, mode="edge"), weights=np.pad(p.weights, m))

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
-from fe_solver.hood.extrapolation import Bend
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import wrenches
+from fe_solver.solver.mixed_steps import Prediction, predict_motion
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.relaxation import relax
@@ -62,8 +62,6 @@ class HoodState:
     solution: Solution | None = None
     iterations: int = 0
     """Newton iterations since the start."""
-    bend: Bend | None = None
-    """What the last step corrected of its prediction; None where it was not predicted."""
 
 
 @dataclass(frozen=True)
@@ -179,8 +177,6 @@ class ShellHood:
             s = state.solution
             out |= {"tension": s.tension, "residual": np.array(s.residual)}
             out["counts"] = np.array([s.iterations, s.solves])
-        if state.bend is not None:
-            out |= {f"bend/{k}": v for k, v in vars(state.bend).items()}
         return out
 
     def from_arrays(self, arrays: Mapping[str, Array]) -> HoodState:
@@ -199,10 +195,7 @@ class ShellHood:
             iterations, solves = (int(n) for n in arrays["counts"])
             residual = float(arrays["residual"])
             solution = Solution(self.model, c, evaluation, tension, iterations, solves, residual)
-        bend = None
-        if "bend/x" in arrays:
-            bend = Bend(**{f.name: arrays[f"bend/{f.name}"] for f in fields(Bend)})
-        return HoodState(motion, c, solution, int(arrays["iterations"]), bend)
+        return HoodState(motion, c, solution, int(arrays["iterations"]))
 
     def with_tolerance(self, tolerance: float) -> ShellHood:
         """Return the same shell, its Newton stopped at a relative residual of `tolerance`."""
@@ -235,32 +228,21 @@ class ShellHood:
 
     def _predict(
         self, state: HoodState, motion: Motion, tension: Array
-    ) -> tuple[Solution, Configuration] | None:
-        """The state's solution and, to first order, the hood at a nearby motion under other
-        tensions; None where the change is too large for that."""
+    ) -> tuple[Configuration, Prediction] | None:
+        """To first order, the hood at a nearby motion under other tensions and its forces there;
+        None where the change is too large for that."""
         s, twist = state.solution, state.motion.twist_to(motion)
         if s is None or np.abs(twist[:, 3:]).max() > SMALL_TURN:
             return None
         pulled = np.abs(tension - s.tension).max(initial=0.0)
         if pulled > SMALL_PULL * max(np.abs(tension).max(initial=0.0), NO_PULL):
             return None
-        m, c = self.model, s.configuration
+        m, c, e = self.model, s.configuration, s.evaluation
         step = np.zeros(m.pattern.size)
         step[m.free] = s.sensitivity @ np.concatenate([twist.ravel(), tension - s.tension])
-        c = m.take_step(c, s.evaluation.bases, step)
-        return s, m.move_bodies(c, motion.position, motion.rotation)
-
-    def _extrapolate(self, state: HoodState, foreseen: Configuration) -> Configuration:
-        """The prediction, and beyond it what the last two steps' tangents missed: to second order
-        in the travel, of which the last step says how much this one has."""
-        bend, c = state.bend, foreseen
-        growth = 0.0 if bend is None else bend.growth(c.x - state.configuration.x)
-        if bend is None or growth == 0.0:
-            return c
-        d = c.d + growth**2 * bend.steady_d
-        d /= np.linalg.norm(d, axis=1, keepdims=True)
-        bent = Configuration(c.x + growth**2 * bend.steady_x, d, c.position, c.rotation)
-        return self.model.move_bodies(bent, c.position, c.rotation)
+        moved = m.take_step(c, e.bases, step)
+        moved = m.move_bodies(moved, motion.position, motion.rotation)
+        return predict_motion(m, c, e, step, twist, moved)
 
     def _solve_with_detour(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
         """The equilibrium, reached taut where the slack sheet would fold on the way.  There is no
@@ -318,18 +300,14 @@ class ShellHood:
         self, state: HoodState, motion: Motion, tension: Array, drift: _Drift | None = None
     ) -> HoodState:
         near = self._predict(state, motion, tension)
-        if near is None:
-            guess, spent = self._start_on_soft_contact(
-                self._carry(state.configuration, motion, drift), tension
-            )
-            s = self._equilibrium(state, guess, tension, None)
-            return HoodState(motion, s.configuration, s, state.iterations + spent + s.iterations)
-        before, foreseen = near
-        s = self._equilibrium(state, self._extrapolate(state, foreseen), tension, before)
-        c = s.configuration
-        travel = foreseen.x - state.configuration.x
-        bend = Bend.after_step(state.bend, travel, c.x - foreseen.x, c.d - foreseen.d)
-        return HoodState(motion, c, s, state.iterations + s.iterations, bend)
+        if near is not None:
+            s = self._equilibrium(state, near[0], tension, near[1])
+            return HoodState(motion, s.configuration, s, state.iterations + s.iterations)
+        guess, spent = self._start_on_soft_contact(
+            self._carry(state.configuration, motion, drift), tension
+        )
+        s = self._equilibrium(state, guess, tension)
+        return HoodState(motion, s.configuration, s, state.iterations + spent + s.iterations)
 
     def _start_on_soft_contact(
         self, guess: Configuration, tension: Array
@@ -351,16 +329,23 @@ class ShellHood:
         guess = self._carry(state.configuration, motion)
         try:
             c = relax(self.model, guess, tension)
-            s = self._equilibrium(state, c, tension, None)
+            s = self._equilibrium(state, c, tension)
         except ConvergenceError:
             raise error from None
         return HoodState(motion, s.configuration, s, state.iterations + s.iterations)
 
     def _equilibrium(
-        self, state: HoodState, guess: Configuration, tension: Array, near: Solution | None
+        self,
+        state: HoodState,
+        guess: Configuration,
+        tension: Array,
+        forces: Prediction | None = None,
     ) -> Solution:
         if self.augment is None:
-            return solve(self.model, guess, tension, self.options, near is not None, near)
+            before = None if forces is None else state.solution
+            return solve(
+                self.model, guess, tension, self.options, forces is not None, before, forces
+            )
         model = next_increment(state.solution) if state.solution else self.model
         return solve_augmented(model, guess, tension, self.options, self.augment)
 

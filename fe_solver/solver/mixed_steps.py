@@ -8,10 +8,13 @@ the last step predicted, to first order (Magisano, Leonetti and Garcea 2017, Com
 Mech Eng 313:986); residual and equilibrium stay the same.  After each step springs have the length,
 and contacts the depth, that it predicted.  Nothing is searched along a step, so that these steps
 may go astray: they begin a solution, and `fe_solver.solver.newton` ends it.
+
+Near an equilibrium that is known the first forces are predicted from it (`predict_motion`).
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +22,8 @@ from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
 from fe_solver.forces.springs import PointForces
-from fe_solver.solver.linear_algebra import Factor
+from fe_solver.solver.body_coupling import dependent_motion
+from fe_solver.solver.linear_algebra import Factor, Nearby
 from fe_solver.solver.model import Configuration, Evaluation, Forces, ShellModel
 from fe_solver.solver.newton_step import (
     approach,
@@ -30,11 +34,13 @@ from fe_solver.solver.newton_step import (
     move_nodes,
 )
 from fe_solver.solver.residual import is_folded, residual_norm
+from fe_solver.vectors import cross
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
-MOST_STEPS = 40
+MOST_STEPS, FEW_STEPS = 40, 4
+"""From afar, and from the prediction of an equilibrium that is known."""
 CLOSE = 1e-4
 """Residual over the largest force at which the steps end at the latest."""
 NEAR = 0.1
@@ -47,19 +53,22 @@ SHORT = 0.1
 """Longest step with the consistent tangent, against the longest one allowed: near a bifurcation,
 where it is nearly singular, it would lead far away."""
 UNDAMPED = 6
-"""Steps after which one that takes back what the last one closed or opened is halved."""
+"""Steps from afar after which one that takes back what the last one closed or opened is halved."""
 
 
 class MixedSteps(NamedTuple):
-    """Where the steps led: the configuration to go on from, how many they were, and the linear
-    solves that they took."""
+    """Where the steps led: the configuration to go on from, how many they were, the linear solves
+    that they took, and where they led to an equilibrium the evaluation there and the last
+    tangent's factor."""
 
     configuration: Configuration
     iterations: int
     solves: int
+    evaluation: Evaluation | None = None
+    factor: Factor | None = None
 
 
-class _Prediction(NamedTuple):
+class Prediction(NamedTuple):
     """Forces of the elements after a step, to first order, and those (k,) of the points, whose keys
     (k,) are listed; `acting` are the keys of the one-sided ones that acted before it."""
 
@@ -77,14 +86,18 @@ def take_mixed_steps(
     tolerance: float,
     max_step: float,
     max_turn: float,
+    before: Prediction | None = None,
 ) -> MixedSteps:
     """Take up to `most` steps (MOST_STEPS) from `start` under `tension` (nt,) N, none longer than
     `max_step` (m) or turning a director by more than `max_turn` (rad), to a residual of `tolerance`
-    (at least CLOSE) of the largest force.  Where they do not lead there, the configuration is the
-    one of least energy that they met, the start included."""
-    c, before, convex = start, None, True
-    most, tolerance = min(most, MOST_STEPS), max(tolerance, CLOSE)
-    least, best, solves, restarted = np.inf, start, 0, False
+    (at least CLOSE) of the largest force.  `before`: the forces that a known equilibrium nearby
+    predicts at the start.  Where the steps do not lead there, the configuration is the one of least
+    energy that they met, the start included."""
+    near = before is not None
+    undamped = 0 if near else UNDAMPED
+    c, convex, factor, kept = start, not near, None, None
+    most, tolerance = min(most, FEW_STEPS if near else MOST_STEPS), max(tolerance, CLOSE)
+    least, best, solves, restarted = np.inf, start, 0, near
     for iteration in range(most + 1):
         e = model.evaluate(c, tension, tangent=False, convex=convex)
         residual, force = residual_norm(model, e)
@@ -95,22 +108,23 @@ def take_mixed_steps(
             least, best = potential, c
         close = residual <= tolerance * force
         if close and usable:
-            return MixedSteps(c, iteration, solves)
+            return MixedSteps(c, iteration, solves, e, kept)
         if close or iteration == most:
             break
         # the consistent tangent serves where it is positive definite
         try:
-            step, factor = _solve_step(model, c, e, before, max_step, max_turn)
+            step, factor = _solve_step(model, c, e, before, max_step, max_turn, kept)
+            kept = factor if near and not isinstance(factor, Nearby) else kept
             solves += 1
             if not convex and (factor is None or factor.negative):
                 e = model.evaluate(c, tension, tangent=False, convex=True)
-                step, _ = _solve_step(model, c, e, before, max_step, max_turn)
+                step, factor = _solve_step(model, c, e, before, max_step, max_turn)
                 solves += 1
         except ConvergenceError:
             break
-        part = 1.0 if e.convex else SHORT
+        part = 1.0 if e.convex or near else SHORT
         step = limit_step(limit_to_contact(model, e, step), part * max_step, part * max_turn)[0]
-        if iteration >= UNDAMPED and before is not None and _reverses(model, e, step, before):
+        if before is not None and iteration >= undamped and _reverses(model, e, step, before):
             step = step / 2
         trial = model.take_step(c, e.bases, _follow_springs(model, e, step))
         for _ in range(MOST_HALVINGS if usable else 0):
@@ -122,8 +136,8 @@ def take_mixed_steps(
             c, before, convex, restarted = start, None, True, True
             max_step, max_turn = SMALLER * max_step, SMALLER * max_turn
             continue
-        before, c = _predict(model, c, e, step), trial
-        convex = residual > NEAR * force
+        before, c = _predict(model, c, e, step, _travel(e, step)), trial
+        convex = residual > NEAR * force and not near
     return MixedSteps(best, iteration, solves)
 
 
@@ -131,9 +145,10 @@ def _solve_step(
     model: ShellModel,
     c: Configuration,
     e: Evaluation,
-    before: _Prediction | None,
+    before: Prediction | None,
     max_step: float,
     max_turn: float,
+    near: Factor | None = None,
 ) -> tuple[Array, Factor | None]:
     """The step by the tangent with the predicted forces, and that tangent's factor."""
     forces = None
@@ -142,10 +157,40 @@ def _solve_step(
         _, new, old = np.intersect1d(_keys(model, e.points), before.keys, return_indices=True)
         points[new] = before.points[old]
         forces = Forces(before.elements, points)
-    return descent_step(model, model.tangent(c, e, forces), e.reduced, max_step, max_turn)
+    return descent_step(model, model.tangent(c, e, forces), e.reduced, max_step, max_turn, near)
 
 
-def _predict(model: ShellModel, c: Configuration, e: Evaluation, step: Array) -> _Prediction:
+def predict_motion(
+    model: ShellModel,
+    c: Configuration,
+    e: Evaluation,
+    step: Array,
+    twists: Array,
+    moved: Configuration,
+) -> tuple[Configuration, Prediction]:
+    """What a step (5n,) from an equilibrium with its bodies' twists (nb, 6) makes of the forces, to
+    first order; and the configuration `moved` by both with each node that a single spring holds
+    where the spring has the length of its force.  A stiff spring is short against the second-order
+    part of a turn, which would change its force by any amount."""
+    full = step + dependent_motion(model, c, e.bases) @ twists.ravel()
+    p = e.points
+    shift = twists[p.body, :3] + cross(twists[p.body, 3:], p.arm)
+    travel = _travel(e, full) - shift
+    on, reach = _predicted_reach(p, travel)
+    held = np.concatenate([model.ties.node, model.guides.node])
+    loose = ~np.isin(p.node[on], held)
+    on, springs = on[loose], model.springs
+    body, x = springs.body[on], moved.x.copy()
+    anchor = np.einsum("kij,kj->ki", moved.rotation[body], springs.anchor[on])
+    x[springs.node[on]] = moved.position[body] + anchor + reach[loose]
+    return replace(moved, x=x), _predict(model, c, e, full, travel)
+
+
+def _predict(
+    model: ShellModel, c: Configuration, e: Evaluation, step: Array, travel: Array
+) -> Prediction:
+    """The forces after a step (5n,) that moves the points by `travel` (k, 3) m as their bodies see
+    them."""
     x, d = displacements(e.bases, step)
     at = np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1)
     by = np.concatenate([x[model.quads], d[model.quads]], axis=1)
@@ -153,9 +198,14 @@ def _predict(model: ShellModel, c: Configuration, e: Evaluation, step: Array) ->
     elements = e.elements.force + change * model.tables.weight[:, :, None]
     p, keys = e.points, _keys(model, e.points)
     along = np.einsum("ki,kij,kj->k", p.direction, p.hessian, p.direction)
-    points = p.force + along * approach(p, e.bases, step)
+    points = p.force + along * np.einsum("kj,kj->k", p.direction, travel)
     points = np.where(np.isfinite(p.depth), np.maximum(points, 0.0), points)
-    return _Prediction(elements, points, keys, keys[_acts(p.depth)])
+    return Prediction(elements, points, keys, keys[_acts(p.depth)])
+
+
+def _travel(e: Evaluation, step: Array) -> Array:
+    """(k, 3) m, how far a step (5n,) moves the points."""
+    return e.points.at_points(displacements(e.bases, step)[0])
 
 
 def _keys(model: ShellModel, p: PointForces) -> Ints:
@@ -169,7 +219,7 @@ def _acts(depth: Array) -> NDArray[np.bool_]:
     return (depth > 0) & np.isfinite(depth)
 
 
-def _reverses(model: ShellModel, e: Evaluation, step: Array, before: _Prediction) -> bool:
+def _reverses(model: ShellModel, e: Evaluation, step: Array, before: Prediction) -> bool:
     """Whether the step opens or closes what the step before it closed or opened."""
     p, keys = e.points, _keys(model, e.points)
     now = keys[_acts(p.depth)]
@@ -181,15 +231,22 @@ def _reverses(model: ShellModel, e: Evaluation, step: Array, before: _Prediction
 def _follow_springs(model: ShellModel, e: Evaluation, step: Array) -> Array:
     """The step with each node that a single spring holds brought to the spring's predicted length:
     a taut one's changes as to first order, down to its slack length; a slack one grows up to it."""
-    p = e.points
-    more = approach(p, e.bases, step)
+    p, travel = e.points, _travel(e, step)
+    on, reach = _predicted_reach(p, travel)
+    back = reach - (p.length[on, None] * p.direction[on] + travel[on])
+    return move_nodes(model, e.bases[0], step, p.node[on], back)
+
+
+def _predicted_reach(p: PointForces, travel: Array) -> tuple[Ints, Array]:
+    """The springs (j,) that hold a node alone, and vectors (j, 3) m from their anchors to it, of
+    the length that they have to first order, once the points moved by `travel` (k, 3) m as their
+    bodies see them."""
+    more = np.einsum("kj,kj->k", p.direction, travel)
     slack = np.where(np.isfinite(p.depth), p.length - p.depth, 0.0)
     on = np.flatnonzero(np.isfinite(p.length) & (p.length + more > 0) & (p.length > 0))
     on = on[np.bincount(p.node[on])[p.node[on]] == 1] if on.size else on
-    node = p.node[on]
-    reach = p.length[on, None] * p.direction[on] + displacements(e.bases, step)[0][node]
+    reach = p.length[on, None] * p.direction[on] + travel[on]
     length = np.linalg.norm(reach, axis=1)
     taut = np.maximum(p.length[on] + more[on], slack[on])
     wanted = np.where(p.depth[on] > 0, taut, np.minimum(length, slack[on]))
-    back = (wanted / np.maximum(length, np.finfo(float).tiny) - 1)[:, None] * reach
-    return move_nodes(model, e.bases[0], step, node, back)
+    return on, (wanted / np.maximum(length, np.finfo(float).tiny))[:, None] * reach

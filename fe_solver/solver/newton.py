@@ -18,7 +18,7 @@ from fe_solver.solver.linear_algebra import (
     NotPositiveDefiniteError,
     has_mechanism,
 )
-from fe_solver.solver.mixed_steps import take_mixed_steps
+from fe_solver.solver.mixed_steps import Prediction, take_mixed_steps
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.solver.newton_step import (
     active_set_step,
@@ -157,6 +157,7 @@ def solve(
     options: NewtonOptions,
     near: bool = False,
     before: Solution | None = None,
+    forces: Prediction | None = None,
 ) -> Solution:
     """Solve for an equilibrium near `start` under `tension` (nt,) N at the poses of `start`, and
     return it with its residual.
@@ -166,7 +167,8 @@ def solve(
     the convex one far from equilibrium, and near it the consistent one.  With `before`, an
     equilibrium of the same model close by, a factor serves again (a chord iteration) while it
     lowers the residual fast, and that of `before` serves first; the residual then ends nearer to
-    the tolerance than Newton's own iterations leave it.
+    the tolerance than Newton's own iterations leave it.  With the `forces` that `before` predicts
+    at `start` (`predict_motion`) it begins with a few whole steps from these.
 
     Where a sheet without compression comes near one only, it is sought with tension fields that are
     smoother at first (`SMOOTHER`).
@@ -184,7 +186,7 @@ def solve(
     '0.197 mm'
     """
     try:
-        return _solve(model, start, tension, options, near, before)
+        return _solve(model, start, tension, options, near, before, forces)
     except _StuckError as stuck:
         own = model.section.smoothing
         if own is None or own >= SMOOTHER[0] or stuck.share > NEARLY:
@@ -205,18 +207,19 @@ def _solve(
     options: NewtonOptions,
     near: bool = False,
     before: Solution | None = None,
+    forces: Prediction | None = None,
 ) -> Solution:
     longest = options.max_step, options.max_turn
-    c, first, solves = start, 0, 0
-    if not near:
+    c, first, solves, met, kept = start, 0, 0, None, None
+    if not near or forces is not None:
         limits = options.max_iterations, options.tolerance, *longest
-        c, first, solves = take_mixed_steps(model, start, tension, *limits)
-    convex, stuck, chord = not near and c is start, False, _chord_of(before)
-    kept = None if before is None else before.factor
-    e = model.evaluate(c, tension, tangent=chord is None, convex=convex)
+        c, first, solves, met, kept = take_mixed_steps(model, start, tension, *limits, forces)
+    convex, stuck, chord = not near and c is start, False, None if first else _chord_of(before)
+    if kept is None and before is not None:
+        kept = before.factor
+    e = met if met and not met.convex else model.evaluate(c, tension, chord is None, convex)
     data = e.data if chord is None else chord.data
-    assert data is not None
-    stiffest = stiffest_entry(model, data)
+    stiffest = 0.0 if data is None else stiffest_entry(model, data)
     for iteration in range(first, options.max_iterations + 1):
         # done where the residual is small by the consistent tangent's rounding error too
         residual, force = residual_norm(model, e)

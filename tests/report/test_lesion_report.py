@@ -131,7 +131,7 @@ def test_a_hood_without_a_sheet_has_tables(sheetless):
 
 @pytest.mark.parametrize("form", ["csv", "json", "md"])
 def test_the_command_writes_the_tables_that_are_asked_for(tmp_path, monkeypatch, sheetless, form):
-    monkeypatch.setattr(lesion_commands, "_solve_runs", lambda case, out: sheetless[1])
+    monkeypatch.setattr(lesion_commands, "_solve_runs", lambda case, out, workers: sheetless[1])
     out = tmp_path / f"table.{form}"
     given = ("network_edc", "--set", 'lesion.cut=["central_slip"]')
     lesion(tmp_path, *given, "--format", form, "--page", str(out))
@@ -141,6 +141,17 @@ def test_the_command_writes_the_tables_that_are_asked_for(tmp_path, monkeypatch,
         assert set(json.loads(text)["tables"]) == {"free", "held"}
     else:
         assert text == {"csv": as_csv, "md": as_markdown}[form](tables)
+
+
+def test_the_tables_are_the_same_for_any_number_of_workers(tmp_path):
+    given = ("network_edc", "--set", 'lesion.cut=["central_slip"]', "--set", QUICK)
+    texts = []
+    for workers in ("1", "2"):
+        page = tmp_path / f"{workers}.csv"
+        how = ("--format", "csv", "--page", str(page), "--workers", workers)
+        lesion(tmp_path / workers, *given, *how)
+        texts.append(page.read_bytes())
+    assert texts[0] == texts[1]
 
 
 def test_a_case_without_a_lesion_is_refused(tmp_path):

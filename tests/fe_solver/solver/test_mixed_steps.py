@@ -10,7 +10,7 @@ import pytest
 from cosim.errors import ConvergenceError
 from fe_solver.elements.shell import Array
 from fe_solver.solver import mixed_steps
-from fe_solver.solver.mixed_steps import CLOSE, _predict, _reverses, take_mixed_steps
+from fe_solver.solver.mixed_steps import CLOSE, _predict, _reverses, _travel, take_mixed_steps
 from fe_solver.solver.model import Configuration, Forces, ShellModel
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.solver.residual import is_folded, residual_norm
@@ -95,7 +95,7 @@ def test_forces_are_predicted_to_first_order(model):
     errors = []
     for part in (1.0, 0.5):
         there = model.evaluate(model.take_step(c, e.bases, part * step), TENSION, False)
-        foreseen = _predict(model, c, e, part * step)
+        foreseen = _predict(model, c, e, part * step, _travel(e, part * step))
         errors.append(
             [
                 np.abs(foreseen.elements - there.elements.force).max(),
@@ -123,7 +123,7 @@ def test_a_step_back_is_seen(model):
     c = solve(model, at_rest(model), TENSION, TIGHT).configuration
     e = model.evaluate(c, TENSION, tangent=False)
     step = np.zeros(model.pattern.size)
-    before = _predict(model, c, e, step)
+    before = _predict(model, c, e, step, _travel(e, step))
     keys = before.acting
     assert len(keys) > 1
     assert not _reverses(model, e, step, before)
