@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
@@ -116,25 +114,10 @@ HEAT = Kind("power per temperature", "W/K", "W/K", "0.5 W/K")
 SPEED = Kind("speed", "m/s", "m/s", "0.1 m/s")
 
 
-@contextmanager
-def _hidden(name: str) -> Iterator[None]:
-    """For the block, a package that is not loaded yet seems not to be installed."""
-    hides = name not in sys.modules
-    missing: Any = None
-    if hides:
-        sys.modules[name] = missing
-    try:
-        yield
-    finally:
-        if hides:
-            del sys.modules[name]
-
-
 @cache
 def _registry() -> Any:
     """The dozen units of a case; pint's own registry of a thousand takes longer to load."""
-    with _hidden("dask"):  # pint imports the whole of it, for arrays of its that have units
-        import pint
+    import pint
 
     registry: Any = pint.UnitRegistry(None, non_int_type=Decimal)
     registry.load_definitions(_DEFINITIONS.strip().splitlines())
