@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from cosim.errors import ConvergenceError
 from fe_solver.forces.springs import PointForces
 from fe_solver.solver.body_coupling import dependent_motion
-from fe_solver.solver.linear_algebra import Factor, Nearby
+from fe_solver.solver.linear_algebra import Factor
 from fe_solver.solver.model import Configuration, Evaluation, Forces, ShellModel
 from fe_solver.solver.newton_step import (
     approach,
@@ -114,7 +114,7 @@ def take_mixed_steps(
         # the consistent tangent serves where it is positive definite
         try:
             step, factor = _solve_step(model, c, e, before, max_step, max_turn, kept)
-            kept = factor if near and not isinstance(factor, Nearby) else kept
+            kept = kept or factor if near else None
             solves += 1
             if not convex and (factor is None or factor.negative):
                 e = model.evaluate(c, tension, tangent=False, convex=True)
