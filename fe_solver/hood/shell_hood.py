@@ -285,10 +285,13 @@ class ShellHood:
         halvings: int,
         drift: _Drift | None = None,
     ) -> HoodState:
-        """Solve at once, and where that fails half the way first; at last by a damped motion."""
+        """Solve at once, and where that fails without the drift, then half the way first; at last
+        by a damped motion."""
         try:
             return self._solve_once(state, motion, tension, drift)
         except ConvergenceError as error:
+            if drift is not None:
+                return self._solve_or_halve(state, motion, tension, halvings)
             if halvings == 0:
                 return self._relax(state, motion, tension, error)
         before = state.solution.tension if state.solution else 0.0 * tension

@@ -46,9 +46,9 @@ CLOSE = 1e-4
 NEAR = 0.1
 """Residual over the largest force below which the next tangent is the consistent one."""
 MOST_HALVINGS = 4
-"""Of a step that would turn a director into the plane of an element."""
-SMALLER = 0.25
-"""Part of the longest step that is allowed from the start on, once, where no halving helps."""
+"""Of a step that would turn a director into the plane of an element, or crush one."""
+SMALLER, MOST_RESTARTS = 0.25, 3
+"""Part of the longest step that is allowed from the start on where no halving helps."""
 SHORT = 0.1
 """Longest step with the consistent tangent, against the longest one allowed: near a bifurcation,
 where it is nearly singular, it would lead far away."""
@@ -92,22 +92,22 @@ def take_mixed_steps(
     `max_step` (m) or turning a director by more than `max_turn` (rad), to a residual of `tolerance`
     (at least CLOSE) of the largest force.  `before`: the forces that a known equilibrium nearby
     predicts at the start.  Where the steps do not lead there, the configuration is the one of least
-    energy that they met, the start included."""
+    energy that they met, the start included, with no element folded or crushed."""
     near = before is not None
     undamped = 0 if near else UNDAMPED
     c, convex, factor, kept = start, not near, None, None
+    e = model.evaluate(c, tension, tangent=False, convex=convex)
     most, tolerance = min(most, FEW_STEPS if near else MOST_STEPS), max(tolerance, CLOSE)
-    least, best, solves, restarted = np.inf, start, 0, near
+    least, best, solves, restarts = np.inf, start, 0, 0
     for iteration in range(most + 1):
-        e = model.evaluate(c, tension, tangent=False, convex=convex)
         residual, force = residual_norm(model, e)
-        if not np.isfinite(residual):
+        potential, upright = model.potential(c, e.energy, tension), not is_folded(model, c)
+        if not np.isfinite(residual) or (iteration == 0 and potential == np.inf):
             break
-        potential, usable = model.potential(c, e.energy, tension), not is_folded(model, c)
-        if potential < least and (usable or iteration == 0):
+        if potential < least and (upright or iteration == 0):
             least, best = potential, c
         close = residual <= tolerance * force
-        if close and usable:
+        if close and upright and np.isfinite(potential):
             return MixedSteps(c, iteration, solves, e, kept)
         if close or iteration == most:
             break
@@ -126,18 +126,25 @@ def take_mixed_steps(
         step = limit_step(limit_to_contact(model, e, step), part * max_step, part * max_turn)[0]
         if before is not None and iteration >= undamped and _reverses(model, e, step, before):
             step = step / 2
-        trial = model.take_step(c, e.bases, _follow_springs(model, e, step))
-        for _ in range(MOST_HALVINGS if usable else 0):
-            if not is_folded(model, trial):
-                break
-            step = step / 2
+        convex = residual > NEAR * force and not near
+        # a single crushed configuration may be passed through, but not when it went wrong before
+        for halvings in range(1 + MOST_HALVINGS):
+            step = step / 2 if halvings else step
             trial = model.take_step(c, e.bases, _follow_springs(model, e, step))
-        if usable and is_folded(model, trial) and not restarted:
-            c, before, convex, restarted = start, None, True, True
+            there = model.evaluate(trial, tension, tangent=False, convex=convex)
+            crushed = not np.isfinite(there.energy)
+            lost = crushed and (near or restarts > 0 or not np.isfinite(e.energy))
+            lost |= upright and is_folded(model, trial)
+            if not lost:
+                break
+        if lost and not near and restarts < (MOST_RESTARTS if crushed else 1):
+            c, before, convex, restarts = start, None, True, restarts + 1
+            e = model.evaluate(c, tension, tangent=False, convex=convex)
             max_step, max_turn = SMALLER * max_step, SMALLER * max_turn
             continue
-        before, c = _predict(model, c, e, step, _travel(e, step)), trial
-        convex = residual > NEAR * force and not near
+        if lost and crushed:
+            break
+        before, c, e = _predict(model, c, e, step, _travel(e, step)), trial, there
     return MixedSteps(best, iteration, solves)
 
 

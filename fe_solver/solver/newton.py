@@ -173,7 +173,8 @@ def solve(
     Where a sheet without compression comes near one only, it is sought with tension fields that are
     smoother at first (`SMOOTHER`).
 
-    Raises ConvergenceError naming the place of the largest residual.
+    Raises ConvergenceError naming the place of the largest residual, or of an element that `start`
+    crushes beyond what its material admits.
 
     >>> import numpy as np
     >>> from fe_solver.solver.newton import NewtonOptions, solve
@@ -220,6 +221,8 @@ def _solve(
     e = met if met and not met.convex else model.evaluate(c, tension, chord is None, convex)
     data = e.data if chord is None else chord.data
     stiffest = 0.0 if data is None else stiffest_entry(model, data)
+    if np.isinf(e.elements.energy):
+        raise _StuckError(f"the solve starts with the sheet crushed {_crushed_place(model, c)}")
     for iteration in range(first, options.max_iterations + 1):
         # done where the residual is small by the consistent tangent's rounding error too
         residual, force = residual_norm(model, e)
@@ -306,7 +309,19 @@ def _chord_step(
 
 
 def _halves_residual(model: ShellModel, before: Evaluation, after: Evaluation) -> bool:
-    return residual_norm(model, after)[0] < residual_norm(model, before)[0] / 2
+    halved = residual_norm(model, after)[0] < residual_norm(model, before)[0] / 2
+    return halved and bool(np.isfinite(after.energy))
+
+
+def _crushed_place(model: ShellModel, c: Configuration) -> str:
+    """Where a strain is beyond what the material admits, in words, and what to try."""
+    y = np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1)
+    energy = model.section.response(model.tables.strain(y)).energy
+    quad = int(np.flatnonzero(~np.isfinite(energy).all(axis=1))[0])
+    place = f"at {model.node_name(model.quads[quad, 0])}"
+    if model.regions:
+        place += f" in the region {model.regions[quad]}"
+    return f"{place}. Try smaller steps of posture or tension, or a coarser mesh."
 
 
 def _check_directors(solution: Solution) -> Solution:

@@ -16,7 +16,7 @@ from cosim.errors import ConvergenceError, InputError
 from cosim.port import STATIC, Motion, Response
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.hood.build_shell import ContactLaw, ShellSheet, TendonEnd, shell_hood
-from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood
+from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood, _largest_turn
 from fe_solver.materials.linear import Isotropic
 from fe_solver.materials.section import one_law
 from fe_solver.solver.fields import contact_pressure, fields
@@ -95,6 +95,27 @@ def test_friction_which_keeps_what_has_pulled_allows_no_detour(monkeypatch, moti
     with pytest.raises(ConvergenceError, match="stuck"):
         hood.advance(hood.start(motion), motion, TENSION, STATIC)
     assert len(pulls) == ways
+
+
+def test_where_the_drift_leads_astray_it_is_left_out(monkeypatch, hood, motion):
+    """No posture on the way is halved for it."""
+    solve_once, drifts, postures = ShellHood._solve_once, [], []
+
+    def astray(self, state, motion, tension, drift=None):
+        drifts.append(drift)
+        if drift is not None:
+            raise ConvergenceError("crushed")
+        postures.append(motion)
+        return solve_once(self, state, motion, tension)
+
+    monkeypatch.setattr(ShellHood, "_solve_once", astray)
+    hood = replace(hood, leap=0.2)
+    start = hood.start(motion)
+    found = hood.advance(start, motion, TENSION, STATIC)
+    turn = _largest_turn(start.motion, motion)
+    assert any(drift is not None for drift in drifts)
+    assert len(postures) == np.ceil(turn / hood.leap)
+    assert np.isfinite(found.excursion).all()
 
 
 def test_tendons_pull_along_the_metacarpal(hood, solved, motion):

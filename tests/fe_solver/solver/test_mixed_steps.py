@@ -6,15 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 from cosim.errors import ConvergenceError
 from fe_solver.elements.shell import Array
+from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.solver import mixed_steps
 from fe_solver.solver.mixed_steps import CLOSE, _predict, _reverses, _travel, take_mixed_steps
 from fe_solver.solver.model import Configuration, Forces, ShellModel
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.solver.residual import is_folded, residual_norm
-from tests.helpers.shells import NO_TENSION, at_rest, plate, sheet
+from fe_solver.verification.sheets import with_nine_nodes
+from tests.helpers.shells import NO_TENSION, at_rest, clamp, guide, plate, sheet
 from tests.helpers.straps import TENSION, TIGHT, perturb, springs, strap
 
 LONGEST = 3e-3, 0.6
@@ -54,6 +57,48 @@ def test_a_swing_on_stiff_springs_turns_in_few_steps(monkeypatch):
     monkeypatch.setattr(mixed_steps, "MOST_STEPS", 0)
     with pytest.raises(ConvergenceError):
         solve(model, start, NO_TENSION, NewtonOptions(1e-8, 3 * found.iterations))
+
+
+def squeezed(stiffness: float, shift: float) -> tuple[ShellModel, int]:
+    """A nine-node element of 2 x 1 mm, clamped but for the node in its middle, which a spring with
+    its rest `shift` (m) further along x moves on a guide; and that node."""
+    X, quads = with_nine_nodes(*plate(2e-3, 1e-3, 1, 1))
+    middle = int(quads[0, 8])
+    element = sheet(X, quads, 1e6, 0.3, 1e-3, law=NeoHookean(1e6, 0.3))
+    element = clamp(element, np.delete(np.arange(len(X)), middle))
+    model = guide(element, [np.array([middle])], [(1.0, 0.0, 0.0)])
+    anchor = X[[middle]] + [REACH + shift, 0, 0]
+    held = springs(np.array([middle]), 0, anchor, stiffness, REACH, only=False)
+    return replace(model, springs=held), middle
+
+
+@pytest.mark.parametrize("stiffness", [1e3, 1e4, 1e5])
+@pytest.mark.parametrize("shift", [0.5e-3, 0.7e-3, 0.9e-3])
+def test_a_sheet_that_a_stiff_spring_squeezes_is_not_turned_inside_out(stiffness, shift):
+    """To first order the spring goes where the sheet's points have no strain that the law admits:
+    they would push no more, and what is left be in balance without them."""
+    model, middle = squeezed(stiffness, shift)
+    start = at_rest(model)
+    found = solve(model, start, np.zeros(1), NewtonOptions())
+
+    def energy(x: float) -> float:
+        c = replace(start, x=start.x.copy())
+        c.x[middle, 0] = x
+        return model.evaluate(c, np.zeros(1), False).energy
+
+    assert np.isfinite(found.evaluation.energy)
+    least = minimize_scalar(energy, bounds=(1e-3, 1.376e-3), options={"xatol": 1e-10})
+    assert found.configuration.x[middle, 0] == pytest.approx(least.x, abs=2e-8)
+
+
+def test_a_start_with_a_crushed_element_is_refused_and_named():
+    """Without its crushed points the sheet is nearly in balance there, to a thousandth."""
+    model, middle = squeezed(1e5, 0.5e-3)
+    start = at_rest(model)
+    start.x[middle, 0] = 1.48633e-3
+    assert residual_norm(model, model.evaluate(start, np.zeros(1), False))[0] < 1e-3
+    with pytest.raises(ConvergenceError, match=r"starts with the sheet crushed at node 0\. Try"):
+        solve(model, start, np.zeros(1), NewtonOptions())
 
 
 def test_the_equilibrium_is_that_of_the_search(model, monkeypatch):
