@@ -17,6 +17,8 @@ from fe_solver.forces.contact import Array, Contact, Grip, inverse_ramp, ramp
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 
+LOOSE = 1e-3
+"""Residual over the largest force to which the first rounds are solved."""
 ENOUGH = 0.25
 """What a round should leave of the penetration; a contact that leaves more is made stiffer."""
 STIFFER = 10.0
@@ -62,20 +64,26 @@ def solve_augmented(
     body and the node that penetrates most."""
     augment = augment or AugmentOptions()
     model = model.with_changes(contacts=tuple([_initialise(k, start) for k in model.contacts]))
-    solution = solve(model, start, tension, options)
-    iterations, raises, before = solution.iterations, 0, np.inf
-    for _ in range(augment.max_rounds):
+    tolerance = max(LOOSE, options.tolerance)
+    solution = solve(model, start, tension, replace(options, tolerance=tolerance))
+    iterations, solves, raises, before = solution.iterations, solution.solves, 0, np.inf
+    for done in range(augment.max_rounds):
         looks = [_update_of(k, solution.configuration) for k in model.contacts]
         error = max((look.error.max(initial=0.0) for look in looks), default=0.0)
-        if error <= augment.penetration and _limit_change(looks) <= augment.friction:
-            return _constrain(replace(solution, iterations=iterations), looks)
+        left = max(error / augment.penetration, _limit_change(looks) / augment.friction)
+        if left <= 1 and tolerance <= options.tolerance:
+            counts = {"iterations": iterations, "solves": solves}
+            return _constrain(replace(solution, **counts), looks)
         contacts = [look.apply(error > augment.penetration) for look in looks]
         if error > max(ENOUGH * before, augment.penetration) and raises < MOST_RAISES:
             contacts, raises = [_stiffer(k) for k in contacts], raises + 1
         before = error
         model = model.with_changes(contacts=tuple(contacts))
-        solution = solve(model, solution.configuration, tension, options, near=True)
-        iterations += solution.iterations
+        # no round is solved more exactly than the next one's multipliers and limits deserve
+        tolerance = max(min(LOOSE, options.tolerance * left), options.tolerance)
+        loosely, near = replace(options, tolerance=tolerance), done > 0
+        solution = solve(model, solution.configuration, tension, loosely, near)
+        iterations, solves = iterations + solution.iterations, solves + solution.solves
     raise ConvergenceError(_stall_message(model, solution.configuration, looks, augment))
 
 

@@ -32,6 +32,7 @@ from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.fields import contact_pressure
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from fe_solver.solver.residual import residual_norm
 from fe_solver.surfaces.shapes import HalfSpace, Sphere
 from fe_solver.verification import contact_rows
 from tests.helpers import shells
@@ -302,6 +303,17 @@ def test_augmented_pressure_does_not_know_penalty_or_smoothing():
         penalty = solve(model, at_rest(model), NO_TENSION, TIGHT).configuration
         gap = model.contacts[0].gap(penalty.x, *shells.GROUND)
         assert np.abs(gap).max() > 1e-6
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10])
+def test_the_last_round_is_solved_to_the_tolerance(tolerance):
+    """However loosely those before it were, and what is asked of the gaps."""
+    model, options = press_sheet(stiffness=1e8), NewtonOptions(tolerance)
+    for penetration in (1e-4, 1e-6):
+        augment = AugmentOptions(penetration=penetration)
+        found = solve_augmented(model, at_rest(model), NO_TENSION, options, augment)
+        residual, force = residual_norm(found.model, found.evaluation)
+        assert residual <= tolerance * force
 
 
 def test_a_stiffer_contact_sticks_as_before():
