@@ -19,7 +19,7 @@ from tests.helpers.fixed_posture import HELD
 from tests.helpers.folders import ROOT
 
 PLAIN = {"output.picture": False}
-COARSE = {"hood.mesh.quads": 150}
+COARSE = {"hood.mesh.quads": 120}
 
 
 def python(code: str) -> str:

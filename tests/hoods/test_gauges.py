@@ -13,7 +13,7 @@ import cosim
 from cosim.hoods.shell.gauges import _lay_grid, _nearest_points, place_gauges, strain_between
 from cosim.hoods.shell.point_table import GridConfig, read_points
 
-COARSE = {"hood.mesh.quads": 150, "output.picture": False}
+COARSE = {"hood.mesh.quads": 120, "output.picture": False}
 TRIANGLE = np.array([[[0.0, 0, 0], [2.0, 0, 0], [0.0, 1, 0]]])
 NUMBERS = st.floats(-3, 3)
 
@@ -224,7 +224,7 @@ def listed(runs, tmp_path_factory) -> tuple[Path, cosim.Result]:
     path = folder / "dotted.toml"
     path.write_text(
         'extends = "isometric_edc"\ntitle = "dots"\noutput.picture = false\n'
-        "hood.mesh.quads = 150\n"
+        "hood.mesh.quads = 120\n"
         'hood.points_file = "dots.csv"\nhood.gauges.g = ["a", "b"]\nhood.gauges.k = '
         '["a", "grid_3_2"]\n[hood.grids.grid]\n'
         + "\n".join(f"{key} = {value}" for key, value in GRID.items())

@@ -35,7 +35,7 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def hood(folder) -> Path:
-    return run_into(folder, "isometric_edc", "hood.mesh.quads=150", QUICK)
+    return run_into(folder, "isometric_edc", "hood.mesh.quads=120", QUICK)
 
 
 @pytest.fixture(scope="module")
@@ -221,7 +221,7 @@ def test_frames_hold_bones_tendons_and_hood(hood):
 @pytest.mark.slow
 def test_a_nine_node_element_is_shown_as_four_quads(tmp_path):
     nine = 'hood.mesh.elements="quadratic"'
-    run = read_run(run_into(tmp_path, "isometric_edc", "hood.mesh.quads=150", nine, QUICK))
+    run = read_run(run_into(tmp_path, "isometric_edc", "hood.mesh.quads=120", nine, QUICK))
     sheet = view_of(run).sheet
     assert len(sheet.quads) == 4 * run.data.sizes["quad"] == len(sheet.region)
     along = sheet.fields[0].values[-1]

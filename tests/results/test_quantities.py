@@ -22,7 +22,7 @@ from tests.helpers.report_runs import DATA, run_into
 
 QUICK = "output.picture=false"
 CASES = {
-    "isometric_edc": ("hood.mesh.quads=150",),
+    "isometric_edc": ("hood.mesh.quads=120",),
     "split_edc": (),
     "cable_edc": ('hood.mesh.spacing="3 mm"',),
     "planar_edc": (),
