@@ -291,7 +291,9 @@ def test_what_does_not_converge_is_no_result():
 def test_a_run_that_does_not_converge_is_an_error_and_the_batch_goes_on(tmp_path: Path):
     """One round is never enough."""
     frail = tmp_path / "frail.toml"
-    frail.write_text('extends = "fingertip_isotropic_edc"\nhood.mesh.quads = 120\nsolve.max_iterations = 1\n')
+    frail.write_text(
+        'extends = "fingertip_isotropic_edc"\nhood.mesh.quads = 120\nsolve.max_iterations = 1\n'
+    )
     out = tmp_path / "runs"
     words = ["run", str(frail), "pulley_edc", "--out", str(out), "--set", "output.picture=false"]
     done = CliRunner().invoke(app, words)

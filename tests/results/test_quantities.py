@@ -73,7 +73,7 @@ def test_every_number_of_a_run_is_known_there_and_in_other_runs(case, summaries)
 @pytest.mark.parametrize("stride", [19, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", CASES)
 def test_a_misspelt_quantity_is_refused_and_the_right_one_named(case, stride, summaries):
-    """Each stride-th of the ways to misspell a key by one letter, of each key from another one on."""
+    """Each stride-th of the ways to misspell a key by one letter, from another one in each key."""
     summary, tried = summaries[case], set()
     for path in numbers_of(summary):
         keys = path.split(".")
