@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,8 @@ from cosim.results.read import read_run
 
 COARSE = "hood.mesh.quads=120"
 QUICK = "output.picture=false"
+read = cache(read_run)
+"""For runs that no test changes."""
 
 
 def lesion(folder: Path, *arguments: str, code: int = 0) -> str:
@@ -51,7 +54,7 @@ def test_the_page_shows_both_sides_and_their_difference(sheet):
     page = (folder / "page.html").read_text(encoding="utf-8")
     for tip in ("free", "held"):
         runs = [
-            read_run(folder / "runs" / f"lesion_lateral_band_{s}_{tip}")
+            read(folder / "runs" / f"lesion_lateral_band_{s}_{tip}")
             for s in ("before", "after")
         ]
         rows = {cells[0][1]: cells for cells in rows_of(page, tip)}
@@ -69,7 +72,7 @@ def test_the_page_shows_both_sides_and_their_difference(sheet):
 
 def test_the_page_lays_what_each_part_carries_beside_its_strength(sheet):
     page = (sheet[0] / "page.html").read_text(encoding="utf-8")
-    run = read_run(sheet[0] / "runs" / "lesion_lateral_band_after_free")
+    run = read(sheet[0] / "runs" / "lesion_lateral_band_after_free")
     rows = {cells[0][1]: cells for cells in rows_of(page, "strength_free")}
     carried = run.summary["region_force_N"]["central_band"]
     assert float(rows["central band, middle"][2][0]) == pytest.approx(carried, abs=1e-12)
@@ -89,9 +92,9 @@ def test_the_page_draws_two_postures_and_four_maps_on_one_scale(sheet):
 
 
 def test_the_lesion_is_told_in_a_report_of_the_run_alone(sheet):
-    run = read_run(sheet[0] / "runs" / "lesion_lateral_band_after_free")
+    run = read(sheet[0] / "runs" / "lesion_lateral_band_after_free")
     assert dict(question(run))["Lesion"] == "lateral band ulnar cut"
-    whole = read_run(sheet[0] / "runs" / "lesion_lateral_band_before_free")
+    whole = read(sheet[0] / "runs" / "lesion_lateral_band_before_free")
     assert "Lesion" not in dict(question(whole))
 
 
