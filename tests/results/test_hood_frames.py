@@ -66,7 +66,8 @@ def test_a_shape_is_the_same_after_it_was_arrays():
 
 def moving(*settings: str) -> Case:
     forward = 'forward={duration="0.006 s",must_rest=false}'
-    return load_case("isometric_edc", [PLAIN, *FREE, forward, "hood.mesh.quads=120", *settings])
+    name = "isometric_edc_transversely_isotropic"
+    return load_case(name, [PLAIN, *FREE, forward, "hood.mesh.quads=120", *settings])
 
 
 @pytest.fixture(scope="module")
