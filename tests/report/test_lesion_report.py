@@ -57,10 +57,7 @@ def test_the_page_shows_both_sides_and_their_difference(sheet):
     folder, said = sheet
     page = (folder / "page.html").read_text(encoding="utf-8")
     for tip in ("free", "held"):
-        runs = [
-            read(folder / "runs" / f"{SHEET}_{s}_{tip}")
-            for s in ("before", "after")
-        ]
+        runs = [read(folder / "runs" / f"{SHEET}_{s}_{tip}") for s in ("before", "after")]
         rows = {cells[0][1]: cells for cells in rows_of(page, tip)}
         for joint in ("PIP", "DIP"):
             shown = [float(value) for value, _ in rows[f"{joint} angle"][2:]]
