@@ -19,7 +19,7 @@ from tests.helpers.fixed_posture import HELD
 from tests.helpers.folders import ROOT
 
 PLAIN = {"output.picture": False}
-COARSE = {"hood.mesh.quads": 150}
+COARSE = {"hood.mesh.quads": 120}
 
 
 def python(code: str) -> str:
@@ -152,12 +152,12 @@ def test_a_hood_of_ones_own_is_coupled_without_a_case_file():
 
 
 def test_many_runs_are_the_same_for_any_number_of_workers(tmp_path):
-    names = ("split_edc", "pulley_edc", "split_fdp", "two_band_edc", "split_ei")
+    names = ("split_edc", "pulley_edc", "two_band_edc")
     cases = [cosim.load(name).replace(PLAIN) for name in names]
     heard: list[str] = []
     one, two = cosim.run_many(cases), cosim.run_many(cases, workers=2, progress=heard.append)
     assert [result.case for result in two] == list(names)
-    assert heard[-1].startswith("5 of 5: ")
+    assert heard[-1].startswith("3 of 3: ")
     for a, b in zip(one, two, strict=True):
         files = [r.save(tmp_path / side) for side, r in (("one", a), ("two", b))]
         for name in ("results.nc", "ledger.csv", "case.toml"):
@@ -212,11 +212,15 @@ def test_a_joint_bears_what_acts_beyond_it(name):
             assert abs(balance) < 1e-9, (joint, axis)
 
 
-def test_the_arrays_say_what_they_are():
-    result = cosim.run(cosim.load("isometric_edc").replace({**PLAIN, **COARSE}))
-    data = result.data
+@pytest.fixture(scope="module")
+def shell() -> cosim.Result:
+    return cosim.run(cosim.load("fingertip_isotropic_edc").replace({**PLAIN, **COARSE}))
+
+
+def test_the_arrays_say_what_they_are(shell):
+    data = shell.data
     assert data.attrs["Conventions"].startswith("CF-")
-    assert data.attrs["title"] == result.title
+    assert data.attrs["title"] == shell.title
     assert "z dorsal" in data.attrs["frame"]
     assert all("," not in variable.attrs["units"] for variable in data.data_vars.values())
     assert data.sizes["quad"] == len(data.region) == len(data.quad_node)
@@ -224,10 +228,10 @@ def test_the_arrays_say_what_they_are():
     assert "central_slip" in set(data.region.values)
 
 
-def test_a_result_is_shown_in_space(monkeypatch):
+def test_a_result_is_shown_in_space(monkeypatch, shell):
     pyvista = pytest.importorskip("pyvista")
     monkeypatch.setattr(pyvista, "OFF_SCREEN", True)
-    plotter = cosim.run(cosim.load("isometric_edc").replace({**PLAIN, **COARSE})).view()
+    plotter = shell.view()
     assert len(plotter.actors) >= 8  # four bones, the hood, tendons, an arrow
     plotter.close()
 

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 
 import pytest
@@ -125,8 +126,13 @@ KNOW_THE_SOLVERS = {
 }
 
 
-def imports(module: str, top_only: bool) -> Iterator[str]:
+@cache
+def imports(module: str, top_only: bool) -> tuple[str, ...]:
     """Our modules that a module imports; with `top_only` those that importing it loads."""
+    return tuple(_imports(module, top_only))
+
+
+def _imports(module: str, top_only: bool) -> Iterator[str]:
     tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
     for node in _top(tree) if top_only else ast.walk(tree):
         if isinstance(node, ast.Import):

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -37,12 +38,20 @@ ASKS = ("sys.platform", "os.name")
 BOM = "\ufeff"
 
 
+@cache
+def trees() -> dict[Path, ast.Module]:
+    """The packages' files, parsed once for all tests."""
+    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
+
+
 def calls(tree: ast.AST) -> Iterator[tuple[str, ast.Call]]:
-    """Every call with the last part of the name that is called."""
+    """Every call of a name, with its last part."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
-            name = node.func.attr if isinstance(node.func, ast.Attribute) else None
-            yield name or ast.unparse(node.func), node
+            if isinstance(node.func, ast.Attribute):
+                yield node.func.attr, node
+            elif isinstance(node.func, ast.Name):
+                yield node.func.id, node
 
 
 def leaves_encoding_open(name: str, call: ast.Call) -> bool:
@@ -74,26 +83,36 @@ def test_the_scan_sees_what_it_is_for():
 def test_every_text_file_has_its_encoding_named():
     found = [
         f"{source.relative_to(ROOT).as_posix()}:{call.lineno}"
-        for source in SOURCES
-        for name, call in calls(ast.parse(source.read_text(encoding="utf-8")))
+        for source, tree in trees().items()
+        for name, call in calls(tree)
         if leaves_encoding_open(name, call)
     ]
     assert found == []
 
 
+def dotted(node: ast.AST) -> str:
+    """A name of a module's ("os.fork"), "" of any other node."""
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+        return f"{node.value.id}.{node.attr}"
+    return ""
+
+
+def posix_names(node: ast.AST) -> set[str]:
+    """What a node names that only POSIX has."""
+    if isinstance(node, ast.Import):
+        return {alias.name for alias in node.names} & POSIX_MODULES
+    if isinstance(node, ast.ImportFrom):
+        return {node.module or ""} & POSIX_MODULES
+    return {dotted(node)} & POSIX_NAMES
+
+
 def posix_alone(tree: ast.AST) -> Iterator[str]:
     """What only POSIX has, outside of the functions that ask which system this is."""
-    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
-    asking = [f for f in functions if any(ask in ast.unparse(f) for ask in ASKS)]
+    found = [(node, names) for node in ast.walk(tree) if (names := posix_names(node))]
+    functions = [n for n in ast.walk(tree) if found and isinstance(n, ast.FunctionDef)]
+    asking = [f for f in functions if any(dotted(node) in ASKS for node in ast.walk(f))]
     behind = {id(node) for function in asking for node in ast.walk(function)}
-    for node in ast.walk(tree):
-        names: set[str] = set()
-        if isinstance(node, ast.Import):
-            names = {alias.name for alias in node.names} & POSIX_MODULES
-        elif isinstance(node, ast.ImportFrom):
-            names = {node.module or ""} & POSIX_MODULES
-        elif isinstance(node, ast.Attribute):
-            names = {ast.unparse(node)} & POSIX_NAMES
+    for node, names in found:
         if id(node) not in behind:
             yield from names
 
@@ -102,8 +121,8 @@ def test_what_only_posix_has_stands_behind_a_question():
     asks = "def f():\n    if sys.platform != 'win32':\n        os.killpg(1, signal.SIGKILL)"
     assert set(posix_alone(ast.parse("import resource\nos.fork()"))) == {"resource", "os.fork"}
     assert list(posix_alone(ast.parse(asks))) == []
-    for source in SOURCES:
-        assert list(posix_alone(ast.parse(source.read_text(encoding="utf-8")))) == [], source
+    for source, tree in trees().items():
+        assert list(posix_alone(tree)) == [], source
 
 
 def test_every_file_can_lie_on_windows_and_on_a_disk_that_knows_no_case():

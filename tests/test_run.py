@@ -36,7 +36,7 @@ OFTEN = (
     *("isometric_edc", "isometric_fdp", "forward_fdp"),
 )
 """Of the kinds above only these are in the default run of the tests."""
-COARSE = "hood.mesh.quads=250"
+COARSE, COARSEST = "hood.mesh.quads=250", "hood.mesh.quads=120"
 HEADS = {"FDIm": "FDI", "FDIl": "FDI", "RIp": "RI"}
 """Muscle of each tendon that is one of two heads."""
 SHELL_KEYS = {
@@ -62,9 +62,12 @@ AUDIT = {
 EDC_ARMS = {"MCP": (-9.5, -6.0), "PIP": (-6.0, -2.5), "DIP": (-3.5, -0.5)}
 
 
+def is_seldom(name: str) -> bool:
+    return name.startswith(KINDS) and not name.startswith(OFTEN)
+
+
 def mark_slow(names: list[str]) -> list[Any]:
-    seldom = {n for n in names if n.startswith(KINDS) and not n.startswith(OFTEN)}
-    return [pytest.param(n, marks=[pytest.mark.slow] if n in seldom else []) for n in names]
+    return [pytest.param(n, marks=[pytest.mark.slow] if is_seldom(n) else []) for n in names]
 
 
 @cache
@@ -74,9 +77,11 @@ def run(name: str, *settings: str) -> Result:
 
 
 def coarse(name: str) -> Result:
-    """As shipped where that is quick or a coarse mesh folds, else on a mesh of 250 quads."""
-    as_shipped = name in ("isometric_edc", "free_fdp", "free_fds") or not is_shell(name)
-    return run(name) if as_shipped else run(name, COARSE)
+    """As shipped where that is quick or a coarse mesh folds, else on a mesh of 250 quads, or of 120
+    in the default run of the tests."""
+    if name in ("isometric_edc", "free_fdp", "free_fds") or not is_shell(name):
+        return run(name)
+    return run(name, COARSE if is_seldom(name) else COARSEST)
 
 
 def is_shell(name: str) -> bool:
@@ -182,7 +187,7 @@ def test_edc_extends_every_joint_with_its_measured_arms(name, kind, joint):
 
 @pytest.mark.parametrize(("name", "tendon"), [("lum", "LUM"), ("fpi", "FPI")])
 def test_intrinsics_flex_the_mcp_and_extend_beyond_it(name, tendon):
-    summary = coarse(f"isometric_{name}").summary
+    summary = run(f"isometric_{name}", COARSEST).summary
     for arms in (summary["moment_arm_mm"][tendon], summary["difference"]["moment_arm_mm"][tendon]):
         assert arms["MCP"] > 0
         assert arms["PIP"] < 0
@@ -221,10 +226,10 @@ def test_joint_torques_add_up_to_zero_with_the_tips_force():
 
 def test_a_case_gives_the_same_bits_alone_and_after_another():
     """The unloaded state that a batch shares must not carry anything over."""
-    quick = ["hood.mesh.quads=120"]
-    alone, session = run_case(load_case("isometric_edc", quick)), Session()
-    run_case(load_case("isometric_fdp", quick), session)
-    after = run_case(load_case("isometric_edc", quick), session)
+    edc, fdp = (load_case(f"fingertip_isotropic_{t}", [COARSEST]) for t in ("edc", "fdp"))
+    alone, session = run_case(edc), Session()
+    run_case(fdp, session)
+    after = run_case(edc, session)
     xarray.testing.assert_identical(alone.data, after.data)
     assert {**alone.summary, "wall_s": 0} == {**after.summary, "wall_s": 0}
     for a, b in zip(alone.rows, after.rows, strict=True):
@@ -235,10 +240,10 @@ def test_a_case_gives_the_same_bits_alone_and_after_another():
 
 def test_a_hood_serves_all_that_may_hold_the_fingertip():
     """With the same bits as alone."""
-    coarse = ("hood.mesh.quads=120",)
-    held = load_case("isometric_edc", coarse)
-    free = load_case("isometric_edc", (*coarse, 'finger.tip.kind="posture"'))
-    longer = load_case("isometric_edc", (*coarse, "finger.length_scale=1.01"))
+    name = "fingertip_isotropic_edc"
+    held = load_case(name, (COARSEST,))
+    free = load_case(name, (COARSEST, 'finger.tip.kind="posture"'))
+    longer = load_case(name, (COARSEST, "finger.length_scale=1.01"))
     assert held.hood_key() == free.hood_key() != longer.hood_key()
     session = Session()
     first = session.models(held, quiet)
@@ -280,13 +285,15 @@ def test_results_of_a_run_read_back(tmp_path: Path):
 
 def test_what_does_not_converge_is_no_result():
     with pytest.raises(ConvergenceError, match=r"1 rounds.*solve\.max_iterations"):
-        run_case(load_case("isometric_edc", [COARSE, "solve.max_iterations=1"]))
+        run_case(load_case("pulley_edc", ["solve.max_iterations=1"]))
 
 
 def test_a_run_that_does_not_converge_is_an_error_and_the_batch_goes_on(tmp_path: Path):
     """One round is never enough."""
     frail = tmp_path / "frail.toml"
-    frail.write_text('extends = "isometric_edc"\nhood.mesh.quads = 120\nsolve.max_iterations = 1\n')
+    frail.write_text(
+        'extends = "fingertip_isotropic_edc"\nhood.mesh.quads = 120\nsolve.max_iterations = 1\n'
+    )
     out = tmp_path / "runs"
     words = ["run", str(frail), "pulley_edc", "--out", str(out), "--set", "output.picture=false"]
     done = CliRunner().invoke(app, words)
@@ -301,13 +308,13 @@ def test_a_run_that_does_not_converge_is_an_error_and_the_batch_goes_on(tmp_path
 def test_a_muscle_at_its_greatest_force_finds_its_equilibrium(tendon, tension):
     heads = [t for t in ("FDP", "FDS", "FDIm", "FDIl") if t.startswith(tendon)]
     whole = [f"tendons.{head}.activation=1" for head in heads]
-    summary = run(f"isometric_{tendon.lower()}", "hood.mesh.quads=120", *whole).summary
+    summary = run(f"isometric_{tendon.lower()}", COARSEST, *whole).summary
     assert [summary["tension_N"][head] for head in heads] == pytest.approx([tension] * len(heads))
     check_audit(summary)
 
 
 def test_the_packaged_motion_of_finger_and_hood_begins(tmp_path: Path):
-    short = ["hood.mesh.quads=120", "forward.duration=5 ms", "output.picture=false"]
+    short = [COARSEST, "forward.duration=5 ms", "output.picture=false"]
     result = run_case(load_case("motion_edc_fdp", short))
     assert result.summary["audit_missed"] == []
     assert result.data.sizes["time"] == 6

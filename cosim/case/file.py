@@ -54,11 +54,13 @@ def find_case(path_or_name: str | Path, beside: Path | None = None) -> Path:
     """The file at a path (relative to `beside` or here), or the packaged case of that name.
 
     A path may also be relative to the folder `cases` ("base/split").  Raises InputError."""
-    text, packaged, cases = str(path_or_name), _packaged_folder(), packaged_cases()
-    places = [(beside or Path.cwd()) / text, packaged / text, packaged / f"{text}.toml"]
-    for place in (*places, cases.get(text, "")):
+    text, packaged = str(path_or_name), _packaged_folder()
+    for place in ((beside or Path.cwd()) / text, packaged / text, packaged / f"{text}.toml"):
         if os.path.isfile(place):
             return Path(os.path.realpath(place))
+    cases = packaged_cases()
+    if text in cases:
+        return Path(os.path.realpath(cases[text]))
     name = PurePath(text).stem
     if text.endswith(".toml") and name in cases:
         raise InputError(f"{text!r}: no such file; for the packaged case write its name: {name}")

@@ -21,7 +21,10 @@ def summary(name: str, *settings: str) -> dict:
 
 @pytest.mark.parametrize(
     ("name", "tendon", "setting"),
-    [("pulley_edc", "EDC", FREE), ("isometric_edc", "EDC", "hood.mesh.quads=120")],
+    [
+        ("pulley_edc", "EDC", FREE),
+        ("isometric_edc_transversely_isotropic", "EDC", "hood.mesh.quads=120"),
+    ],
 )
 def test_an_excursion_takes_the_tension_that_makes_it(name: str, tendon: str, setting: str) -> None:
     pulled = summary(name, f"tendons.{tendon}.tension=2 N", setting)

@@ -48,11 +48,7 @@ def write_motion_run(run: Path, folder: Path) -> Path:
     data = xarray.load_dataset(run / "results.nc", engine="h5netcdf")
     kept = data.drop_vars(["node", "strain", "stress", "pressure"])
     moved = kept.rename(state="time").assign_coords(time=[0.0, 0.25])
-    moved.to_netcdf(folder / "results.nc", engine="h5netcdf")
-    summary = json.loads((run / "summary.json").read_text(encoding="utf-8"))
-    for key in ("unloaded", "difference", "rest", "warnings"):
-        del summary[key]
-    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    _write_motion(moved, folder)
     return folder
 
 
@@ -66,5 +62,14 @@ def write_swinging_run(run: Path, folder: Path) -> Path:
     moved.angle[1] = np.radians([-20.0, 15.0, 0.0, 0.0])
     moved.tip_force[1] = 0.0
     moved.tip_force[2] = [1.0, 1.0, 5.0]
-    moved.to_netcdf(folder / "results.nc", engine="h5netcdf")
+    _write_motion(moved, folder)
     return folder
+
+
+def _write_motion(data: xarray.Dataset, folder: Path) -> None:
+    """The arrays of a motion in place of those of the equilibrium that `folder` is a copy of."""
+    data.to_netcdf(folder / "results.nc", engine="h5netcdf")
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    for key in ("unloaded", "difference", "rest", "warnings"):
+        del summary[key]
+    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")

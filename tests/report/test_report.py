@@ -8,6 +8,7 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,10 @@ from tests.helpers.report_runs import DATA, run_into, write_motion_run, write_sw
 QUICK = "output.picture=false"
 
 
+read = cache(read_run)
+"""For runs that no test changes."""
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("runs")
@@ -35,7 +40,7 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def hood(folder) -> Path:
-    return run_into(folder, "isometric_edc", "hood.mesh.quads=150", QUICK)
+    return run_into(folder, "isometric_edc", "hood.mesh.quads=120", QUICK)
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +87,7 @@ def test_what_a_sheet_is_laid_out_as_does_not_hang_on_how_its_quads_turn():
 
 
 def test_a_hood_is_laid_out_without_a_fold_and_nearly_true(hood):
-    shape = read_run(hood).hood
+    shape = read(hood).hood
     assert shape is not None
     reference = shape.points - shape.point_data["displacement"]
     flat = flatten_sheet(reference, shape.quads)[shape.quads]
@@ -128,7 +133,7 @@ def test_runs_of_one_name_are_told_apart(tmp_path, hood):
 
 
 def test_the_tables_say_what_the_summary_says(hood):
-    run = read_run(hood)
+    run = read(hood)
     tables = {table.key: table for table in tables_of([run], None)}
     outcome = {row[0]: row[2:] for row in tables["outcome"].rows}
     summary = run.summary
@@ -151,7 +156,7 @@ def test_the_tables_say_what_the_summary_says(hood):
 
 
 def test_an_audit_that_was_missed_is_shown(hood):
-    run = read_run(hood)
+    run = read(hood)
     missed = replace(
         run, summary={**run.summary, "audit_missed": ["reciprocity", "posture_in_range"]}
     )
@@ -162,15 +167,15 @@ def test_an_audit_that_was_missed_is_shown(hood):
 
 
 def test_a_ledger_closes_in_the_table(hood):
-    (table,) = (t for t in tables_of([read_run(hood)], None) if t.key == "ledger_0")
+    (table,) = (t for t in tables_of([read(hood)], None) if t.key == "ledger_0")
     sums = {row[0]: row[2:] for row in table.rows if row[1] == "sum"}
     assert set(sums) == {"metacarpal", "proximal", "middle", "distal"}
     for body in sums:
         assert np.abs(np.array(sums[body], dtype=float)).max() < 1e-6
-    said = re.search(r"within (\S+) N", closure(read_run(hood)))
+    said = re.search(r"within (\S+) N", closure(read(hood)))
     assert said is not None
     assert float(said[1].replace("−", "-")) < 1e-6
-    hood_on_middle = last_ledger(read_run(hood))["middle"]["hood central_slip"]
+    hood_on_middle = last_ledger(read(hood))["middle"]["hood central_slip"]
     assert hood_on_middle[2] > 0, "the central slip pulls the bent middle phalanx dorsally"
 
 
@@ -193,7 +198,7 @@ def test_against_may_be_one_of_the_runs(hood, split, tmp_path):
 
 
 def test_frames_hold_bones_tendons_and_hood(hood):
-    run = read_run(hood)
+    run = read(hood)
     view = view_of(run)
     assert view.frames == ("unloaded", "loaded")
     assert view.sheet is not None
@@ -221,7 +226,7 @@ def test_frames_hold_bones_tendons_and_hood(hood):
 @pytest.mark.slow
 def test_a_nine_node_element_is_shown_as_four_quads(tmp_path):
     nine = 'hood.mesh.elements="quadratic"'
-    run = read_run(run_into(tmp_path, "isometric_edc", "hood.mesh.quads=150", nine, QUICK))
+    run = read_run(run_into(tmp_path, "isometric_edc", "hood.mesh.quads=120", nine, QUICK))
     sheet = view_of(run).sheet
     assert len(sheet.quads) == 4 * run.data.sizes["quad"] == len(sheet.region)
     along = sheet.fields[0].values[-1]
@@ -231,7 +236,7 @@ def test_a_nine_node_element_is_shown_as_four_quads(tmp_path):
 
 
 def test_a_motion_shows_its_hood_at_its_end_with_the_same_fields(motion, hood):
-    moved, still = view_of(read_run(motion)), view_of(read_run(hood))
+    moved, still = view_of(read(motion)), view_of(read(hood))
     assert moved.frames == ("0 s", "0.25 s")
     assert moved.sheet is not None
     assert still.sheet is not None
@@ -242,7 +247,7 @@ def test_a_motion_shows_its_hood_at_its_end_with_the_same_fields(motion, hood):
 
 
 def test_a_run_without_a_hood_says_so(split):
-    view = view_of(read_run(split))
+    view = view_of(read(split))
     assert view.sheet is None
     assert "no deformable hood" in view.notes[0]
     assert len(view.bones) == 4
@@ -278,7 +283,7 @@ def test_the_box_holds_every_frame_of_a_motion(tmp_path, hood):
 
 
 def test_a_difference_of_fields(hood):
-    view = view_of(read_run(hood))
+    view = view_of(read(hood))
     assert view.sheet is not None
     doubled = tuple(replace(f, values=2 * f.values) for f in view.sheet.fields)
     gap = difference_view(replace(view, sheet=replace(view.sheet, fields=doubled)), view)
@@ -291,7 +296,7 @@ def test_a_difference_of_fields(hood):
 
 
 def test_the_view_packs_what_runs_share_once(hood, motion):
-    views = [view_of(read_run(hood)), view_of(read_run(motion))]
+    views = [view_of(read(hood)), view_of(read(motion))]
     content = pack_views(views, [limits(views)] * 2)
     assert len(content["surfaces"]) == 4
     assert content["views"][1]["bones"][2]["surface"] == content["views"][0]["bones"][2]["surface"]

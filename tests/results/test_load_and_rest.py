@@ -33,7 +33,7 @@ from tests.helpers import shells
 from tests.helpers.report_runs import run_into
 
 QUICK = "output.picture=false"
-COARSE = "hood.mesh.quads=150"
+COARSE = "hood.mesh.quads=120"
 
 
 def state(

@@ -34,7 +34,7 @@ TIMES = (0.0, 0.1, 0.2, 0.3)
 @pytest.fixture(scope="module")
 def hood(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
-    return run_into(folder, "isometric_edc", "hood.mesh.quads=150", "output.picture=false")
+    return run_into(folder, "isometric_edc", "hood.mesh.quads=120", "output.picture=false")
 
 
 def line_looks(axes) -> dict[str, Any]:

@@ -54,7 +54,13 @@ def test_device_sensitivity() -> None:
 
 
 @pytest.mark.opensim
-def test_live_opensim() -> None:
+@pytest.mark.parametrize(
+    "muscles", [("EDC", "FDS"), pytest.param(tuple(TENSIONS), marks=pytest.mark.slow)]
+)
+def test_live_opensim(monkeypatch: pytest.MonkeyPatch, muscles: tuple[str, ...]) -> None:
     pytest.importorskip("opensim")
-    for row in dynamics_rows.live_rows():
+    monkeypatch.setattr(dynamics_rows, "TENSIONS", {m: TENSIONS[m] for m in muscles})
+    rows = list(dynamics_rows.live_rows())
+    assert len(rows) == 2 * len(muscles)
+    for row in rows:
         assert row.passed, row

@@ -219,7 +219,7 @@ class ShellHoodConfig(HoodConfig):
     }
     example: ClassVar[tuple[str, ...]] = (
         "base/one_sheet.toml",
-        "hood.mesh.quads=250",
+        "hood.mesh.quads=120",
         "solve.hood_tolerance=1e-11",
     )
     kind: Literal["shell"]

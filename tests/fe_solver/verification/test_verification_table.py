@@ -32,10 +32,12 @@ from fe_solver.verification.table import STUDIES, Study
 LONG = {
     *("slit ring", "open cylinder", "hemisphere, nonlinear", "threads", "peers", "straight beam"),
     *("hyperbolic paraboloid", "hinged roofs", "sideways buckling", "membranes", "hook"),
-    *("pinched cylinder", "hemisphere, linear", "end shear, nine-node elements"),
+    *("pinched cylinder", "hemisphere, linear", "end shear, nine-node elements", "element"),
 }
 """Studies that the default run of the tests leaves out, beside the slow ones; what both elements
 solve is there on coarse meshes (`test_benchmarks`)."""
+FEW = ("trans iso Mooney-Rivlin, incompressible", "tension field, Holzapfel-Gasser-Ogden")
+"""Materials of which the default run takes the tangent of each shape of element."""
 
 
 def mark_slow(study: Study) -> object:
@@ -58,6 +60,19 @@ def test_every_row_passes(study):
               if not r.passed]  # fmt: skip
     assert not failed
     assert all(r.source and r.name and r.quantity for r in rows)
+
+
+def test_every_row_on_the_element_passes_with_some_materials(monkeypatch):
+    monkeypatch.setattr(element_rows, "LAWS", {name: element_rows.LAWS[name] for name in FEW})
+    rows = list(element_rows.rows())
+    assert {row.name for row in rows} > {f"element tangent, {s}" for s in element_rows.SHAPES}
+    assert not [row for row in rows if not row.passed]
+
+
+@pytest.mark.parametrize("name", [name for name in element_rows.LAWS if name not in FEW])
+def test_the_tangent_of_a_warped_element_is_right_with_every_other_material(name):
+    model = element_rows.distort("warped quads", element_rows.LAWS[name], element_rows.THICK / 2)
+    assert element_rows.tangent_error(model, 1e-4) < 1e-6
 
 
 def test_the_rows_on_materials_cover_febio_s_table():
