@@ -72,8 +72,7 @@ def solve_augmented(
         error = max((look.error.max(initial=0.0) for look in looks), default=0.0)
         left = max(error / augment.penetration, _limit_change(looks) / augment.friction)
         if left <= 1 and tolerance <= options.tolerance:
-            counts = {"iterations": iterations, "solves": solves}
-            return _constrain(replace(solution, **counts), looks)
+            return _constrain(replace(solution, iterations=iterations, solves=solves), looks)
         contacts = [look.apply(error > augment.penetration) for look in looks]
         if error > max(ENOUGH * before, augment.penetration) and raises < MOST_RAISES:
             contacts, raises = [_stiffer(k) for k in contacts], raises + 1
