@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from pathlib import Path
 
@@ -141,6 +141,25 @@ def load_bone(name: str) -> Bone:
         raise InputError(f"no bone is named {name!r}; expected one of {', '.join(BODIES)}")
     text = files("meshes").joinpath("bones", f"{name}.csv").read_text(encoding="utf-8")
     return parse_table(name, text)
+
+
+@lru_cache(maxsize=64)
+def bone_surface(
+    name: str, length: float = 1.0, width: float = 1.0
+) -> tuple[Array, NDArray[np.int64]]:
+    """Return the `Bone.surface` of a measured bone that is scaled; its arrays cannot be written.
+
+    Raises InputError for another name, or a factor that is not positive.
+
+    >>> from meshes.bones import bone_surface
+    >>> longer, usual = (bone_surface("middle", length)[0] for length in (1.1, 1.0))
+    >>> float((longer[-1] / usual[-1])[0].round(3))  # the distal end's x
+    1.1
+    """
+    surface = load_bone(name).scale(length, width).surface()
+    for values in surface:
+        values.setflags(write=False)
+    return surface
 
 
 def parse_table(name: str, text: str) -> Bone:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.bones import load_bone
+from meshes.bones import bone_surface
 from meshes.cable_net import CableNet, cable_of
 from meshes.skeleton import BODIES, Skeleton, index_finger
 
@@ -42,7 +42,7 @@ def bones_of(skeleton: Skeleton) -> dict[str, tuple[Array, Ints]]:
     phalanges' mean, as is the metacarpal longer: vertices (n, 3) m and faces, in their frames."""
     along = np.concatenate([[wider(skeleton)], _longer(skeleton)])
     return {
-        body: load_bone(body).scale(factor, wider(skeleton)).surface()
+        body: bone_surface(body, float(factor), wider(skeleton))
         for body, factor in zip(BODIES, along, strict=True)
     }
 

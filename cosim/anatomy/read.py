@@ -143,7 +143,7 @@ def _with_hood(
     report: list[str],
 ) -> Built:
     from cosim.hoods.bone_surfaces import pose_surfaces
-    from meshes.bones import load_bone
+    from meshes.bones import bone_surface
     from meshes.hull import Centreline, Level
 
     assert given.hood is not None
@@ -156,7 +156,7 @@ def _with_hood(
         surfaces = bones.surfaces
     else:
         bones, scale = None, given.length_scale
-        surfaces = {b: load_bone(b).scale(scale, 1.0).surface() for b in BODIES}
+        surfaces = {b: bone_surface(b, scale) for b in BODIES}
         report.append(f"bones: ours, {scale:g} times as long")
     level = Level(
         pose_surfaces(surfaces), dict.fromkeys(BODIES, 0.0), chain.position, chain.rotation

@@ -160,7 +160,7 @@ def build(finger: IndexFingerConfig, extensor: Extensor) -> ChainFinger:
 
 def bones(finger: IndexFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
     """The user's surfaces, and ours scaled."""
-    from meshes.bones import load_bone
+    from meshes.bones import bone_surface
 
     out = {}
     for body in BODIES:
@@ -168,8 +168,7 @@ def bones(finger: IndexFingerConfig, extensor: Extensor) -> Mapping[str, Triangl
         if user is not None:
             out[body] = _user_bone(body, user, finger)
         else:
-            scaled = load_bone(body).scale(finger.length_scale, finger.width_scale)
-            out[body] = scaled.surface()
+            out[body] = bone_surface(body, finger.length_scale, finger.width_scale)
     return out
 
 

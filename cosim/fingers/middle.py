@@ -94,12 +94,12 @@ def width(finger: MiddleFingerConfig) -> float:
 def bones(finger: MiddleFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
     """The index finger's bones, each as long as the middle finger's and as much wider as its tendon
     paths are, in its bodies' frames; the metacarpal longer by the phalanges' mean."""
-    from meshes.bones import load_bone
+    from meshes.bones import bone_surface
 
     longer = skeleton(finger).length[1:] / index_finger().length[1:]
     along = np.concatenate([[longer.mean()], longer])
     return {
-        body: load_bone(body).scale(factor, width(finger)).surface()
+        body: bone_surface(body, float(factor), width(finger))
         for body, factor in zip(BODIES, along, strict=True)
     }
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from cosim.errors import InputError
 from fe_solver.surfaces.spline_distance import SplineDistance
 from fe_solver.surfaces.triangle_distance import check_surface
-from meshes.bones import load_bone, spline
+from meshes.bones import bone_surface, load_bone, spline
 from meshes.measure_bones import MeasurementPlan, farthest_hits, fit_error, measure, read_stl, table
 from meshes.skeleton import BODIES, index_finger
 
@@ -25,6 +25,14 @@ LENGTHS = {"metacarpal": 66.1, "proximal": 40.7, "middle": 23.9, "distal": 15.7}
 def volume(vertices, faces):
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     return np.einsum("fi,fi->", a, np.cross(b, c)) / 6
+
+
+def test_a_scaled_surface_is_made_once_and_cannot_be_written():
+    found = bone_surface("proximal", 1.1, 0.9)
+    assert bone_surface("proximal", 1.1, 0.9) is found
+    for values, fresh in zip(found, load_bone("proximal").scale(1.1, 0.9).surface(), strict=True):
+        assert np.array_equal(values, fresh)
+        assert not values.flags.writeable
 
 
 @pytest.mark.parametrize("name", BODIES)
