@@ -28,6 +28,8 @@ from cosim.results.slips import is_slack
 from cosim.solve.states import States
 from cosim.version import __version__
 
+Books = Mapping[str, Array]
+"""(nb, 6) wrenches on the bodies by source, as of `Finger.ledger`."""
 BEYOND = float(np.radians(10.0))
 """A joint further beyond its range of motion than this stands where no finger can."""
 HYPEREXTENDED = {"DIP": float(np.radians(25.0))}
@@ -39,10 +41,14 @@ def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Re
     models, states = solved
     pair = {"unloaded": states.unloaded, "loaded": states.loaded}
     views = {name: models.view(e.response.state) for name, e in pair.items()} if models.view else {}
+    books = {
+        name: models.finger.ledger(e.finger_state, e.load, e.finger_tension)
+        for name, e in pair.items()
+    }
     return Result(
-        summary(case, models, states, views, wall),
+        summary(case, models, states, views, books, wall),
         arrays(case, models, pair, views),
-        tuple(row for name, e in pair.items() for row in ledger(models, name, e)),
+        tuple(row for name, e in pair.items() for row in ledger(name, e, books[name])),
         scene(models, states.loaded, views.get("loaded")),
         resolved_toml(case),
         case.name,
@@ -50,7 +56,12 @@ def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Re
 
 
 def summary(
-    case: Case, models: Models, states: States, views: Mapping[str, HoodView], wall: float
+    case: Case,
+    models: Models,
+    states: States,
+    views: Mapping[str, HoodView],
+    books: Mapping[str, Books],
+    wall: float,
 ) -> dict[str, Any]:
     """The numbers one asks for first; every key ends in its unit."""
     loaded, unloaded = states.loaded, states.unloaded
@@ -59,8 +70,8 @@ def summary(
     if views:
         head |= views["loaded"].size()
     limits = {} if loaded.balance is None else limits_of(case, joint_ranges(models.finger))
-    before = _state(models, unloaded, views.get("unloaded"), limits)
-    now = _state(models, loaded, views.get("loaded"), limits)
+    before = _state(models, unloaded, books["unloaded"], views.get("unloaded"), limits)
+    now = _state(models, loaded, books["loaded"], views.get("loaded"), limits)
     passed = states.one_way
     load, motion = (loaded.load, loaded.motion) if passed is None else (passed.answer, passed.at)
     force, moment = load.imbalance(motion)
@@ -119,7 +130,9 @@ def _muscles(case: Case, models: Models, states: States) -> dict[str, Any]:
     return {"muscle": out} if out else {}
 
 
-def _state(models: Models, e: Equilibrium, view: HoodView | None, limits: Limits) -> dict[str, Any]:
+def _state(
+    models: Models, e: Equilibrium, books: Books, view: HoodView | None, limits: Limits
+) -> dict[str, Any]:
     """One equilibrium in numbers."""
     hood, finger = models.hood, models.finger
     on_world = finger.tip_force(e.finger_state)
@@ -134,8 +147,8 @@ def _state(models: Models, e: Equilibrium, view: HoodView | None, limits: Limits
         "fingertip_magnitude_N": float(np.linalg.norm(on_world)),
     }
     if e.balance is not None:
-        out["fingertip_moment_Nmm"] = by_axis(1e3 * _tip_moment(models, e))
-        out["joint_force_N"] = _joint_forces(models, e)
+        out["fingertip_moment_Nmm"] = by_axis(1e3 * _tip_moment(models, e, books))
+        out["joint_force_N"] = _joint_forces(models, e, books)
     arms = _arms(models, e)
     if arms or e.balance is not None:
         out["moment_arm_mm"] = {t: _by_joint(models, 1e3 * arm) for t, arm in arms.items()}
@@ -155,18 +168,16 @@ def _state(models: Models, e: Equilibrium, view: HoodView | None, limits: Limits
     return out if view is None else {**out, **view.summary()}
 
 
-def _joint_forces(models: Models, e: Equilibrium) -> dict[str, dict[str, float]]:
-    books = models.finger.ledger(e.finger_state, e.load, e.finger_tension)
+def _joint_forces(models: Models, e: Equilibrium, books: Books) -> dict[str, dict[str, float]]:
     if "joint" not in books:
         return {}
     return joint_forces(books["joint"], e.load.bodies, models.finger.joints)
 
 
-def _tip_moment(models: Models, e: Equilibrium) -> Array:
+def _tip_moment(models: Models, e: Equilibrium, books: Books) -> Array:
     """(3,) N m of the tip on the world about the fingertip, zero where it is free to turn."""
-    finger, state = models.finger, e.finger_state
-    held = finger.ledger(state, e.load, e.finger_tension)["fingertip"][-1]
-    lever = finger.tip(state) - e.motion.position[-1]
+    held = books["fingertip"][-1]
+    lever = models.finger.tip(e.finger_state) - e.motion.position[-1]
     moment: Array = np.cross(lever, held[:3]) - held[3:]
     return moment
 
@@ -231,11 +242,10 @@ def _by_joint(models: Models, values: Array) -> dict[str, float]:
     return {j: float(v) for j, v in zip(models.finger.joints, values, strict=True)}
 
 
-def ledger(models: Models, name: str, e: Equilibrium) -> Iterator[LedgerRow]:
+def ledger(name: str, e: Equilibrium, books: Books) -> Iterator[LedgerRow]:
     """A row per body and source; those of one body add up to zero."""
-    finger = models.finger.ledger(e.finger_state, e.load, e.finger_tension)
     hood = {f"hood {s}": e.load.wrench[:, i] for i, s in enumerate(e.load.sources)}
-    return ledger_rows(name, e.load.bodies, {**hood, **finger})
+    return ledger_rows(name, e.load.bodies, {**hood, **books})
 
 
 def arrays(
