@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,7 @@ def ran(models: MovingModels, paths: dict[str, Path], scheme: str, *more: str) -
     return run_case(load_case("pulley_edc", settings))
 
 
+@cache
 def native(scheme: str, *more: str) -> Result:
     return run_case(moving_case(f'coupling={{scheme="{scheme}"}}', *more))
 
