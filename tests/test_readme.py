@@ -76,8 +76,9 @@ def in_a_process(folder: Path, *words: str) -> str:
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "top-0")) for n in BLOCKS]
 )
-def test_a_python_block_runs(name: str, tmp_path: Path):
-    in_a_process(tmp_path, "-c", BLOCKS[name])
+def test_a_python_block_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(BLOCKS[name], name, "exec"), {"__name__": "__main__"})
 
 
 @pytest.fixture(scope="module")
