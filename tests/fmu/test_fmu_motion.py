@@ -69,7 +69,7 @@ def native(scheme: str, *more: str) -> Result:
     ("scheme", "fmi"),
     [
         *(("explicit", 2), ("jacobi", 3), ("implicit", 2), ("newton", 3), ("linear", 2)),
-        *(("explicit", 3), ("implicit", 3)),
+        *(pytest.param(scheme, 3, marks=pytest.mark.slow) for scheme in ("explicit", "implicit")),
     ],
 )
 def test_every_scheme_makes_the_native_motion(written, models, fmi, parts, scheme):
