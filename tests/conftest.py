@@ -1,6 +1,7 @@
 """Hypothesis without deadlines: how long an example takes says how busy the machine is; and Ctrl-C
 as it is at a prompt, since a shell lets what it starts in the background ignore it.  Garbage is not
-looked for among what collecting the tests leaves, which all lives to the end."""
+looked for among what collecting the tests leaves, which all lives to the end, and less often
+elsewhere."""
 
 from __future__ import annotations
 
@@ -24,4 +25,5 @@ def pytest_collection() -> Iterator[None]:
     yield
     gc.collect()
     gc.freeze()
+    gc.set_threshold(10_000)
     gc.enable()
