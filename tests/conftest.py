@@ -1,10 +1,15 @@
 """Hypothesis without deadlines: how long an example takes says how busy the machine is; and Ctrl-C
-as it is at a prompt, since a shell lets what it starts in the background ignore it."""
+as it is at a prompt, since a shell lets what it starts in the background ignore it.  Garbage is not
+looked for among what collecting the tests leaves, which all lives to the end, and less often
+elsewhere."""
 
 from __future__ import annotations
 
+import gc
 import signal
+from collections.abc import Iterator
 
+import pytest
 from hypothesis import settings
 
 settings.register_profile("no deadlines", deadline=None)
@@ -12,3 +17,13 @@ settings.load_profile("no deadlines")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_collection() -> Iterator[None]:
+    gc.disable()
+    yield
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(10_000)
+    gc.enable()

@@ -4,11 +4,8 @@ lead somewhere."""
 from __future__ import annotations
 
 import json
-import os
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -63,28 +60,23 @@ TRUST = {
 """A group of the board, and what the README calls it."""
 
 
-def in_a_process(folder: Path, *words: str) -> str:
-    """What Python prints in `folder`, with this tree's packages."""
-    env = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, *words], cwd=folder, env=env, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "top-0")) for n in BLOCKS]
 )
-def test_a_python_block_runs(name: str, tmp_path: Path):
-    in_a_process(tmp_path, "-c", BLOCKS[name])
+def test_a_python_block_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(BLOCKS[name], name, "exec"), {"__name__": "__main__"})
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where the first run of the README, of a coarser mesh, has left its results."""
     made = tmp_path_factory.mktemp("readme")
-    in_a_process(made, "-m", *shlex.split(FIRST), "--set", "hood.mesh.quads=120")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(made)
+        words = [*shlex.split(FIRST)[1:], "--set", "hood.mesh.quads=120"]
+        done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
     return made
 
 

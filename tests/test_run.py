@@ -33,7 +33,7 @@ KINDS = (
 OFTEN = (
     *("cable_edc", "cuts_sagittal_bands", "fingertip_isotropic_edc", "free_split_"),
     *("lengths_terminal_1mm", "lesion_mallet", "strain_lee2008_soft_iso", "thesis_one_way_edc"),
-    *("isometric_edc", "isometric_fdp", "forward_fdp"),
+    *("isometric_edc", "isometric_fdp"),
 )
 """Of the kinds above only these are in the default run of the tests."""
 COARSE, COARSEST = "hood.mesh.quads=250", "hood.mesh.quads=120"
@@ -115,9 +115,16 @@ def test_every_packaged_case_converges_and_passes_its_audit(name):
     assert json.loads(text) == summary
 
 
-@pytest.mark.parametrize("name", mark_slow([n for n in MOVING if n.startswith("forward")]))
-def test_every_packaged_motion_comes_to_rest(name):
-    result = run(name)
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        *(pytest.param(n, (), marks=pytest.mark.slow) for n in MOVING if n.startswith("forward")),
+        ("forward_fdp", ("forward.step=2 ms", "forward.duration=1 s")),
+    ],
+)
+def test_every_packaged_motion_comes_to_rest(name, settings):
+    """By default one in longer steps and for a shorter time."""
+    result = run(name, *settings)
     summary = result.summary
     assert summary["case"] == name
     assert summary["came_to_rest"] is True

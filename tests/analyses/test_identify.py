@@ -40,10 +40,10 @@ def held(tmp_path) -> Path:
 
 def stiffness(joint: str = "PIP", low: float = 1.0, high: float = 1000.0) -> FitParameter:
     key = f"finger.passive.{joint}.stiffness={{value}}"
-    return FitParameter(f"k {joint}", "N*mm/rad", low, high, 100.0, (key,))
+    return FitParameter(f"k {joint}", "N*mm/rad", low, high, max(60.0, low), (key,))
 
 
-TENSION = FitParameter("T", "N", 0.1, 50.0, 1.0, ("tendons.EDC.tension={value}",))
+TENSION = FitParameter("T", "N", 0.1, 50.0, 2.5, ("tendons.EDC.tension={value}",))
 
 
 def of(*parameters: FitParameter) -> Free:
@@ -312,4 +312,4 @@ def test_a_fit_says_what_it_stands_on(held):
     assert isinstance(found, Fit)
     assert found.settings == ("finger.passive.PIP.stiffness=50.0 N*mm/rad",)
     assert found.solves >= 4
-    assert found.start[0].model == pytest.approx(-100 * np.radians(45), rel=1e-6)
+    assert found.start[0].model == pytest.approx(-60 * np.radians(45), rel=1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,7 @@ def ran(models: MovingModels, paths: dict[str, Path], scheme: str, *more: str) -
     return run_case(load_case("pulley_edc", settings))
 
 
+@cache
 def native(scheme: str, *more: str) -> Result:
     return run_case(moving_case(f'coupling={{scheme="{scheme}"}}', *more))
 
@@ -67,7 +69,7 @@ def native(scheme: str, *more: str) -> Result:
     ("scheme", "fmi"),
     [
         *(("explicit", 2), ("jacobi", 3), ("implicit", 2), ("newton", 3), ("linear", 2)),
-        *(("explicit", 3), ("implicit", 3)),
+        *(pytest.param(scheme, 3, marks=pytest.mark.slow) for scheme in ("explicit", "implicit")),
     ],
 )
 def test_every_scheme_makes_the_native_motion(written, models, fmi, parts, scheme):

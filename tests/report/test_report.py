@@ -193,7 +193,7 @@ def test_against_may_be_one_of_the_runs(hood, split, tmp_path):
     assert text == write_report([hood, split], None, "json", hood.parent / "." / hood.name)
     rows = json.loads(text)
     assert [run["case"] for run in rows["runs"]] == ["isometric_edc", "split_edc"]
-    write_report([hood], tmp_path / "page.html", "html", hood)
+    write_report([split], tmp_path / "page.html", "html", split)
     assert (tmp_path / "page.html").is_file()
 
 

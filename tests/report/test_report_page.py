@@ -234,7 +234,7 @@ def test_the_same_bytes_twice(runs, data, report):
 def test_a_page_too_large_to_send_is_refused(runs, monkeypatch, tmp_path):
     monkeypatch.setattr(page_module, "MOST_BYTES", 1_000_000)
     with pytest.raises(InputError, match="report fewer runs at a time"):
-        write_report(runs, tmp_path / "report.html", "html")
+        write_report(runs[1:], tmp_path / "report.html", "html")
     assert list(tmp_path.iterdir()) == []
 
 

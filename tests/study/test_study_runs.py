@@ -20,6 +20,7 @@ from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.results.conventions import by_axis
 from cosim.study import open_study, process
+from cosim.study import page as page_module
 from cosim.study.quantities import check_outputs, paths
 from cosim.study.store import Store
 from cosim.study.task import Task, run_task, stored_outcome
@@ -43,6 +44,12 @@ def place(tmp_path, monkeypatch) -> Path:
     (tmp_path / "pip.toml").write_text(STUDY, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def undrawn(monkeypatch) -> None:
+    """The pages of studies, which other tests here read, without their pictures."""
+    monkeypatch.setattr(page_module, "_picture", lambda _: "")
 
 
 def cosim(*words: str):
@@ -96,6 +103,7 @@ def test_the_page_lays_the_runs_beside_what_was_measured(place):
     assert "not ours" not in page.split('<section id="file">')[0]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_study_is_done_on_another_case_too(place):
     """Whose joint is twice as stiff; its runs are others, in the same store."""
     other = '[finger.passive.PIP]\nstiffness = "0.08 N*m/rad"\nrest = "0 deg"\n'
@@ -109,6 +117,7 @@ def test_a_study_is_done_on_another_case_too(place):
     assert cosim("pip.toml", "--case", "nothing.toml").exit_code == 2
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_another_study_of_the_store_takes_what_is_there(place):
     cosim("pip.toml")
     other = STUDY.replace('"50 deg"', '"60 deg"')
@@ -116,6 +125,7 @@ def test_another_study_of_the_store_takes_what_is_there(place):
     assert "1 runs solved" in cosim("other.toml").output
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_study_goes_on_where_it_was(place, monkeypatch):
     calls = []
 
@@ -163,6 +173,7 @@ def test_failures_are_rows_and_retry_does_them_again(place, monkeypatch):
     assert again.exit_code == 0
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_the_case_refuses_is_a_row(place):
     text = STUDY.replace('"50 deg"', '"150 deg"')
     (place / "pip.toml").write_text(text, encoding="utf-8")
@@ -173,6 +184,7 @@ def test_what_the_case_refuses_is_a_row(place):
     assert str(place) not in table.to_csv()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_failures_stop_the_study_where_it_says(place):
     text = STUDY.replace("[param", "limits = { failures = 2 }\n" + FREE + "\n[param", 1)
     (place / "pip.toml").write_text(text, encoding="utf-8")
@@ -287,6 +299,7 @@ def test_a_run_whose_process_ends_again_and_again_is_a_row(place, monkeypatch):
     assert Store(Path(task.store)).find(task.key) is not None
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_arrays_are_kept_where_asked_for(place):
     cosim("pip.toml")
     text = STUDY.replace("[param", 'arrays = ["angle"]\n[param', 1)

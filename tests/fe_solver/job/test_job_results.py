@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import meshio
 import numpy as np
@@ -12,8 +13,10 @@ import pytest
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
+from fe_solver.job import model
 from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import SpringLaw
+from fe_solver.job.model import JobOptions
 from fe_solver.job.results import write_job
 from fe_solver.job.solve import _advice, solve_job
 from fe_solver.verification.febio.compare import Formulation, quantities, rows
@@ -118,7 +121,9 @@ def test_the_nearest_is_advised_first():
     assert _advice(job, 3, ()) == ""
 
 
-def test_the_command_tells_faults_by_its_exit_code(tmp_path):
+def test_the_command_tells_faults_by_its_exit_code(tmp_path, monkeypatch):
+    """Where no equilibrium is found, after two halvings of the step."""
+    monkeypatch.setattr(model, "JobOptions", partial(JobOptions, shortest=0.3))
     (tmp_path / "bad.feb").write_text("<febio_spec version='4.0'><Mesh></febio_spec>")
     bad = run("solve", tmp_path / "bad.feb", "--out", tmp_path / "out")
     assert bad.exit_code == 2

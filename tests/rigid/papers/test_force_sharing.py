@@ -18,6 +18,7 @@ from rigid.papers.buchner1988.flexion import DURATION, FULL, cosine, curve_motio
 from rigid.papers.buchner1988.force_sharing import linear, quadratic
 from rigid.papers.networks.human_network import MUSCLES, human_finger
 from rigid.papers.networks.point_contact import best_share, distal_torque, settle, tip_jacobian
+from rigid.verification import contact_rows, sharing_rows
 from rigid.verification.hood_table import STUDIES
 
 EQUAL = np.ones(5)
@@ -25,7 +26,7 @@ HALF = np.zeros((2, 5))
 HALF[:, 0] = 0.5
 
 
-LONG = {"virtual testbed"}
+LONG = {"virtual testbed", "force sharing", "point contact"}
 """Studies that the default run of the tests leaves out."""
 
 
@@ -38,6 +39,21 @@ LONG = {"virtual testbed"}
 )
 def test_every_row_passes(study):
     rows = list(study.rows())
+    assert rows
+    assert not [row for row in rows if not row.passed]
+
+
+def test_every_row_on_the_programmes_passes(monkeypatch):
+    """The rows on the closed loop are left out, whose numbers `test_coordination` has."""
+    monkeypatch.setattr(sharing_rows, "_loop_rows", lambda: iter(()))
+    rows = list(sharing_rows.rows())
+    assert len(rows) > 15
+    assert not [row for row in rows if not row.passed]
+
+
+def test_every_row_on_the_contact_passes_with_most_muscles(monkeypatch):
+    monkeypatch.setattr(contact_rows, "LOADS", contact_rows.LOADS[-1:])
+    rows = list(contact_rows.rows())
     assert rows
     assert not [row for row in rows if not row.passed]
 

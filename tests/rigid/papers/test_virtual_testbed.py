@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,6 +25,11 @@ from rigid.papers.networks.testbed_study import constrain_to_curve, errors, tria
 from rigid.papers.networks.virtual_testbed import Course, hold_posture, simulate
 
 PULL = np.array([1.0, 1.0, 5.0, 4.0])
+
+
+@cache
+def two_trials():
+    return trials(2)
 
 
 def test_without_friction_it_settles_as_the_point_contact():
@@ -89,7 +95,7 @@ def test_a_finger_that_cannot_be_held_is_told():
 
 def test_the_interconnected_model_beats_the_static_one():
     """In all three by the paper's ratios, which `verify` holds to over ten seeds."""
-    found = errors(trials(2))
+    found = errors(two_trials())
     for name, each in found.items():
         assert (each[:, 0] < each[:, 1]).all(), name
     assert found["forward"][:, 0].mean() < 0.68 * found["forward"][:, 1].mean()
@@ -98,7 +104,7 @@ def test_the_interconnected_model_beats_the_static_one():
 
 
 def test_a_finger_that_leaves_the_coupling_curve_is_seen():
-    both = trials(2)
+    both = two_trials()
     assert constrain_to_curve(both).all()
     angle = both[1].circle.measured.angle.copy()
     angle[60, 1] += np.radians(15.0)
