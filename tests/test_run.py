@@ -45,6 +45,7 @@ SHELL_KEYS = {
     "strain_percent",
     "max_penetration_mm",
     "guide_depth_mm",
+    "hood_unstable_modes",
 }
 STATE_KEYS = {
     *("posture_deg", "tension_N", "excursion_mm", "moment_arm_mm"),

@@ -40,6 +40,9 @@ class FeView:
     """m, the deepest."""
     guide_depth: float
     """m, of `guide_depth`."""
+    unstable_modes: int
+    """In how many ways the hood would leave its equilibrium with bones and tensions held: the
+    negative pivots of its tangent."""
     glide: Mapping[str, float]
     """m by place, of `meshes.glide`, positive distally."""
     band_height: Mapping[str, float]
@@ -89,6 +92,7 @@ class FeView:
             **self.own_summary(),
             "max_penetration_mm": 1e3 * self.penetration,
             "guide_depth_mm": 1e3 * self.guide_depth,
+            "hood_unstable_modes": self.unstable_modes,
         }
 
     def change(self, before: Any) -> Mapping[str, Any]:
@@ -121,6 +125,7 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
         spring_node=springs.node,
         penetration=max(0.0, -float(hood.gap(state).min())),
         guide_depth=depth,
+        unstable_modes=state.solution.factor.negative,
         glide=glide(
             lines.places,
             (hood.model.reference, hood.rest.position, hood.rest.rotation),

@@ -36,6 +36,11 @@ BOUNDS = {
     "guide_depth_mm": Bound(
         0.05, "a tendon's line runs into the bone: raise its end on the metacarpal"
     ),
+    "hood_unstable_modes": Bound(
+        0,
+        "the hood stands where the least push would move it away, as a strut that buckles; write "
+        "another hood.mesh.quads, or change posture or tension a little",
+    ),
 }
 """By the figure's name in the summary: in its audit, or beside it."""
 POSTURE = "posture_in_range"

@@ -74,6 +74,7 @@ STATE = (
     "tension_field_area_percent.<tension>",
     "max_penetration_mm",
     "guide_depth_mm",
+    "hood_unstable_modes",
 )
 """What a summary says of an equilibrium, loaded or `unloaded`, or of the end of a motion."""
 DIFFERENCE = (

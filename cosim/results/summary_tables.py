@@ -156,6 +156,7 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
         yield f"energy: {name.replace('_', ' ')} mJ", _number(energy)
     yield "deepest penetration mm", _number(_at(summary, "max_penetration_mm"))
     yield "tendons' lines under the bone mm", _number(_at(summary, "guide_depth_mm"))
+    yield "ways in which the hood is unstable", _number(_at(summary, "hood_unstable_modes"))
     for name, value in (_at(summary, "audit") or {}).items():
         yield f"audit: {name.replace('_', ' ')}", f"{value:.1e}"
     for name, count in (_at(summary, "iterations") or {}).items():

@@ -59,6 +59,7 @@ def stretch(mesh: HoodMesh, along: float, across: float) -> ShellView:
         spring_node=np.zeros(0, dtype=int),
         penetration=0.0,
         guide_depth=0.0,
+        unstable_modes=0,
         glide={},
         band_height={},
         gauges=place_gauges({}, {}, np.zeros((0, 3)), np.zeros((0, 3), dtype=int)),

@@ -20,7 +20,7 @@ from fe_solver.solver.newton_step import LONG, descent_step, factorise, limit_st
 from fe_solver.solver.residual import residual_norm
 from fe_solver.surfaces.spline_distance import Sphere
 from tests.helpers import shells
-from tests.helpers.shells import NO_TENSION, at_rest, clamp, plate, sheet
+from tests.helpers.shells import NO_TENSION, at_rest, clamp, guide, plate, sheet
 from tests.helpers.straps import TENSION, TIGHT, join_springs, perturb, springs, strap
 
 
@@ -55,6 +55,23 @@ def test_convergence_is_quadratic(model, solved):
     first, second = np.log(norms[1] / norms[2]), np.log(norms[2] / norms[3])
     assert second / first > 1.7
     assert norms[3] < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("load", "modes"), [(19.0, 0), (21.5, 1), (55.0, 1), (64.0, 2), (110.0, 2), (130.0, 3)]
+)
+def test_a_straight_strut_is_unstable_in_as_many_ways_as_euler_says(load, modes):
+    """Clamped at one end and pinned at the other it buckles at 20.19, 59.68 and 118.9 EI / L^2, the
+    roots of tan x = x squared."""
+    length, width, thickness, modulus = 20e-3, 1e-3, 0.1e-3, 1e8
+    X, quads = plate(length, width, 40, 2)
+    strut = sheet(X, quads, modulus, 0.0, thickness)
+    strut = clamp(strut, np.flatnonzero(X[:, 0] == 0))
+    strut = guide(strut, [np.flatnonzero(np.isclose(X[:, 0], length))], [(-1.0, 0.0, 0.0)])
+    push = load * modulus * width * thickness**3 / 12 / length**2
+    straight = solve(strut, at_rest(strut), np.array([push]), NewtonOptions())
+    assert np.abs(straight.configuration.x[:, 2]).max() < 1e-12
+    assert straight.factor.negative == modes
 
 
 def along(model: ShellModel, c: Configuration, v: Array, t: float) -> float:
