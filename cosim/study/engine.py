@@ -40,8 +40,11 @@ PATIENCE = "20s"
 
 def in_this_process(tasks: Iterator[Task]) -> Iterator[Verdict]:
     """One after the other in this process: no time limit, and a crash is one of this process."""
+    from cosim.solve.session import Session
+
+    session = Session()
     for task in tasks:
-        yield run_task(task, Store(Path(task.store)))
+        yield run_task(task, Store(Path(task.store)), session)
 
 
 @contextmanager

@@ -8,10 +8,13 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cosim.errors import CosimError
 from cosim.study.store import Status, Store, StoreRow
+
+if TYPE_CHECKING:
+    from cosim.solve.session import Session
 
 NOT_NUMBERS = ("case", "version", "wall_s")
 """Keys of a summary that differ between two runs of one case."""
@@ -63,15 +66,16 @@ def _longer(limit: float | None, before: float | None) -> bool:
     return limit is None or before is None or limit > before
 
 
-def run_task(task: Task, store: Store) -> Verdict:
+def run_task(task: Task, store: Store, session: Session | None = None) -> Verdict:
     """The run's verdict, by solving it where the store has none; its row is in the store then.
+    Runs of one `session` share models and what they are alike in unloaded.
 
     Raises StoreError."""
     found = stored_outcome(task, store)
     if found is not None:
         return found
     store.log("begun", task.key)
-    row = _solve(task, store)
+    row = _solve(task, store, session)
     store.put(row)
     store.log("ended", task.key)
     return Verdict(row.key, row.status, row.reason, row.seconds)
@@ -86,7 +90,7 @@ def row_of(
     return StoreRow(task.key, status, reason, summary, task.name, seconds, host, task.code, limit)
 
 
-def _solve(task: Task, store: Store) -> StoreRow:
+def _solve(task: Task, store: Store, session: Session | None) -> StoreRow:
     from cosim.case.schema import Case, CaseFile
     from cosim.pipeline import run_case
 
@@ -94,7 +98,7 @@ def _solve(task: Task, store: Store) -> StoreRow:
     checked = CaseFile.model_validate(task.case)
     case = Case.model_construct(name=task.name, source=Path(task.source), **dict(checked))
     try:
-        result = run_case(case)
+        result = run_case(case, session)
     except CosimError as error:
         seconds = time.perf_counter() - begun
         return row_of(task, "failed", " ".join(str(error).split()), seconds, {})

@@ -13,11 +13,15 @@ from importlib import import_module
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
+from typing import TYPE_CHECKING
 
 from cosim.case.cache_key import code_version
 from cosim.errors import InputError
 from cosim.study.store import Store
 from cosim.study.task import Task, run_task
+
+if TYPE_CHECKING:
+    from cosim.solve.session import Session
 
 
 def main() -> None:
@@ -27,10 +31,10 @@ def main() -> None:
     lines: SimpleQueue[str] = SimpleQueue()
     Thread(target=_listen, args=(lines,), daemon=True).start()
     stores: dict[str, Store] = {}
-    import_module("cosim.pipeline")  # a run's time is that of solving alone
+    session = import_module("cosim.pipeline").Session()  # a run's time is that of solving alone
     print("ready", file=answers, flush=True)
     while True:
-        print(_answer(lines.get(), stores), file=answers, flush=True)
+        print(_answer(lines.get(), stores, session), file=answers, flush=True)
 
 
 def _listen(lines: SimpleQueue[str]) -> None:
@@ -39,7 +43,7 @@ def _listen(lines: SimpleQueue[str]) -> None:
     os._exit(0)  # the worker is gone: a run that nobody waits for ends here
 
 
-def _answer(line: str, stores: dict[str, Store]) -> str:
+def _answer(line: str, stores: dict[str, Store], session: Session) -> str:
     values = json.loads(line)
     arrays = values["arrays"]
     values["arrays"] = tuple(arrays) if isinstance(arrays, list) else arrays
@@ -52,7 +56,7 @@ def _answer(line: str, stores: dict[str, Store]) -> str:
         return json.dumps({"fault": fault})
     try:
         store = stores.setdefault(task.store, Store(Path(task.store)))
-        return json.dumps(asdict(run_task(task, store)))
+        return json.dumps(asdict(run_task(task, store, session)))
     except InputError as error:
         return json.dumps({"fault": str(error)})
 

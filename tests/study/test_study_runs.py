@@ -19,8 +19,10 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.results.conventions import by_axis
+from cosim.solve.session import Session
 from cosim.study import open_study, process
 from cosim.study import page as page_module
+from cosim.study.engine import in_this_process
 from cosim.study.quantities import check_outputs, paths
 from cosim.study.store import Store
 from cosim.study.task import Task, run_task, stored_outcome
@@ -129,11 +131,11 @@ def test_another_study_of_the_store_takes_what_is_there(place):
 def test_a_study_goes_on_where_it_was(place, monkeypatch):
     calls = []
 
-    def cut_off(task: Task, store: Store):
+    def cut_off(task: Task, store: Store, session: Session):
         if len(calls) == 2:
             raise KeyboardInterrupt
         calls.append(task.key)
-        return run_task(task, store)
+        return run_task(task, store, session)
 
     with monkeypatch.context() as patch:
         patch.setattr("cosim.study.engine.run_task", cut_off)
@@ -152,10 +154,10 @@ def test_failures_are_rows_and_retry_does_them_again(place, monkeypatch):
 
     real, broken = run.run_case, [True]
 
-    def fails(case):
+    def fails(case, session):
         if broken[0] and radians(35) < case.finger.posture.PIP:
             raise ConvergenceError("no equilibrium\nhere")
-        return real(case)
+        return real(case, session)
 
     monkeypatch.setattr(run, "run_case", fails)
     done = cosim("pip.toml")
@@ -243,6 +245,19 @@ def test_the_address_is_of_a_files_content_not_of_its_name(place):
         for path in surfaces
     ]
     assert found[0] == found[1] != found[2]
+
+
+def test_runs_that_share_their_models_are_those_that_do_not(place):
+    """What a process has solved before leaves no bit in a run of other tensions."""
+    here = Store(place / "t").open()
+    tasks = [a_task(place, f"tendons.EDC.tension={pull} N") for pull in (1.0, 2.0)]
+    assert [verdict.status for verdict in in_this_process(iter(tasks))] == ["converged"] * 2
+    for task in tasks:
+        run_task(Task(**{**vars(task), "store": str(here.root)}), here)
+        shared, alone = (store.find(task.key) for store in (Store(Path(task.store)), here))
+        assert shared is not None
+        assert alone is not None
+        assert shared.summary == alone.summary
 
 
 def test_a_run_in_its_own_process_is_that_of_this_one(place):
