@@ -136,11 +136,11 @@ def model(finger: IndexFingerConfig, extensor: Extensor) -> FingerModel:
         made = _in_file(finger.path)
         hooded = index.hood_strands() if extensor.central is None else ()
         return made.with_only(*(m for m in made.muscles if m not in hooded))
-    return _scaled(finger.length_scale, extensor.central)
+    return _model_of_size(finger.length_scale, extensor.central)
 
 
 @lru_cache(maxsize=64)
-def _scaled(length: float, central: float | None) -> FingerModel:
+def _model_of_size(length: float, central: float | None) -> FingerModel:
     from rigid.fingers import index
 
     return index.finger_model(index_finger().scale(length), index.O2O3 * length, central=central)

@@ -68,7 +68,7 @@ def _longer(limit: float | None, before: float | None) -> bool:
 
 def run_task(task: Task, store: Store, session: Session | None = None) -> Verdict:
     """The run's verdict, by solving it where the store has none; its row is in the store then.
-    Runs of one `session` share models and what they are alike in unloaded.
+    Runs of one `session` that differ in their tendons alone share models and unloaded equilibrium.
 
     Raises StoreError."""
     found = stored_outcome(task, store)

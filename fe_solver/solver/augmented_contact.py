@@ -80,8 +80,8 @@ def solve_augmented(
         model = model.with_changes(contacts=tuple(contacts))
         # no round is solved more exactly than the next one's multipliers and limits deserve
         tolerance = max(min(LOOSE, options.tolerance * left), options.tolerance)
-        loosely, near = replace(options, tolerance=tolerance), done > 0
-        solution = solve(model, solution.configuration, tension, loosely, near)
+        own, near = replace(options, tolerance=tolerance), done > 0
+        solution = solve(model, solution.configuration, tension, own, near)
         iterations, solves = iterations + solution.iterations, solves + solution.solves
     raise ConvergenceError(_stall_message(model, solution.configuration, looks, augment))
 
