@@ -106,11 +106,12 @@ def _generate(laying: _MeshInput) -> HoodMesh:
                 'Lay a hood on it (hood.mesh.kind = "generated") or set finger.length_scale'
             )
         return mesh
-    offset = hood.contact.offset
+    offset = {body: getattr(hood.contact.offset, body) for body in anatomy.bones}
+    level = {body: height + hood.thickness / 2 for body, height in offset.items()}
     return generate(
         skeleton,
-        pose_surfaces(anatomy.bones),
-        {body: getattr(offset, body) for body in anatomy.bones},
+        pose_surfaces(anatomy.bones, level),
+        offset,
         hood.thickness,
         hood.mesh.rest_posture.angles(),
         hood.mesh.quads,
@@ -123,7 +124,7 @@ def _generate(laying: _MeshInput) -> HoodMesh:
 
 def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     """The hood over the bones as a case describes it, behind the port.  Raises InputError."""
-    from fe_solver.hood.build_shell import ContactLaw, ShellSheet, SpringGroup, shell_hood
+    from fe_solver.hood.build_shell import ContactLaw, ShellSheet, SpringGroup, heights, shell_hood
     from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
     from fe_solver.solver.newton import NewtonOptions
     from meshes.hood_mesh import REGIONS
@@ -168,6 +169,7 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
             "springs of the central slip. Give hood.springs.central_slip, or a mesh that is tied"
         )
     offset = {body: getattr(hood.contact.offset, body) for body in BODIES}
+    highest = float(heights(sheet).max())
     return shell_hood(
         sheet,
         rest,
@@ -180,7 +182,9 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
         ContactLaw(
             hood.contact.stiffness,
             hood.contact.smoothing,
-            pose_surfaces(site.anatomy.bones),
+            pose_surfaces(
+                site.anatomy.bones, {body: height + highest for body, height in offset.items()}
+            ),
             offset,
             hood.contact.penetration,
             hood.contact.friction,
