@@ -287,7 +287,7 @@ def thickness_of(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], mesh.region == i
         if region.section is not None:
-            width = mesh.areas()[cells].sum() / _length(mesh, cells)
+            width = mesh.areas()[cells].sum() / mesh.length(cells)
             out[cells] = region.section / width
         elif region.thickness is not None:
             out[cells] = region.thickness
@@ -323,7 +323,7 @@ def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) 
         region = hood.regions[name]
         if region.fibrous is not None:
             _check_one_rest(f"{key}.{name}", name, region.fibrous)
-        length = _length(mesh, cells)
+        length = mesh.length(cells)
         if extra <= -MOST_SHORTENED * length:
             raise InputError(
                 f"{key}.{name}: {-1e3 * extra:.2f} mm shorter in all, of {1e3 * length:.2f} mm; "
@@ -358,13 +358,6 @@ def _in_situ(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
         if region is not None:
             out[mesh.region == i] = region.in_situ_stretch
     return out
-
-
-def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
-    """Length (m) of a region along its fibres."""
-    nodes = np.unique(mesh.quads[cells])
-    along = mesh.points[nodes] @ mesh.fibre[cells].mean(axis=0)
-    return float(np.ptp(along))
 
 
 def _tendons(mesh: HoodMesh, finger: str) -> dict[str, TendonEnd]:
