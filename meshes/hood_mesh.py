@@ -140,7 +140,7 @@ class HoodMesh:
         links = coo_array(
             (np.ones(len(edge)), (np.tile(row, 2), len(quads) + edge.ravel())), (count, count)
         )
-        strips, strip = connected_components(links, directed=False)
+        strips = connected_components(links, directed=False, return_labels=False)
         return float(lengths[row, way].sum() / strips)
 
     @property

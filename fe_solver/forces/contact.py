@@ -69,8 +69,8 @@ class Contact:
     elastic stiffness of sticking, as the `stiffness` where None; grip its state.  pin (k,) N/m
     stands for the stiffness along the normal where it is positive, in the tangent alone.
 
-    Raises InputError for what is not positive, or out of its range, and for a surface whose distance
-    does not reach the offset."""
+    Raises InputError for what is not positive, or out of its range, and for a surface whose
+    distance does not reach the offset."""
 
     body: int
     surface: Surface

@@ -375,7 +375,7 @@ def test_impossible_contacts_are_refused(changes, words):
 
 @pytest.mark.parametrize("level", [4.6e-3, 6e-3, 10e-3])
 def test_contact_high_over_a_baked_bone_is_that_of_the_exact_shape(level):
-    """A bone's distance once ended 5 mm beyond it: there contact had no normal, then no pressure."""
+    """Where a bone's distance ends, contact has no normal, and beyond it no pressure."""
     ball = trimesh.creation.icosphere(4, 5e-3)
     [surface] = pose_surfaces({"ball": (ball.vertices, ball.faces)}, {"ball": level}).values()
     rng = np.random.default_rng(1)
