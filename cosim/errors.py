@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 Progress = Callable[[str], None]
 """A function that is called with a line of text at each stage of what takes long."""
@@ -110,7 +111,14 @@ class InputError(CosimError):
 
 
 class ConvergenceError(CosimError):
-    """A solve did not converge; there is no result (exit code 1)."""
+    """A solve did not converge; there is no result (exit code 1).
+
+    `reached` is what a motion had reached when a step failed, a Result whose summary says
+    `converged: false`; None of all else."""
+
+    def __init__(self, message: str, reached: Any = None) -> None:
+        super().__init__(message)
+        self.reached = reached
 
 
 class StoppedError(CosimError):

@@ -98,6 +98,7 @@ def prepare_process() -> None:
     threadpool_limits(1, user_api="blas")  # of what has loaded
     for name, value in MALLOC_SETTINGS.items():
         os.environ.setdefault(name, value)
+    os.environ["MPLBACKEND"] = "agg"  # it opens no window; a notebook's may not be installed here
     os.environ.setdefault("MUJOCO_GL", "off")  # it loads its windows else, of which we open none
 
 
