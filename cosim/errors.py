@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +14,24 @@ Progress = Callable[[str], None]
 
 def quiet(text: str) -> None:
     """The progress of a caller who asks for none."""
+
+
+_LISTENER: ContextVar[Progress] = ContextVar("listener", default=quiet)
+
+
+@contextmanager
+def listening(progress: Progress) -> Iterator[None]:
+    """Let `progress` hear what solvers below say (`say`), in this thread."""
+    token = _LISTENER.set(progress)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(token)
+
+
+def say(text: str) -> None:
+    """Tell whoever listens of what goes on where no progress is handed down, behind the port."""
+    _LISTENER.get()(text)
 
 
 def span(seconds: float) -> str:

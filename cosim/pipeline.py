@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from cosim.build.fit import check_fit
 from cosim.case.schema import Case, Task
-from cosim.errors import ConvergenceError, CosimError, Progress, quiet
+from cosim.errors import ConvergenceError, CosimError, Progress, listening, quiet
 from cosim.files import shown_path
 from cosim.processes import Memory, one_blas_thread, process_pool
 from cosim.results.motion import observe_motion
@@ -45,7 +45,7 @@ def run_case(case: Case, session: Session | None = None, progress: Progress = qu
     started = time.perf_counter()
     check_fit(case)
     session = session or Session()
-    with session.lock:
+    with session.lock, listening(progress):
         solved = SOLVERS[case.task](case, session, progress)
         progress("summing up")
         result = OBSERVERS[case.task](case, solved, time.perf_counter() - started)

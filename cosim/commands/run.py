@@ -92,12 +92,14 @@ def run(
 ) -> None:
     """Run cases; each leaves its results in a folder of its name. Of one case what came out is
     shown; of several each is counted as it ends, and a table has them all side by side."""
+    from cosim.case.usual import unusual_values
     from cosim.processes import process_context
 
     if workers > 1:
         process_context()  # imports while the cases are read
     none = () if pictures else ("output.picture=false",)
     checked = load_cases(cases, (*(settings or ()), *none))
+    warn({case.name: list(unusual_values(case)) for case in checked})
     with exit_on_error():
         _check_targets(checked, out)
         _check_unfinished(checked, out, restart)
@@ -300,6 +302,7 @@ def check(cases: Cases, settings: Settings = None) -> None:
     """Check cases, with the mesh files that they name, and study files, with their cases; run
     nothing."""
     from cosim.build.fit import check_fit
+    from cosim.case.usual import unusual_values
     from cosim.study.file import is_study
     from cosim.study.plan import read_plan
 
@@ -315,6 +318,7 @@ def check(cases: Cases, settings: Settings = None) -> None:
             check_fit(case)
             case.hood.check_files()
             typer.echo(f"{case.name}: in order")
+            warn({case.name: list(unusual_values(case))})
         except InputError as error:
             codes.append(tell(InputError(f"{case.name}: {error}")))
     raise typer.Exit(max(codes))

@@ -26,6 +26,8 @@ class Text:
     """What a JSON Schema says of it; `title` is its form in words."""
     pattern: Callable[[], str] | None = None
     """The regular expression of the text, made where it is asked for."""
+    kind: Kind | None = None
+    """Of which kind a quantity is."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
         write = core_schema.plain_serializer_function_ser_schema(self.write, when_used="json")
@@ -105,7 +107,7 @@ def quantity(
     def pattern() -> str:
         return units.pattern(kind) + (f"|^{word}$" if word else "")
 
-    return Text(read, write, (("title", form), ("examples", (kind.example,))), pattern)
+    return Text(read, write, (("title", form), ("examples", (kind.example,))), pattern, kind)
 
 
 def name_of(what: str, names: tuple[str, ...], also: tuple[str, ...] = ()) -> Text:
