@@ -26,7 +26,7 @@ def unusual_values(case: Case) -> Iterator[str]:
         if value and not low <= abs(value) <= high:
             yield (
                 f"{name} = {units.spell(value, kind)} is unusual for a {kind.name} "
-                f"({kind.usual[0]} to {kind.usual[1]}): is the unit meant?"
+                f"({' to '.join(kind.usual)}): is the unit meant?"
             )
 
 

@@ -81,7 +81,7 @@ class Kind:
     unit: str
     si: str
     example: str
-    usual: tuple[str, str] | tuple[()] = ()
+    usual: tuple[str, ...] = ()
 
     @property
     def advice(self) -> str:
