@@ -61,6 +61,6 @@ def _values(annotation: Any) -> Iterator[str | float]:
             yield end + LITTLE
         case Lt(lt=end):
             yield end - LITTLE
-        case _ if (inner := getattr(annotation, "metadata", None)):  # of pydantic's Field
+        case _ if inner := getattr(annotation, "metadata", None):  # of pydantic's Field
             for one in inner:
                 yield from _values(one)
