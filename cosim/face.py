@@ -78,8 +78,6 @@ def run_many(
     without a result has the error in its place, else the first such error is raised once all have
     ended.
 
-    A script that starts processes needs `if __name__ == "__main__":` around what it does.
-
     >>> import cosim
     >>> case = cosim.load("pulley_edc")
     >>> pulls = [case.replace({"tendons.EDC.tension": f"{n} N"}, name=f"{n} N") for n in (1, 2)]
@@ -333,7 +331,7 @@ def run_study(
     plan = read_plan(study)
     store = Store((Path(out) / "store").absolute()).open()
     alone = nullcontext(in_this_process)
-    with alone if workers == 1 else local(workers, progress) as solve:
+    with alone if workers == 1 else local(workers) as solve:
         done = execute_study(
             plan, store, solve, False, lambda c: progress(f"{c.done} of {c.total}")
         )

@@ -135,7 +135,7 @@ def run_validation(
     batches = _batches(tasks)
     if tasks:
         told(f"0 of {len(tasks)}, in {min(workers, len(batches))} processes")
-    with process_pool(min(workers, len(batches)), "--workers") as pool:
+    with process_pool(min(workers, len(batches))) as pool:
         for ended in pool.as_ended(_run_batch, [[batch] for batch in batches]):
             for outcome in ended:
                 outcomes[outcome.trial] = outcome
