@@ -91,6 +91,40 @@ def test_a_run_saved_and_opened_is_the_same(tmp_path):
     assert rows[rows.body == "distal"].groupby("state").force_dorsal.sum().abs().max() < 1e-6
 
 
+def shown(result: cosim.Result) -> dict[str, np.ndarray]:
+    """What its window draws, by the points of each thing."""
+    plotter = result.view()
+    meshes = [a.mapper.dataset for a in plotter.actors.values() if hasattr(a, "mapper")]
+    points = {str(i): np.array(mesh.points) for i, mesh in enumerate(meshes)}
+    plotter.close()
+    return points
+
+
+@pytest.mark.parametrize("name", ["network_edc", "cable_edc", "motion"])
+def test_a_run_opened_shows_what_the_fresh_one_does(tmp_path, monkeypatch, name):
+    pyvista = pytest.importorskip("pyvista")
+    monkeypatch.setattr(pyvista, "OFF_SCREEN", True)
+    case = cosim.load("split_edc" if name == "motion" else name).replace(PLAIN)
+    if name == "motion":
+        case = case.replace({"finger.tip.kind": "free", "forward": {"duration": "2 ms"}})
+    fresh = cosim.run(case)
+    again = cosim.open_run(fresh.save(tmp_path))
+    one, other = shown(fresh), shown(again)
+    assert len(one) == len(other) >= 8
+    for thing, points in one.items():
+        np.testing.assert_allclose(other[thing], points, rtol=0, atol=1e-12)
+    for kind in ("scene", "ledger"):
+        drawn = [tmp_path / f"{kind}{i}.png" for i in range(2)]
+        for result, path in zip((fresh, again), drawn, strict=True):
+            result.plot(kind, path)
+        assert drawn[0].read_bytes() == drawn[1].read_bytes()
+    table = cosim.compare(fresh, again)
+    assert table[fresh.name].equals(table[f"{fresh.name} (2)"])
+    pages = [cosim.write_report(r, out=tmp_path / f"{i}.html") for i, r in enumerate((fresh, again))]
+    one_page, other_page = (page.read_text(encoding="utf-8") for page in pages)
+    assert one_page == other_page
+
+
 def test_replacing_tells_every_fault_at_once():
     case = cosim.load("isometric_edc")
     with pytest.raises(cosim.InputError) as caught:
