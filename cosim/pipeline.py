@@ -40,9 +40,11 @@ def run_case(case: Case, session: Session | None = None, progress: Progress = qu
     equilibrium, and StoppedError where the user ends a motion."""
     started = time.perf_counter()
     check_fit(case)
-    solved = SOLVERS[case.task](case, session or Session(), progress)
-    progress("summing up")
-    return OBSERVERS[case.task](case, solved, time.perf_counter() - started)
+    session = session or Session()
+    with session.lock:
+        solved = SOLVERS[case.task](case, session, progress)
+        progress("summing up")
+        return OBSERVERS[case.task](case, solved, time.perf_counter() - started)
 
 
 def run_cases(

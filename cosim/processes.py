@@ -54,8 +54,36 @@ def one_blas_thread() -> Iterator[None]:
 
     How many threads share a sum decides its last bits, and a result must not depend on the
     environment.  It is faster, too: our dense products are small."""
-    with _blas().limit(limits=1, user_api="blas"):
+    _BLAS.limit()
+    try:
         yield
+    finally:
+        _BLAS.restore()
+
+
+class _Blas:
+    """BLAS, whose number of threads is the process's: limited by the first thread that asks for it,
+    and restored by the last one that has."""
+
+    def __init__(self) -> None:
+        self._lock, self._users = Lock(), 0
+        self._restore: Callable[[], None] | None = None
+
+    def limit(self) -> None:
+        with self._lock:
+            self._users += 1
+            if self._restore is None:
+                self._restore = _blas().limit(limits=1, user_api="blas").restore_original_limits
+
+    def restore(self) -> None:
+        with self._lock:
+            self._users -= 1
+            if not self._users and self._restore is not None:
+                self._restore()
+                self._restore = None
+
+
+_BLAS = _Blas()
 
 
 @cache

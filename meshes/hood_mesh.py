@@ -119,6 +119,30 @@ class HoodMesh:
         area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
         return np.asarray(area.reshape(len(self.quads), -1).sum(axis=1))
 
+    def length(self, cells: NDArray[np.bool_]) -> float:
+        """Mean length (m) along the fibres of the quads `cells` (ne,): that of the mesh's own
+        strips, each a chain of quads from one to the next across the fibres."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        quads = display_quads(self.quads[cells])
+        fibre = np.repeat(self.fibre[cells], len(quads) // cells.sum(), axis=0)
+        middle = (self.points[quads] + self.points[np.roll(quads, -1, axis=1)]) / 2
+        spans = middle[:, [1, 2]] - middle[:, [3, 0]]  # between the middles of opposite edges
+        lengths = np.linalg.norm(spans, axis=2)
+        way = np.abs(np.einsum("nki,ni->nk", spans, fibre) / lengths).argmax(axis=1)
+        row = np.arange(len(quads))
+        # the two edges that each quad's fibres cross; quads that share such an edge are one strip
+        edges = np.stack([quads, np.roll(quads, -1, axis=1)], axis=2)
+        crossed = np.sort(np.concatenate([edges[row, 1 - way], edges[row, 3 - way]]), axis=1)
+        _, edge = np.unique(crossed, axis=0, return_inverse=True)
+        count = len(quads) + int(edge.max()) + 1
+        links = coo_array(
+            (np.ones(len(edge)), (np.tile(row, 2), len(quads) + edge.ravel())), (count, count)
+        )
+        strips = connected_components(links, directed=False, return_labels=False)
+        return float(lengths[row, way].sum() / strips)
+
     @property
     def quadratic(self) -> bool:
         """Whether its elements are quadratic."""

@@ -148,7 +148,9 @@ def hull_radius(
 
     s = np.arange(np.floor(1e3 * first - 2), np.ceil(1e3 * last + 3), 0.5) * 1e-3
     phi = np.deg2rad(np.arange(-125.0, 126.0, 5.0))
-    radius = np.linspace(1.5e-3, 15e-3, 28)
+    higher = max(0.0, max(level.offset.values()) - 5e-3)  # the rays reach as much further
+    more = int(np.ceil(higher / 0.5e-3))
+    radius = np.linspace(1.5e-3, 15e-3 + 0.5e-3 * more, 28 + more)
     point, axes = chain.frames(s)
     ray = np.cos(phi)[:, None] * axes[:, None, :, 2] + np.sin(phi)[:, None] * axes[:, None, :, 1]
     points = point[:, None, None] + radius[:, None] * ray[:, :, None]

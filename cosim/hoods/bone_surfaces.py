@@ -14,15 +14,29 @@ from cosim.port import Triangles
 if TYPE_CHECKING:
     from fe_solver.surfaces.spline_distance import Surface
 
-MARGIN = 5e-3
-"""m, how far beyond a bone its baked distance reaches."""
+LEAST, STEP = 5e-3, 2e-3
+"""m, how far beyond a bone its baked distance reaches at least, and in what steps further: so that
+a study or a slider of the contact's height does not bake anew for each value."""
 
 
-def pose_surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
-    """Surfaces of bones with a distance baked round each, by body and in its frame."""
+def pose_surfaces(
+    bones: Mapping[str, Triangles], level: Mapping[str, float] | None = None
+) -> dict[str, Surface]:
+    """Surfaces of bones with a distance baked round each, by body and in its frame; `level` (m) by
+    body is how high over the bone a hood touches it at most, zero where it is not stated."""
+    heights = level or {}
     return {
-        body: _pose_surface(body, *map(_frozen, triangles)) for body, triangles in bones.items()
+        body: _pose_surface(body, *map(_frozen, triangles), _margin(heights.get(body, 0.0)))
+        for body, triangles in bones.items()
     }
+
+
+def _margin(level: float) -> float:
+    """m to bake beyond a bone that is touched at `level` m."""
+    from fe_solver.forces.contact import needed_distance
+
+    steps = np.ceil((needed_distance(level, 0.0) - LEAST) / STEP - 1e-9)
+    return LEAST + STEP * max(float(steps), 0.0)
 
 
 class _frozen:
@@ -40,10 +54,10 @@ class _frozen:
 
 
 @lru_cache(maxsize=32)
-def _pose_surface(body: str, vertices: _frozen, faces: _frozen) -> Surface:
+def _pose_surface(body: str, vertices: _frozen, faces: _frozen, margin: float) -> Surface:
     from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
 
     try:
-        return SplineDistance.bake(vertices.array, faces.array, margin=MARGIN, cache=cache_folder())
+        return SplineDistance.bake(vertices.array, faces.array, margin=margin, cache=cache_folder())
     except InputError as error:
         raise InputError(f"finger.bones.{body}.surface: {error}") from error

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import RLock
 
 import numpy as np
 
@@ -57,10 +58,13 @@ class Session:
     True
 
     `most`: settings kept at once.  `checkpoints`: the folder where a coupled motion keeps its
-    checkpoints until it has ended, in NAME.unfinished; None: it keeps none."""
+    checkpoints until it has ended, in NAME.unfinished; None: it keeps none.
+
+    Threads may share a session: their cases are solved one after the other."""
 
     def __init__(self, most: int = 4, checkpoints: str | Path | None = None) -> None:
         self.checkpoints = None if checkpoints is None else Path(checkpoints)
+        self.lock = RLock()
         self._most = most
         self._settings: OrderedDict[str, _Setting] = OrderedDict()
 

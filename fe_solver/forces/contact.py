@@ -28,7 +28,13 @@ from fe_solver.surfaces.shapes import Surface
 Array = NDArray[np.float64]
 
 REACH = 1.5e-3
-"""m of gap within which a point is watched for contact."""
+"""m of gap within which a point is watched for contact, and further where the smoothing is."""
+
+
+def needed_distance(level: float, smoothing: float) -> float:
+    """How far from a surface its distance must be right for points that it touches at `level` m
+    with a pressure that sets in over `smoothing` m."""
+    return max(level, 0.0) + max(REACH, smoothing)
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,8 @@ class Contact:
     elastic stiffness of sticking, as the `stiffness` where None; grip its state.  pin (k,) N/m
     stands for the stiffness along the normal where it is positive, in the tangent alone.
 
-    Raises InputError for what is not positive, or out of its range."""
+    Raises InputError for what is not positive, or out of its range, and for a surface whose
+    distance does not reach the offset."""
 
     body: int
     surface: Surface
@@ -93,6 +100,13 @@ class Contact:
             raise InputError(
                 f"contact with body {self.body}: the friction coefficient must be 0 or a positive "
                 f"number, got {self.friction}"
+            )
+        level = float(np.max(self.offset, initial=0.0))
+        if self.surface.outside < (needed := needed_distance(level, self.smoothing)):
+            raise InputError(
+                f"contact with body {self.body}: a point touches up to {1e3 * level:.3g} mm over "
+                f"the surface, whose distance is known up to {1e3 * self.surface.outside:.3g} mm; "
+                f"bake it with a margin of {1e3 * needed:.3g} mm or more"
             )
         if self.share is not None and not ((self.share >= 0) & (self.share <= 1)).all():
             raise InputError(f"contact with body {self.body}: shares must lie between 0 and 1")
@@ -188,7 +202,7 @@ def contact_forces(
     local = (at - p) @ R
     value, gradient, bend = contact.surface.distance(local)
     depth = contact.offset - value + contact.shift
-    watched = depth > -REACH
+    watched = depth > -max(REACH, contact.smoothing)
     if contact.grip is not None:
         watched |= contact.grip.limit > 0
     near = np.flatnonzero(watched)

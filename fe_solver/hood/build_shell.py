@@ -233,6 +233,13 @@ def springs_of(X: Array, rest: Motion, sets: Mapping[str, SpringGroup]) -> Sprin
     return Springs(whole(node), whole(body), anchor, k, length, only > 0, whole(group_of))
 
 
+def heights(sheet: ShellSheet) -> Array:
+    """(n,) m, how far over its face towards the bones a node of the sheet touches them."""
+    laid = thickness_as_laid(sheet.section.thickness.mean(axis=1), sheet.growth)
+    out: Array = node_means(laid, sheet.quads, len(sheet.points)) / 2 + sheet.lift
+    return out
+
+
 def _contacts(
     X: Array, sheet: ShellSheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
@@ -241,9 +248,7 @@ def _contacts(
 
     Augmented contact is the nodes' in any element: a sheet cannot lie on its level in more points
     than it has nodes."""
-    laid = thickness_as_laid(sheet.section.thickness.mean(axis=1), sheet.growth)
-    half = node_means(laid, sheet.quads, len(X)) / 2
-    height = half + sheet.lift
+    height = heights(sheet)
     if sheet.quads.shape[1] == 4 or law.augment() is not None:
         return contacts_of(bodies, law, nodes, height[nodes], node_areas(X, sheet.quads)[nodes])
     points = ElementPoints.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).any(axis=1)))

@@ -16,7 +16,7 @@ from cosim.errors import InputError
 from fe_solver.elements.mesh_geometry import node_areas, node_directors
 from fe_solver.elements.mitc4 import GAUSS, shape
 from fe_solver.elements.shell import shell_tables
-from fe_solver.forces.contact import REACH, Contact
+from fe_solver.forces.contact import Contact, needed_distance
 from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import ForceCurve, NodeSprings, Springs
@@ -378,7 +378,7 @@ def _surface(job: Job, pair: ContactPair, offset: float, options: JobOptions) ->
             vertices,
             triangles,
             options.spacing,
-            max(0.0, offset) + REACH + BEYOND,
+            needed_distance(offset, options.smoothing) + BEYOND,
             cache_folder() if options.cached else None,
         )
     except InputError as error:

@@ -9,8 +9,10 @@ variable FE_SOLVER_LINEAR names another choice.
 from __future__ import annotations
 
 import os
+import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
@@ -274,55 +276,86 @@ class _Cholesky:
         return np.asarray(self.symbolic(right))
 
 
-@dataclass
-class _OneFactorAnalysis:
-    """A pattern in a solver that keeps one numeric factor at a time: an earlier one is made again
-    when it is used again."""
+class _ThreadSolvers(threading.local):
+    """The solvers of a thread by the analysis that they serve: each is made, used and dropped in
+    one thread, as feral's must be."""
 
-    slots: sp.csc_array
-    held: weakref.ref[_KeptFactor] | None = None
-    negative: int = 0
-    """Negative pivots of the factor that the solver keeps."""
+    def __init__(self) -> None:
+        self.kept: dict[int, tuple[weakref.ref[_OneFactorAnalysis], Any]] = {}
 
-    def factor(self, data: Array) -> Factor:
-        """The numeric factor of the matrix with entries from `data`."""
-        made = _KeptFactor(self, data)
-        made.hold()
-        return made
+    def of(self, analysis: _OneFactorAnalysis) -> Any:
+        """This thread's solver of an analysis, made where there is none."""
+        ref, solver = self.kept.get(id(analysis), (None, None))
+        if ref is None or ref() is not analysis:
+            self.drop()  # what ended in another thread told that thread alone
+            ref, solver = weakref.ref(analysis, lambda _: self.drop()), analysis.make_solver()
+            self.kept[id(analysis)] = ref, solver
+        return solver
+
+    def drop(self) -> None:
+        """Leave out the solvers of this thread whose analyses are gone."""
+        self.kept = {key: pair for key, pair in self.kept.items() if pair[0]() is not None}
+
+
+_SOLVERS = _ThreadSolvers()
+
+
+class _OneFactorSolver(Protocol):
+    """A solver of one pattern that keeps one numeric factor at a time."""
+
+    held: weakref.ref[_KeptFactor] | None
+    negative: int
 
     def factorise(self, data: Array) -> None:
         """Make the numeric factor that the solver keeps, and count its negative pivots.  Raises
         ConvergenceError for a singular matrix."""
-        raise NotImplementedError
+        ...
 
     def solve(self, right: Array) -> Array:
         """Solution for right-hand sides (n,) or (n, m) by the factor that the solver keeps."""
+        ...
+
+
+@dataclass(eq=False)
+class _OneFactorAnalysis:
+    """A pattern in a solver that keeps one numeric factor at a time: an earlier one is made again
+    when it is used again.  Each thread that uses the analysis has a solver of its own."""
+
+    slots: sp.csc_array
+
+    def factor(self, data: Array) -> Factor:
+        """The numeric factor of the matrix with entries from `data`."""
+        made = _KeptFactor(self, data)
+        made.solver()
+        return made
+
+    def make_solver(self) -> _OneFactorSolver:
+        """A solver of the pattern."""
         raise NotImplementedError
 
 
-@dataclass
+@dataclass(eq=False)
 class _KeptFactor:
     analysis: _OneFactorAnalysis
     data: Array
 
-    def hold(self) -> None:
-        """Make this the factor that the solver keeps."""
-        held = self.analysis.held
-        if held is None or held() is not self:
-            self.analysis.held = None
-            self.analysis.factorise(self.data)
-            self.analysis.held = weakref.ref(self)
+    def solver(self) -> _OneFactorSolver:
+        """This thread's solver, with this as the factor that it keeps."""
+        solver: _OneFactorSolver = _SOLVERS.of(self.analysis)
+        if solver.held is None or solver.held() is not self:
+            solver.held = None
+            solver.factorise(self.data)
+            solver.held = weakref.ref(self)
+        return solver
 
     def solve(self, right: Array) -> Array:
         """Solution for right-hand sides (n,) or (n, m)."""
-        self.hold()
-        return self.analysis.solve(right)
+        return self.solver().solve(right)
 
     @property
     def negative(self) -> int:
         """Negative pivots, which are as many as negative eigenvalues."""
-        self.hold()
-        return self.analysis.negative
+        return self.solver().negative
 
 
 class FeralAnalysis(_OneFactorAnalysis):
@@ -330,25 +363,33 @@ class FeralAnalysis(_OneFactorAnalysis):
 
     dear: ClassVar[bool] = True
 
-    @cached_property
-    def _lower(self) -> tuple[Ints, Any, Any]:
+    def make_solver(self) -> _FeralSolver:
+        """As the base class says."""
+        return _FeralSolver(self.slots)
+
+
+class _FeralSolver:
+    def __init__(self, slots: sp.csc_array) -> None:
         import feral
 
-        lower = sp.csc_array(sp.tril(self.slots, format="csc"))
+        lower = sp.csc_array(sp.tril(slots, format="csc"))
         lower.sort_indices()
-        n = self.slots.shape[0]
+        n = slots.shape[0]
         rows = lower.indices.astype(np.int64)
         columns = np.repeat(np.arange(n), np.diff(lower.indptr))
-        matrix = feral.CscMatrix.from_triplet(n, rows, columns, np.ones(lower.nnz))
-        return positions(lower), matrix, feral.Solver(parallel=False, scaling="auto")
+        self.slots = positions(lower)
+        self.matrix = feral.CscMatrix.from_triplet(n, rows, columns, np.ones(lower.nnz))
+        self.feral = feral.Solver(parallel=False, scaling="auto")
+        self.held: weakref.ref[_KeptFactor] | None = None
+        self.negative = 0
 
     def factorise(self, data: Array) -> None:
-        """As the base class says."""
+        """As the protocol says."""
         import feral
 
-        slots, matrix, solver = self._lower
         try:
-            status, inertia = solver.factor(matrix.set_values(data[slots]))
+            with _no_panic():
+                status, inertia = self.feral.factor(self.matrix.set_values(data[self.slots]))
         except feral.FeralError as error:
             raise _singular(error) from error
         if status != feral.FactorStatus.SUCCESS or inertia.n_zero:
@@ -356,8 +397,22 @@ class FeralAnalysis(_OneFactorAnalysis):
         self.negative = int(inertia.n_neg)
 
     def solve(self, right: Array) -> Array:
-        """As the base class says."""
-        return np.asarray(self._lower[2].solve(np.ascontiguousarray(right)))
+        """As the protocol says."""
+        with _no_panic():
+            return np.asarray(self.feral.solve(np.ascontiguousarray(right)))
+
+
+@contextmanager
+def _no_panic() -> Iterator[None]:
+    """A panic of Rust, which no `except Exception` catches, as an error of ours."""
+    try:
+        yield
+    except BaseException as error:
+        if type(error).__module__ != "pyo3_runtime":
+            raise
+        raise ConvergenceError(
+            f"the linear solver feral broke down ({error}); set {VARIABLE}=superlu to take another"
+        ) from error
 
 
 class PardisoAnalysis(_OneFactorAnalysis):
@@ -365,32 +420,37 @@ class PardisoAnalysis(_OneFactorAnalysis):
 
     dear: ClassVar[bool] = False
 
-    @cached_property
-    def _upper(self) -> tuple[sp.csr_matrix, Ints, Any]:
+    def make_solver(self) -> _PardisoSolver:
+        """As the base class says."""
+        return _PardisoSolver(self.slots)
+
+
+class _PardisoSolver:
+    def __init__(self, slots: sp.csc_array) -> None:
         os.environ.setdefault("MKL_CBWR", "AUTO")  # the same bits for any number of threads
         from pypardiso.pardiso_wrapper import PyPardisoSolver
 
-        upper = sp.csr_matrix(sp.triu(self.slots, format="csr"))
-        upper.sort_indices()
-        slots = positions(upper)
-        solver = PyPardisoSolver(mtype=-2)
-        os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)  # or each searches the disk
-        upper.data = np.ones(len(slots))
-        _phase(solver, 11, upper, np.zeros(upper.shape[0]))
-        weakref.finalize(self, solver.free_memory, everything=True).atexit = False
-        return upper, slots, solver
+        self.upper = sp.csr_matrix(sp.triu(slots, format="csr"))
+        self.upper.sort_indices()
+        self.slots = positions(self.upper)
+        self.pardiso = PyPardisoSolver(mtype=-2)
+        # or each searches the disk
+        os.environ.setdefault("PYPARDISO_MKL_RT", self.pardiso.libmkl._name)
+        self.upper.data = np.ones(len(self.slots))
+        _phase(self.pardiso, 11, self.upper, np.zeros(self.upper.shape[0]))
+        weakref.finalize(self, self.pardiso.free_memory, everything=True).atexit = False
+        self.held: weakref.ref[_KeptFactor] | None = None
+        self.negative = 0
 
     def factorise(self, data: Array) -> None:
-        """As the base class says."""
-        matrix, slots, solver = self._upper
-        matrix.data = data[slots]
-        _phase(solver, 22, matrix, np.zeros(matrix.shape[0]))
-        self.negative = int(solver.get_iparm(23))
+        """As the protocol says."""
+        self.upper.data = data[self.slots]
+        _phase(self.pardiso, 22, self.upper, np.zeros(self.upper.shape[0]))
+        self.negative = int(self.pardiso.get_iparm(23))
 
     def solve(self, right: Array) -> Array:
-        """As the base class says."""
-        matrix, _, solver = self._upper
-        return _phase(solver, 33, matrix, np.asfortranarray(right))
+        """As the protocol says."""
+        return _phase(self.pardiso, 33, self.upper, np.asfortranarray(right))
 
 
 def _phase(solver: Any, phase: int, matrix: sp.csr_matrix, right: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,6 +22,7 @@ plane."""
 class Ellipsoid:
     """Centre (3,) m, semi-axes (3,) m along the columns of `axes` (3, 3), a rotation."""
 
+    outside: ClassVar[float] = np.inf
     centre: Array
     semi_axes: Array
     axes: Array = field(default_factory=lambda: np.eye(3))

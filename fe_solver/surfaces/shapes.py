@@ -7,7 +7,7 @@ inside.  On a shape's medial axis, where no direction exists, what has no value 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,11 @@ class Distance(NamedTuple):
 
 class Surface(Protocol):
     """A closed or unbounded smooth surface of a rigid body."""
+
+    @property
+    def outside(self) -> float:
+        """m, up to which distances are right; inf of an exact shape."""
+        ...
 
     def distance(self, points: Array) -> Distance:
         """Signed distance, gradient and Hessian at points (n, 3) of the body frame."""
@@ -105,6 +110,7 @@ class Sphere:
     (array([ 0.002, -0.001]), array([1., 0., 0.]))
     """
 
+    outside: ClassVar[float] = np.inf
     centre: Array
     radius: float
 
@@ -129,6 +135,7 @@ class Capsule:
     array([0.002, 0.002])
     """
 
+    outside: ClassVar[float] = np.inf
     start: Array
     end: Array
     radius: float
@@ -155,6 +162,7 @@ class Cylinder:
     """All points within `radius` (m) of the line through `point` (3,) m along `direction` (3,), of
     any length; without ends."""
 
+    outside: ClassVar[float] = np.inf
     point: Array
     direction: Array
     radius: float
@@ -186,6 +194,7 @@ class RoundCone:
     """A capsule with two radii, a phalanx's shape: the hull of a sphere of `start_radius` (m) about
     `start` (3,) and one of `end_radius` about `end`; its side is tangent to both (C1)."""
 
+    outside: ClassVar[float] = np.inf
     start: Array
     end: Array
     start_radius: float
@@ -216,6 +225,7 @@ class Cone:
     and of `end_radius` about `end`, their planes normal to the line between them.  Its side goes on
     without end on the wide side and to the apex on the narrow one; equal radii make a cylinder."""
 
+    outside: ClassVar[float] = np.inf
     start: Array
     end: Array
     start_radius: float
@@ -242,6 +252,7 @@ class Cone:
 class HalfSpace:
     """Everything behind the plane through `point` (3,) m with outward `normal` (3,), any length."""
 
+    outside: ClassVar[float] = np.inf
     point: Array
     normal: Array
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,34 @@ def test_about_as_many_quads_as_asked_for(quads, elements):
 def test_rows_and_columns_are_halved_in_a_mesh_four_times_as_large(elements):
     coarse, fine = (len(mesh_of(quads, elements).quads) for quads in (600, 2400))
     assert fine == 4 * coarse
+
+
+@pytest.mark.parametrize("along", [0, 1])
+def test_a_regions_length_is_that_of_its_fibres_and_not_what_they_span(mesh, along):
+    """Quads of 1 by 2 mm over a cylinder, each row starting a quad further round than the last: the
+    span along the mean direction is a chord, and of all rows together."""
+    radius, columns, rows = 10e-3, 12, 4
+    i, j = np.meshgrid(np.arange(columns + 1), np.arange(rows + 1), indexing="ij")
+    angle, height = (i + j) * 1e-3 / radius, j * 2e-3
+    points = np.stack([radius * np.sin(angle), height, radius * np.cos(angle)], axis=2)
+    number = np.arange(i.size).reshape(i.shape)
+    corners = (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:])
+    quads = np.roll(np.stack(corners, axis=2).reshape(-1, 4), along, axis=1)
+    p = points.reshape(-1, 3)
+    fibre = p[corners[1].ravel()] - p[corners[0].ravel()]
+    fibre /= np.linalg.norm(fibre, axis=1, keepdims=True)
+    laid = replace(mesh, points=p, quads=quads, fibre=fibre)
+    every = np.ones(len(quads), dtype=bool)
+    for cells in (every, np.arange(len(quads)) % rows < 2):
+        assert laid.length(cells) == pytest.approx(12e-3, rel=2e-3)
+
+
+def test_length_times_width_of_a_region_is_its_area(mesh):
+    """The sagittal bands run round the finger, and are as wide as they are long on it."""
+    for name in ("sagittal_band_radial", "sagittal_band_ulnar"):
+        cells = mesh.cells(name)
+        width = mesh.areas()[cells].sum() / mesh.length(cells)
+        assert width == pytest.approx(np.ptp(mesh.points[mesh.quads[cells], 0]), rel=0.05)
 
 
 def test_nine_nodes_are_an_element():

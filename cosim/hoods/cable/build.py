@@ -47,11 +47,12 @@ def build_net(hood: CableHoodConfig, anatomy: Anatomy) -> CableNet:
     from meshes.cable_net import lay
     from meshes.robot_net import keep_extensor
 
-    offset, bones = hood.contact.offset, anatomy.bones
+    bones = anatomy.bones
+    offset = {body: getattr(hood.contact.offset, body) for body in bones}
     net = lay(
         skeleton_of(anatomy),
-        pose_surfaces(bones),
-        {body: getattr(offset, body) for body in bones},
+        pose_surfaces(bones, offset),
+        offset,
         hood.mesh.rest_posture.angles(),
         hood.mesh.spacing,
         anatomy.width,
@@ -72,7 +73,8 @@ def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
         raise InputError(
             "hood.springs: nothing holds the central slip; give hood.springs a table central_slip"
         )
-    contact, offset, skeleton = hood.contact, hood.contact.offset, site.skeleton
+    contact, skeleton = hood.contact, site.skeleton
+    offset = {body: getattr(contact.offset, body) for body in BODIES}
     rest = Motion(BODIES, *skeleton.pose(net.rest_posture))
     springs = {
         name: SpringGroup(net.springs[name], s.stiffness, s.slack, s.tension_only)
@@ -94,8 +96,8 @@ def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
         ContactLaw(
             contact.stiffness,
             contact.smoothing,
-            pose_surfaces(site.anatomy.bones),
-            {body: getattr(offset, body) for body in BODIES},
+            pose_surfaces(site.anatomy.bones, offset),
+            offset,
             contact.penetration,
             contact.friction,
         ),

@@ -106,11 +106,12 @@ def _generate(laying: _MeshInput) -> HoodMesh:
                 'Lay a hood on it (hood.mesh.kind = "generated") or set finger.length_scale'
             )
         return mesh
-    offset = hood.contact.offset
+    offset = {body: getattr(hood.contact.offset, body) for body in anatomy.bones}
+    level = {body: height + hood.thickness / 2 for body, height in offset.items()}
     return generate(
         skeleton,
-        pose_surfaces(anatomy.bones),
-        {body: getattr(offset, body) for body in anatomy.bones},
+        pose_surfaces(anatomy.bones, level),
+        offset,
         hood.thickness,
         hood.mesh.rest_posture.angles(),
         hood.mesh.quads,
@@ -123,7 +124,7 @@ def _generate(laying: _MeshInput) -> HoodMesh:
 
 def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     """The hood over the bones as a case describes it, behind the port.  Raises InputError."""
-    from fe_solver.hood.build_shell import ContactLaw, ShellSheet, SpringGroup, shell_hood
+    from fe_solver.hood.build_shell import ContactLaw, ShellSheet, SpringGroup, heights, shell_hood
     from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
     from fe_solver.solver.newton import NewtonOptions
     from meshes.hood_mesh import REGIONS
@@ -168,6 +169,7 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
             "springs of the central slip. Give hood.springs.central_slip, or a mesh that is tied"
         )
     offset = {body: getattr(hood.contact.offset, body) for body in BODIES}
+    highest = float(heights(sheet).max())
     return shell_hood(
         sheet,
         rest,
@@ -180,7 +182,9 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
         ContactLaw(
             hood.contact.stiffness,
             hood.contact.smoothing,
-            pose_surfaces(site.anatomy.bones),
+            pose_surfaces(
+                site.anatomy.bones, {body: height + highest for body, height in offset.items()}
+            ),
             offset,
             hood.contact.penetration,
             hood.contact.friction,
@@ -283,7 +287,7 @@ def thickness_of(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], mesh.region == i
         if region.section is not None:
-            width = mesh.areas()[cells].sum() / _length(mesh, cells)
+            width = mesh.areas()[cells].sum() / mesh.length(cells)
             out[cells] = region.section / width
         elif region.thickness is not None:
             out[cells] = region.thickness
@@ -319,7 +323,7 @@ def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) 
         region = hood.regions[name]
         if region.fibrous is not None:
             _check_one_rest(f"{key}.{name}", name, region.fibrous)
-        length = _length(mesh, cells)
+        length = mesh.length(cells)
         if extra <= -MOST_SHORTENED * length:
             raise InputError(
                 f"{key}.{name}: {-1e3 * extra:.2f} mm shorter in all, of {1e3 * length:.2f} mm; "
@@ -354,13 +358,6 @@ def _in_situ(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
         if region is not None:
             out[mesh.region == i] = region.in_situ_stretch
     return out
-
-
-def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
-    """Length (m) of a region along its fibres."""
-    nodes = np.unique(mesh.quads[cells])
-    along = mesh.points[nodes] @ mesh.fibre[cells].mean(axis=0)
-    return float(np.ptp(along))
 
 
 def _tendons(mesh: HoodMesh, finger: str) -> dict[str, TendonEnd]:

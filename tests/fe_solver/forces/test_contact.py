@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.errors import ConvergenceError, InputError
+from cosim.hoods.bone_surfaces import pose_surfaces
 from cosim.port import rotation_matrix
 from fe_solver.elements.shell import Array
 from fe_solver.forces.contact import (
@@ -33,7 +35,8 @@ from fe_solver.solver.fields import contact_pressure
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.residual import residual_norm
-from fe_solver.surfaces.shapes import HalfSpace, Sphere
+from fe_solver.surfaces.shapes import HalfSpace, Sphere, Surface
+from fe_solver.surfaces.spline_distance import SplineDistance
 from fe_solver.verification import contact_rows
 from tests.helpers import shells
 from tests.helpers.poses import POSITION, ROTATION
@@ -368,3 +371,48 @@ def test_impossible_contacts_are_refused(changes, words):
         partition(np.zeros((1, 2)), 0.0)
     with pytest.raises(InputError, match="positive tolerances"):
         AugmentOptions(penetration=0.0)
+
+
+@pytest.mark.parametrize("level", [4.6e-3, 6e-3, 10e-3])
+def test_contact_high_over_a_baked_bone_is_that_of_the_exact_shape(level):
+    """Where a bone's distance ends, contact has no normal, and beyond it no pressure."""
+    ball = trimesh.creation.icosphere(4, 5e-3)
+    [surface] = pose_surfaces({"ball": (ball.vertices, ball.faces)}, {"ball": level}).values()
+    rng = np.random.default_rng(1)
+    away = rng.normal(size=(40, 3))
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    x = (5e-3 + level - rng.uniform(0.05e-3, 0.4e-3, 40))[:, None] * away
+    nodes, area = np.arange(40), np.full(40, 1e-6)
+
+    def pressed(on: Surface) -> PointForces:
+        contact = Contact(0, on, nodes, np.full(40, level), area, 1e9, 5e-5)
+        return contact_forces(contact, x, np.zeros((1, 3)), np.eye(3)[None], True)
+
+    baked, exact = pressed(surface), pressed(Sphere(np.zeros(3), 5e-3))
+    assert len(baked.force) == 40
+    np.testing.assert_allclose(baked.gradient, exact.gradient, atol=0.01)  # N, of 0.4
+    assert baked.energy == pytest.approx(exact.energy, rel=0.06)  # chords of the triangles
+
+
+def test_a_surface_that_does_not_reach_the_contact_is_refused():
+    ball = trimesh.creation.icosphere(2, 5e-3)
+    surface = SplineDistance.bake(ball.vertices, ball.faces, margin=5e-3)
+    one = np.ones(1)
+    Contact(0, surface, np.array([0]), 3.5e-3 * one, one, 1e9, 5e-5)
+    with pytest.raises(InputError, match=r"touches up to 3\.6 mm .* margin of 5\.1 mm or more"):
+        Contact(0, surface, np.array([0]), 3.6e-3 * one, one, 1e9, 5e-5)
+    with pytest.raises(InputError, match=r"margin of 6 mm"):  # the pressure sets in further off
+        Contact(0, surface, np.array([0]), 2e-3 * one, one, 1e9, 4e-3)
+
+
+@given(st.floats(1e-4, 6e-3), st.floats(1e-4, 5e-3))
+def test_contact_follows_the_ramp_at_any_gap_and_smoothing(gap, smoothing):
+    """With a smoothing beyond the watched gap, energy and force once jumped there."""
+    plane = HalfSpace(np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    contact = Contact(0, plane, np.array([0]), np.zeros(1), np.array([1e-6]), 1e9, smoothing)
+    found = contact_forces(
+        contact, np.array([[0.0, 0.0, gap]]), np.zeros((1, 3)), np.eye(3)[None], True
+    )
+    energy, force, _ = ramp(np.array([-gap]), smoothing)
+    assert found.energy == pytest.approx(1e3 * energy[0], rel=1e-12, abs=1e-18)
+    assert found.force.sum() == pytest.approx(1e3 * force[0], rel=1e-12, abs=1e-15)

@@ -18,24 +18,14 @@ from fe_solver.solver.linear_algebra import (
     analyse,
     available,
 )
+from tests.helpers.matrices import chain, slots_of
 
 SIZE = 60
 RIGHT = np.sin(np.arange(1.0, SIZE + 1))
 
 
-def chain(stiffness: np.ndarray) -> sp.csc_array:
-    """(n, n) of springs (n,) in a row, the first of them held."""
-    beyond = np.append(stiffness[1:], 0.0)
-    out = sp.diags_array(
-        [stiffness + beyond, -stiffness[1:], -stiffness[1:]], offsets=[0, 1, -1], format="csc"
-    )
-    return sp.csc_array(out)
-
-
 def factor_of(matrix: sp.csc_array, backend: str = "superlu") -> Factor:
-    slots = sp.csc_array(matrix, copy=True)
-    slots.data[:] = np.arange(1.0, matrix.nnz + 1)
-    analysis: Analysis = analyse(slots, backend)
+    analysis: Analysis = analyse(slots_of(matrix), backend)
     return analysis.factor(matrix.data)
 
 
