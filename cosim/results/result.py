@@ -110,7 +110,8 @@ class Result(CaseParts):
 
     def plot(self, kind: Plot = "scene", path: str | Path | None = None) -> Figure:
         """A matplotlib figure, written to `path` (.png, .svg, .pdf) where one is given: "scene" the
-        finger with its hood coloured by strain, "ledger" the forces on each body by source, "history" a motion's angles and forces over time.
+        finger with its hood coloured by strain, "ledger" the forces on each body by source,
+        "history" a motion's angles and forces over time.
 
         >>> import cosim
         >>> figure = cosim.run(cosim.load("pulley_edc")).plot()
