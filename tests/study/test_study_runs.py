@@ -357,6 +357,16 @@ def test_arrays_are_kept_where_asked_for(place):
     assert "0 runs solved" in cosim("pip.toml").output
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_a_parameter_may_be_now_a_word_and_now_a_number(place):
+    mixed = '[parameters.word]\nvalues = ["off", 3]\nsettings = ["title={value}"]\n[outputs]'
+    (place / "pip.toml").write_text(STUDY.replace("[outputs]", mixed), encoding="utf-8")
+    done = cosim("pip.toml")
+    assert done.exit_code in (0, 1), done.output
+    table = open_study(place / "studies" / "pip").table
+    assert table.word.tolist() == 4 * ["off", "3.0"]
+
+
 def listening(process: psutil.Process) -> list:
     """Its open ports."""
     found = process.net_connections(kind="inet")
