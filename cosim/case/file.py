@@ -180,11 +180,11 @@ def _override(text: str) -> Layer:
     key, equals, value = text.partition("=")
     names = [name.strip() for name in key.split(".")]
     if not equals or not all(names):
-        raise InputError(f"--set {text!r}: write key=value, for example hood.mesh.quads=250")
+        raise InputError(f"{text!r}: write key=value, for example hood.mesh.quads=250")
     if any("\ud800" <= c <= "\udfff" for c in text):
-        raise InputError(f"--set {text!r}: is not text in UTF-8")
+        raise InputError(f"{text!a}: is not text in UTF-8")
     table = nested(".".join(names), _value(value.strip()))
-    return f"--set {key.strip()}", _anchor_paths(table, Path.cwd())
+    return f"setting {key.strip()}", _anchor_paths(table, Path.cwd())
 
 
 def _value(text: str) -> Any:
