@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
+from typing import Any
 
 Progress = Callable[[str], None]
 """A function that is called with a line of text at each stage of what takes long."""
@@ -11,6 +14,24 @@ Progress = Callable[[str], None]
 
 def quiet(text: str) -> None:
     """The progress of a caller who asks for none."""
+
+
+_LISTENER: ContextVar[Progress] = ContextVar("listener", default=quiet)
+
+
+@contextmanager
+def listening(progress: Progress) -> Iterator[None]:
+    """Let `progress` hear what solvers below say (`say`), in this thread."""
+    token = _LISTENER.set(progress)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(token)
+
+
+def say(text: str) -> None:
+    """Tell whoever listens of what goes on where no progress is handed down, behind the port."""
+    _LISTENER.get()(text)
 
 
 def span(seconds: float) -> str:
@@ -110,7 +131,14 @@ class InputError(CosimError):
 
 
 class ConvergenceError(CosimError):
-    """A solve did not converge; there is no result (exit code 1)."""
+    """A solve did not converge; there is no result (exit code 1).
+
+    `reached` is what a motion had reached when a step failed, a Result whose summary says
+    `converged: false`; None of all else."""
+
+    def __init__(self, message: str, reached: Any = None) -> None:
+        super().__init__(message)
+        self.reached = reached
 
 
 class StoppedError(CosimError):

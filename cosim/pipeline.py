@@ -10,11 +10,14 @@ from typing import Any, TypeVar
 
 from cosim.build.fit import check_fit
 from cosim.case.schema import Case, Task
-from cosim.errors import CosimError, Progress, quiet
+from cosim.errors import ConvergenceError, CosimError, Progress, listening, quiet
+from cosim.files import shown_path
 from cosim.processes import Memory, one_blas_thread, process_pool
 from cosim.results.motion import observe_motion
 from cosim.results.result import Result
 from cosim.results.static import observe_static
+from cosim.results.write import write_files
+from cosim.solve.motion import checkpoint_folder
 from cosim.solve.session import Session
 from cosim.solve.solvers import SOLVERS
 
@@ -37,14 +40,29 @@ def run_case(case: Case, session: Session | None = None, progress: Progress = qu
     True
 
     Raises InputError where case and models do not fit, ConvergenceError where there is no
-    equilibrium, and StoppedError where the user ends a motion."""
+    equilibrium or a step of a motion fails (with what it `reached`), and StoppedError where the
+    user ends a motion."""
     started = time.perf_counter()
     check_fit(case)
     session = session or Session()
-    with session.lock:
+    with session.lock, listening(progress):
         solved = SOLVERS[case.task](case, session, progress)
         progress("summing up")
-        return OBSERVERS[case.task](case, solved, time.perf_counter() - started)
+        result = OBSERVERS[case.task](case, solved, time.perf_counter() - started)
+        if not result.summary["converged"]:
+            raise _failure(case, result, session)
+        return result
+
+
+def _failure(case: Case, reached: Result, session: Session) -> ConvergenceError:
+    """The error of a motion that failed on its way; what it reached is written beside its
+    checkpoint, where it keeps one."""
+    message = str(reached.summary["failure"])
+    folder = checkpoint_folder(case, session.checkpoints)
+    if folder is not None and folder.is_dir():
+        write_files(folder, reached)
+        message += f". What it reached is in {shown_path(folder)} (converged: false)"
+    return ConvergenceError(message, reached)
 
 
 def run_cases(

@@ -105,6 +105,7 @@ def prepare_process() -> None:
     threadpool_limits(1, user_api="blas")  # of what has loaded
     for name, value in MALLOC_SETTINGS.items():
         os.environ.setdefault(name, value)
+    os.environ["MPLBACKEND"] = "agg"  # it opens no window; a notebook's may not be installed here
     os.environ.setdefault("MUJOCO_GL", "off")  # it loads its windows else, of which we open none
 
 
@@ -141,6 +142,9 @@ class ProcessEndedError(InputError):
             "one worker needs the least"
         )
         self.why = why
+
+    def __reduce__(self) -> tuple[type[ProcessEndedError], tuple[str]]:  # type: ignore[override]
+        return type(self), (self.why,)
 
 
 class TimeLimitError(CosimError):

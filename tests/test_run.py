@@ -362,3 +362,13 @@ def test_the_default_mesh_is_fine_enough():
 def test_the_default_mesh_is_fine_enough_for_a_slip(slip):
     coarse, fine = (summary["slip_force_N"][slip] for summary in default_and_fine())
     assert coarse == pytest.approx(fine, rel=0.05)
+
+
+def test_a_tendon_without_moment_arms_has_no_reciprocity_to_audit():
+    """Its path lies on one bone: 0/0 once ended the run after both equilibria."""
+    points = ('["-20 mm","0 mm","9 mm"]', '["-5 mm","0 mm","9 mm"]')
+    path = ",".join(f'{{body="metacarpal",point={point}}}' for point in points)
+    result = run("pulley_edc", f"hood.paths.EDC=[{path}]")
+    assert result.audit.passed
+    assert "reciprocity" not in result.summary["audit"]
+    assert result.moment_arms.loc["EDC"].abs().max() == 0

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator
 from functools import cache, lru_cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +21,25 @@ ABOUT_RESULTS = (
     *("cosim/commands/report.py", "cosim/commands/study.py"),
 )
 """What only shows results or says how runs are spread; it changes no number."""
-LIBRARIES = ("numpy", "scipy", "mujoco")
+LIBRARIES = ("numpy", "scipy", "mujoco", "numba", "feral-solver", "pypardiso", "scikit-sparse")
+"""What computes: the last four where they are installed."""
+CHOICES = ("FE_SOLVER_LINEAR", "FE_SOLVER_NO_NUMBA")
+"""Variables of the environment that say by what."""
 NOT_CODE = (".pyc", ".css", ".js", ".j2", ".md", ".nbi", ".nbc")
 WORDS = ("title", "notes", "output")
 """Keys of a case that change no number."""
 
 
-@cache
 def code_version() -> str:
     """A key of this program: its version, its sources and the data in them, and the libraries that
-    compute. Two programs that share it give the same numbers on the same kind of machine."""
+    compute, with what the environment says of them. Two programs that share it give the same
+    numbers on the same kind of machine."""
+    chosen = [f"{name}={os.environ[name]}" for name in CHOICES if os.environ.get(name)]
+    return " ".join([_installed_version(), *chosen])
+
+
+@cache
+def _installed_version() -> str:
     root = Path(__file__).parents[2]
     digest = hashlib.sha256()
     for package in PACKAGES:
@@ -42,8 +52,15 @@ def code_version() -> str:
             ):
                 digest.update(f"{name}\n".encode())
                 digest.update(hashlib.sha256(path.read_bytes()).digest())
-    libraries = " ".join(f"{name} {version(name)}" for name in LIBRARIES)
+    libraries = " ".join(_library(name) for name in LIBRARIES)
     return f"{__version__} {digest.hexdigest()[:16]} {libraries}"
+
+
+def _library(name: str) -> str:
+    try:
+        return f"{name} {version(name)}"
+    except PackageNotFoundError:
+        return f"{name} -"
 
 
 def case_table(case: Case) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from cosim.schema.json_schema import CASE_SCHEMA, editor_schema, schema_line
 Settings = tuple[str, ...]
 """KEY=VALUE, as --set takes them; a later one has the last word."""
 
+BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 NO_FAMILIES = {"base", "studies", "data"}  # folders of cases/
 
 
@@ -216,12 +217,16 @@ def _whole_toml(values: Mapping[str, Any]) -> str:
 
 def _toml_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
     plain = {key: value for key, value in table.items() if not isinstance(value, dict)}
-    lines = ["", f"[{'.'.join(path)}]"] if path and (plain or not table) else []
-    lines += [f"{key} = {_toml_value(value)}" for key, value in plain.items()]
+    lines = ["", f"[{'.'.join(map(_toml_key, path))}]"] if path and (plain or not table) else []
+    lines += [f"{_toml_key(key)} = {_toml_value(value)}" for key, value in plain.items()]
     for key, value in table.items():
         if isinstance(value, dict):
             lines += _toml_lines(value, (*path, key))
     return lines
+
+
+def _toml_key(key: str) -> str:
+    return key if BARE_KEY.fullmatch(key) else str(_toml_value(key))
 
 
 def _toml_value(value: Any) -> str:
@@ -229,7 +234,8 @@ def _toml_value(value: Any) -> str:
         case list():
             return f"[{', '.join(map(_toml_value, value))}]"
         case dict():
-            return "{" + ", ".join(f"{k} = {_toml_value(v)}" for k, v in value.items()) + "}"
+            pairs = (f"{_toml_key(k)} = {_toml_value(v)}" for k, v in value.items())
+            return f"{{{', '.join(pairs)}}}"
     # JSON's strings, numbers and truth values are TOML's, but for DEL
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 

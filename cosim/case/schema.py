@@ -19,7 +19,7 @@ from cosim.fingers.kinds import AnyFinger, NativeFinger, native
 from cosim.hoods.kinds import AnyHood, unfit_lesion
 from cosim.hoods.lesion import LesionConfig
 from cosim.schema import units
-from cosim.schema.fields import fault, quantity
+from cosim.schema.fields import check_texts, fault, quantity
 from cosim.schema.types import Count, Number, Switch, Table, TendonName
 from cosim.tendons.table import TendonConfig
 
@@ -104,7 +104,7 @@ class ForwardConfig(Table):
     adaptive: AdaptiveConfig | None = None
     """Lets the length of a step follow from its error; without it all steps are equal."""
     must_rest: Switch = True
-    """The run fails where the finger is still moving at the end."""
+    """The audit is missed where the finger is still moving at the end."""
     checkpoint: Annotated[Count, Field(ge=0, le=1_000_000)] | None = None
     """Steps from one checkpoint to the next; without it one is written every
     ten seconds of computing; 0: none."""
@@ -151,6 +151,12 @@ class CaseFile(Table):
     """How finger and hood come to agree."""
     output: OutputConfig = OutputConfig()
     """What is written besides summary, arrays and ledger."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _can_be_written(cls, values: Any) -> Any:
+        check_texts(values)
+        return values
 
     @model_validator(mode="after")
     def _can_be_injured(self) -> CaseFile:

@@ -11,6 +11,7 @@ import typer
 from cosim.commands.terminal import exit_on_error, print_table, stages
 from cosim.errors import InputError
 from cosim.files import check_file, output_file
+from cosim.results.picture import write_figure
 
 if TYPE_CHECKING:
     import pandas
@@ -67,7 +68,7 @@ def _write(
         with output_file(out / "published.csv") as path:
             compared.round(4).to_csv(path, index=False)
     with output_file(out / "moment_arms.png") as path:
-        figure.savefig(path, dpi=130, format="png")
+        write_figure(figure, path, 130)
 
 
 def _show(table: pandas.DataFrame) -> None:

@@ -14,6 +14,7 @@ import typer
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
 from cosim.files import check_file, output_file
+from cosim.results.picture import write_figure
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -138,7 +139,7 @@ def _write_charts(folder: Path, found: Sensitivity, targets: Sequence[Target]) -
         name = re.sub(r"[^\w.-]+", "_over_", quantity)
         with output_file(folder / f"{name}.png") as part:
             figure = draw_tornado(found, quantity, target.get(quantity))
-            figure.savefig(part, dpi=130, format="png", bbox_inches="tight")
+            write_figure(figure, part, 130, bbox_inches="tight")
     return len(drawn)
 
 

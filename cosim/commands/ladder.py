@@ -11,6 +11,7 @@ import typer
 from cosim.commands.identify import CaseName, Settings, Workers
 from cosim.commands.terminal import exit_on_error, print_table, stages
 from cosim.files import check_folder, output_folder
+from cosim.results.picture import write_figure
 
 if TYPE_CHECKING:
     from cosim.analyses.ladder import Rung
@@ -64,7 +65,7 @@ def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
         ("ladder.md", to_markdown(rungs, title)),
     ):
         (folder / name).write_text(text, encoding="utf-8")
-    draw_ladder(rungs, title).savefig(folder / "ladder.png", dpi=140)
+    write_figure(draw_ladder(rungs, title), folder / "ladder.png", 140)
 
 
 def _show(rungs: Sequence[Rung], title: str) -> None:

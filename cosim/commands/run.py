@@ -9,11 +9,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
 from cosim.commands.terminal import (
+    INCOMPLETE,
     console,
     exit_on_error,
     stages,
@@ -22,7 +23,6 @@ from cosim.commands.terminal import (
     warn_of_audits,
 )
 from cosim.errors import (
-    ConvergenceError,
     CosimError,
     InputError,
     Progress,
@@ -44,12 +44,19 @@ AsJson = Annotated[
 ]
 Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
 Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes that solve side by side.")]
-Ended = tuple[Mapping[str, Any], Path]
-"""The summary of a run, and the folder of its results."""
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of every case; repeatable."),
 ]
+
+
+class Ended(NamedTuple):
+    """What a run left: its summary, the folder of its results, and what could not be made there
+    beside summary and arrays."""
+
+    summary: Mapping[str, Any]
+    folder: Path
+    lacking: tuple[str, ...]
 
 
 def load_cases(names: Sequence[str], settings: Sequence[str] | None) -> list[Case]:
@@ -85,12 +92,14 @@ def run(
 ) -> None:
     """Run cases; each leaves its results in a folder of its name. Of one case what came out is
     shown; of several each is counted as it ends, and a table has them all side by side."""
+    from cosim.case.usual import unusual_values
     from cosim.processes import process_context
 
     if workers > 1:
         process_context()  # imports while the cases are read
     none = () if pictures else ("output.picture=false",)
     checked = load_cases(cases, (*(settings or ()), *none))
+    warn({case.name: list(unusual_values(case)) for case in checked})
     with exit_on_error():
         _check_targets(checked, out)
         _check_unfinished(checked, out, restart)
@@ -101,6 +110,7 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1) -
     """Run cases until the user stops them; their warnings, and what their audits missed, are said
     last."""
     summaries: dict[str, Mapping[str, Any] | None] = {}
+    lacking: dict[str, tuple[str, ...]] = {}
     failed, started = 0, time.perf_counter()
     ran = (
         _one_by_one(cases, out, voice)
@@ -108,11 +118,12 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1) -
         else _side_by_side(cases, out, voice, workers)
     )
     for case, ended, error in ran:
-        summaries[case.name] = None if ended is None else ended[0]
+        summaries[case.name] = None if ended is None else ended.summary
+        lacking[case.name] = () if ended is None else ended.lacking
         if error is not None:
             failed = max(failed, tell(type(error)(f"{case.name}: {error}")))
         if ended is not None:
-            _tell_end(case, *ended, voice, alone=len(cases) == 1)
+            _tell_end(case, ended, voice, alone=len(cases) == 1)
         if voice == "plain" and len(cases) > 1:
             _count(case.name, len(summaries), len(cases), time.perf_counter() - started)
         if type(error) is StoppedError:
@@ -122,9 +133,9 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1) -
 
         console().print(batch_table([case.name for case in cases], summaries))
         typer.echo(f"results in {shown_path(out)}")
-    warn({name: (summary or {}).get("warnings", ()) for name, summary in summaries.items()})
+    warn({n: [*(s or {}).get("warnings", ()), *lacking[n]] for n, s in summaries.items()})
     missed = warn_of_audits({n: list(describe_misses(s or {})) for n, s in summaries.items()})
-    raise typer.Exit(failed or missed)
+    raise typer.Exit(failed or missed or (INCOMPLETE if any(lacking.values()) else 0))
 
 
 def _voice(quiet: bool, as_json: bool) -> Voice:
@@ -159,17 +170,14 @@ def _one_by_one(
             with _progress(case.name, voice) as say:
                 result = run_case(case, session, say)
                 say("writing the results")
-                folder = result.save(out)
+                ended = _save(result, out)
         except KeyboardInterrupt:
             yield case, None, StoppedError(f"stopped before its end; {_what_stays(unfinished)}")
-        except ConvergenceError as error:
-            _forget(unfinished)  # it would fail again where it failed
-            yield case, None, error
         except CosimError as error:
             yield case, None, error
         else:
             _forget(unfinished)
-            yield case, (result.summary, folder), None
+            yield case, ended, None
 
 
 def _side_by_side(
@@ -185,7 +193,7 @@ def _side_by_side(
     try:
         for i, ended, error in run_cases(cases, partial(_save, out=out), workers, checkpoints=out):
             waiting.remove(i)
-            if type(error) is not InputError:
+            if error is None:
                 _forget(checkpoint_folder(cases[i], out))
             yield cases[i], ended, error
     except InputError as error:  # of the pool: a process was ended from outside
@@ -199,18 +207,21 @@ def _side_by_side(
 
 
 def _save(result: Result, out: Path) -> Ended:
-    return result.summary, result.save(out)
+    from cosim.results.write import write_run
+
+    return Ended(result.summary, *write_run(out, result))
 
 
-def _tell_end(
-    case: Case, summary: Mapping[str, Any], folder: Path, voice: Voice, alone: bool
-) -> None:
+def _tell_end(case: Case, ended: Ended, voice: Voice, alone: bool) -> None:
     if voice == "json":
-        line = {"case": case.name, "results": str(folder), "summary": summary}
-        typer.echo(json.dumps(line, default=float))
+        from cosim.results.write import plain, without_nan
+
+        summary = without_nan(ended.summary)
+        line = {"case": case.name, "results": str(ended.folder), "summary": summary}
+        typer.echo(json.dumps(line, default=plain))
     elif voice == "plain" and alone:
-        _show(case, summary)
-        typer.echo(f"results in {shown_path(folder)}")
+        _show(case, ended.summary)
+        typer.echo(f"results in {shown_path(ended.folder)}")
 
 
 def _count(name: str, done: int, total: int, seconds: float) -> None:
@@ -235,20 +246,12 @@ def _forget(unfinished: Path | None) -> None:
 def _check_unfinished(cases: Sequence[Case], out: Path, restart: bool) -> None:
     """Raises InputError for a motion of which a part is kept, which a new run would throw away;
     with `restart` it is thrown away."""
-    from cosim.solve.motion import checkpoint_folder, has_begun
+    from cosim.solve.motion import check_not_begun, checkpoint_folder
 
     for case in cases:
-        if not has_begun(case, out):
-            continue
-        folder = checkpoint_folder(case, out)
-        assert folder is not None  # of a motion that has begun
-        if not restart:
-            where = shown_path(folder)
-            raise InputError(
-                f"{where}: holds a part of this run, which was stopped or killed. Go on with: "
-                f"cosim resume {where}; or add --restart to begin anew"
-            )
-        _forget(folder)
+        if restart:
+            _forget(checkpoint_folder(case, out))
+        check_not_begun(case, out)
 
 
 def resume(
@@ -299,6 +302,7 @@ def check(cases: Cases, settings: Settings = None) -> None:
     """Check cases, with the mesh files that they name, and study files, with their cases; run
     nothing."""
     from cosim.build.fit import check_fit
+    from cosim.case.usual import unusual_values
     from cosim.study.file import is_study
     from cosim.study.plan import read_plan
 
@@ -314,6 +318,7 @@ def check(cases: Cases, settings: Settings = None) -> None:
             check_fit(case)
             case.hood.check_files()
             typer.echo(f"{case.name}: in order")
+            warn({case.name: list(unusual_values(case))})
         except InputError as error:
             codes.append(tell(InputError(f"{case.name}: {error}")))
     raise typer.Exit(max(codes))

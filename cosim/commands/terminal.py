@@ -20,6 +20,8 @@ CODES = {InputError: 2, StoppedError: 130}
 """Exit codes of errors; 1 of all others."""
 AUDIT_MISSED = 3
 """Exit code where a run missed its audit; its results are written."""
+INCOMPLETE = 3
+"""Exit code where a picture or table of a run could not be made; what is solved is written."""
 WIDTH = 120
 """Columns where the output is no terminal."""
 

@@ -19,7 +19,6 @@ from cosim.coupling.state_arrays import Special, flatten, rebuild
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.port import Array
-from cosim.version import __version__
 
 NAME = "checkpoint.npz"
 FRAMES, SHAPES = "frames", "shapes"
@@ -37,25 +36,28 @@ class MotionHistory:
     """Arrays by name, the same of each, `time` (s) among them."""
 
 
-def write_checkpoint(folder: Path, case: str, kept: MotionHistory, special: Special) -> None:
-    """Into `folder`, over an older one.  Raises InputError where it cannot be written (a full disk
-    leaves the older one as it was)."""
+def write_checkpoint(
+    folder: Path, case: str, kept: MotionHistory, special: Special, code: str
+) -> None:
+    """Into `folder`, over an older one; `code` names the program that computed it.  Raises
+    InputError where it cannot be written (a full disk leaves the older one as it was)."""
     arrays = flatten(kept.moment, special)
     arrays |= {f"{FRAMES}/{k}": v for k, v in _stack_frames(kept.frames, kept.tips).items()}
     for name in kept.shapes[0] if kept.shapes else ():
         arrays[f"{SHAPES}/{name}"] = np.array([shape[name] for shape in kept.shapes])
-    arrays |= {"case": np.array(case), "version": np.array(__version__)}
+    arrays |= {"case": np.array(case), "code": np.array(code)}
     with output_file(folder / NAME) as part, part.open("wb") as file:
         np.savez(file, **arrays)
 
 
 def read_checkpoint(
     folder: Path, case: str, template: MotionHistory, special: Special
-) -> MotionHistory:
-    """The motion that `write_checkpoint` left, of which `template` is the beginning.
+) -> tuple[MotionHistory, str]:
+    """The motion that `write_checkpoint` left, of which `template` is the beginning, and the name
+    of the program that computed it.
 
-    Raises InputError for a file that is none, that is cut off, or that belongs to another case or
-    version."""
+    Raises InputError for a file that is none, that is cut off, whose state this program does not
+    have, or that belongs to another case."""
     path = folder / NAME
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -64,13 +66,8 @@ def read_checkpoint(
         raise InputError(f"{path}: there is no checkpoint to go on from") from None
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError) as error:
         raise InputError(f"{path}: is no whole checkpoint ({error}); run the case anew") from error
-    told = {key: str(arrays.pop(key, "")) for key in ("case", "version")}
-    if told["version"] != __version__:
-        raise InputError(
-            f"{path}: written by version {told['version'] or 'unknown'}, this is {__version__}; "
-            "run the case anew"
-        )
-    if told["case"] != case:
+    stated, code = (str(arrays.pop(key, "")) for key in ("case", "code"))
+    if stated != case:
         raise InputError(f"{path}: belongs to another case than {folder / 'case.toml'} says")
     own, seen = (_under(arrays, start) for start in (FRAMES, SHAPES))
     try:
@@ -79,7 +76,7 @@ def read_checkpoint(
         shapes = tuple({k: v[i] for k, v in seen.items()} for i in range(len(seen.get("time", ()))))
     except (KeyError, ValueError, TypeError, IndexError) as error:
         raise InputError(f"{path}: is no whole checkpoint ({error}); run the case anew") from error
-    return MotionHistory(moment, frames, tips, shapes)
+    return MotionHistory(moment, frames, tips, shapes), code
 
 
 def _under(arrays: dict[str, Any], start: str) -> dict[str, Any]:

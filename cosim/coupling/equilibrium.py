@@ -196,14 +196,24 @@ def moment_arms(finger: OpenFinger, e: Equilibrium) -> Array:
     return finger.jacobian(e.finger_state).T @ e.jacobian.load_tension
 
 
-def reciprocity(finger: OpenFinger, hood: Hood, e: Equilibrium, tendon: int, step: float) -> float:
-    """Relative difference of the moment arms by force and by excursion.
+NO_ARM = 1e-9
+"""m: a shorter moment arm is none."""
+
+
+def reciprocity(
+    finger: OpenFinger, hood: Hood, e: Equilibrium, tendon: int, step: float
+) -> float | None:
+    """Relative difference of the moment arms by force and by excursion; None for a tendon without
+    moment arms.
 
     By force: `moment_arms`.  By excursion: the slope of all tendons' excursions over two hood
     solves with the joints moved by +-`step` (rad) along the moment arms of `tendon` (Maxwell's
     reciprocity; the slope is what excursion experiments measure)."""
     by_force = moment_arms(finger, e)
-    way = by_force[:, tendon] / np.linalg.norm(by_force[:, tendon])
+    size = np.linalg.norm(by_force[:, tendon])
+    if size < NO_ARM:
+        return None
+    way = by_force[:, tendon] / size
     excursion = []
     for sign in (1.0, -1.0):
         move = np.zeros(len(finger.unknowns(e.finger_state)))

@@ -90,6 +90,11 @@ class FeView:
             **({"lateral_band_height_mm": heights} if heights else {}),
             "spring_force_N": dict(self.spring_force),
             **self.own_summary(),
+            **self.audit(),
+        }
+
+    def audit(self) -> Mapping[str, float]:
+        return {
             "max_penetration_mm": 1e3 * self.penetration,
             "guide_depth_mm": 1e3 * self.guide_depth,
             "hood_unstable_modes": self.unstable_modes,

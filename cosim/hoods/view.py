@@ -100,6 +100,10 @@ class HoodView(Protocol):
         """Numbers of this state; every key ends in its unit."""
         ...
 
+    def audit(self) -> Mapping[str, float]:
+        """Those numbers of the summary that have a bound."""
+        ...
+
     def change(self, before: Any) -> Mapping[str, Any]:
         """Numbers of this state less an earlier one of the same hood."""
         ...
@@ -128,10 +132,20 @@ def arrays_of(field: HoodField) -> dict[str, Array]:
     }
 
 
+def audit_arrays(view: HoodView) -> dict[str, Array]:
+    """A hood's audit as arrays by name."""
+    return {f"audit {name}": np.array(value) for name, value in view.audit().items()}
+
+
+def audit_of(arrays: Mapping[str, Array]) -> dict[str, float]:
+    """The audit that `audit_arrays` made the arrays of."""
+    return {k: float(v) for k, v in _under(arrays, "audit ").items()}
+
+
 def field_of(arrays: Mapping[str, Array], quads: np.ndarray) -> HoodField:
     """The hood that `arrays_of` made the arrays of, with its cells."""
+    return HoodField(arrays["points"], quads, _under(arrays, "point "), _under(arrays, "cell "))
 
-    def under(start: str) -> dict[str, Array]:
-        return {k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)}
 
-    return HoodField(arrays["points"], quads, under("point "), under("cell "))
+def _under(arrays: Mapping[str, Array], start: str) -> dict[str, Array]:
+    return {k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)}

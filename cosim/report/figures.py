@@ -15,6 +15,7 @@ import pandas as pd
 from cosim.errors import InputError, Progress
 from cosim.files import output_folder
 from cosim.report.templates import own_file, template
+from cosim.results.picture import write_figure
 from cosim.version import __version__
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def _picture(draw: Callable[[Sheet], None], size: tuple[float, float]) -> bytes:
 
     sheet, out = Blank(figsize=size, layout="constrained"), BytesIO()
     draw(sheet)
-    sheet.savefig(out, dpi=DPI, format="png")
+    write_figure(sheet, out, DPI)
     return out.getvalue()
 
 

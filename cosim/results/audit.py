@@ -17,6 +17,10 @@ class Bound:
 
 CLOSURE = "a hood is massless: its forces on the bones must balance the tendons' pulls on it"
 TOLERANCE = "write a smaller solve.tolerance"
+STEP = (
+    "hood and finger drift apart in time: write a smaller forward.step, a table forward.adaptive, "
+    'or coupling.scheme = "newton"'
+)
 BOUNDS = {
     "hood_force_balance": Bound(1e-9, CLOSURE),
     "hood_moment_balance": Bound(1e-9, CLOSURE),
@@ -28,6 +32,8 @@ BOUNDS = {
         f"augmented contact or friction can help, else {TOLERANCE}",
     ),
     "torque_balance_at_rest": Bound(1e-3, "write a longer forward.duration"),
+    "largest_interface_residual": Bound(0.05, STEP),
+    "energy_put_in_over_effort": Bound(0.01, STEP),
     "max_penetration_mm": Bound(
         0.02,
         'write a larger hood.contact.stiffness ("500 N/mm**3"), or hood.contact.penetration = '
@@ -43,8 +49,18 @@ BOUNDS = {
     ),
 }
 """By the figure's name in the summary: in its audit, or beside it."""
-POSTURE = "posture_in_range"
-BEYOND = "a joint stands far beyond its range of motion; hold the fingertip, or pull with less"
+POSTURE, AT_REST, LITTLE_DAMPING = "posture_in_range", "at_rest", "little_numerical_damping"
+MOST_DAMPING = 0.05
+"""Of the tendons' work that the method itself may take from a motion whose path is the result."""
+ADVICE = {
+    POSTURE: "a joint stands far beyond its range of motion; hold the fingertip, or pull with less",
+    AT_REST: "the finger still moves at the end (last_rate_rad_per_s, last_force_change_N); write "
+    "a longer forward.duration, damping or passive stiffness of the joints, hold the fingertip at "
+    "a point, or write forward.must_rest = false",
+    LITTLE_DAMPING: f"the method itself took more than {MOST_DAMPING:.0%} of the tendons' work "
+    f"(artificial_energy_over_effort), so that its path is damped; {STEP}",
+}
+"""What to try where a run misses what has no figure."""
 
 
 @dataclass(frozen=True)
@@ -79,9 +95,12 @@ def audit_figures(summary: Mapping[str, Any]) -> dict[str, float]:
     return {**summary.get("audit", {}), **beside}
 
 
-def missed_bounds(figures: Mapping[str, float]) -> list[str]:
-    """The names of the figures that are beyond their bounds or not a number."""
-    return [n for n, bound in BOUNDS.items() if n in figures and not figures[n] <= bound.most]
+def missed_bounds(summary: Mapping[str, Any], **kept: bool) -> list[str]:
+    """What a run missed: the figures of its summary that are beyond their bounds or not a number,
+    and those names of `ADVICE` that are not `kept`."""
+    figures = audit_figures(summary)
+    missed = [n for n, bound in BOUNDS.items() if n in figures and not figures[n] <= bound.most]
+    return [*missed, *(name for name, held in kept.items() if not held)]
 
 
 def describe_misses(summary: Mapping[str, Any]) -> Iterator[str]:
@@ -90,7 +109,8 @@ def describe_misses(summary: Mapping[str, Any]) -> Iterator[str]:
     for name in summary.get("audit_missed", ()):
         words = name.replace("_", " ")
         if name in BOUNDS and name in figures:
-            bound = BOUNDS[name]
-            yield f"{words} is {figures[name]:.2g}, more than {bound.most:g}: {bound.advice}"
+            bound, value = BOUNDS[name], figures[name]
+            beyond = f"more than {bound.most:g}" if value > bound.most else "no number"
+            yield f"{words} is {value:.2g}, {beyond}: {bound.advice}"
         else:
-            yield f"{words}: {BEYOND}" if name == POSTURE else words
+            yield f"{words}: {ADVICE[name]}" if name in ADVICE else words

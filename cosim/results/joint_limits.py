@@ -12,6 +12,10 @@ from cosim.port import Array
 
 NEAR = float(np.radians(0.1))
 """A joint nearer than that to a limit, or beyond it, stands at it."""
+BEYOND = float(np.radians(10.0))
+"""A joint further beyond its range of motion than this stands where no finger can."""
+HYPEREXTENDED = {"DIP": float(np.radians(25.0))}
+"""The same below a joint's range: a boutonniere finger's DIP stands 15 deg in hyperextension."""
 Limits = Mapping[str, Sequence[tuple[float, float]]]
 """rad by joint, the lower and the upper end of each kind of limit."""
 
@@ -29,6 +33,19 @@ def limits_of(case: Case, ranges: Mapping[str, tuple[float, float]]) -> Limits:
     half = None if limit is None else limit.half_range
     about = {} if half is None else {j: (q - half, q + half) for j, q in posture.items()}
     return {j: [about[j], r] if j in about else [r] for j, r in ranges.items()}
+
+
+def is_in_range(
+    joints: Sequence[str], angles: Array, ranges: Mapping[str, tuple[float, float]]
+) -> bool:
+    """Whether no joint stands further beyond its range of motion (rad) than a limit lets it, in a
+    posture (nq,) rad or in any of several (n, nq)."""
+    by_joint = dict(zip(joints, np.atleast_2d(angles).T, strict=True))
+    return all(
+        by_joint[joint].min() >= low - HYPEREXTENDED.get(joint, BEYOND)
+        and by_joint[joint].max() <= high + BEYOND
+        for joint, (low, high) in ranges.items()
+    )
 
 
 def limit_at(angle: float, limits: Sequence[tuple[float, float]]) -> tuple[float, float] | None:

@@ -15,13 +15,13 @@ from cosim.coupling.checkpoint import MotionHistory
 from cosim.coupling.motion import MotionFrame, MotionState
 from cosim.fingers.kinds import tip_support_kind
 from cosim.fmu.finger import OPEN
-from cosim.hoods.view import field_of, hood_field
+from cosim.hoods.view import audit_of, field_of, hood_field
 from cosim.port import AXES, Array
 from cosim.results.air import air_data, air_end
 from cosim.results.arrays import Arrays
-from cosim.results.audit import missed_bounds
+from cosim.results.audit import MOST_DAMPING, missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis
-from cosim.results.joint_limits import joints_ever_at_limit, limits_of
+from cosim.results.joint_limits import is_in_range, joints_ever_at_limit, limits_of
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
@@ -67,7 +67,7 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         "case": case.name,
         "version": __version__,
         "frame": FRAME,
-        "converged": True,
+        "converged": moved.failure is None,
         "wall_s": round(wall, 4),
         "fingertip_device": tip_support_kind(case.finger),
         "came_to_rest": moved.rest.is_reached,
@@ -84,11 +84,24 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         "energy_mJ": energy,
         "largest_interface_residual": max(f.residual for f in frames),
         "coupling_scheme": case.coupling.scheme,
-        "audit": {**audit, **_balance_at_rest(moved), "artificial_energy_over_effort": artificial},
+        **_largest_of_hood(moved),
+        "audit": {
+            **audit,
+            **_balance_at_rest(moved),
+            "artificial_energy_over_effort": abs(artificial),
+            "energy_put_in_over_effort": max(-artificial, 0.0),
+        },
         "rest": {"exempt": NO_UNLOADED},
         "iterations": {"steps": len(frames) - 1, "hood_solves": end.coupled.solves},
     }
-    out["audit_missed"] = missed_bounds(out["audit"])
+    out["audit_missed"] = missed_bounds(
+        out,
+        posture_in_range=is_in_range(finger.joints, np.array([f.angles for f in frames]), t.ranges),
+        at_rest=moved.rest.is_reached or not moved.must_rest,
+        little_numerical_damping=moved.must_rest or artificial <= MOST_DAMPING,
+    )
+    if moved.failure is not None:
+        out["failure"] = str(moved.failure)
     if at_limit := _at_limits(case, moved):
         out["joints_at_limit"] = at_limit
     if case.forward is not None and case.forward.adaptive is not None:
@@ -110,6 +123,16 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
     return out
 
 
+def _largest_of_hood(moved: SolvedMotion) -> dict[str, float]:
+    """The hood's own figures that have a bound, the largest of its end and of its stored shapes."""
+    t, kept = moved.models, moved.history
+    if t.view is None:
+        return {}
+    end = t.view(kept.moment.coupled.hood).audit()
+    every = [end, *(audit_of(shape) for shape in kept.shapes)]
+    return {name: max(figures[name] for figures in every) for name in end}
+
+
 def _muscle(case: Case, name: str, length: float) -> dict[str, Any]:
     tendon = case.tendons[name]
     return {
@@ -123,7 +146,7 @@ def _muscle(case: Case, name: str, length: float) -> dict[str, Any]:
 
 def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     """mJ, where the work of tendons and gravity went since the start; and what the method took from
-    it or gave to it, over the tendons' work without its signs."""
+    it (negative: gave to it), over the tendons' work without its signs."""
     t, frames, end = moved.models, moved.history.frames, moved.history.moment
     done = end.coupled.energy
     stored = done.tendons - done.hood
@@ -151,7 +174,7 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
         "artificial": artificial,
     }
     in_mJ = {name: 1e3 * value for name, value in energy.items()}
-    return in_mJ, abs(artificial) / max(done.effort, 1e-12)
+    return in_mJ, artificial / max(done.effort, 1e-12)
 
 
 def _at_limits(case: Case, moved: SolvedMotion) -> dict[str, dict[str, float]]:

@@ -126,6 +126,7 @@ OF_RUN = (
     "audit.reciprocity",
     "audit.torque_balance_at_rest",
     "audit.artificial_energy_over_effort",
+    "audit.energy_put_in_over_effort",
     "audit.last_turn_rad",
     "iterations.coupling",
     "iterations.newton",

@@ -20,6 +20,7 @@ from cosim.results.compare import Target, compare_with_targets, read_json
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.quantities import check_quantities
 from cosim.results.result import Result
+from cosim.results.write import with_nan
 
 T = TypeVar("T")
 
@@ -42,6 +43,11 @@ def _read_run(folder: Path) -> Result:
             "for example runs/isometric_edc"
         )
     summary = _read(folder / "summary.json", _summary)
+    if summary.get("converged") is False:
+        raise InputError(
+            f"{folder}: is no result but what a motion had reached when it failed "
+            f"({summary.get('failure', '')}); results.nc and hood.pvd show it"
+        )
     own = folder / "comparison.json"
     hood = _read(folder / "hood.vtu", _hood) if (folder / "hood.vtu").is_file() else None
     return Result(
@@ -101,7 +107,7 @@ def _summary(path: Path) -> Mapping[str, Any]:
             "an earlier version wrote it, with forces by place as distal, palmar, radial; now they "
             "go by the axes distal, radial, dorsal: run the case again"
         )
-    return content
+    return with_nan(content)
 
 
 def _arrays(path: Path) -> Arrays:

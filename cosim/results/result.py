@@ -15,6 +15,7 @@ from cosim.results.audit import Audit
 from cosim.results.compare import Comparison
 from cosim.results.conventions import COMPONENTS, by_axis
 from cosim.results.parts import CaseParts, Scene
+from cosim.results.picture import as_plain_text, write_figure
 from cosim.results.write import copy_run, write_run
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ class Result(CaseParts):
 
         Raises InputError for a kind that this run does not have, or a file that cannot be
         written."""
-        figure = self._figure(kind)
+        figure = as_plain_text(self._figure(kind))
         if path is not None:
             known, ending = figure.canvas.get_supported_filetypes(), _ending(path)
             if ending not in known:
@@ -128,7 +129,7 @@ class Result(CaseParts):
                     f"{path}: a figure is not written as {ending!r}; {', '.join(known)} are known"
                 )
             with output_file(Path(path)) as part:
-                figure.savefig(part, format=ending, dpi=150)
+                write_figure(figure, part, 150, ending)
         return figure
 
     def _figure(self, kind: Plot) -> Figure:
@@ -180,14 +181,15 @@ class Result(CaseParts):
 
     def save(self, folder: str | Path) -> Path:
         """Write the run to `folder`/<case name> and return that path; a run that was read is copied
-        as it was left.
+        as it was left.  A picture or table that cannot be made is a warning.
 
         Raises InputError where it cannot be written."""
-        return (
-            write_run(folder, self)
-            if self.folder is None
-            else copy_run(folder, self.case, self.folder)
-        )
+        if self.folder is not None:
+            return copy_run(folder, self.case, self.folder)
+        target, lacking = write_run(folder, self)
+        for fault in lacking:
+            warnings.warn(fault, stacklevel=2)
+        return target
 
     def _repr_html_(self) -> str:
         """A notebook's view: the first numbers in tables, and the picture."""
@@ -196,7 +198,7 @@ class Result(CaseParts):
         png = self.picture("picture")
         if png is None:
             file = BytesIO()
-            self.plot().savefig(file, format="png", dpi=72)
+            write_figure(self.plot(), file, 72)
             png = file.getvalue()
         return html_of(self.title, str(self.audit), self.summary, png)
 

@@ -16,9 +16,9 @@ from cosim.fmu.finger import OPEN
 from cosim.hoods.view import HoodView
 from cosim.port import AXES, Array, Finger
 from cosim.results.arrays import Arrays
-from cosim.results.audit import POSTURE, audit_figures, missed_bounds
+from cosim.results.audit import missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis, vector_of
-from cosim.results.joint_limits import Limits, joints_at_limit, limits_of
+from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.one_way import one_way_summary
 from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
@@ -30,10 +30,6 @@ from cosim.version import __version__
 
 Books = Mapping[str, Array]
 """(nb, 6) wrenches on the bodies by source, as of `Finger.ledger`."""
-BEYOND = float(np.radians(10.0))
-"""A joint further beyond its range of motion than this stands where no finger can."""
-HYPEREXTENDED = {"DIP": float(np.radians(25.0))}
-"""The same below a joint's range: a boutonniere finger's DIP stands 15 deg in hyperextension."""
 
 
 def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Result:
@@ -84,9 +80,10 @@ def summary(
             audit["interface_residual"] = loaded.interface_residual
     if states.reciprocity is not None:
         audit["reciprocity"] = states.reciprocity
-    missed = missed_bounds(audit_figures({**now, "audit": audit}))
-    if loaded.balance is not None and _beyond_ranges(models, loaded):
-        missed.append(POSTURE)
+    missed = missed_bounds(
+        {**now, "audit": audit},
+        posture_in_range=loaded.balance is None or _is_in_range(models, loaded),
+    )
     newton = getattr(loaded.response.state, "iterations", 0)
     iterations = {"coupling": loaded.iterations, "newton": newton}
     rest = rest_block(now, before, models.hood.tendons)
@@ -105,14 +102,9 @@ def summary(
     return {**head, **now, **beside}
 
 
-def _beyond_ranges(models: Models, e: Equilibrium) -> bool:
-    """Whether a joint stands further beyond its range of motion than a limit lets it."""
-    ranges, finger = joint_ranges(models.finger), models.finger
-    angles = dict(zip(finger.joints, finger.angles(e.finger_state), strict=True))
-    return any(
-        not low - HYPEREXTENDED.get(joint, BEYOND) <= angles[joint] <= high + BEYOND
-        for joint, (low, high) in ranges.items()
-    )
+def _is_in_range(models: Models, e: Equilibrium) -> bool:
+    finger = models.finger
+    return is_in_range(finger.joints, finger.angles(e.finger_state), joint_ranges(finger))
 
 
 def _muscles(case: Case, models: Models, states: States) -> dict[str, Any]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import csv
 import json
 import logging
+import math
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,39 +20,43 @@ from cosim.files import replace_folder
 from cosim.hoods.view import HoodField
 from cosim.results.conventions import FRAME
 from cosim.results.parts import LEDGER_HEADER, CaseParts, LedgerRow
+from cosim.results.picture import write_figure
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+T = TypeVar("T")
+NOT_FINITE = "not_finite"
+"""The key of a written summary under which the keys stand whose numbers are none."""
 
 
-def write_run(folder: str | Path, run: CaseParts) -> Path:
-    """Write a run to `folder`/<case name> and return that path.
+def write_run(folder: str | Path, run: CaseParts) -> tuple[Path, tuple[str, ...]]:
+    """Write a run to `folder`/<case name>; that path, and what could not be made beside summary,
+    arrays and case, a line each.
 
     Raises InputError where the folder cannot be written, or where something that is not a run
     stands in its place."""
-    return _whole(folder, run.case, lambda part: _write_files(part, run))
+    return _whole(folder, run.case, lambda part: write_files(part, run))
 
 
 def copy_run(folder: str | Path, name: str, left: Path) -> Path:
     """Copy the folder of a run to `folder`/`name`; as `write_run`."""
-    return _whole(folder, name, lambda part: shutil.copytree(left, part, dirs_exist_ok=True))
+    target, _ = _whole(folder, name, lambda part: shutil.copytree(left, part, dirs_exist_ok=True))
+    return target
 
 
-def _whole(folder: str | Path, name: str, fill: Callable[[Path], object]) -> Path:
+def _whole(folder: str | Path, name: str, fill: Callable[[Path], T]) -> tuple[Path, T]:
     """Filled beside its place and moved there once complete, so that an older run is replaced by a
-    whole new one or not at all."""
+    whole new one or not at all; its place, and what `fill` returned."""
     target = Path(folder) / name
     check_target(folder, name)
     part = target.with_name(f".{name}.{os.getpid()}.part")
     try:
         part.mkdir()
-        fill(part)
+        filled = fill(part)
         replace_folder(target, part)
     except OSError as error:
         raise _unwritable(target, error) from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
-    return target
+    return target, filled
 
 
 def check_target(folder: str | Path, name: str) -> None:
@@ -78,43 +83,92 @@ def _unwritable(target: Path, error: OSError) -> InputError:
     return InputError(f"{target}: cannot be written ({reason}); choose another folder with --out")
 
 
-def _write_files(folder: Path, run: CaseParts) -> None:
-    summary = json.dumps(run.summary, indent=2, default=plain, allow_nan=False)
-    (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
+def write_files(folder: Path, run: CaseParts) -> tuple[str, ...]:
+    """Write a run's files: case, summary and arrays, then all that can be made of them; what could
+    not be made, a line each.  Raises OSError where the folder cannot be written."""
     (folder / "case.toml").write_text(moved_toml(run.case_text, folder), encoding="utf-8")
+    summary = json.dumps(without_nan(run.summary), indent=2, default=plain, allow_nan=False)
+    (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
     run.arrays.write(folder / "results.nc")
-    _write_ledger(folder / "ledger.csv", run.rows)
-    if run.hood is not None:
-        _write_hood(folder / "hood.vtu", run.hood)
+    lacking = []
+    for name, write in _further_files(run):
+        try:
+            write(folder / name)
+        except OSError:
+            raise
+        except Exception as error:  # what is solved is not lost to a picture of it
+            (folder / name).unlink(missing_ok=True)
+            lacking.append(f"{name} could not be made ({type(error).__name__}: {error})")
+    return tuple(lacking)
+
+
+def _further_files(run: CaseParts) -> Iterator[tuple[str, Callable[[Path], object]]]:
+    """What shows a run's numbers, by the file's name, and what writes it."""
+    yield "ledger.csv", lambda path: _write_ledger(path, run.rows)
+    if (hood := run.hood) is not None:
+        yield "hood.vtu", lambda path: _write_hood(path, hood)
     if run.scene.frames:
-        _write_frames(folder, run.scene.frames)
-    if run.case_table.get("output", {}).get("picture", True):
-        _draw(folder, run)
-
-
-def _draw(folder: Path, run: CaseParts) -> None:
+        yield "hood.pvd", lambda path: _write_frames(path, run.scene.frames)
+    if not run.case_table.get("output", {}).get("picture", True):
+        return
     # where its own folder cannot be written to, matplotlib warns twice and works on
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    yield "picture.png", lambda path: _draw_scene(path, run)
+    if run.rows:
+        yield "ledger.png", lambda path: _draw_ledger(path, run)
+    if run.axis == "time":
+        yield "history.png", lambda path: _draw_history(path, run)
+
+
+def _draw_scene(path: Path, run: CaseParts) -> None:
     from cosim.results.scene_plot import draw
 
-    _write_png(draw(run.scene, run.title), folder / "picture.png", dpi=150)
-    if run.rows:
-        from cosim.results.ledger_plot import draw_ledger
-
-        _write_png(draw_ledger(run.rows, run.title), folder / "ledger.png", dpi=130)
-    if run.axis == "time":
-        from cosim.results.history_plot import draw_history
-
-        _write_png(draw_history(run.data, run.title), folder / "history.png", dpi=130)
+    write_figure(draw(run.scene, run.title), path, 150)
 
 
-def _write_png(figure: Figure, path: Path, dpi: int) -> None:
-    """Draw once; `Figure.savefig` draws twice, first to nowhere."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+def _draw_ledger(path: Path, run: CaseParts) -> None:
+    from cosim.results.ledger_plot import draw_ledger
 
-    figure.set_dpi(dpi)
-    # of 1 to 9: half of the time of 6, which is usual, for a file a tenth larger
-    FigureCanvasAgg(figure).print_png(path, pil_kwargs={"compress_level": 3})
+    write_figure(draw_ledger(run.rows, run.title), path, 130)
+
+
+def _draw_history(path: Path, run: CaseParts) -> None:
+    from cosim.results.history_plot import draw_history
+
+    write_figure(draw_history(run.data, run.title), path, 130)
+
+
+def without_nan(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """A summary for JSON, which has no numbers that are not finite: null in their places, and under
+    `NOT_FINITE` for each its keys and its value as text."""
+    lost: list[list[str | int]] = []
+
+    def clean(value: Any, *keys: str | int) -> Any:
+        match value:
+            case Mapping():
+                return {k: clean(v, *keys, str(k)) for k, v in value.items()}
+            case list() | tuple():
+                return [clean(v, *keys, i) for i, v in enumerate(value)]
+            case np.generic() | np.ndarray():
+                return clean(value.tolist(), *keys)
+            case float() if not math.isfinite(value):
+                lost.append([*keys, str(value)])
+                return None
+        return value
+
+    out: dict[str, Any] = clean(summary)
+    return {**out, NOT_FINITE: lost} if lost else out
+
+
+def with_nan(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """The summary of which `without_nan` made one for JSON."""
+    out = {key: value for key, value in summary.items() if key != NOT_FINITE}
+    for *way, last, value in summary.get(NOT_FINITE, ()):
+        place: Any = out
+        for key in way:
+            place = place[key]
+        place[last] = float(value)
+    return out
 
 
 def plain(value: Any) -> Any:
@@ -135,9 +189,10 @@ def _write_ledger(path: Path, ledger: tuple[LedgerRow, ...]) -> None:
             )
 
 
-def _write_frames(folder: Path, frames: Sequence[tuple[float, HoodField]]) -> None:
+def _write_frames(path: Path, frames: Sequence[tuple[float, HoodField]]) -> None:
     """`hood.pvd`, which ParaView opens, with a .vtu for each frame in `hood_frames`."""
-    (folder / "hood_frames").mkdir()
+    folder = path.parent
+    (folder / "hood_frames").mkdir(exist_ok=True)
     sets = []
     for i, (time, hood) in enumerate(frames):
         name = f"hood_frames/{i:04d}.vtu"
@@ -150,7 +205,7 @@ def _write_frames(folder: Path, frames: Sequence[tuple[float, HoodField]]) -> No
 {"".join(sets)}</Collection>
 </VTKFile>
 """
-    (folder / "hood.pvd").write_text(text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
 
 
 def _write_hood(path: Path, hood: HoodField) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,8 @@ class Text:
     """What a JSON Schema says of it; `title` is its form in words."""
     pattern: Callable[[], str] | None = None
     """The regular expression of the text, made where it is asked for."""
+    kind: Kind | None = None
+    """Of which kind a quantity is."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
         write = core_schema.plain_serializer_function_ser_schema(self.write, when_used="json")
@@ -38,6 +41,28 @@ class Text:
 def fault(message: str) -> PydanticCustomError:
     """A fault in the words that the user will read."""
     return PydanticCustomError("fault", "{message}", {"message": message})
+
+
+def check_texts(values: Any, *place: str) -> None:
+    """Raise a fault where a name or a text among `values` holds what no file can: half of a
+    character, or a control character that no line of text has."""
+    match values:
+        case str():
+            if wrong := next((c for c in values if _has_no_place_in_a_file(c)), None):
+                where = ".".join(place)
+                raise fault(f"{where}: holds the character U+{ord(wrong):04X}, which no file can")
+        case dict():
+            for key, value in values.items():
+                check_texts(key, *place, repr(key))
+                check_texts(value, *place, str(key))
+        case list() | tuple():
+            for i, value in enumerate(values):
+                check_texts(value, *place, str(i))
+
+
+def _has_no_place_in_a_file(character: str) -> bool:
+    kind = unicodedata.category(character)
+    return kind == "Cs" or (kind == "Cc" and character not in "\n\r\t")
 
 
 def is_number(value: object) -> TypeGuard[float]:
@@ -82,7 +107,7 @@ def quantity(
     def pattern() -> str:
         return units.pattern(kind) + (f"|^{word}$" if word else "")
 
-    return Text(read, write, (("title", form), ("examples", (kind.example,))), pattern)
+    return Text(read, write, (("title", form), ("examples", (kind.example,))), pattern, kind)
 
 
 def name_of(what: str, names: tuple[str, ...], also: tuple[str, ...] = ()) -> Text:

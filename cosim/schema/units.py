@@ -73,12 +73,15 @@ _UNIT = re.compile(rf"{_FACTOR}(?:{_TIMES}{_FACTOR}){{0,5}}")
 
 @dataclass(frozen=True)
 class Kind:
-    """A physical quantity: its name, the unit it is best read in, its SI unit, an example."""
+    """A physical quantity: its name, the unit it is best read in, its SI unit, an example, and
+    between what values those of a finger usually lie (assumed: a tenth of what is known and less,
+    ten times and more); empty where nothing is usual."""
 
     name: str
     unit: str
     si: str
     example: str
+    usual: tuple[str, str] | tuple[()] = ()
 
     @property
     def advice(self) -> str:
@@ -87,22 +90,24 @@ class Kind:
         return f'write {article} {self.name} with its unit, for example "{self.example}"'
 
 
-LENGTH = Kind("length", "mm", "m", "0.6 mm")
-FORCE = Kind("force", "N", "N", "3.4 N")
-AREA = Kind("area", "mm**2", "m**2", "1.5 mm**2")
-PRESSURE = Kind("pressure", "MPa", "Pa", "105 MPa")
+LENGTH = Kind("length", "mm", "m", "0.6 mm", ("0.001 mm", "500 mm"))
+FORCE = Kind("force", "N", "N", "3.4 N", ("0.001 N", "500 N"))
+AREA = Kind("area", "mm**2", "m**2", "1.5 mm**2", ("0.001 mm**2", "50 mm**2"))
+PRESSURE = Kind("pressure", "MPa", "Pa", "105 MPa", ("0.0001 MPa", "50000 MPa"))
 ANGLE = Kind("angle", "deg", "rad", "30 deg")
 ARM_SLOPE = Kind("length per angle", "mm/rad", "m/rad", "2.4 mm/rad")
 ACCELERATION = Kind("acceleration", "m/s**2", "m/s**2", "9.81 m/s**2")
-STIFFNESS = Kind("stiffness", "N/mm", "N/m", "1000 N/mm")
-CONTACT_STIFFNESS = Kind("pressure per length", "N/mm**3", "N/m**3", "100 N/mm**3")
+STIFFNESS = Kind("stiffness", "N/mm", "N/m", "1000 N/mm", ("0.001 N/mm", "1e6 N/mm"))
+CONTACT_STIFFNESS = Kind(
+    "pressure per length", "N/mm**3", "N/m**3", "100 N/mm**3", ("0.1 N/mm**3", "1e5 N/mm**3")
+)
 LIMIT_STIFFNESS = Kind("torque per angle", "N*m/deg", "N*m/rad", "20 N*m/deg")
 JOINT_STIFFNESS = Kind("torque per angle", "N*m/rad", "N*m/rad", "0.04 N*m/rad")
 FREQUENCY = Kind("frequency", "Hz", "Hz", "2 Hz")
-MASS = Kind("mass", "g", "kg", "15 g")
+MASS = Kind("mass", "g", "kg", "15 g", ("0.01 g", "1000 g"))
 INERTIA = Kind("moment of inertia", "kg*mm**2", "kg*m**2", "22 kg*mm**2")
 TORQUE = Kind("torque", "N*mm", "N*m", "20 N*mm")
-TIME = Kind("time", "s", "s", "2 s")
+TIME = Kind("time", "s", "s", "2 s", ("1e-6 s", "100 s"))
 JOINT_DAMPING = Kind("torque per rate", "N*m*s/rad", "N*m*s/rad", "0.001 N*m*s/rad")
 LIMIT_DAMPING = Kind("torque per rate", "N*m*s/deg", "N*m*s/rad", "0.01 N*m*s/deg")
 DISSIPATION = Kind("time per length", "s/m", "s/m", "0.99 s/m")

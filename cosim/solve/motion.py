@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ import numpy as np
 
 from cosim.build.motion import MovingModels, moving_models
 from cosim.build.states import special_states
+from cosim.case.cache_key import code_version
 from cosim.case.file import moved_toml, resolved_toml
 from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.adaptive import Control
@@ -20,8 +20,8 @@ from cosim.coupling.motion import CoupledMotion, MotionState, motion_states
 from cosim.coupling.paced import adaptive_states
 from cosim.coupling.state_arrays import Special
 from cosim.errors import ConvergenceError, InputError, Progress, StoppedError, quiet
-from cosim.files import output_file
-from cosim.hoods.view import HoodView, arrays_of, hood_field
+from cosim.files import output_file, shown_path
+from cosim.hoods.view import HoodView, arrays_of, audit_arrays, hood_field
 from cosim.port import Array, State
 from cosim.solve.session import Session
 
@@ -60,13 +60,18 @@ class SolvedMotion:
     models: MovingModels
     history: MotionHistory
     rest: RestCheck
+    must_rest: bool
+    """Whether the case asks for a finger at rest."""
+    failure: ConvergenceError | None = None
+    """Why a step was not made, of a motion that did not reach its end."""
 
 
 def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> SolvedMotion:
-    """The motion of a case with a table [forward].  With `session.checkpoints` it keeps checkpoints
-    there, and goes on from one that is there.
+    """The motion of a case with a table [forward], up to a step that is not made where there is
+    one.  With `session.checkpoints` it keeps checkpoints there, and goes on from one that is there.
 
-    Raises InputError, ConvergenceError, and StoppedError where Ctrl-C ends it."""
+    Raises InputError, ConvergenceError where not one step is made, and StoppedError where Ctrl-C
+    ends it."""
     forward = case.forward
     assert forward is not None
     progress("building the models")
@@ -81,9 +86,12 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
     )
     keeper = _keeper(case, forward, both, session.checkpoints, progress)
     if keeper is not None and (keeper.folder / NAME).exists():
-        kept = keeper.read(kept)
+        kept, code = keeper.read(kept)
+        if code != code_version():
+            progress(f"kept by another version of the program ({code}): last digits may differ")
         progress(f"going on from t = {kept.moment.coupled.time:.6g} s")
     frames, tips, shapes = list(kept.frames), list(kept.tips), list(kept.shapes)
+    failure = None
     try:
         for done, now in _on(both.moves, forward, kept, progress):
             frames += [both.moves.frame(at) for at in now]
@@ -93,6 +101,12 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
             kept = MotionHistory(now[-1], frames, tips, shapes)
             if keeper is not None and keeper.is_due(done):
                 keeper.write(kept)
+    except ConvergenceError as error:
+        if len(frames) == 1:
+            raise
+        failure = error
+        if keeper is not None:
+            keeper.write(kept)
     except KeyboardInterrupt:
         if keeper is None:
             raise
@@ -101,10 +115,7 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
             f"stopped at t = {kept.moment.coupled.time:.6g} s of {forward.duration:g} s; all up to "
             f"there is kept. Go on with: cosim resume {keeper.folder}"
         ) from None
-    rest = _rest(kept)
-    if forward.must_rest:
-        _check_rest(forward, rest)
-    return SolvedMotion(both, kept, rest)
+    return SolvedMotion(both, kept, _rest(kept), forward.must_rest, failure)
 
 
 @dataclass(frozen=True)
@@ -134,8 +145,8 @@ class ShapeRecorder:
 
     def _shape(self, at: MotionState) -> Mapping[str, Array]:
         assert self.view is not None
-        field = hood_field(self.view(at.coupled.hood))
-        return {"time": np.array(at.coupled.time), **arrays_of(field)}
+        view, time = self.view(at.coupled.hood), np.array(at.coupled.time)
+        return {"time": time, **arrays_of(hood_field(view)), **audit_arrays(view)}
 
 
 @dataclass
@@ -154,10 +165,10 @@ class _Keeper:
         return done % self.every == 0
 
     def write(self, kept: MotionHistory) -> None:
-        write_checkpoint(self.folder, self.case, kept, self.special)
+        write_checkpoint(self.folder, self.case, kept, self.special, code_version())
         self.last = time.monotonic()
 
-    def read(self, template: MotionHistory) -> MotionHistory:
+    def read(self, template: MotionHistory) -> tuple[MotionHistory, str]:
         return read_checkpoint(self.folder, self.case, template, self.special)
 
 
@@ -184,10 +195,20 @@ def _keeper(
         return None
     text = moved_toml(resolved_toml(case), folder)
     if _case_in(folder) != text:
-        shutil.rmtree(folder, ignore_errors=True)
+        if (folder / NAME).is_file():
+            raise InputError(_of_another(folder))
         with output_file(folder / "case.toml") as part:
             part.write_text(text, encoding="utf-8")
     return _Keeper(folder, text, special, forward.checkpoint)
+
+
+def _of_another(folder: Path) -> str:
+    where = shown_path(folder)
+    return (
+        f"{where}: holds a part of a run of another case of this name, which {where}/case.toml "
+        f"states. Go on with that one: cosim resume {where}; or add --restart to throw it away, "
+        "or choose another --out"
+    )
 
 
 def checkpoint_folder(case: Case, checkpoints: Path | None) -> Path | None:
@@ -197,12 +218,19 @@ def checkpoint_folder(case: Case, checkpoints: Path | None) -> Path | None:
     return checkpoints / f"{case.name}{UNFINISHED}"
 
 
-def has_begun(case: Case, checkpoints: Path) -> bool:
-    """Whether a part of this very case is kept there."""
+def check_not_begun(case: Case, checkpoints: Path) -> None:
+    """Raises InputError where a part of this case, or of another one of its name, is kept there,
+    which a new run would throw away."""
     folder = checkpoint_folder(case, checkpoints)
     if folder is None or not (folder / NAME).is_file():
-        return False
-    return _case_in(folder) == moved_toml(resolved_toml(case), folder)
+        return
+    if _case_in(folder) != moved_toml(resolved_toml(case), folder):
+        raise InputError(_of_another(folder))
+    where = shown_path(folder)
+    raise InputError(
+        f"{where}: holds a part of this run, which was stopped, killed or failed. Go on with: "
+        f"cosim resume {where}; or add --restart to begin anew"
+    )
 
 
 def _case_in(folder: Path) -> str | None:
@@ -232,14 +260,3 @@ def _rest(kept: MotionHistory) -> RestCheck:
     rates = np.array([kept.frames[k].rates for k in last])
     forces = np.array([kept.tips[k][:3] for k in last])
     return RestCheck(float(np.abs(rates).max()), float(np.abs(forces - forces[-1]).max()))
-
-
-def _check_rest(forward: ForwardConfig, rest: RestCheck) -> None:
-    if not rest.is_reached:
-        raise ConvergenceError(
-            f"the finger did not come to rest in {forward.duration:g} s: over the last {WINDOW:g} "
-            f"s a joint turned at up to {rest.rate:.1e} rad/s (at rest: {RATE:g}) and the "
-            f"fingertip force changed by up to {rest.change:.1e} N ({CHANGE:g}). Try a longer "
-            "motion, damping or passive stiffness of the joints, a tip that is held at a point, or "
-            "write forward.must_rest = false"
-        )

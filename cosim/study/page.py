@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.report.templates import own_file, template
 from cosim.results.compare import Target, number, reference_text
+from cosim.results.picture import write_figure
 from cosim.study import plots as pictures
 from cosim.study.answers import Band, Indices
 from cosim.study.distributions import GridAxis, Law, Lognormal, Normal, TruncatedNormal, Uniform
@@ -170,5 +171,5 @@ def _picture(figure: Figure | None) -> str:
     if figure is None:
         return ""
     out = BytesIO()
-    figure.savefig(out, dpi=DPI, format="png")
+    write_figure(figure, out, DPI)
     return b64encode(out.getvalue()).decode("ascii")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError, say
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import wrenches
@@ -294,6 +294,7 @@ class ShellHood:
                 return self._solve_or_halve(state, motion, tension, halvings)
             if halvings == 0:
                 return self._relax(state, motion, tension, error)
+        say(f"the hood finds no equilibrium in one step; half of it first ({halvings} are left)")
         before = state.solution.tension if state.solution else 0.0 * tension
         half = interpolate_motion(state.motion, motion, 0.5)
         middle = self._solve_or_halve(state, half, (before + tension) / 2, halvings - 1)

@@ -18,7 +18,7 @@ from cosim.cli import COMMANDS, app
 from cosim.commands.glossary import read_glossary
 from cosim.errors import ConvergenceError, InputError
 from cosim.results.arrays import Arrays
-from cosim.results.audit import BEYOND, BOUNDS, POSTURE, missed_bounds
+from cosim.results.audit import ADVICE, BOUNDS, missed_bounds
 from cosim.results.parts import LedgerRow, Scene
 from cosim.results.result import Result
 from cosim.solve import session
@@ -139,17 +139,17 @@ def test_a_case_that_does_not_converge_does_not_stop_the_others(solver, tmp_path
     assert [p.name for p in (tmp_path / "runs").iterdir()] == ["isometric_ei"]
 
 
-@pytest.mark.parametrize("name", [*BOUNDS, POSTURE])
+@pytest.mark.parametrize("name", [*BOUNDS, *ADVICE])
 @pytest.mark.parametrize("voice", [(), ("--quiet",), ("--json",)])
 def test_a_missed_audit_is_said_last_and_is_an_exit_code(solver, tmp_path, name, voice):
-    figures = {} if name == POSTURE else {name: BOUNDS[name].most + 1}
+    figures = {} if name in ADVICE else {name: BOUNDS[name].most + 1}
     assert missed_bounds(figures) == list(figures)
     solver.summary = SUMMARY | {"audit": figures, "audit_missed": [name]}
     done = cosim("run", "isometric_edc", *voice)
     assert done.exit_code == 3
     *_, loud, reason = done.stderr.splitlines()
     assert loud == "cosim: isometric_edc: THE AUDIT IS MISSED, do not trust this result"
-    advice = BEYOND if name == POSTURE else BOUNDS[name].advice
+    advice = ADVICE[name] if name in ADVICE else BOUNDS[name].advice
     assert reason.endswith(advice)
     assert reason.strip().startswith(name.replace("_", " "))
     assert (tmp_path / "runs" / "isometric_edc" / "summary.json").is_file()

@@ -128,8 +128,8 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path, mon
 
 
 def test_rest_is_looked_for_over_the_same_time(tmp_path: Path):
-    with pytest.raises(ConvergenceError, match=r"did not come to rest in 0\.06 s"):
-        run_motion_case(forward("0.1 deg").replace("must_rest=false,", ""))
+    run = run_motion_case(forward("0.1 deg").replace("must_rest=false,", ""))
+    assert "at_rest" in run.audit.missed
 
 
 def test_without_it_steps_are_as_long_as_stated(fine):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from cosim.processes import (
     BLAS_THREADS,
     PRELOADED,
     Memory,
+    ProcessEndedError,
     TimeLimitError,
     WorkerProcess,
     process_pool,
@@ -140,6 +142,11 @@ def test_a_call_over_its_time_ends_its_process_and_the_next_has_another() -> Non
         assert process.call(os.getpid) != first
     finally:
         process.end()
+
+
+def test_the_end_of_a_process_outlives_pickling() -> None:
+    again = pickle.loads(pickle.dumps(ProcessEndedError("signal 9")))
+    assert (again.why, str(again)) == ("signal 9", str(ProcessEndedError("signal 9")))
 
 
 def test_an_error_of_a_call_is_raised_here_with_its_place() -> None:

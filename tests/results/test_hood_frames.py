@@ -32,6 +32,9 @@ class Square:
     def fields(self) -> tuple:
         return ()
 
+    def audit(self) -> dict[str, float]:
+        return {}
+
 
 def at(time: float) -> SimpleNamespace:
     return SimpleNamespace(coupled=SimpleNamespace(time=time, hood=None))

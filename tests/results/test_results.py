@@ -1,20 +1,27 @@
 import csv
 import json
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from matplotlib.text import Text
 
 from cosim.case.file import load_case, resolved_toml
+from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.hoods.view import STRAIN, HoodField
 from cosim.results.arrays import Arrays
+from cosim.results.audit import describe_misses
 from cosim.results.conventions import FRAME, by_axis
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.result import Result
 from cosim.results.scene_plot import MOST_TRIANGLES, VIEWS, decimate, draw
+from cosim.results.write import with_nan
 
 
 def tube(radius: float = 5e-3, length: float = 40e-3, around: int = 24, along: int = 20):
@@ -94,8 +101,8 @@ def test_an_older_run_is_replaced_whole(tmp_path: Path, result):
 def test_a_result_that_cannot_be_written_leaves_the_older_one(tmp_path: Path, result):
     folder = result.save(tmp_path)
     before = (folder / "summary.json").read_text()
-    with pytest.raises(ValueError, match="JSON"):
-        replace(result, summary={**result.summary, "wall_s": float("nan")}).save(tmp_path)
+    with pytest.raises(TypeError, match=r"summary holds a .*Path"):
+        replace(result, summary={**result.summary, "wall_s": tmp_path}).save(tmp_path)
     assert (folder / "summary.json").read_text() == before
     assert [p.name for p in tmp_path.iterdir()] == ["isometric_edc"]
 
@@ -182,3 +189,67 @@ def test_the_ledger_s_plot_shows_states_as_bars_and_times_as_lines():
     moving = draw_ledger([*times, *faint], "moving")
     (line,) = moving.axes[0].lines
     assert line.get_ydata() == pytest.approx([1.0, 1.1, 1.2, 1.3])
+
+
+def test_numbers_that_are_none_are_null_and_are_read_back(tmp_path: Path, result):
+    summary = {
+        **result.summary,
+        "wall_s": float("nan"),
+        "beside": {"a.b": [1.0, -np.inf], "c": np.float64("nan")},
+        "audit_missed": ["reciprocity"],
+        "audit": {"reciprocity": float("nan")},
+    }
+    folder = replace(result, summary=summary).save(tmp_path)
+    written = json.loads((folder / "summary.json").read_text(), parse_constant=pytest.fail)
+    assert written["wall_s"] is None
+    assert ["beside", "a.b", 1, "-inf"] in written["not_finite"]
+    again = with_nan(written)
+    assert np.isnan(again["wall_s"])
+    assert again["beside"]["a.b"] == [1.0, -np.inf]
+    assert np.isnan(again["beside"]["c"])
+    assert "not_finite" not in again
+    assert next(describe_misses(again)).startswith("reciprocity is nan, no number")
+
+
+@pytest.mark.parametrize("where", ["scene_plot.draw", "ledger_plot.draw_ledger"])
+def test_what_is_solved_is_not_lost_to_a_picture(tmp_path: Path, result, monkeypatch, where):
+    def fail(*_: object) -> None:
+        raise RuntimeError("no font")
+
+    monkeypatch.setattr(f"cosim.results.{where}", fail)
+    with pytest.warns(UserWarning, match=r"\.png could not be made \(RuntimeError: no font\)"):
+        folder = result.save(tmp_path)
+    assert {"summary.json", "results.nc", "hood.vtu"} <= {p.name for p in folder.iterdir()}
+    assert len({p.name for p in folder.iterdir()} & {"picture.png", "ledger.png"}) == 1
+
+
+def test_a_title_is_drawn_as_it_stands(tmp_path: Path, result):
+    """A single `$` is no formula that has not ended."""
+    for title in (r"then $\frac{1}{$", "$x$ and $", r"100 % \alpha_$"):
+        case = case_named(title)
+        named = replace(result, case_text=resolved_toml(case))
+        texts = [t.get_text() for t in named.plot("ledger").findobj(Text) if not t.get_parse_math()]
+        assert any(title in text for text in texts)
+        folder = named.save(tmp_path)
+        assert {"picture.png", "ledger.png"} <= {p.name for p in folder.iterdir()}
+
+
+def case_named(title: str) -> Case:
+    return load_case("isometric_edc").replace({"title": title})
+
+
+@pytest.mark.parametrize("title", ["a\0b", "a\x1bb", "half of \ud83d"])
+def test_a_text_that_no_file_can_hold_is_refused_when_the_case_is_read(title):
+    with pytest.raises(InputError, match=r"title: holds the character U\+[0-9A-F]{4}"):
+        case_named(title)
+
+
+@given(st.text(st.characters(codec="utf-8", categories=("L", "N", "P", "S", "Zs")), min_size=1))
+@settings(max_examples=30)
+def test_a_name_of_any_letters_is_written_so_that_it_is_read_back(name):
+    assume(name.strip() and not set(name) & {".", "/"})
+    points = {name: ["20 mm", "0 mm", "9 mm"], f"{name}2": ["28 mm", "0 mm", "8 mm"]}
+    hood = {"points": points, "gauges": {f"{name} gap": [name, f"{name}2"]}}
+    text = resolved_toml(load_case("isometric_edc").replace({"hood": hood}))
+    assert tomllib.loads(text)["hood"]["points"].keys() == points.keys()
+    assert tomllib.loads(text)["hood"]["gauges"] == hood["gauges"]

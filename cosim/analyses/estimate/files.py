@@ -16,6 +16,7 @@ from cosim.analyses.estimate.plot import draw_estimate, draw_motion
 from cosim.analyses.estimate.tensions import format_components
 from cosim.files import output_folder
 from cosim.port import Array
+from cosim.results.picture import write_figure
 from cosim.results.write import plain
 from cosim.version import __version__
 
@@ -62,7 +63,7 @@ def write_answer(
         )
         title = f"{s.case.name}{asked}"
         sheet = draw_estimate(s.capacity, tension, forces, wanted, title, exact)
-        sheet.savefig(part / "estimate.png", dpi=DPI, format="png")
+        write_figure(sheet, part / "estimate.png", DPI)
 
 
 def write_motion(folder: Path, s: Setup, found: MotionEstimate, wall: float) -> None:
@@ -84,7 +85,7 @@ def write_motion(folder: Path, s: Setup, found: MotionEstimate, wall: float) -> 
         _json(part / MARK, {**_head(s, wall), "largest_tension_N": most, "audit": audit})
         _csv(part / "estimate.csv", pd.DataFrame(table))
         sheet = draw_motion(s.capacity.names, joints, found, s.case.name)
-        sheet.savefig(part / "estimate.png", dpi=DPI, format="png")
+        write_figure(sheet, part / "estimate.png", DPI)
 
 
 def _head(s: Setup, wall: float) -> dict[str, Any]:
