@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from cosim.arguments import (
+    by_name,
+    case_from,
+    cases_from,
+    fraction,
+    is_path,
+    is_several,
+    path_from,
+    quantity_in_si,
+    result_from,
+    session_from,
+    whole_number,
+)
 from cosim.build.models import build
-from cosim.case.file import case_of, load_case, packaged_cases
-from cosim.case.schema import Case
-from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
+from cosim.case.file import packaged_cases, resolved_toml
+from cosim.case.schema import Case, check_name
+from cosim.coupling.equilibrium import CouplingOptions, equilibrium
 from cosim.errors import CosimError, InputError, Progress, quiet
 from cosim.pipeline import run_case, run_cases
 from cosim.port import AXES, Finger, Hood, Pair, PairState, Tensions
 from cosim.results.compare import as_dict, compare_with_targets, numbers_of, read_targets, unit_of
+from cosim.results.coupled import CoupledResult
 from cosim.results.quantities import check_quantities
 from cosim.results.read import read_run
 from cosim.results.result import Result
@@ -31,11 +46,18 @@ if TYPE_CHECKING:
     from cosim.validation.run import Board
 
 
-def load(case: str | Path | Mapping[str, Any], settings: Sequence[str] = ()) -> Case:
+AnyCase = str | Path | Mapping[str, Any] | Case | Result
+"""A case by the name of a packaged one, the path of a file, a table that says the same, as it was
+loaded, or as it was run."""
+MOST_WORKERS, MOST_STEPS = 1024, 1000
+
+
+def load(case: AnyCase, settings: Sequence[str] = ()) -> Case:
     """A checked case: SI units, angles in rad.
 
     `case`: the name of a packaged one, the path of a case file, or a table (a mapping) that says
-    the same.  `settings`: texts KEY=VALUE that come on top, with units as in a case file.
+    the same; a `Case`, or a `Result` for the case that it is of.  `settings`: texts KEY=VALUE that
+    come on top, with units as in a case file.
 
     >>> import cosim
     >>> case = cosim.load("pulley_edc", ["tendons.EDC.tension=5 N"])
@@ -43,42 +65,37 @@ def load(case: str | Path | Mapping[str, Any], settings: Sequence[str] = ()) -> 
     ('pulley', 5.0)
 
     Raises InputError that lists every fault with its place and what to write instead."""
-    match case:
-        case Mapping():
-            return case_of(case)
-        case _:
-            return load_case(case, settings)
+    return case_from(case, settings)
 
 
-def run(case: Case, session: Session | None = None, progress: Progress = quiet) -> Result:
-    """The result of a case: its equilibrium, one-way pass or motion, whichever the case asks for.
+def run(case: AnyCase, session: Session | None = None, progress: Progress = quiet) -> Result:
+    """The result of a case, as `load` takes it: its equilibrium, one-way pass or motion, whichever
+    the case asks for.
 
     `session`: what the runs of several cases share; those that differ only in their tendons use
     the same models and unloaded equilibrium.  `progress` is called with each stage in words.
 
     >>> import cosim
-    >>> result = cosim.run(cosim.load("pulley_edc"))
+    >>> result = cosim.run("pulley_edc")
     >>> result.tip_force["dorsal"] > 0  # N
     True
 
     Raises InputError where case and models do not fit, and ConvergenceError where there is no
     equilibrium."""
-    return run_case(case, session, progress)
+    return run_case(case_from(case), session_from(session), progress)
 
 
 def run_many(
-    cases: Sequence[Case],
+    cases: Iterable[AnyCase],
     workers: int = 1,
     progress: Progress = quiet,
     *,
     keep_errors: bool = False,
 ) -> list[Result | CosimError]:
-    """The results of cases, in their order, run side by side in `workers` processes: the same bytes
-    for any number of them.  `progress` is told of each case that ends.  With `keep_errors` a case
-    without a result has the error in its place, else the first such error is raised once all have
-    ended.
-
-    A script that starts processes needs `if __name__ == "__main__":` around what it does.
+    """The results of cases, each as `load` takes it, in their order, run side by side in `workers`
+    processes: the same bytes for any number of them.  `progress` is told of each case that ends.
+    With `keep_errors` a case without a result has the error in its place, else the first such error
+    is raised once all have ended.
 
     >>> import cosim
     >>> case = cosim.load("pulley_edc")
@@ -88,18 +105,19 @@ def run_many(
     True
 
     Raises InputError and ConvergenceError."""
+    checked, workers = cases_from(cases), whole_number("workers", workers, 1, MOST_WORKERS)
     results: dict[int, Result] = {}
     errors: dict[int, CosimError] = {}
-    for i, result, error in run_cases(cases, _as_it_is, workers):
+    for i, result, error in run_cases(checked, _as_it_is, workers):
         if result is not None:
             results[i] = result
         if error is not None:
             errors[i] = error
         done, words = len(results) + len(errors), "" if error is None else f": {error}"
-        progress(f"{done} of {len(cases)}: {cases[i].name}{words}")
+        progress(f"{done} of {len(checked)}: {checked[i].name}{words}")
     if errors and not keep_errors:
         raise errors[min(errors)]
-    return [results.get(i) or errors[i] for i in range(len(cases))]
+    return [results.get(i) or errors[i] for i in range(len(checked))]
 
 
 def _as_it_is(result: Result) -> Result:
@@ -128,12 +146,12 @@ def open_run(folder: str | Path) -> Result:
     True
 
     Raises InputError for a folder without a run, or with one of another format."""
-    return read_run(Path(folder))
+    return read_run(path_from("folder", folder))
 
 
-def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFrame:
-    """Results side by side: a row for each number of their summaries, with its unit, and a column
-    for each result (those of one name are numbered).
+def compare(*results: Result | str | Path, data: str | Path | None = None) -> pandas.DataFrame:
+    """Results, or the folders of runs, side by side: a row for each number of their summaries, with
+    its unit, and a column for each result (those of one name are numbered).
 
     With `data`, a CSV file of measured or published values, one result beside these: a row for
     each value with its verdict.
@@ -148,15 +166,18 @@ def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFram
     Raises InputError for data beside other than one result, and for a file that cannot be read."""
     import pandas
 
+    runs = [result_from(result, f"results[{i}]") for i, result in enumerate(results)]
+    if not runs:
+        raise InputError("compare: expected one or more results")
     if data is not None:
-        if len(results) != 1:
-            raise InputError(f"compare: data go beside one result, not {len(results)}")
-        (one,), targets = results, read_targets(Path(data))
+        if len(runs) != 1:
+            raise InputError(f"compare: data go beside one result, not {len(runs)}")
+        (one,), targets = runs, read_targets(path_from("data", data))
         check_quantities(targets, [(one.case, one.summary)])
         rows = compare_with_targets(targets, one.summary, one.case)
         return pandas.DataFrame([as_dict(row) for row in rows])
     columns: dict[str, dict[str, float]] = {}
-    for result in results:
+    for result in runs:
         alike = [name for name in columns if name.partition(" (")[0] == result.name]
         name = f"{result.name} ({len(alike) + 1})" if alike else result.name
         columns[name] = numbers_of(result.summary)
@@ -166,57 +187,93 @@ def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFram
 
 
 def couple(
-    finger: Finger | Case,
-    hood: Hood,
-    tensions: Mapping[str, float],
-    posture: Mapping[str, float] | None = None,
+    finger: Finger | AnyCase,
+    hood: Hood | AnyCase,
+    tensions: Mapping[str, float | str],
+    posture: Mapping[str, float | str] | None = None,
     *,
-    resting: float = 0.0,
+    resting: float | str = 0.0,
     tolerance: float = 5e-7,
     max_iterations: int = 50,
     progress: Progress = quiet,
-) -> Equilibrium:
+) -> CoupledResult:
     """The equilibrium of a finger and a hood of one's own behind the port, without a case file.
 
-    `finger`: one behind `cosim.port.Finger`, or a case whose finger (and posture) is taken.
-    `tensions`: N by tendon; those not named pull with `resting` (N).  `posture`: rad by joint,
-    where the finger starts and its tip is held.  `tolerance`: of the interface residual, relative;
-    there are at most `max_iterations` steps to it.  `progress` is called with each in words.
+    `finger`: one behind `cosim.port.Finger`, or a case, as `load` takes it, whose finger (and
+    posture) is taken.  `hood`: one behind `cosim.port.Hood`, or a case whose hood (and lesion) is
+    taken, laid on the finger where that is of a case too.  `tensions`: N, or texts with their unit,
+    by tendon; those not named pull with `resting`.  `posture`: rad, or texts, by joint, where the
+    finger starts and its tip is held.  `tolerance`: of the interface residual, relative; there are
+    at most `max_iterations` steps to it.  `progress` is called with each in words.
+
+    What it returns has a result's `tip_force`, `slips`, `excursions`, `moment_arms`,
+    `joint_torques`, `joint_forces` and `audit`.
 
     >>> import cosim
-    >>> from cosim.build.models import build
-    >>> case = cosim.load("pulley_edc")
-    >>> solved = cosim.couple(case, build(case).hood, {"EDC": 3.0})
-    >>> solved.interface_residual < 5e-7
+    >>> solved = cosim.couple("pulley_edc", "pulley_edc", {"EDC": 3.0})
+    >>> solved.tip_force["dorsal"] > 0 and solved.audit.passed
     True
 
-    Raises InputError for a tendon that neither has, and ConvergenceError."""
-    if isinstance(finger, Case):
-        models = build(finger)
-        finger, posture = models.finger, models.posture if posture is None else posture
-    unknown = sorted(set(tensions) - {*hood.tendons, *finger.tendons})
-    if unknown:
-        known = ", ".join((*hood.tendons, *finger.tendons)) or "none"
-        raise InputError(f"tensions: no tendon {unknown[0]}; hood and finger have {known}")
-    start = finger.start(posture or {})
-    pulls = [
-        np.array([tensions.get(name, resting) for name in tendons], dtype=float)
-        for tendons in (hood.tendons, finger.tendons)
+    Raises InputError for a tendon that neither has or that would push, and ConvergenceError."""
+    pair, held, slips = _pair_from(finger, hood)
+    pulls = by_name("tensions", tensions, '{"EDC": 3.0}')
+    known = (*pair.hood.tendons, *pair.finger.tendons)
+    for name in pulls:
+        if name not in known:
+            raise InputError(
+                f"tensions: no tendon {name}; hood and finger have {', '.join(known) or 'none'}"
+            )
+    force = {t: quantity_in_si(f"tensions.{t}", v, units.FORCE, 0.0) for t, v in pulls.items()}
+    rest = quantity_in_si("resting", resting, units.FORCE, 0.0)
+    angles = by_name("posture", held if posture is None else posture, '{"PIP": 0.5}')
+    start = pair.finger.start(
+        {j: quantity_in_si(f"posture.{j}", v, units.ANGLE) for j, v in angles.items()}
+    )
+    initial = PairState(start, pair.hood.start(pair.finger.motion(start)))
+    asked = [
+        np.array([force.get(name, rest) for name in tendons], dtype=float)
+        for tendons in (pair.hood.tendons, pair.finger.tendons)
     ]
-    initial = PairState(start, hood.start(finger.motion(start)))
-    options = CouplingOptions(tolerance, max_iterations)
-    return equilibrium(Pair(finger, hood), initial, Tensions(*pulls), options, progress)
+    most = whole_number("max_iterations", max_iterations, 1, 10_000)
+    options = CouplingOptions(fraction("tolerance", tolerance), most)
+    found = equilibrium(pair, initial, Tensions(*asked), options, progress)
+    forces = {} if slips is None else dict(slips(found.response.state))
+    return CoupledResult(**vars(found), pair=pair, slips=forces)
 
 
-def moment_arms(case: Case, steps: int = 9) -> pandas.DataFrame:
-    """Moment arms of all tendons while each joint passes its range in so many postures and the
-    others keep the case's.
+def _pair_from(finger: object, hood: object) -> tuple[Pair, Mapping[str, float], Any]:
+    """Finger and hood of `couple`, the posture (rad) of a finger that a case has, and what tells
+    the forces in the slips of a hood that one has.  Raises InputError."""
+    of_finger = None if _offers(finger, Finger) else case_from(finger, place="finger")
+    of_hood = None if _offers(hood, Hood) else case_from(hood, place="hood")
+    if of_finger is not None and of_hood is not None:
+        own = {"hood": of_hood.hood, "lesion": of_hood.lesion}
+        models = build(of_finger.model_copy(update=own))
+        return models.pair, models.posture, models.slips
+    if of_finger is not None:
+        models = build(of_finger)
+        return Pair(models.finger, cast(Hood, hood)), models.posture, None
+    if of_hood is not None:
+        models = build(of_hood)
+        return Pair(cast(Finger, finger), models.hood), {}, models.slips
+    return Pair(cast(Finger, finger), cast(Hood, hood)), {}, None
+
+
+def _offers(given: object, port: type) -> bool:
+    """Whether it has all that a class of the port asks for."""
+    asked = [name for name in vars(port) if not name.startswith("_")]
+    return all(hasattr(given, name) for name in asked)
+
+
+def moment_arms(case: AnyCase, steps: int = 9) -> pandas.DataFrame:
+    """Moment arms of all tendons of a case, as `load` takes it, while each joint passes its range
+    in so many postures and the others keep the case's.
 
     Columns joint, angle_deg, tendon, arm_mm; flexion and radial abduction are positive.  A hood's
     arms are those under the case's tensions; a posture that it could not follow is left out.
 
     >>> import cosim
-    >>> table = cosim.moment_arms(cosim.load("split_edc"), steps=2)
+    >>> table = cosim.moment_arms("split_edc", steps=2)
     >>> bool((table[(table.tendon == "FDP") & (table.joint == "PIP")].arm_mm > 0).all())
     True
 
@@ -225,18 +282,20 @@ def moment_arms(case: Case, steps: int = 9) -> pandas.DataFrame:
     from cosim.build.models import tensions
     from cosim.fingers.kinds import joint_ranges
 
-    models = build(case)
-    return sweep(models, tensions(case, models)[0], joint_ranges(models.finger), steps)[0]
+    checked, steps = case_from(case), whole_number("steps", steps, 1, MOST_STEPS)
+    models = build(checked)
+    return sweep(models, tensions(checked, models)[0], joint_ranges(models.finger), steps)[0]
 
 
 def estimate(
-    case: Case,
+    case: AnyCase,
     force: Mapping[str, float | str | None] | None = None,
     torques: Mapping[str, float | str] | None = None,
     progress: Progress = quiet,
 ) -> pandas.DataFrame:
     """The tensions of least cost (sum of squared stresses) that make a fingertip force or joint
-    torques in the case's posture, with the hood of the case behind them; a row for each muscle.
+    torques in the posture of a case, as `load` takes it, with the case's hood behind them; a row
+    for each muscle.
 
     `force`: of the fingertip on the world along distal, radial and dorsal, N or a text with its
     unit; None leaves a component open, and one that is not named is zero.  `torques`: N m or a text
@@ -245,7 +304,7 @@ def estimate(
 
     >>> import cosim
     >>> push = {"distal": -1, "dorsal": -2, "radial": None}
-    >>> table = cosim.estimate(cosim.load("split_edc"), push)
+    >>> table = cosim.estimate("split_edc", push)
     >>> bool((table.tension_N >= 0).all())
     True
 
@@ -255,16 +314,22 @@ def estimate(
 
     if (force is None) == (torques is None):
         raise InputError("estimate: give a force or torques")
-    made = setup(case, "pcsa", 2, {}, {})
-    if force is not None:
-        strange = sorted(set(force) - set(AXES))
-        if strange:
-            raise InputError(f"force: no axis {strange[0]!r}; there are {', '.join(AXES)}")
-        x, y, z = (_in_si("force", force.get(axis, 0.0), units.FORCE) for axis in AXES)
-        answer = for_force(made, (x, y, z), progress)
-    else:
-        values = {j: _in_si("torques", v, units.TORQUE) or 0.0 for j, v in (torques or {}).items()}
-        answer = for_torques(made, values, progress)
+    checked = case_from(case)
+    given = by_name("force", force, '{"distal": -1.0}') if torques is None else {}
+    strange = sorted(set(given) - set(AXES))
+    if strange:
+        raise InputError(f"force: no axis {strange[0]!r}; there are {', '.join(AXES)}")
+    x, y, z = (_in_si("force", axis, given.get(axis, 0.0), units.FORCE) for axis in AXES)
+    if x is None and y is None and z is None:
+        raise InputError("force: every component is left open; ask for one at least")
+    asked = {} if torques is None else by_name("torques", torques, '{"PIP": 0.05}')
+    values = {j: quantity_in_si(f"torques.{j}", v, units.TORQUE) for j, v in asked.items()}
+    made = setup(checked, "pcsa", 2, {}, {})
+    answer = (
+        for_force(made, (x, y, z), progress)
+        if torques is None
+        else for_torques(made, values, progress)
+    )
     table = muscle_table(made.capacity, answer.estimate.tension)
     names, unit = answer.demand.names, answer.demand.unit
     table.attrs = {
@@ -275,18 +340,13 @@ def estimate(
     return table
 
 
-def _in_si(name: str, value: float | str | None, kind: units.Kind) -> float | None:
+def _in_si(name: str, axis: str, value: Any, kind: units.Kind) -> float | None:
     """Raises InputError."""
-    if not isinstance(value, str):
-        return None if value is None else float(value)
-    try:
-        return units.parse(value, kind)
-    except ValueError as error:
-        raise InputError(f"{name}: {value!r}: {error}") from error
+    return None if value is None else quantity_in_si(f"{name}.{axis}", value, kind)
 
 
 def identify(
-    cases: str | Path | Sequence[str | Path],
+    cases: AnyCase | Iterable[AnyCase],
     targets: str | Path,
     free: str | Path | None = None,
     settings: Sequence[str] = (),
@@ -295,7 +355,8 @@ def identify(
     most: int = 30,
     progress: Progress = quiet,
 ) -> Fit:
-    """Fit parameters of one or several cases (files or names) to measured values within bounds.
+    """Fit parameters of one or several cases, each as `load` takes it, to measured values within
+    bounds.
 
     `targets`, `held_out`: CSV files as `compare` takes them; rows held out do not pull.  `free`: a
     TOML file with a table for each parameter, as `cosim identify --free`; None: the built-in ones
@@ -305,12 +366,29 @@ def identify(
     from cosim.analyses.identify.cases import fit_cases, stated_cases
     from cosim.analyses.identify.fit import fit_all
 
-    names = [cases] if isinstance(cases, str | Path) else list(cases)
-    path = None if free is None else Path(free)
-    apart = () if held_out is None else read_targets(Path(held_out))
-    stated = stated_cases(names, tuple(settings), path)
-    chosen = fit_cases(stated, path, read_targets(Path(targets)), apart)
-    return fit_all(chosen, workers, most, progress)
+    workers = whole_number("workers", workers, 1, MOST_WORKERS)
+    most = whole_number("most", most, 1, 1_000_000)
+    path = None if free is None else path_from("free", free)
+    apart = () if held_out is None else read_targets(path_from("held_out", held_out))
+    measured = path_from("targets", targets)
+    with TemporaryDirectory() as place:
+        names = [
+            _case_file(case, Path(place), f"cases[{i}]")
+            for i, case in enumerate(cases if is_several(cases) else [cases])
+        ]
+        stated = stated_cases(names, tuple(settings), path)
+        chosen = fit_cases(stated, path, read_targets(measured), apart)
+        return fit_all(chosen, workers, most, progress)
+
+
+def _case_file(case: Any, folder: Path, place: str) -> str | Path:
+    """What names the case: as it is given, or a file of it in the folder.  Raises InputError."""
+    if is_path(case):
+        return case
+    checked = case_from(case, place=place)
+    file = folder / f"{check_name(checked.name)}.toml"
+    file.write_text(resolved_toml(checked), encoding="utf-8")
+    return file
 
 
 def run_study(
@@ -330,10 +408,12 @@ def run_study(
     from cosim.study.plan import read_plan
     from cosim.study.store import Store
 
-    plan = read_plan(study)
+    workers = whole_number("workers", workers, 1, MOST_WORKERS)
+    out = path_from("out", out)
+    plan = read_plan(path_from("study", study))
     store = Store((Path(out) / "store").absolute()).open()
     alone = nullcontext(in_this_process)
-    with alone if workers == 1 else local(workers, progress) as solve:
+    with alone if workers == 1 else local(workers) as solve:
         done = execute_study(
             plan, store, solve, False, lambda c: progress(f"{c.done} of {c.total}")
         )
@@ -353,19 +433,32 @@ def validate(
     Raises InputError."""
     from cosim.validation.run import choose_groups, run_validation
 
-    return run_validation(choose_groups(only), Path(out), (), workers, progress)
+    only = None if only is None else str(path_from("only", only))
+    workers = whole_number("workers", workers, 1, MOST_WORKERS)
+    return run_validation(choose_groups(only), path_from("out", out), (), workers, progress)
 
 
 def write_report(
-    *runs: str | Path, out: str | Path = "report.html", data: str | Path | None = None
+    *runs: Result | str | Path, out: str | Path = "report.html", data: str | Path | None = None
 ) -> Path:
-    """Write one HTML page of the runs in these folders, beside the values of a CSV file where
-    `data` names one; the page's path.
+    """Write one HTML page of results, or of the runs in folders, beside the values of a CSV file
+    where `data` names one; the page's path.
 
     Raises InputError."""
     from cosim.report import write
 
-    write.write_report(
-        [Path(run) for run in runs], Path(out), "html", data=None if data is None else Path(data)
-    )
+    with TemporaryDirectory() as place:
+        folders = [
+            _run_folder(run, Path(place) / str(i), f"runs[{i}]") for i, run in enumerate(runs)
+        ]
+        measured = None if data is None else path_from("data", data)
+        write.write_report(folders, path_from("out", out), "html", data=measured)
     return Path(out)
+
+
+def _run_folder(run: object, place: Path, name: str) -> Path:
+    """The folder of a run, which a result that has none gets at `place`.  Raises InputError."""
+    if is_path(run):
+        return Path(run)
+    result = result_from(run, name)
+    return result.save(place) if result.folder is None else result.folder

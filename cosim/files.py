@@ -108,7 +108,9 @@ def output_folder(target: Path, mark: str) -> Iterator[Path]:
         replace_folder(target, part)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError(f"{target}: cannot be written ({reason}); choose another --out") from error
+        raise InputError(
+            f"{target}: cannot be written ({reason}); choose another folder"
+        ) from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
@@ -158,5 +160,5 @@ def check_folder(target: Path, mark: str) -> None:
         return
     if not target.is_dir() or (any(target.iterdir()) and not (target / mark).is_file()):
         raise InputError(
-            f"{target}: is in the way and was not written by this command; choose another --out"
+            f"{target}: is in the way and was not written by this command; choose another"
         )

@@ -84,7 +84,7 @@ def run_cases(
     batches = [sorted(batch, key=lambda item: item[1].setting_key()) for batch in alike.values()]
     batches.sort(key=len, reverse=True)
     run_one = partial(_run_one, then=then, checkpoints=checkpoints)
-    with process_pool(max(1, min(workers, len(cases))), "--workers") as pool:
+    with process_pool(max(1, min(workers, len(cases)))) as pool:
         yield from pool.as_ended(pool.with_memory(run_one), batches)
 
 

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import gc
 import os
+import pickle
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache, partial
-from threading import Lock
+from importlib import import_module
+from queue import SimpleQueue
+from threading import Lock, Thread
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from cosim.errors import InputError
+from cosim.errors import CosimError, InputError
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor, Future
+    from concurrent.futures import Future
+    from multiprocessing.connection import Connection
     from multiprocessing.context import BaseContext
+    from multiprocessing.process import BaseProcess
 
     from threadpoolctl import ThreadpoolController
 
@@ -118,22 +125,136 @@ T = TypeVar("T")
 R = TypeVar("R")
 Memory = dict[str, Any]
 """What one process of a pool keeps from call to call."""
+PATIENCE = 5.0
+"""Seconds for a process that has nothing to do to end."""
+READY = b"ready"
 _memory: Memory = {}
+_starting = Lock()
+"""Held while a process starts, for which the environment and the main module are others."""
+
+
+class ProcessEndedError(InputError):
+    """The process of a call ended before it answered; `why`: its signal or exit code."""
+
+    def __init__(self, why: str) -> None:
+        super().__init__(
+            f"a process that solved was ended from outside ({why}), it may be for want of memory; "
+            "one worker needs the least"
+        )
+        self.why = why
+
+    def __reduce__(self) -> tuple[type[ProcessEndedError], tuple[str]]:  # type: ignore[override]
+        return type(self), (self.why,)
+
+
+class TimeLimitError(CosimError):
+    """A call was over its time, and its process was ended."""
+
+
+class PoolEndedError(CosimError):
+    """The pool of a call ended before it answered."""
+
+
+class WorkerProcess:
+    """A process of its own that does one call after the other: it starts with the first, and anew
+    where it ended.  It ends with this process, however that ends.
+
+    >>> process = WorkerProcess()
+    >>> process.call(abs, -1, limit=60.0)
+    1
+    >>> process.end()
+    """
+
+    def __init__(self, environment: Mapping[str, str] | None = None) -> None:
+        """`environment`: the process's; None: that of this process now."""
+        self._environment = dict(os.environ if environment is None else environment)
+        self._process: BaseProcess | None = None
+        self._pipe: Connection | None = None
+        self._is_closed = False
+
+    def call(self, function: Callable[..., R], *args: Any, limit: float | None = None) -> R:
+        """What the function returns there; `limit`: the seconds it has once the process is ready.
+
+        Raises what the function raises, TimeLimitError, ProcessEndedError and PoolEndedError."""
+        content = pickle.dumps((function, args))
+        try:
+            pipe = self._start()
+            pipe.send_bytes(content)
+            if not pipe.poll(limit):
+                self._stop(at_once=True)
+                raise TimeLimitError(f"took longer than {limit:g} s")
+            has_failed, answer = pickle.loads(pipe.recv_bytes())
+        except (EOFError, OSError):
+            raise self._end_reason() from None
+        if has_failed:
+            raise answer
+        return answer
+
+    def _start(self) -> Connection:
+        """The pipe to the process, which is ready.  Raises EOFError where it ended before."""
+        if self._pipe is None:
+            context = process_context(self._environment)
+            self._pipe, theirs = context.Pipe()
+            process = context.Process(  # type: ignore[attr-defined]
+                target=_serve, args=(theirs, self._environment), daemon=True
+            )
+            with _starting, _unimportable_main():
+                process.start()
+            theirs.close()
+            self._process = process
+            if self._is_closed:
+                process.kill()
+            self._pipe.recv_bytes()
+        return self._pipe
+
+    def _end_reason(self) -> CosimError:
+        """Why the process ended on its own, or that it was ended with its pool."""
+        code = self._stop()
+        if self._is_closed:
+            return PoolEndedError("the pool of processes has ended")
+        return ProcessEndedError(f"signal {-code}" if code < 0 else f"exit code {code}")
+
+    def _stop(self, at_once: bool = False) -> int:
+        """End the process; the exit code of one that has ended by itself."""
+        process, pipe, self._process, self._pipe = self._process, self._pipe, None, None
+        if pipe is not None:
+            pipe.close()
+        if process is None:
+            return 0
+        process.join(0.0 if at_once else PATIENCE)
+        process.kill()
+        process.join()
+        return process.exitcode or 0
+
+    def kill(self) -> None:
+        """End the process at once; a call that waits for it raises PoolEndedError."""
+        self._is_closed = True
+        if (process := self._process) is not None:
+            process.kill()
+
+    def end(self) -> None:
+        """End the process, which has nothing to do."""
+        self._is_closed = True
+        self._stop()
 
 
 class ProcessPool:
     """Processes that work side by side, numbered from 0; or this one."""
 
-    def __init__(self, processes: Sequence[Executor]) -> None:
-        """One executor of one process each; none: this process does the work."""
+    def __init__(self, processes: Sequence[WorkerProcess]) -> None:
+        """None: this process does the work."""
+        from concurrent.futures import ThreadPoolExecutor
+
         self._processes = processes
+        self._threads = [ThreadPoolExecutor(1) for _ in processes]
         self._own: Memory = {}
 
     def submit(self, process: int, task: Callable[..., R], *args: Any) -> Future[R]:
         """Do `task(memory, *args)` in that process (modulo their number)."""
         if self._processes:
             at = process % len(self._processes)
-            return self._processes[at].submit(self.with_memory(task), *args)
+            call = self._processes[at].call
+            return self._threads[at].submit(call, self.with_memory(task), *args)
         from concurrent.futures import Future
 
         done: Future[R] = Future()
@@ -142,7 +263,7 @@ class ProcessPool:
 
     def with_memory(self, task: Callable[..., R]) -> Callable[..., R]:
         """The task with what the process that does it keeps as its first argument."""
-        return partial(_with_memory if self._processes else self._with_own, task)
+        return partial(do_with_memory if self._processes else self._with_own, task)
 
     def _with_own(self, task: Callable[..., R], *args: Any) -> R:
         return task(self._own, *args)
@@ -158,76 +279,83 @@ class ProcessPool:
                 yield ended.pop(following)
                 following += 1
 
-    def as_ended(self, function: Callable[[T], R], batches: Iterable[Sequence[T]]) -> Iterator[R]:
+    def as_ended(
+        self,
+        function: Callable[[T], R],
+        batches: Iterable[Sequence[T]],
+        ahead: int = 1,
+        call: Callable[[WorkerProcess, Callable[[T], R], T], R] = WorkerProcess.call,
+    ) -> Iterator[R]:
         """Results of the function of each item as they come; the items of a batch go through one
         process, in their order, but for the second half of a batch that a process without work
-        takes over."""
+        takes over.
+
+        A batch is taken when a process has fewer than `ahead` items.  `call` has a process do the
+        function of an item."""
         from concurrent.futures import FIRST_COMPLETED, wait
 
         if not self._processes:
             yield from (function(item) for batch in batches for item in batch)
             return
-        waiting = [batch for batch in map(list, batches) if batch]
+        waiting = (list(batch) for batch in batches if batch)
         running: dict[Future[R], tuple[int, list[T]]] = {}
 
-        def go_on(process: int, rest: list[T]) -> None:
-            batch = rest or (waiting.pop(0) if waiting else _half_of_the_longest(running.values()))
+        def go_on(at: int, rest: list[T]) -> None:
+            batch = rest or next(waiting, []) or _half_of_the_longest(running.values())
             if batch:
-                future = self._processes[process].submit(function, batch[0])
-                running[future] = process, batch[1:]
+                future = self._threads[at].submit(call, self._processes[at], function, batch[0])
+                running[future] = at, batch[1:]
 
-        for process in range(len(self._processes)):
-            go_on(process, [])
+        for at in ahead * list(range(len(self._processes))):
+            go_on(at, [])
         while running:
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                process, rest = running.pop(future)
+                at, rest = running.pop(future)
                 result = future.result()
-                go_on(process, rest)
+                go_on(at, rest)
                 yield result
+
+    def end(self, at_once: bool) -> None:
+        """End the processes when they have done what they were given, or at once."""
+        if at_once:
+            for process in self._processes:
+                process.kill()
+        for thread in self._threads:
+            thread.shutdown(cancel_futures=at_once)
+        for process in self._processes:
+            process.end()
 
 
 @contextmanager
-def process_pool(workers: int, option: str = "--workers") -> Iterator[ProcessPool]:
-    """So many processes for the block (`workers` = 1: this one), which end with it: at once where
-    the block ends by an error or Ctrl-C.
+def process_pool(
+    workers: int, *, apart: bool = False, environment: Mapping[str, str] | None = None
+) -> Iterator[ProcessPool]:
+    """So many processes for the block, which end with it: at once where the block ends by an error
+    or Ctrl-C.  One worker is this process, unless it shall be `apart`.  `environment`: variables
+    that are others in the processes.
 
     >>> with process_pool(1) as pool:
     ...     list(pool.in_order(abs, [-1, 2]))
     [1, 2]
 
-    Raises InputError, which names the command's `option`, where one was ended from outside."""
-    if workers == 1:
+    Raises ProcessEndedError where one was ended from outside."""
+    if workers == 1 and not apart:
         yield ProcessPool(())
         return
-    from concurrent.futures import ProcessPoolExecutor
-    from concurrent.futures.process import BrokenProcessPool
-    from multiprocessing import active_children
-
-    others, has_ended = set(active_children()), False
-    context, environment = process_context(), dict(os.environ)
-    processes = [
-        ProcessPoolExecutor(1, context, initializer=_begin, initargs=(environment,))
-        for _ in range(workers)
-    ]
+    variables = {**os.environ, **(environment or {})}
+    process_context(variables)
+    pool, has_ended = ProcessPool([WorkerProcess(variables) for _ in range(workers)]), False
     try:
-        yield ProcessPool(processes)
+        yield pool
         has_ended = True
-    except BrokenProcessPool:
-        raise InputError(
-            "a process that solved was ended from outside, it may be for want of memory; "
-            f"{option} 1 needs the least"
-        ) from None
     finally:
-        for executor in processes:
-            executor.shutdown(wait=has_ended, cancel_futures=True)
-        for child in set(active_children()) - others:
-            child.terminate()
+        pool.end(at_once=not has_ended)
 
 
-def process_context() -> BaseContext:
+def process_context(environment: Mapping[str, str] | None = None) -> BaseContext:
     """How the processes of a pool start.  On Linux they are forks of a server, which this process
-    starts once and which has imported what they need; elsewhere each begins anew (a fork is not
-    safe on macOS and there is none on Windows).
+    starts once, with these variables, and which has imported what they need; elsewhere each begins
+    anew (a fork is not safe on macOS and there is none on Windows).
 
     Call it ahead of a pool to let the server import while this process does something else."""
     from multiprocessing import get_context
@@ -236,30 +364,104 @@ def process_context() -> BaseContext:
         return get_context("spawn")
     from multiprocessing import forkserver, resource_tracker
 
-    forkserver.set_forkserver_preload(list(PRELOADED))
-    resource_tracker.ensure_running()  # would unblock the signal below
+    own = os.environ if environment is None else environment
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-    own, blocked = dict(os.environ), signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    os.environ.update({**MALLOC_SETTINGS, **own, **dict.fromkeys(BLAS_THREADS, "1")})
-    os.environ.update(PYTHONPATH=paths, PYTHONSAFEPATH="1")  # it imports what this process would
-    try:
-        forkserver.ensure_running()
-    finally:
-        os.environ.clear()
-        os.environ.update(own)
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+    variables = {**MALLOC_SETTINGS, **own, **dict.fromkeys(BLAS_THREADS, "1")}
+    variables.update(PYTHONPATH=paths, PYTHONSAFEPATH="1")  # it imports what this process would
+    with _starting:
+        forkserver.set_forkserver_preload(list(PRELOADED))
+        resource_tracker.ensure_running()  # would unblock the signal below
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            with _variables(variables):
+                forkserver.ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
     return get_context("forkserver")
 
 
-def _begin(environment: dict[str, str]) -> None:
-    """What a process of a pool does first: Ctrl-C reaches it too, and the pool ends it; the
-    environment is that of the pool."""
+@contextmanager
+def _variables(values: Mapping[str, str]) -> Iterator[None]:
+    """Environment variables for a block."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _unimportable_main() -> Iterator[None]:
+    """Keep a process that starts from running the main module again, which Python has it do to find
+    what a script defines.  A script without a guard would start processes in its turn, and one
+    from the standard input or an editor has no file to run."""
+    main = sys.modules["__main__"]
+
+    def find(name: str) -> Any:
+        if name == "__file__":
+            raise AttributeError(name)
+        return getattr(main, name)
+
+    stand_in = ModuleType("__main__")
+    stand_in.__getattr__ = find  # type: ignore[method-assign]
+    sys.modules["__main__"] = stand_in
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+def _serve(pipe: Connection, environment: Mapping[str, str]) -> None:
+    """What a process of a pool does, until the pipe ends: Ctrl-C reaches it too, and the pool ends
+    it; the environment is that of the pool."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.clear()
     os.environ.update(environment)
+    for name in PRELOADED:  # the time of a call is that of its work
+        import_module(name)
+    calls: SimpleQueue[bytes] = SimpleQueue()
+    Thread(target=_listen, args=(pipe, calls), daemon=True).start()
+    pipe.send_bytes(READY)
+    while True:
+        pipe.send_bytes(_answer(calls.get()))
 
 
-def _with_memory(task: Callable[..., R], *args: Any) -> R:
+def _listen(pipe: Connection, calls: SimpleQueue[bytes]) -> None:
+    with suppress(EOFError, OSError):
+        while True:
+            calls.put(pipe.recv_bytes())
+    os._exit(0)  # nobody waits for an answer any more
+
+
+def _answer(content: bytes) -> bytes:
+    """Whether a call failed, and its result or error, pickled."""
+    try:
+        function, args = pickle.loads(content)
+        return pickle.dumps((False, function(*args)))
+    except CosimError as error:
+        return pickle.dumps((True, error))
+    except Exception as error:  # of any kind: the caller raises it
+        return pickle.dumps((True, _portable(error)))
+
+
+def _portable(error: Exception) -> Exception:
+    """The error as it is, or in words where it does not outlive pickling."""
+    lines = "".join(traceback.format_exception(error))
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # whatever an error of another library does
+        error = RuntimeError("".join(traceback.format_exception_only(error)).strip())
+    error.add_note(f"in a process of a pool:\n{lines}")
+    return error
+
+
+def do_with_memory(task: Callable[..., R], *args: Any) -> R:
+    """Do `task(memory, *args)` with what this process keeps."""
     return task(_memory, *args)
 
 

@@ -15,6 +15,7 @@ import pytest
 
 import cosim
 from cosim.build.models import build
+from cosim.port import AXES
 from tests.helpers.fixed_posture import HELD
 from tests.helpers.folders import ROOT
 
@@ -91,6 +92,38 @@ def test_a_run_saved_and_opened_is_the_same(tmp_path):
     assert rows[rows.body == "distal"].groupby("state").force_dorsal.sum().abs().max() < 1e-6
 
 
+def things_shown(result: cosim.Result) -> int:
+    plotter = result.view()
+    count = len(plotter.actors)
+    plotter.close()
+    return count
+
+
+@pytest.mark.parametrize("name", ["network_edc", "cable_edc", "motion"])
+def test_a_run_opened_shows_what_the_fresh_one_does(tmp_path, monkeypatch, name):
+    pyvista = pytest.importorskip("pyvista")
+    monkeypatch.setattr(pyvista, "OFF_SCREEN", True)
+    case = cosim.load("split_edc" if name == "motion" else name).replace(PLAIN)
+    if name == "motion":
+        moves = {"duration": "2 ms", "must_rest": False}
+        case = case.replace({"finger.tip.kind": "free", "forward": moves})
+    fresh = cosim.run(case)
+    again = cosim.open_run(fresh.save(tmp_path))
+    assert things_shown(fresh) == things_shown(again) >= 8
+    for kind in ("scene", "ledger"):
+        drawn = [tmp_path / f"{kind}{i}.png" for i in range(2)]
+        for result, path in zip((fresh, again), drawn, strict=True):
+            result.plot(kind, path)
+        assert drawn[0].read_bytes() == drawn[1].read_bytes()
+    table = cosim.compare(fresh, again)
+    assert table[fresh.name].equals(table[f"{fresh.name} (2)"])
+    pages = [
+        cosim.write_report(r, out=tmp_path / f"{i}.html") for i, r in enumerate((fresh, again))
+    ]
+    one_page, other_page = (page.read_text(encoding="utf-8") for page in pages)
+    assert one_page == other_page
+
+
 def test_replacing_tells_every_fault_at_once():
     case = cosim.load("isometric_edc")
     with pytest.raises(cosim.InputError) as caught:
@@ -114,6 +147,122 @@ def test_quantities_of_pint_are_taken():
     assert case.hood.thickness == pytest.approx(5e-4)
     stiff = case.replace({"hood.contact.stiffness": 200 * units.N / units.mm**3})
     assert stiff.hood.contact.stiffness == pytest.approx(2e11)
+
+
+def test_values_of_numpy_and_parts_of_pint_are_what_they_are():
+    pint = pytest.importorskip("pint")
+    units = pint.UnitRegistry()
+    values = {
+        "hood.mesh.quads": np.arange(250, 600, 100)[0],
+        "output.picture": np.bool_(False),
+        "tendons.EDC.activation": 20 * units.percent,
+        "title": np.str_("mine"),
+    }
+    case = cosim.load("isometric_edc").replace(values, name=np.str_("other"))
+    assert (case.hood.mesh.quads, case.output.picture, case.name) == (250, False, "other")
+    assert (case.tendons["EDC"].activation, type(case.name)) == (0.2, str)
+    half = case.replace({"tendons.EDC.activation": units.Quantity(np.float32(0.5), "")})
+    assert half.tendons["EDC"].activation == 0.5
+    turned = case.replace({"finger.posture.PIP": 30 * units.deg})  # no part, though pint says so
+    assert pytest.approx(np.radians(30)) == turned.finger.posture.PIP
+
+
+def test_a_case_is_taken_by_name_path_table_and_result(tmp_path):
+    case = cosim.load("split_edc").replace(PLAIN)
+    fresh = cosim.run(case)
+    again = cosim.open_run(fresh.save(tmp_path))
+    path = tmp_path / "split_edc" / "case.toml"
+    for given in ("split_edc", path, str(path), {"extends": "split_edc"}, case, fresh, again):
+        assert cosim.run(given).tip_force == fresh.tip_force
+        assert cosim.load(given, ["tendons.EDC.tension=2 N"]).tension("EDC") == 2.0
+        assert len(cosim.moment_arms(given, 1)) > 0
+    assert [cosim.load(r).name for r in (case, fresh, again)] == 3 * ["split_edc"]
+    assert [r.tip_force for r in cosim.run_many(iter(["split_edc", again]))] == 2 * [
+        fresh.tip_force
+    ]
+    assert cosim.compare(tmp_path / "split_edc", fresh).shape[1] == 3
+    push = {"distal": -1, "dorsal": -2, "radial": None}
+    assert (
+        cosim.estimate(again, push).tension_N.tolist()
+        == cosim.estimate(case, push).tension_N.tolist()
+    )
+
+
+LONE = "\ud800"
+"""Half of a letter, which no file can hold."""
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: cosim.run(3), "case: expected the name of a packaged case.* not 3"),
+        (lambda: cosim.run("split_edc", "session"), "session: expected a Session"),
+        (lambda: cosim.run_many("split_edc"), "cases: expected a list of cases"),
+        (lambda: cosim.run_many(["split_edc", None]), r"cases\[1\]: expected the name"),
+        (
+            lambda: cosim.run_many(["split_edc"], workers=0),
+            "workers: expected a whole number from 1",
+        ),
+        (lambda: cosim.run_many(["split_edc"], workers="2"), "workers: expected a whole number"),
+        (lambda: cosim.run_many(["split_edc"], workers=True), "workers: expected a whole number"),
+        (lambda: cosim.load("split_edc", "a=b"), "settings: expected a list of texts"),
+        (lambda: cosim.compare(), "compare: expected one or more"),
+        (lambda: cosim.compare(cosim.load("split_edc")), r"results\[0\].*cosim.run\(case\)"),
+        (lambda: cosim.compare(None), r"results\[0\]: expected a Result"),
+        (lambda: cosim.moment_arms("split_edc", -1), "steps: expected a whole number from 1"),
+        (lambda: cosim.moment_arms("split_edc", 10**7), "steps: expected a whole number"),
+        (
+            lambda: cosim.estimate("split_edc", {"distal": np.nan}),
+            "force.distal: expected a finite",
+        ),
+        (
+            lambda: cosim.estimate("split_edc", {"distal": "nan N"}),
+            "force.distal = 'nan N': is not",
+        ),
+        (lambda: cosim.estimate("split_edc", {"distal": True}), "force.distal: expected a finite"),
+        (lambda: cosim.estimate("split_edc", dict.fromkeys(AXES)), "force: every component is"),
+        (lambda: cosim.estimate("split_edc", [1, 2, 3]), "force: expected values by name"),
+        (lambda: cosim.estimate("split_edc", torques=[1]), "torques: expected values by name"),
+        (lambda: cosim.estimate("split_edc", torques={"PIP": np.inf}), "torques.PIP: expected"),
+        (
+            lambda: cosim.couple("split_edc", "split_edc", {"EDC": -3}),
+            "tensions.EDC = -3: must be 0",
+        ),
+        (lambda: cosim.couple("split_edc", "split_edc", {"EDC": "3 kg"}), "no unit of force"),
+        (lambda: cosim.couple("split_edc", "split_edc", "3 N"), "tensions: expected values by"),
+        (lambda: cosim.couple("split_edc", "split_edc", {"EDC": 3}, resting=-1), "resting = -1"),
+        (lambda: cosim.couple("split_edc", "split_edc", {"EDC": 3}, {"PIP": "x"}), "posture.PIP"),
+        (lambda: cosim.couple("split_edc", 3, {"EDC": 3}), "hood: expected the name of"),
+        (lambda: cosim.identify(3, "data.csv"), r"cases\[0\]: expected"),
+        (lambda: cosim.identify("split_edc", 3), "targets: expected a path"),
+        (lambda: cosim.open_run(3), "folder: expected a path"),
+        (lambda: cosim.open_run("a\0b"), "folder: expected a path"),
+        (lambda: cosim.run_study(3), "study: expected a path"),
+        (lambda: cosim.validate(3), "only: expected"),
+        (lambda: cosim.write_report(), "a report needs one run"),
+        (lambda: cosim.write_report(3), r"runs\[0\]: expected a Result"),
+        (lambda: cosim.load("split_edc").replace({}, name="a/b"), "name = 'a/b': expected a name"),
+        (lambda: cosim.load("split_edc").replace({}, name="x\0"), "expected a name that a folder"),
+        (lambda: cosim.load("split_edc").replace({}, name=".."), "expected a name that a folder"),
+        (lambda: cosim.load("split_edc").replace({}, name=LONE), "expected a name that a folder"),
+        (lambda: cosim.load("split_edc").replace({}, name=3), "expected a name that a folder"),
+        (lambda: cosim.load("split_edc").replace([1]), "replace: expected values by dotted key"),
+        (lambda: cosim.load("split_edc").replace({1: 2}), "replace: expected values by dotted key"),
+        (lambda: cosim.load("split_edc" + LONE), "no such file"),
+    ],
+)
+def test_what_an_argument_cannot_be_is_said_with_what_was_expected(call, words):
+    with pytest.raises(cosim.InputError, match=words) as caught:
+        call()
+    str(caught.value).encode("utf-8")  # it can be printed
+    assert " --" not in str(caught.value)  # no option of a command
+
+
+def test_a_figure_is_written_in_a_known_format_only(tmp_path):
+    result = cosim.run("split_edc")
+    with pytest.raises(cosim.InputError, match=r"not written as 'xyz'; .*png"):
+        result.plot(path=tmp_path / "a.xyz")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_table_is_a_case():
@@ -149,6 +298,36 @@ def test_a_hood_of_ones_own_is_coupled_without_a_case_file():
     )
     with pytest.raises(cosim.InputError, match="no tendon ECD"):
         cosim.couple(case, hood, {"ECD": 1.0})
+
+
+def test_what_is_coupled_has_the_names_of_a_result():
+    """Here of a run's finger and hood, under its tensions."""
+    run = cosim.run(cosim.load("split_edc").replace(PLAIN))
+    found = cosim.couple("split_edc", "split_edc", run.summary["tension_N"])
+    assert found.tip_force == pytest.approx(run.tip_force, abs=1e-5)
+    assert found.slips == pytest.approx(run.slips, rel=1e-5)
+    assert found.excursions == pytest.approx(run.excursions, abs=1e-5)
+    assert found.audit.passed
+    assert found.audit.bounds.items() <= run.audit.bounds.items()
+    for name in ("joint_torques", "joint_forces"):
+        one, other = getattr(found, name), getattr(run, name)
+        np.testing.assert_allclose(one, other.loc[one.index, one.columns], atol=1e-3)
+    arms = found.moment_arms
+    np.testing.assert_allclose(arms, run.moment_arms.loc[arms.index, arms.columns], atol=1e-6)
+    assert "fingertip force" in repr(found)
+    by_text = cosim.couple("split_edc", "split_edc", {"EDC": "3000 mN"}, {"PIP": "45 deg"})
+    by_number = cosim.couple("split_edc", "split_edc", {"EDC": 3}, {"PIP": np.radians(45)})
+    assert by_text.tip_force == by_number.tip_force
+
+
+def test_the_hood_of_one_case_is_laid_on_the_finger_of_another():
+    """Whose posture and tip it then has: as one case that says both."""
+    bent = ["finger.posture.PIP=60 deg"]
+    finger = cosim.load("pulley_edc", bent)
+    found = cosim.couple(finger, "split_edc", {"EDC": 3.0})
+    both = cosim.load("split_edc", [*bent, "solve.resting_tension=0 N"])
+    run = cosim.run(both.replace({**PLAIN, "tendons": {"EDC": {"tension": "3 N"}}}))
+    assert found.tip_force == pytest.approx(run.tip_force, abs=1e-4)
 
 
 def test_many_runs_are_the_same_for_any_number_of_workers(tmp_path):
@@ -277,8 +456,11 @@ def test_parameters_are_fitted_to_values(held):
         "settings = ['finger.passive.PIP.stiffness={value}']\n",
         encoding="utf-8",
     )
-    found = cosim.identify("held.toml", "data.csv", "free.toml", ["finger.posture.PIP=30 deg"])
+    bent = ["finger.posture.PIP=30 deg"]
+    found = cosim.identify("held.toml", "data.csv", "free.toml", bent)
     assert found.values["k"] == pytest.approx(30 / np.radians(30), rel=1e-3)
+    case = cosim.load("held.toml", bent)
+    assert cosim.identify([case], "data.csv", "free.toml").values == found.values
 
 
 def test_a_study_is_run_and_read(held):

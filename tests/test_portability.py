@@ -9,6 +9,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,8 +22,7 @@ from cosim.case import file
 from cosim.case.file import load_case
 from cosim.errors import CosimError, InputError
 from cosim.files import replace_folder
-from cosim.processes import peak_mb
-from cosim.study import process
+from cosim.processes import ProcessEndedError, WorkerProcess, peak_mb
 from cosim.study.plan import read_plan
 from cosim.validation.plan import groups
 from cosim.validation.run import folder_name
@@ -205,20 +205,17 @@ def test_a_folder_whose_place_cannot_be_taken_leaves_the_old_one(tmp_path, monke
 def test_a_pipe_to_a_process_that_ended_need_not_say_broken_pipe(monkeypatch):
     """Windows says that the argument is invalid."""
 
-    class Ended:
-        def write(self, text: str) -> None:
-            raise OSError(22, "Invalid argument")
+    def invalid(*_: object) -> None:
+        raise OSError(22, "Invalid argument")
 
-        flush = close = write
-
-    child = process.Child()
+    worker = WorkerProcess()
     try:
-        with monkeypatch.context() as patch:
-            patch.setattr(child.process, "stdin", Ended())
-            task = process.Task("k", {}, "n", "c", "s", "v")
-            assert child.ask(task) == ("", False)
+        worker.call(abs, -1)
+        monkeypatch.setattr(Connection, "send_bytes", invalid)
+        with pytest.raises(ProcessEndedError, match="exit code 0"):
+            worker.call(abs, -1)
     finally:
-        child.end()
+        worker.end()
 
 
 def test_a_process_that_crashed_on_windows_is_known_by_its_exit_code(monkeypatch):

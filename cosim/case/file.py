@@ -7,12 +7,13 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from importlib import resources
 from pathlib import Path, PurePath
 from typing import Any
 
 from cosim.case.layers import Layer, nested
-from cosim.case.schema import Case, CaseFile
+from cosim.case.schema import Case, CaseFile, as_stated
 from cosim.errors import InputError, nearest_names
 from cosim.files import relative_path, shown_path
 from cosim.schema.json_schema import CASE_SCHEMA, editor_schema, schema_line
@@ -34,15 +35,22 @@ def load_case(path_or_name: str | Path, overrides: Sequence[str] = ()) -> Case:
     Raises InputError that lists every fault with its place and what to write instead.
     """
     source = find_case(path_or_name)
-    return Case.from_layers([*_read_layers(source, ()), *map(_override, overrides)], source)
+    return Case.from_layers([*_read_layers(source, ()), *layers_of(overrides)], source)
 
 
-def case_of(table: Mapping[str, Any], name: str = "case") -> Case:
-    """The checked case that a table states, as a file NAME.toml in the working directory would.
+def case_of(table: Mapping[str, Any], name: str = "case", overrides: Sequence[str] = ()) -> Case:
+    """The checked case that a table states, as a file NAME.toml in the working directory would,
+    with `overrides` on top.
 
     Raises InputError that lists every fault with its place and what to write instead."""
     source = Path.cwd() / f"{name}.toml"
-    return Case.from_layers(_layers_of(dict(table), "the table", source, ()), source)
+    stated = _layers_of(deepcopy(as_stated(table)), "the table", source, ())
+    return Case.from_layers([*stated, *layers_of(overrides)], source)
+
+
+def layers_of(overrides: Sequence[str]) -> list[Layer]:
+    """What texts KEY=VALUE say on top of a case.  Raises InputError."""
+    return [*map(_override, overrides)]
 
 
 def packaged_cases() -> dict[str, Path]:
@@ -173,11 +181,11 @@ def _override(text: str) -> Layer:
     key, equals, value = text.partition("=")
     names = [name.strip() for name in key.split(".")]
     if not equals or not all(names):
-        raise InputError(f"--set {text!r}: write key=value, for example hood.mesh.quads=250")
+        raise InputError(f"{text!r}: write key=value, for example hood.mesh.quads=250")
     if any("\ud800" <= c <= "\udfff" for c in text):
-        raise InputError(f"--set {text!r}: is not text in UTF-8")
+        raise InputError(f"{text!a}: is not text in UTF-8")
     table = nested(".".join(names), _value(value.strip()))
-    return f"--set {key.strip()}", _anchor_paths(table, Path.cwd())
+    return f"setting {key.strip()}", _anchor_paths(table, Path.cwd())
 
 
 def _value(text: str) -> Any:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from cosim.case.faults import describe
@@ -23,6 +24,8 @@ from cosim.schema.types import Count, Number, Switch, Table, TendonName
 from cosim.tendons.table import TendonConfig
 
 Task = Literal["static", "one_way", "motion"]
+MOST_NAME = 200
+"""Bytes of a case's name: a folder's may have 255, and a run is written beside its own."""
 
 
 class SolveConfig(Table):
@@ -166,9 +169,48 @@ class CaseFile(Table):
         return "" if self.lesion is None else unfit_lesion(self.hood, self.hood.kind, self.lesion)
 
 
-def _as_stated(value: Any) -> Any:
-    """A value as a case file would state it."""
-    return f"{value:~}".replace(" ** ", "**") if hasattr(value, "units") else value
+def as_stated(value: Any) -> Any:
+    """A value as a case file would state it: a quantity of pint as text with its unit, or as a
+    number where it has none (a part, a per cent), numpy's numbers and arrays as Python's.
+
+    >>> import numpy as np
+    >>> as_stated(np.arange(2)), as_stated(np.bool_(True))
+    ([0, 1], True)
+    """
+    if hasattr(value, "to_root_units"):
+        root = value.to_root_units()
+        if root.unitless:
+            return as_stated(root.magnitude)
+        if hasattr(value.magnitude, "__len__"):
+            return [as_stated(part) for part in value]
+        return f"{value:~}".replace(" ** ", "**")
+    match value:
+        case np.generic() | np.ndarray():
+            return value.tolist()
+        case Mapping():
+            return {key: as_stated(part) for key, part in value.items()}
+        case list() | tuple():
+            return [*map(as_stated, value)]
+    return value
+
+
+def _is_text(value: object) -> bool:
+    match value:
+        case str():
+            return True
+    return False
+
+
+def check_name(name: object) -> str:
+    """The name of a case, which a folder of results gets.  Raises InputError."""
+    text = str(name) if _is_text(name) else ""
+    wrong = any(c in '/\\:*?"<>|' or ord(c) < 32 or "\ud800" <= c <= "\udfff" for c in text)
+    if wrong or not text.strip(". ") or len(text.encode(errors="replace")) > MOST_NAME:
+        raise InputError(
+            f"name = {ascii(name)[:60]}: expected a name that a folder can have, of at most "
+            f'{MOST_NAME} bytes and without / \\ : * ? " < > |'
+        )
+    return text
 
 
 class Case(CaseFile):
@@ -207,10 +249,20 @@ class Case(CaseFile):
         250
 
         Raises InputError that lists every fault with its place and what to write instead."""
+        if not hasattr(values, "items") or not all(map(_is_text, values)):
+            raise InputError(
+                f'replace: expected values by dotted key, for example {{"hood.mesh.quads": 250}}, '
+                f"not {ascii(values)[:60]}"
+            )
+        more = [("replace", nested(key, as_stated(value))) for key, value in values.items()]
+        found = self.with_layers(more)
+        return found if name is None else found.model_copy(update={"name": check_name(name)})
+
+    def with_layers(self, layers: Sequence[Layer]) -> Case:
+        """The case with layers on top.  Raises InputError."""
         own = self.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
-        more = [("replace", nested(key, _as_stated(value))) for key, value in values.items()]
-        found = Case.from_layers([(self.name, own), *more], self.source)
-        return found.model_copy(update={"name": name or self.name})
+        found = Case.from_layers([(self.name, own), *layers], self.source)
+        return found.model_copy(update={"name": self.name})
 
     @property
     def task(self) -> Task:

@@ -83,7 +83,7 @@ def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve
 
     if scheduler is not None:
         return engine.remote(scheduler, tell)
-    return engine.local(workers, tell) if workers else nullcontext(engine.in_this_process)
+    return engine.local(workers) if workers else nullcontext(engine.in_this_process)
 
 
 def _show(plan: StudyPlan, done: StudyOutcome, found: StudyResults, folder: Path) -> None:

@@ -14,9 +14,10 @@ from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.hoods.kinds import KINDS
 from cosim.hoods.view import Colour, HoodField
-from cosim.port import Array, Motion
+from cosim.port import Array
 from cosim.report.flat import flatten_sheet
 from cosim.results.result import Result
+from cosim.results.scene import rebuild_finger
 from cosim.results.scene_plot import decimate
 from cosim.results.strokes import carry, families_of, stroke_cells, strokes
 from meshes.hood_mesh import REGIONS
@@ -137,29 +138,16 @@ def _labels(run: Result, chosen: np.ndarray) -> tuple[str, ...]:
 
 def _with_finger(view: View, case: Case) -> View:
     """Bones, tendons and fingertip, from the joint angles.  Raises InputError."""
-    from cosim.build.models import bone_surfaces
-    from cosim.fingers.kinds import live_finger
-
-    if not case.finger.is_native:
-        raise InputError("its finger is in an FMU, a program that a report does not run")
-    stated = case.native_finger()
-    finger = live_finger(stated, case.hood.left_to_finger)
-    start = finger.start(stated.posture.angles())
-    motions: list[Motion] = []
-    paths, tips = [], []
-    for q, drawn in zip(view.angles, view.tendons, strict=True):
-        state = replace(start, angles=np.array(q))
-        motion = finger.motion(state)
-        motions.append(motion)
-        paths.append({**drawn, **case.hood.lines(motion), **finger.tendon_paths(state)})
-        tips.append(finger.tip(state))
+    rebuilt = rebuild_finger(case, view.angles)
     bones = []
-    for body, surface in bone_surfaces(case).items():
+    for body, surface in rebuilt.bones.items():
         vertices, faces = decimate(*surface, most=MOST_TRIANGLES)
-        poses = [motion.of(body) for motion in motions]
+        poses = [motion.of(body) for motion in rebuilt.motions]
         position, rotation = (np.stack(part) for part in zip(*poses, strict=True))
         bones.append(BoneSurface(body, vertices, faces, position, rotation))
-    return replace(view, bones=tuple(bones), tendons=tuple(paths), tip=np.array(tips))
+    pairs = zip(view.tendons, rebuilt.tendons, strict=True)
+    paths = tuple({**drawn, **lines} for drawn, lines in pairs)
+    return replace(view, bones=tuple(bones), tendons=paths, tip=np.array(rebuilt.tips))
 
 
 def _net(run: Result, chosen: np.ndarray) -> tuple[Mapping[str, Array], ...]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from cosim.errors import Progress, quiet
+from cosim.errors import InputError, Progress, quiet
 from cosim.files import output_file
 from cosim.report.tables import as_csv, as_json, as_markdown, tables_of
 from cosim.results.compare import read_targets
@@ -26,6 +26,8 @@ def write_report(
     takes what there is to say beside it.  The run `against` may be one of the others.
 
     Raises InputError where a folder is no run, or the file cannot be written."""
+    if not folders:
+        raise InputError("a report needs one run or more")
     targets = read_targets(data) if data is not None else ()
     shown, places = list(folders), [folder.resolve() for folder in folders]
     at = None if against is None else against.resolve()

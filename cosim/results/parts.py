@@ -90,7 +90,8 @@ class CaseParts:
     rows: tuple[LedgerRow, ...]
     """The ledger: every force on every body by its source."""
     scene: Scene
-    """What there is to see; of a run that was read, the hood alone."""
+    """What there is to see; of a run that was read the hood alone, to which `Result.plot` and
+    `Result.view` add the finger."""
     case_text: str
     """The case with every default written out, TOML."""
 

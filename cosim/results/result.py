@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -13,7 +14,7 @@ from cosim.files import output_file
 from cosim.results.audit import Audit
 from cosim.results.compare import Comparison
 from cosim.results.conventions import COMPONENTS, by_axis
-from cosim.results.parts import CaseParts
+from cosim.results.parts import CaseParts, Scene
 from cosim.results.picture import as_plain_text, write_figure
 from cosim.results.write import copy_run, write_run
 
@@ -110,8 +111,8 @@ class Result(CaseParts):
 
     def plot(self, kind: Plot = "scene", path: str | Path | None = None) -> Figure:
         """A matplotlib figure, written to `path` (.png, .svg, .pdf) where one is given: "scene" the
-        finger with its hood coloured by strain (of a run that was read the hood alone), "ledger"
-        the forces on each body by source, "history" a motion's angles and forces over time.
+        finger with its hood coloured by strain, "ledger" the forces on each body by source,
+        "history" a motion's angles and forces over time.
 
         >>> import cosim
         >>> figure = cosim.run(cosim.load("pulley_edc")).plot()
@@ -122,15 +123,20 @@ class Result(CaseParts):
         written."""
         figure = as_plain_text(self._figure(kind))
         if path is not None:
+            known, ending = figure.canvas.get_supported_filetypes(), _ending(path)
+            if ending not in known:
+                raise InputError(
+                    f"{path}: a figure is not written as {ending!r}; {', '.join(known)} are known"
+                )
             with output_file(Path(path)) as part:
-                write_figure(figure, part, 150, Path(path).suffix.removeprefix(".") or "png")
+                write_figure(figure, part, 150, ending)
         return figure
 
     def _figure(self, kind: Plot) -> Figure:
         if kind == "scene":
             from cosim.results.scene_plot import draw
 
-            return draw(self.scene, self.title)
+            return draw(self._whole_scene, self.title)
         if kind == "ledger" and self.rows:
             from cosim.results.ledger_plot import draw_ledger
 
@@ -148,7 +154,25 @@ class Result(CaseParts):
         `off_screen`."""
         from cosim.results.scene_view import plotter_of
 
-        return plotter_of(self.scene, self.title)
+        return plotter_of(self._whole_scene, self.title)
+
+    @cached_property
+    def _whole_scene(self) -> Scene:
+        """What there is to see; of a run that was read with the finger, built again from its
+        case."""
+        if self.folder is None or self.scene.bones:
+            return self.scene
+        from cosim.case.file import load_case
+        from cosim.results.scene import with_finger
+
+        angles, force = (
+            self.data[name].isel({self.axis: -1}).values for name in ("angle", "tip_force")
+        )
+        try:
+            return with_finger(self.scene, load_case(self.folder / "case.toml"), angles, force)
+        except InputError as error:
+            warnings.warn(f"bones and tendons are not shown: {error}", stacklevel=3)
+            return self.scene
 
     def picture(self, name: str) -> bytes | None:
         """PNG, a picture that the run left in its folder: "picture", "ledger" or "history"."""
@@ -181,3 +205,7 @@ class Result(CaseParts):
     def __repr__(self) -> str:
         force = ", ".join(f"{axis} {value:.3g}" for axis, value in self.tip_force.items())
         return f"<Result of {self.case}: fingertip force {force} N; {self.audit}>"
+
+
+def _ending(path: str | Path) -> str:
+    return Path(path).suffix.removeprefix(".").lower() or "png"

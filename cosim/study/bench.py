@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cosim.errors import Progress, quiet
+from cosim.errors import Progress
+from cosim.processes import WorkerProcess, do_with_memory
 from cosim.study import process as apart
 from cosim.study.engine import Solve, local
 from cosim.study.execute import execute_study
@@ -81,11 +84,6 @@ def _run_ends(store: Store) -> Iterator[tuple[str, float]]:
             yield key, float(at)
 
 
-def dask(workers: int) -> AbstractContextManager[Solve]:
-    """The engine of studies."""
-    return local(workers, quiet)
-
-
 def plain(workers: int) -> AbstractContextManager[Solve]:
     """The same processes with the runs dealt out beforehand: what the machine gives."""
 
@@ -99,10 +97,11 @@ def plain(workers: int) -> AbstractContextManager[Solve]:
 
 
 def _share(tasks: list[Task]) -> list[Verdict]:
+    process = WorkerProcess({**os.environ, **apart.ENVIRONMENT})
     try:
-        return [apart.solve(task) for task in tasks]
+        return [apart.call(process, partial(do_with_memory, apart.run), task) for task in tasks]
     finally:
-        apart.close()
+        process.end()
 
 
 def planned_rate(one: StudyTiming, workers: int) -> float:
@@ -116,11 +115,11 @@ def figures(tell: Progress, runs: int = RUNS) -> Iterator[tuple[str, float]]:
     """Name and value of every figure; studies of so many runs."""
     text = STUDY.format(runs=runs)
     tell(f"{runs} runs of the shell by one worker")
-    one = time_study(dask, 1, text)
+    one = time_study(local, 1, text)
     yield f"{SECONDS} of a run, one worker", one.solving / one.runs
     yield "cost of handing out, of the run's time", one.seconds / one.solving - 1
     tell(f"{runs} runs of the shell by two workers")
-    two = time_study(dask, 2, text)
+    two = time_study(local, 2, text)
     yield f"{SECONDS} of a run, two workers", two.solving / two.runs
     yield "cost of handing out, two workers", 2 * two.seconds / two.solving - 1
     yield "runs per second, two workers over one", two.rate / one.rate

@@ -1,4 +1,5 @@
-"""Runs done side by side: by Dask, on this machine or on any cluster, or here one after the other.
+"""Runs done side by side: by processes of this machine, by the workers of a Dask scheduler that the
+user has started, or here one after the other.
 
 Runs are handed out as others end, so that a hundred thousand of them are never in a scheduler at
 once."""
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim.errors import CosimError, InputError, Progress
+from cosim.processes import process_pool
 from cosim.study import process as apart
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict, row_of, run_task
@@ -25,13 +27,6 @@ Solve = Callable[[Iterator[Task]], Iterator[Verdict]]
 """Verdicts as runs end, in any order; it takes a task only where there is room for it."""
 AHEAD = 2
 """Runs handed out for each worker: one that it does, one that waits."""
-QUIET = {
-    "distributed.worker.profile.enabled": False,
-    "distributed.admin.tick.interval": "1s",
-    "distributed.admin.system-monitor.interval": "5s",
-}
-"""What Dask does without on this machine, where its workers only wait for the processes that solve:
-looking at itself takes a twentieth of a core of each."""
 LOOK = 2.0
 """Seconds after which the number of workers is asked for again."""
 PATIENCE = "20s"
@@ -48,26 +43,11 @@ def in_this_process(tasks: Iterator[Task]) -> Iterator[Verdict]:
 
 
 @contextmanager
-def local(workers: int, tell: Progress) -> Iterator[Solve]:
-    """So many processes on this machine."""
-    import logging
-
-    import dask
-    from distributed import Client, LocalCluster
-
-    with (
-        dask.config.set(QUIET),
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            memory_limit=0,
-            dashboard_address=":0",
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        _tell_of_page(client, tell)
-        yield lambda tasks: _through(client, tasks)
+def local(workers: int) -> Iterator[Solve]:
+    """So many processes on this machine, of a pool that opens no port."""
+    with process_pool(workers, apart=True, environment=apart.ENVIRONMENT) as pool:
+        run = pool.with_memory(apart.run)
+        yield lambda tasks: pool.as_ended(run, ([t] for t in tasks), AHEAD, apart.call)
 
 
 @contextmanager

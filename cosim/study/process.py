@@ -1,129 +1,92 @@
-"""A run in a process of its own, which can be ended: what a Dask worker does."""
+"""A run in a process of its own, which can be ended: a solve may hang or crash in compiled code."""
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
-import tempfile
 import threading
-from contextlib import suppress
-from dataclasses import asdict
+from collections.abc import Callable
+from functools import partial
+from multiprocessing import current_process
 from pathlib import Path
-from typing import IO
 
-from cosim.errors import InputError
-from cosim.processes import BLAS_THREADS, MALLOC_SETTINGS
+from cosim.case.cache_key import code_version
+from cosim.errors import CosimError, InputError
+from cosim.processes import (
+    BLAS_THREADS,
+    MALLOC_SETTINGS,
+    Memory,
+    ProcessEndedError,
+    TimeLimitError,
+    WorkerProcess,
+    do_with_memory,
+)
 from cosim.study.store import Status, Store
-from cosim.study.task import Task, Verdict, row_of
+from cosim.study.task import Task, Verdict, row_of, run_task
 
 DEATHS = 3
 """Times that the process of a run may end on its own before the run counts as failed."""
-PATIENCE = 5.0
-"""Seconds for a process to end by itself once its input has."""
 THREADS = (*BLAS_THREADS, "NUMBA_NUM_THREADS", "FE_SOLVER_THREADS")
 """One of each: the workers are as many as there are cores for them."""
+ENVIRONMENT = {**dict.fromkeys(THREADS, "1"), **MALLOC_SETTINGS}
+"""Of the processes that solve, whatever a worker of Dask was given."""
 _here = threading.local()
 
 
-class Child:
-    """A process that solves one run after the other."""
+def run(memory: Memory, task: Task) -> Verdict:
+    """What the process does: its stores and its session stay with it.  Raises InputError where the
+    store cannot be written."""
+    from cosim.solve.session import Session
 
-    def __init__(self) -> None:
-        self.told: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
-        root = str(Path(__file__).parents[2])
-        paths = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
-        self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "cosim.study.worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self.told,
-            env=os.environ | {"PYTHONPATH": paths} | dict.fromkeys(THREADS, "1") | MALLOC_SETTINGS,
-            text=True,
-            encoding="utf-8",
-        )
-        self.is_ready = False
-
-    def ask(self, task: Task) -> tuple[str, bool]:
-        """The child's answer, "" where it ended; and whether it was ended for its time."""
-        late = threading.Event()
-
-        def end() -> None:
-            late.set()
-            self.process.kill()
-
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
-        self.is_ready = self.is_ready or bool(self.process.stdout.readline())
-        timer = threading.Timer(task.limit or threading.TIMEOUT_MAX, end)
-        timer.daemon = True
-        timer.start()
-        try:
-            print(json.dumps(asdict(task)), file=self.process.stdin, flush=True)
-            answer = self.process.stdout.readline()
-        except OSError:  # the process has ended; on Windows not a BrokenPipeError
-            answer = ""
-        finally:
-            timer.cancel()
-        return ("" if late.is_set() else answer), late.is_set()
-
-    def end(self) -> str:
-        """End it; what is known of why it ended."""
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
-        with suppress(OSError):
-            self.process.stdin.close()
-        with suppress(subprocess.TimeoutExpired):
-            self.process.wait(PATIENCE)
-        self.process.kill()
-        code = self.process.wait()
-        self.process.stdout.close()
-        self.told.seek(0)
-        lines = self.told.read().decode(errors="replace").split("\n")
-        self.told.close()
-        last = next((line for line in reversed(lines) if line.strip()), "")
-        return f"signal {-code}" if code < 0 else f"exit code {code}: {last[:300]}"
+    session = memory.setdefault("session", Session())
+    return run_task(task, memory.setdefault(task.store, Store(Path(task.store))), session)
 
 
-def _child() -> Child:
-    """The child process of this thread."""
-    found: Child | None = getattr(_here, "child", None)
-    if found is None:
-        found = _here.child = Child()
-    return found
-
-
-def _end() -> str:
-    """End that of this thread; why it ended, if it had."""
-    found, _here.child = _here.child, None
-    return found.end()
-
-
-def close() -> None:
-    """End the process of this thread, if there is one."""
-    if getattr(_here, "child", None) is not None:
-        _end()
-
-
-def solve(task: Task) -> Verdict:
-    """The run's verdict; its row is in the store then.  A run that is over its time, or whose
-    process ended `DEATHS` times, has one as well.
+def call(process: WorkerProcess, function: Callable[[Task], Verdict], task: Task) -> Verdict:
+    """The run's verdict; its row is in the store then.  A run that is over its time, that ends in a
+    fault of the program or whose process ended `DEATHS` times has one as well.
 
     Raises InputError where the store cannot be written."""
     why = ""
     for _ in range(DEATHS):
-        answer, late = _child().ask(task)
-        if late:
-            _end()
-            return _put(task, "timeout", f"took longer than {task.limit:g} s", task.limit or 0.0)
-        if answer:
-            found = json.loads(answer)
-            if "fault" in found:
-                raise InputError(found["fault"])
-            return Verdict(**found)
-        why = _end()
+        try:
+            return process.call(function, task, limit=task.limit)
+        except TimeLimitError as error:
+            return _put(task, "timeout", str(error), task.limit or 0.0)
+        except ProcessEndedError as error:
+            why = error.why
+        except CosimError:
+            raise
+        except Exception as error:  # a fault of the program: the study's other runs go on
+            return _put(task, "died", f"{type(error).__name__}: {error}"[:300], 0.0)
     return _put(task, "died", f"its process ended {DEATHS} times ({why})", 0.0)
+
+
+def solve(task: Task) -> Verdict:
+    """The verdict of a run that a thread of a Dask worker does, which has a process for it.
+
+    Raises InputError where the worker has other sources, and where the store cannot be written."""
+    if task.code != code_version():
+        raise InputError(
+            f"a worker has cosim {code_version()}, this study is for {task.code}: install the same "
+            "on both"
+        )
+    return call(_process(), partial(do_with_memory, run), task)
+
+
+def _process() -> WorkerProcess:
+    """That of this thread."""
+    found: WorkerProcess | None = getattr(_here, "process", None)
+    if found is None:
+        current_process().daemon = False  # under a nanny it is, and could start no process
+        found = _here.process = WorkerProcess({**os.environ, **ENVIRONMENT})
+    return found
+
+
+def close() -> None:
+    """End the process of this thread, if there is one."""
+    if getattr(_here, "process", None) is not None:
+        _here.process.end()
+        del _here.process
 
 
 def _put(task: Task, status: Status, reason: str, seconds: float) -> Verdict:

@@ -64,14 +64,14 @@ class Store:
         mark = self.root / "format.json"
         try:
             if self.root.is_dir() and any(self.root.iterdir()) and not mark.is_file():
-                raise InputError(f"{self.root}: is no store of studies; choose another --store")
+                raise InputError(f"{self.root}: is no store of studies; choose another folder")
             if not mark.is_file():
                 self.write(mark, json.dumps(FORMAT).encode())
             found = json.loads(mark.read_bytes())
         except (OSError, ValueError) as error:
             raise InputError(f"{self.root}: cannot be used as a store ({error})") from error
         if found != FORMAT:
-            raise InputError(f"{mark}: expected {FORMAT['format']!r}; choose another --store")
+            raise InputError(f"{mark}: expected {FORMAT['format']!r}; choose another folder")
         return self
 
     def find(self, key: str) -> StoreRow | None:

@@ -21,7 +21,8 @@ KEY = "key"
 
 def table_of(plan: StudyPlan, done: StudyOutcome, store: Store) -> pd.DataFrame:
     """Columns: run, the parameters, status and reason, the outputs, the address in the store.
-    Runs that were not done are "waiting"."""
+    Runs that were not done are "waiting".  Of a parameter that is now a number and now a word every
+    value is text."""
     import pandas as pd
 
     found = {
@@ -40,6 +41,9 @@ def table_of(plan: StudyPlan, done: StudyOutcome, store: Store) -> pd.DataFrame:
     names = [p.name for p in plan.parameters]
     columns = ["run", *names, *STATUS, *plan.outputs, KEY]
     table = pd.DataFrame.from_records(records, columns=columns)
+    for name in names:
+        if table[name].map(type).nunique() > 1:
+            table[name] = table[name].map(str)
     return table.astype(dict.fromkeys(plan.outputs, float))
 
 

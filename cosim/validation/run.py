@@ -115,7 +115,7 @@ def choose_groups(only: str | None, published: Path | None = None) -> list[Trial
         names = {t.name for group in every for t in group.trials}
         near = nearest_names(only, sorted({*names, *" ".join(names).split()}), most=3)
         hint = f"; did you mean {' or '.join(near)}?" if near else "."
-        raise InputError(f"--only {only}: no trial is called so{hint} --list shows them")
+        raise InputError(f"{only!r}: no trial is called so{hint} `cosim validate --list` has all")
     return kept
 
 
@@ -135,7 +135,7 @@ def run_validation(
     batches = _batches(tasks)
     if tasks:
         told(f"0 of {len(tasks)}, in {min(workers, len(batches))} processes")
-    with process_pool(min(workers, len(batches)), "--workers") as pool:
+    with process_pool(min(workers, len(batches))) as pool:
         for ended in pool.as_ended(_run_batch, [[batch] for batch in batches]):
             for outcome in ended:
                 outcomes[outcome.trial] = outcome

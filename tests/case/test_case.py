@@ -209,7 +209,7 @@ def test_a_fault_is_told_with_its_place_and_what_to_write(override, place, advic
     message = faults(override)
     lines = [line for line in message.splitlines() if line.strip().startswith(place)]
     (line,) = [line for line in lines if advice in line]
-    assert "(--set " in line or "is missing" in line
+    assert "(setting " in line or "is missing" in line
 
 
 def test_all_faults_are_told_at_once():

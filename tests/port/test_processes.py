@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import psutil
 import pytest
 
 from cosim.errors import InputError
-from cosim.processes import BLAS_THREADS, PRELOADED, Memory, process_pool
+from cosim.processes import (
+    BLAS_THREADS,
+    PRELOADED,
+    Memory,
+    ProcessEndedError,
+    TimeLimitError,
+    WorkerProcess,
+    process_pool,
+)
+from tests.helpers.folders import ROOT
 
 
 def slow_process_of(name: str) -> tuple[str, int]:
@@ -100,39 +113,134 @@ def test_processes_have_the_environment_of_their_pool(monkeypatch: pytest.Monkey
 def test_a_killed_process_ends_the_others_with_words() -> None:
     begun = time.monotonic()
     with (
-        pytest.raises(InputError, match=r"ended from outside.*--workers 1 needs"),
-        process_pool(2, "--workers") as pool,
+        pytest.raises(InputError, match=r"ended from outside \(signal 15\).*one worker needs"),
+        process_pool(2) as pool,
     ):
         list(pool.in_order(end_oneself, range(4)))
     assert time.monotonic() - begun < 20
 
 
+class UnportableError(Exception):
+    """Which cannot be pickled back."""
+
+    def __init__(self, first: int, second: int) -> None:
+        super().__init__(f"{first} and {second}")
+
+
+def fail(kind: str) -> None:
+    raise UnportableError(1, 2) if kind == "unportable" else ZeroDivisionError("of mine")
+
+
+def test_a_call_over_its_time_ends_its_process_and_the_next_has_another() -> None:
+    process = WorkerProcess()
+    try:
+        first = process.call(os.getpid, limit=60.0)
+        begun = time.monotonic()
+        with pytest.raises(TimeLimitError, match=r"took longer than 0\.1 s"):
+            process.call(time.sleep, 60, limit=0.1)
+        assert time.monotonic() - begun < 5
+        assert process.call(os.getpid) != first
+    finally:
+        process.end()
+
+
+def test_the_end_of_a_process_outlives_pickling() -> None:
+    again = pickle.loads(pickle.dumps(ProcessEndedError("signal 9")))
+    assert (again.why, str(again)) == ("signal 9", str(ProcessEndedError("signal 9")))
+
+
+def test_an_error_of_a_call_is_raised_here_with_its_place() -> None:
+    process = WorkerProcess()
+    try:
+        with pytest.raises(ZeroDivisionError, match="of mine") as known:
+            process.call(fail, "portable")
+        assert "in fail" in "".join(known.value.__notes__)
+        with pytest.raises(RuntimeError, match="UnportableError: 1 and 2"):
+            process.call(fail, "unportable")
+    finally:
+        process.end()
+
+
+def test_a_pool_ends_no_process_of_a_pool_in_another_thread() -> None:
+    def work(seconds: float) -> int:
+        with process_pool(2) as pool:
+            return len(list(pool.in_order(time.sleep, [seconds] * 4)))
+
+    with ThreadPoolExecutor(3) as threads:
+        assert list(threads.map(work, [0.5, 0.0, 0.01])) == [4, 4, 4]
+
+
+UNGUARDED = """
+import sys
+from cosim.processes import process_pool
+with process_pool(2) as pool:
+    print(*pool.in_order(abs, [-1, -2]), sys.modules["__main__"].process_pool.__name__)
+"""
+
+
+@pytest.mark.parametrize("how", ["file", "standard input", "-c"])
+def test_a_script_needs_no_guard(tmp_path: Path, how: str) -> None:
+    """Its processes do not run it again."""
+    (tmp_path / "script.py").write_text(UNGUARDED)
+    words = {"file": ["script.py"], "standard input": ["-"], "-c": ["-c", UNGUARDED]}[how]
+    done = subprocess.run(
+        [sys.executable, *words],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        input=UNGUARDED,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("1 2 process_pool\n", "")
+
+
 WAITING = """
-import time
+import os, time
 from cosim.processes import process_pool
 if __name__ == "__main__":
     with process_pool(2) as pool:
-        list(pool.in_order(abs, [-1, -2]))
-        print("ready", flush=True)
+        print(*pool.in_order(eval, 2 * ["__import__('os').getpid()"]), flush=True)
         list(pool.in_order(time.sleep, [60, 60]))
 """
 
 
-@pytest.mark.skipif(os.name == "nt", reason="sends SIGINT to a group of processes")
-def test_ctrl_c_ends_all_at_once_and_the_processes_say_nothing(tmp_path: Path) -> None:
-    (tmp_path / "wait.py").write_text(WAITING)
-    env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+@pytest.fixture
+def waiting(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """A script whose processes are at work."""
     process = subprocess.Popen(
-        [sys.executable, "wait.py"],
+        [sys.executable, "-c", WAITING],
         cwd=tmp_path,
-        env=env,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         start_new_session=True,
         text=True,
     )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "ready\n"
-    os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=20)
+    yield process
+    process.kill()
+    process.communicate()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends SIGINT to a group of processes")
+def test_ctrl_c_ends_all_at_once_and_the_processes_say_nothing(
+    waiting: subprocess.Popen[str],
+) -> None:
+    assert waiting.stdout is not None
+    assert waiting.stdout.readline()
+    os.killpg(waiting.pid, signal.SIGINT)
+    _, said = waiting.communicate(timeout=20)
     assert said.count("Traceback") == 1, said
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends signals")
+@pytest.mark.parametrize("how", ["SIGTERM", "SIGKILL"])
+def test_processes_end_with_the_one_that_began_them(
+    waiting: subprocess.Popen[str], how: str
+) -> None:
+    """However it ends, and though they are at work."""
+    assert waiting.stdout is not None
+    children = [psutil.Process(int(pid)) for pid in waiting.stdout.readline().split()]
+    assert len(children) == 2
+    os.kill(waiting.pid, getattr(signal, how))
+    assert not psutil.wait_procs(children, timeout=10)[1]

@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 import sys
 from collections import Counter
+from contextlib import nullcontext
+from functools import partial
 from math import radians
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from typer.testing import CliRunner
 
@@ -18,15 +22,18 @@ from cosim.case.cache_key import address, case_table, code_version
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
+from cosim.processes import WorkerProcess, do_with_memory
 from cosim.results.conventions import by_axis
 from cosim.solve.session import Session
 from cosim.study import open_study, process
 from cosim.study import page as page_module
 from cosim.study.engine import in_this_process
+from cosim.study.execute import Count
 from cosim.study.quantities import check_outputs, paths
 from cosim.study.store import Store
-from cosim.study.task import Task, run_task, stored_outcome
+from cosim.study.task import Task, Verdict, run_task, stored_outcome
 from tests.helpers.fixed_posture import HELD
+from tests.helpers.folders import ROOT
 
 STUDY = """
 case = "held.toml"
@@ -286,32 +293,55 @@ def test_a_run_in_its_own_process_is_that_of_this_one(place):
         process.close()
 
 
+VARIABLES = """
+from pathlib import Path
+from cosim.study import process
+process._process().call(process.run.__globals__["os"].getpid)
+print(process._process().call(Path.read_text, Path("/proc/self/environ")))
+process.close()
+"""
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-def test_the_process_of_a_run_has_one_thread_and_keeps_its_memory(monkeypatch):
+def test_the_process_of_a_run_has_one_thread_and_keeps_its_memory():
     """Whatever a Dask worker was given: two that hand every block back get in each other's way."""
-    monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "65536")
-    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "8")
-    child = process.Child()
-    try:
-        lines = [""]
-        while not any(lines):  # a program that has just begun has no environment yet
-            assert child.process.poll() is None
-            lines = Path(f"/proc/{child.process.pid}/environ").read_text().split("\0")
-    finally:
-        child.end()
-    given = dict(line.split("=", 1) for line in lines if "=" in line)
+    variables = {"MALLOC_TRIM_THRESHOLD_": "65536", "OPENBLAS_NUM_THREADS": "8"}
+    done = subprocess.run(
+        [sys.executable, "-c", VARIABLES],
+        env={**os.environ, **variables, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    given = dict(line.split("=", 1) for line in done.stdout.split("\0") if "=" in line)
     assert {given[name] for name in process.THREADS} == {"1"}
     assert int(given["MALLOC_TRIM_THRESHOLD_"]) > 2**26
     assert given["MALLOC_MMAP_MAX_"] == "0"  # older glibc takes no threshold beyond 32 MB
 
 
+def end_process(task: Task) -> Verdict:
+    os._exit(7)
+
+
 def test_a_run_whose_process_ends_again_and_again_is_a_row(place, monkeypatch):
+    """So is one that ends in a fault of the program."""
     monkeypatch.setattr(process, "DEATHS", 2)
-    task = Task(**{**vars(a_task(place)), "case": {"title": "no case at all"}})
-    verdict = process.solve(task)
-    assert verdict.status == "died"
-    assert "its process ended 2 times (exit code 1: " in verdict.reason
-    assert Store(Path(task.store)).find(task.key) is not None
+    task, child = a_task(place), WorkerProcess()
+    try:
+        assert process.call(child, end_process, task).status == "died"
+        row = Store(Path(task.store)).find(task.key)
+        assert row is not None
+        assert row.reason == "its process ended 2 times (exit code 7)"
+        bad = Task(
+            **{
+                **vars(a_task(place, "finger.posture.PIP=31 deg")),
+                "case": {"title": "no case at all"},
+            }
+        )
+        verdict = process.call(child, partial(do_with_memory, process.run), bad)
+        assert (verdict.status, verdict.reason[:17]) == ("died", "ValidationError: ")
+    finally:
+        child.end()
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -327,13 +357,53 @@ def test_arrays_are_kept_where_asked_for(place):
     assert "0 runs solved" in cosim("pip.toml").output
 
 
-@pytest.mark.skipif(os.name == "nt", reason="sends signals")
-def test_by_dask_the_table_is_the_same_to_the_byte(place):
+@pytest.mark.usefixtures("undrawn")
+def test_a_parameter_may_be_now_a_word_and_now_a_number(place):
+    mixed = '[parameters.word]\nvalues = ["off", 3]\nsettings = ["title={value}"]\n[outputs]'
+    (place / "pip.toml").write_text(STUDY.replace("[outputs]", mixed), encoding="utf-8")
+    done = cosim("pip.toml")
+    assert done.exit_code in (0, 1), done.output
+    table = open_study(place / "studies" / "pip").table
+    assert table.word.tolist() == 4 * ["off", "3.0"]
+
+
+def listening(process: psutil.Process) -> list:
+    """Its open ports."""
+    found = process.net_connections(kind="inet")
+    return [connection for connection in found if connection.status == psutil.CONN_LISTEN]
+
+
+def test_by_processes_the_table_is_the_same_to_the_byte_and_no_port_opens(place, monkeypatch):
     cosim("pip.toml")
+    counts = []
+
+    def look(count: Count) -> None:
+        own = psutil.Process()
+        counts.append(sum(len(listening(p)) for p in (own, *own.children(recursive=True))))
+
+    before = len(listening(psutil.Process()))
+    monkeypatch.setattr("cosim.study.progress.progress", lambda name, store: nullcontext(look))
     done = CliRunner().invoke(
         app, ["study", "pip.toml", "--workers", "2", "--out", "two"], catch_exceptions=False
     )
     assert done.exit_code == 0, done.output
+    assert counts == 5 * [before]  # as it begins, and at the end of each run
     for name in ("table.parquet", "table.csv", "answers.json"):
         one, two = (place / folder / "pip" / name for folder in ("studies", "two"))
         assert one.read_bytes() == two.read_bytes()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_workers_of_a_scheduler_solve_in_processes_of_their_own(place):
+    """Those of the user's own cluster, here of one worker under a nanny, on the loopback."""
+    distributed = pytest.importorskip("distributed")
+    limited = STUDY.replace("[param", 'limits = { time = "60 s" }\n[param', 1)
+    (place / "pip.toml").write_text(limited, encoding="utf-8")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        address_of = ["--scheduler", cluster.scheduler_address]
+        done = CliRunner().invoke(app, ["study", "pip.toml", *address_of], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    found = open_study(place / "studies" / "pip")
+    assert found.values("torque") == pytest.approx(-40 * np.radians([20, 30, 40, 50]), rel=1e-9)

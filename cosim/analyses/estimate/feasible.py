@@ -118,5 +118,5 @@ def _empty() -> InputError:
     return InputError(
         "feasible set: the tensions' bounds leave no set of fingertip forces with an inside in "
         "this posture. A hood in lumped form has no arms in abduction: leave that component open "
-        '(--force "-1 N free -2 N"), or clamp the fingertip'
+        '("-1 N free -2 N"), or clamp the fingertip'
     )

@@ -86,8 +86,8 @@ class HeldFinger:
         nq, n = len(finger.joints), len(finger.unknowns(state))
         if n == nq:
             raise InputError(
-                "--force: nothing holds this case's fingertip, so it bears no force; add "
-                """--set 'finger.tip.kind="point"' (free to turn there) or "clamped\""""
+                "force: nothing holds this case's fingertip, so it bears no force; write "
+                'finger.tip.kind = "point" (free to turn there) or "clamped"'
             )
         none = np.zeros(len(finger.tendons))
         slope = finger.tangent(state, at.load, none, at.by_motion)[:nq, nq:]

@@ -120,7 +120,7 @@ def target_torques(joints: Sequence[str], given: Mapping[str, float]) -> Array:
     strange = [name for name in given if name.removesuffix("_flexion") not in joints]
     if strange:
         raise InputError(
-            f"--torque {', '.join(strange)}: unknown joint; the joints are {', '.join(joints)}"
+            f"torque {', '.join(strange)}: unknown joint; the joints are {', '.join(joints)}"
         )
     named = {name.removesuffix("_flexion"): value for name, value in given.items()}
     return np.array([named.get(joint, 0.0) for joint in joints])
@@ -142,7 +142,7 @@ def for_force(
     across = [a for a in AXES if a not in demand.names and stated[a]]
     if across:
         raise InputError(
-            f"--force: this finger's tip bears no force along {', '.join(across)}; write 0 N there"
+            f"force: this finger's tip bears no force along {', '.join(across)}; write 0 N there"
         )
     wanted = np.array([stated[name] or 0.0 for name in demand.names])
     found = _approach_demand(s, held, demand, wanted, first, progress)
@@ -200,7 +200,7 @@ def _forward(
         raise ConvergenceError(
             f"estimate: the tensions balance the target in the posture, but run forward the case "
             f"finds no equilibrium with them: {error} A fingertip held at a point can turn away; "
-            "try --set finger.tip.kind='\"clamped\"'"
+            'write finger.tip.kind = "clamped"'
         ) from error
     turned = finger.angles(e.finger_state) - finger.angles(held.finger_state)
     return EstimateAudit(

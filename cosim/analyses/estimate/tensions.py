@@ -134,8 +134,8 @@ def nearest(demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: 
     if found is None:
         raise InputError(
             "no tensions within their bounds balance this posture, whatever the fingertip's force: "
-            "some joint is left with a torque. Try another posture, wider bounds (--most), or a "
-            "clamped fingertip (--set finger.tip.kind='\"clamped\"')"
+            "some joint is left with a torque. Try another posture, wider bounds (max_force of a "
+            'tendon), or a clamped fingertip (finger.tip.kind = "clamped")'
         )
     made: Array = wanted + found.x[:d]
     return made
@@ -207,7 +207,7 @@ def _out_of_reach(
         f"that they make is {format_components(demand, asked)}; in the wanted direction they make "
         f"{way}. "
         + (f"At their greatest force there: {', '.join(full)}. " if full else "")
-        + "Ask for less, or widen the bounds (--most)"
+        + "Ask for less, or widen the bounds (max_force of a tendon)"
     )
 
 
@@ -222,6 +222,6 @@ def format_components(demand: Demand, values: Array) -> str:
 def _not_converged(rounds: int, last: float) -> ConvergenceError:
     return ConvergenceError(
         f"estimate: hood and programme did not agree in {rounds} rounds; torques and tensions are "
-        f"off by {last:.1e} (relative). Try --cost quadratic, whose answer moves with the "
+        f"off by {last:.1e} (relative). Try a quadratic cost, whose answer moves with the "
         "hood's without jumps, a smaller target, or a hood without slack tendons"
     )

@@ -151,7 +151,7 @@ def _faults_of_parameters(stated: Sequence[StatedCase], frees: Sequence[Free]) -
         if own != names[0]:
             yield (
                 f"{case.name}: its laws have the parameters {', '.join(own)}, those of "
-                f"{stated[0].name} {', '.join(names[0])}; name those to fit with --free"
+                f"{stated[0].name} {', '.join(names[0])}; name those to fit in a file"
             )
     if any(own != names[0] for own in names):
         return

@@ -198,7 +198,7 @@ def _built_in_parameters(case: Case, needed: bool = True) -> dict[str, FitParame
         found[name] = FitParameter(name, of, low, high, min(max(mean, low), high))
     if needed and not found:
         raise InputError(
-            "no region has a law whose parameters are fitted without --free "
+            "no region has a law whose parameters are fitted without a file that frees some "
             "(trans_iso_mooney_rivlin or transversely_isotropic)"
         )
     return found

@@ -1,0 +1,143 @@
+"""What the public face takes: each kind of argument is read in one place, and what is none is an
+InputError that says what was expected."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeGuard
+
+from cosim.case.file import case_of, layers_of, load_case
+from cosim.case.schema import Case, as_stated
+from cosim.errors import InputError
+from cosim.results.read import read_run
+from cosim.results.result import Result
+from cosim.schema import units
+from cosim.solve.session import Session
+
+CASE = "the name of a packaged case, the path of a case file, a table, a Case or a Result"
+RUN = "a Result, or the folder of a run"
+
+
+def case_from(given: object, settings: Sequence[str] = (), place: str = "case") -> Case:
+    """The case that is meant, checked; `settings` come on top of a name, a path or a table.
+
+    >>> case_from("pulley_edc") == case_from(case_from("pulley_edc"))
+    True
+
+    Raises InputError."""
+    if isinstance(settings, str) or not all(isinstance(text, str) for text in settings):
+        raise _unexpected("settings", "a list of texts KEY=VALUE", settings)
+    match given:
+        case Case():
+            return given.with_layers(layers_of(settings)) if settings else given
+        case Result() if given.folder is not None:
+            return load_case(given.folder / "case.toml", settings).model_copy(
+                update={"name": given.case}
+            )
+        case Result():
+            return case_of(given.case_table, given.case, settings)
+        case Mapping():
+            return case_of(given, overrides=settings)
+        case _ if is_path(given):
+            return load_case(given, settings)
+    raise _unexpected(place, CASE, given)
+
+
+def cases_from(given: object) -> list[Case]:
+    """Several cases, each as `case_from` takes it.  Raises InputError."""
+    if is_several(given):
+        return [case_from(case, place=f"cases[{i}]") for i, case in enumerate(given)]
+    raise _unexpected("cases", f"a list of cases, each {CASE}", given)
+
+
+def is_several(given: object) -> TypeGuard[Iterable[Any]]:
+    """Whether it is a list, or anything else that cases come out of one by one."""
+    return isinstance(given, Iterable) and not isinstance(given, str | bytes | Mapping | Case)
+
+
+def result_from(given: object, place: str = "result") -> Result:
+    """The result that is meant.  Raises InputError."""
+    if isinstance(given, Result):
+        return given
+    if is_path(given):
+        return read_run(Path(given))
+    if isinstance(given, Case):
+        raise InputError(f"{place}: expected {RUN}, not a case; solve it first: cosim.run(case)")
+    raise _unexpected(place, RUN, given)
+
+
+def session_from(given: object) -> Session | None:
+    """What runs share, if anything.  Raises InputError."""
+    if given is None or isinstance(given, Session):
+        return given
+    raise _unexpected("session", "a Session or None", given)
+
+
+def is_path(given: object) -> TypeGuard[str | Path]:
+    """Whether it is a text or a path that a file can have."""
+    return isinstance(given, str | os.PathLike) and "\0" not in os.fspath(given)
+
+
+def path_from(place: str, given: object) -> Path:
+    """A path.  Raises InputError."""
+    if not is_path(given):
+        raise _unexpected(place, "a path", given)
+    return Path(given)
+
+
+def whole_number(place: str, given: object, least: int, most: int) -> int:
+    """A whole number within bounds.
+
+    >>> whole_number("workers", 2, 1, 1024)
+    2
+
+    Raises InputError."""
+    number = as_stated(given)
+    if isinstance(number, bool) or not isinstance(number, int) or not least <= number <= most:
+        raise _unexpected(place, f"a whole number from {least} to {most}", given)
+    return number
+
+
+def quantity_in_si(place: str, given: object, kind: units.Kind, least: float = -math.inf) -> float:
+    """The SI value of a number in SI units, a text with a unit or a quantity of pint.
+
+    >>> quantity_in_si("tension", "300 mN", units.FORCE)
+    0.3
+
+    Raises InputError where it is none, is not finite or is below `least`."""
+    value = as_stated(given)
+    if isinstance(value, str):
+        try:
+            value = units.parse(value, kind)
+        except ValueError as error:
+            raise InputError(f"{place} = {given!r}: {error}") from error
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        expected = f'a finite number in {kind.si}, or a text with its unit ("{kind.example}")'
+        raise _unexpected(place, expected, given)
+    if value < least:
+        raise InputError(f"{place} = {given!r}: must be {least:g} {kind.si} or more")
+    return float(value)
+
+
+def fraction(place: str, given: object) -> float:
+    """A number above 0 and below 1.  Raises InputError."""
+    number = as_stated(given)
+    if isinstance(number, bool) or not isinstance(number, float) or not 0 < number < 1:
+        raise _unexpected(place, "a number above 0 and below 1", given)
+    return number
+
+
+def by_name(place: str, given: object, example: str) -> Mapping[str, Any]:
+    """Values by name.  Raises InputError."""
+    if isinstance(given, Mapping) and all(isinstance(name, str) for name in given):
+        return given
+    raise _unexpected(place, f"values by name, for example {example}", given)
+
+
+def _unexpected(place: str, expected: str, given: object) -> InputError:
+    text = ascii(given)
+    shown = text if len(text) <= 60 else f"{text[:57]}..."
+    return InputError(f"{place}: expected {expected}, not {shown} ({type(given).__name__})")

@@ -1,0 +1,100 @@
+"""A coupled equilibrium without a case file, with the names of a result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cosim.coupling.equilibrium import Equilibrium
+from cosim.port import Array, Pair
+from cosim.results.audit import Audit, missed_bounds
+from cosim.results.conventions import by_axis
+from cosim.results.parts import joint_forces
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True)
+class CoupledResult(Equilibrium):
+    """What `cosim.couple` found: what a `Result` has, as far as finger and hood tell it, by the
+    same names and in the same units."""
+
+    pair: Pair
+    slips: Mapping[str, float]
+    """N, in the central and the terminal slip; empty of a hood that does not tell them."""
+
+    @property
+    def tip_force(self) -> dict[str, float]:
+        """N, of the fingertip on the world, along the world's axes."""
+        return by_axis(self.pair.finger.tip_force(self.finger_state))
+
+    @property
+    def posture(self) -> dict[str, float]:
+        """deg, by joint."""
+        finger = self.pair.finger
+        angles = np.rad2deg(finger.angles(self.finger_state))
+        return dict(zip(finger.joints, map(float, angles), strict=True))
+
+    @property
+    def excursions(self) -> dict[str, float]:
+        """mm by tendon of the hood, positive proximally."""
+        millimetres = map(float, 1e3 * self.excursion)
+        return dict(zip(self.pair.hood.tendons, millimetres, strict=True))
+
+    @property
+    def moment_arms(self) -> pandas.DataFrame:
+        """mm, a row for each tendon of the hood and a column for each joint; flexion and radial
+        abduction are positive.  Empty of a finger that does not tell how its bodies turn."""
+        import pandas
+
+        turns = self.pair.finger.jacobian(self.finger_state)
+        if turns is None:
+            return pandas.DataFrame()
+        arms = 1e3 * self.jacobian.load_tension.T @ turns
+        return pandas.DataFrame(arms, self.pair.hood.tendons, self.pair.finger.joints)
+
+    @property
+    def joint_torques(self) -> pandas.DataFrame:
+        """N mm about each joint, a row for each source; those of one joint add up to zero.  Empty
+        of a finger that tells no forces."""
+        import pandas
+
+        torques = {} if self.balance is None else self.balance.torque
+        rows = {source: 1e3 * torque for source, torque in torques.items()}
+        return pandas.DataFrame.from_dict(
+            rows, orient="index", columns=list(self.pair.finger.joints)
+        )
+
+    @property
+    def joint_forces(self) -> pandas.DataFrame:
+        """N, a row for each joint: the bone-to-bone force on the bone distal of it, along the
+        world's axes.  Empty of a finger that tells no forces."""
+        import pandas
+
+        joint = self._books.get("joint")
+        bodies, joints = self.load.bodies, self.pair.finger.joints
+        found = {} if joint is None else joint_forces(joint, bodies, joints)
+        return pandas.DataFrame(found).T
+
+    @cached_property
+    def audit(self) -> Audit:
+        """The residuals with their bounds."""
+        force, moment = self.load.imbalance(self.motion)
+        figures = {"hood_force_balance": force, "hood_moment_balance": moment}
+        if self.balance is not None:
+            figures["finger_residual"] = self.finger_residual
+            figures["interface_residual"] = self.interface_residual
+        return Audit(figures, tuple(missed_bounds(figures)))
+
+    @property
+    def _books(self) -> dict[str, Array]:
+        return self.pair.finger.ledger(self.finger_state, self.load, self.finger_tension)
+
+    def __repr__(self) -> str:
+        force = ", ".join(f"{axis} {value:.3g}" for axis, value in self.tip_force.items())
+        return f"<CoupledResult: fingertip force {force} N; {self.audit}>"
