@@ -136,15 +136,18 @@ _starting = Lock()
 class ProcessEndedError(InputError):
     """The process of a call ended before it answered; `why`: its signal or exit code."""
 
-    def __init__(self, why: str) -> None:
-        super().__init__(
+    why = ""
+
+    @classmethod
+    def of(cls, code: int) -> ProcessEndedError:
+        """The error of a process that ended with this code, or by a signal (negative)."""
+        why = f"signal {-code}" if code < 0 else f"exit code {code}"
+        error = cls(
             f"a process that solved was ended from outside ({why}), it may be for want of memory; "
             "one worker needs the least"
         )
-        self.why = why
-
-    def __reduce__(self) -> tuple[type[ProcessEndedError], tuple[str]]:  # type: ignore[override]
-        return type(self), (self.why,)
+        error.why = why
+        return error
 
 
 class TimeLimitError(CosimError):
@@ -212,7 +215,7 @@ class WorkerProcess:
         code = self._stop()
         if self._is_closed:
             return PoolEndedError("the pool of processes has ended")
-        return ProcessEndedError(f"signal {-code}" if code < 0 else f"exit code {code}")
+        return ProcessEndedError.of(code)
 
     def _stop(self, at_once: bool = False) -> int:
         """End the process; the exit code of one that has ended by itself."""

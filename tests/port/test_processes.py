@@ -145,8 +145,9 @@ def test_a_call_over_its_time_ends_its_process_and_the_next_has_another() -> Non
 
 
 def test_the_end_of_a_process_outlives_pickling() -> None:
-    again = pickle.loads(pickle.dumps(ProcessEndedError("signal 9")))
-    assert (again.why, str(again)) == ("signal 9", str(ProcessEndedError("signal 9")))
+    error = ProcessEndedError.of(-9)
+    assert error.why == "signal 9"
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
 
 
 def test_an_error_of_a_call_is_raised_here_with_its_place() -> None:
