@@ -12,7 +12,7 @@ from typing import Any, TypeGuard
 from cosim.case.file import case_of, layers_of, load_case
 from cosim.case.schema import Case, as_stated
 from cosim.errors import InputError
-from cosim.results.read import read_run
+from cosim.results.read import check_converged, read_run
 from cosim.results.result import Result
 from cosim.schema import units
 from cosim.solve.session import Session
@@ -61,6 +61,7 @@ def is_several(given: object) -> TypeGuard[Iterable[Any]]:
 def result_from(given: object, place: str = "result") -> Result:
     """The result that is meant.  Raises InputError."""
     if isinstance(given, Result):
+        check_converged(given.summary, place)
         return given
     if is_path(given):
         return read_run(Path(given))

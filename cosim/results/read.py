@@ -43,11 +43,7 @@ def _read_run(folder: Path) -> Result:
             "for example runs/isometric_edc"
         )
     summary = _read(folder / "summary.json", _summary)
-    if summary.get("converged") is False:
-        raise InputError(
-            f"{folder}: is no result but what a motion had reached when it failed "
-            f"({summary.get('failure', '')}); results.nc and hood.pvd show it"
-        )
+    check_converged(summary, str(folder))
     own = folder / "comparison.json"
     hood = _read(folder / "hood.vtu", _hood) if (folder / "hood.vtu").is_file() else None
     return Result(
@@ -60,6 +56,15 @@ def _read_run(folder: Path) -> Result:
         folder,
         read_json(own) if own.is_file() else (),
     )
+
+
+def check_converged(summary: Mapping[str, Any], place: str) -> None:
+    """Raises InputError for what a motion had reached when a step failed, which is no result."""
+    if summary.get("converged") is False:
+        raise InputError(
+            f"{place}: is no result but what a motion had reached when it failed "
+            f"({summary.get('failure', '')}); its arrays (results.nc) and hood.pvd show it"
+        )
 
 
 def read_runs(folders: Sequence[Path], targets: tuple[Target, ...] = ()) -> list[Result]:

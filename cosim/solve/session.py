@@ -12,7 +12,7 @@ import numpy as np
 from cosim.build.models import Models, build_any, with_own_finger
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium, first_answer
-from cosim.errors import Progress
+from cosim.errors import InputError, Progress
 from cosim.port import Array, Motion, PairState, Response, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
 from cosim.tendons.muscles import live_muscles
@@ -60,9 +60,13 @@ class Session:
     `most`: settings kept at once.  `checkpoints`: the folder where a coupled motion keeps its
     checkpoints until it has ended, in NAME.unfinished; None: it keeps none.
 
-    Threads may share a session: their cases are solved one after the other."""
+    Threads may share a session: their cases are solved one after the other.
+
+    Raises InputError."""
 
     def __init__(self, most: int = 4, checkpoints: str | Path | None = None) -> None:
+        if most < 1:
+            raise InputError(f"Session: most must be 1 or more settings, got {most}")
         self.checkpoints = None if checkpoints is None else Path(checkpoints)
         self.lock = RLock()
         self._most = most

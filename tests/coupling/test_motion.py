@@ -248,6 +248,13 @@ def test_what_a_motion_reached_before_a_step_failed_is_kept(tmp_path: Path, monk
     assert "is no result but what a motion had reached" in " ".join(refused.stderr.split())
     with pytest.raises(InputError, match="is no result"):
         cosim.open_run(folder)
+    with monkeypatch.context() as broken:
+        broken.setattr(CoupledMotion, "advance", fail_at_the_fortieth)
+        with pytest.raises(ConvergenceError) as error:
+            cosim.run(load_case("pulley_edc", [PLAIN, *FREE, LONG]))
+    assert error.value.reached.data.time[-1] == pytest.approx(0.039)
+    with pytest.raises(InputError, match="is no result"):
+        cosim.compare(error.value.reached, error.value.reached)
     resumed = CliRunner().invoke(app, ["resume", str(tmp_path / "pulley_edc")])
     assert resumed.exit_code in (0, 3), resumed.output
     assert not folder.exists()
