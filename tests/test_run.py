@@ -14,6 +14,7 @@ import pytest
 import xarray
 from typer.testing import CliRunner
 
+from cosim.build.models import build
 from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
 from cosim.errors import ConvergenceError, quiet
@@ -251,6 +252,25 @@ def test_joint_torques_add_up_to_zero_with_the_tips_force():
     total = data.torque.sum("torque_source")
     assert float(abs(total).max()) < 1e-6 * float(abs(data.torque).max())
     assert result.summary["fingertip_force_N"] == by_axis(data.tip_force.values)
+
+
+@pytest.mark.parametrize("tip", ["point", "clamped"])
+def test_the_moment_on_the_fingertip_is_about_the_fingertip(tip):
+    """Where the tip may turn there is none.  Force and moment at the tip make the torque that the
+    fingertip's support gives each joint."""
+    held = f"finger.tip.kind={tip}"
+    result, finger = run("split_edc", held), build(load_case("split_edc", [held])).finger
+    angles = {joint: np.radians(a) for joint, a in result.summary["posture_deg"].items()}
+    state = finger.start(angles)
+    force = vector_of(result.summary["fingertip_force_N"])
+    moment = 1e-3 * vector_of(result.summary["fingertip_moment_Nmm"])
+    lever = finger.tip(state) - finger.motion(state).position[-1]
+    assert np.linalg.norm(np.cross(lever, force)) > 2e-3
+    assert (np.abs(moment).max() < 1e-9) == (tip == "point")
+    on_distal = -np.concatenate([force, np.cross(lever, force) + moment])
+    torque = 1e3 * finger.jacobian(state)[-6:].T @ on_distal
+    borne = result.summary["joint_torque_Nmm"]["fingertip"]
+    assert torque == pytest.approx(list(borne.values()), abs=1e-6)
 
 
 def test_a_case_gives_the_same_bits_alone_and_after_another():
