@@ -48,6 +48,7 @@ GOLDEN_TOLERANCE = 1e-6 if AT_HOME else 1e-5
 and without numba, with feral and with SuperLU differ by less than 1e-7; elsewhere compilers and
 mathematical functions round otherwise, and by how much nobody has measured."""
 COARSEST = "hood.mesh.quads=120"
+SHARED = Session(most=12)
 HEADS = {"FDIm": "FDI", "FDIl": "FDI", "RIp": "RI"}
 """Muscle of each tendon that is one of two heads."""
 SHELL_KEYS = {
@@ -84,8 +85,8 @@ def mark_slow(names: list[str]) -> list[Any]:
 
 @cache
 def run(name: str, *settings: str) -> Result:
-    """A case run once for all tests."""
-    return run_case(load_case(name, settings))
+    """A case run once for all tests, which share hoods and unloaded equilibria."""
+    return run_case(load_case(name, settings), SHARED)
 
 
 def coarse(name: str) -> Result:
@@ -277,7 +278,7 @@ def test_a_case_gives_the_same_bits_alone_and_after_another():
     """The unloaded state that a batch shares must not carry anything over."""
     names = [f"fingertip_isotropic_{muscle}" for muscle in ("edc", "fdp")]
     edc, fdp = (load_case(name, CONFIG.settings_of(name)) for name in names)
-    alone, session = coarse(names[0]), Session()
+    alone, session = run_case(edc), Session()
     run_case(fdp, session)
     after = run_case(edc, session)
     xarray.testing.assert_identical(alone.data, after.data)
