@@ -20,7 +20,8 @@ class Row:
     `measure` says how the error is taken: relative to the target, as the absolute difference, or
     "bound" for a quantity that must not exceed its target.  A "comparison" with an experiment is
     absolute and never fails: its tolerance is the experiment's spread, and it says whether the
-    model lies within.  A row that is only "shown" has a relative error and no tolerance.
+    model lies within.  A row that is only "shown", as every time that a clock took, has a relative
+    error and no tolerance.
     `order` is the measured order of convergence where two meshes were solved; `source` says where
     the target is from.
 

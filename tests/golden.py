@@ -221,13 +221,21 @@ def check_golden(tolerance: float, only: Sequence[str], workers: int, config: Co
     golden = {config.new_name("cases", name): entry for name, entry in kept.items()}
 
     def task(case: str, children: ChildProcesses) -> Comparison:
-        entry, settings = golden[case], config.settings_of(case)
-        if entry["settings"] not in (settings, [config.old_setting(s) for s in settings]):
-            return Comparison("different", [f"{CONFIG.name} has other settings now: --write"])
-        now = golden_entry(settings, run_case(TREE, case, settings, children), config)
-        return compare_outcomes(_golden_outcome(entry), _golden_outcome(now), tolerance, config)
+        outcome = run_case(TREE, case, config.settings_of(case), children)
+        return compare_with_golden(case, golden[case], outcome, tolerance, config)
 
     return _compare_all(list(golden), GOLDEN.name, task, tolerance, only, workers)
+
+
+def compare_with_golden(
+    case: str, entry: Mapping[str, Any], outcome: Outcome, tolerance: float, config: Config
+) -> Comparison:
+    """Compare a case's run with what golden.json holds of it."""
+    settings = config.settings_of(case)
+    if entry["settings"] not in (settings, [config.old_setting(s) for s in settings]):
+        return Comparison("different", [f"{CONFIG.name} has other settings now: --write"])
+    now = golden_entry(settings, outcome, config)
+    return compare_outcomes(_golden_outcome(entry), _golden_outcome(now), tolerance, config)
 
 
 def write_golden(only: Sequence[str], workers: int, config: Config) -> int:

@@ -6,12 +6,21 @@ from __future__ import annotations
 import json
 import re
 import shlex
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
+from cosim.pipeline import run_case
+from cosim.results.conventions import vector_of
+from cosim.study.plan import read_plan
+from cosim.verification.lesions import CUTS, EXTENDING, FREE, HOODS, changes
+from rigid.papers.networks.testbed_study import REPORTED_ERRORS, errors, trials
+from rigid.verification.network_study_rows import SEEDS
+from tests.golden import read_golden
 from tests.helpers.folders import ROOT
 
 READMES = (
@@ -166,3 +175,108 @@ def test_the_catalogue_has_every_family_with_its_picture():
         assert f"]({name}/picture.png)" in text
         assert picture.read_bytes().startswith(b"\x89PNG")
         assert picture.stat().st_size < 60_000
+
+
+CATALOGUE, PAPERS = TEXTS["cases"], TEXTS["cosim/papers"]
+
+
+def table_under(text: str, head: str) -> list[list[str]]:
+    """The rows of the table whose first line begins so, without their marks of code and links."""
+    lines = text[text.index(f"\n{head}") + 1 :].splitlines()[2:]
+    rows = lines[: next(i for i, line in enumerate([*lines, ""]) if not line.startswith("|"))]
+    return [[cell.strip() for cell in row.strip("| ").split("|")] for row in rows]
+
+
+def figures(text: str) -> list[float]:
+    return [float(figure) for figure in re.findall(r"[-+]?\d+(?:\.\d+)?", text)]
+
+
+def rounded(values: Iterable[float], shown: Sequence[float], digits: int) -> bool:
+    """Whether the values are those shown, within half of the last digit and rounding."""
+    return list(values) == pytest.approx(shown, abs=0.51 * 10.0**-digits)
+
+
+def test_the_catalogue_counts_every_case():
+    counted = {row[0]: int(row[2]) for row in table_under(CATALOGUE, "| family |")}
+    folders = {re.findall(r"\w+", family)[0]: n for family, n in counted.items()}
+    for family, n in folders.items():
+        assert len(list((ROOT / "cases" / family).glob("*.toml"))) == n, family
+    assert sum(folders.values()) == len(packaged_cases())
+
+
+def test_a_study_solves_as_many_cases_as_is_said():
+    runs = len(read_plan("network_saltelli").points)
+    assert f"one case solved {runs} times" in TOP
+    assert f"# {runs} runs of a network" in TEXTS["cosim/study"]
+
+
+def test_the_robot_s_forces_are_those_of_golden_json():
+    said = figures(re.search(r"same\s+4 N: (.*?) N dorsally", CATALOGUE, re.DOTALL)[1])
+    golden = read_golden()
+    cases = [f"robot_{kind}_extensor" for kind in ("pulleys", "network", "cable")]
+    dorsal = [golden[case]["summary"]["fingertip_force_N"]["dorsal"] for case in cases]
+    assert rounded(dorsal, said, 2)
+
+
+def test_the_table_of_lengths_is_the_board_s():
+    board = json.loads((ROOT / "cases" / "scoreboard.json").read_text(encoding="utf-8"))
+    groups = ("lengths and cuts", "lengths and cuts: other loads and places")
+    rows = {row["quantity"]: row["model"] for group in groups for row in board["groups"][group]}
+    kinds = ("terminal_1mm", "terminal_4mm", "central_gap_pip", "central_gap_dip")
+    keys = [[f"{kind}_FDP_{n}_N_deg" for n in (1, 3)] for kind in kinds]
+    keys += [[f"{cut}_{angle}_at_the_PIP_N" for angle in (0, 45)] for cut in ("bands", "tendon")]
+    keys += [[f"glide_{joint}_mm" for joint in ("mcp", "pip", "dip")]]
+    keys += [["resistance_most_deg", "resistance_least_deg"], ["oblique_share_percent"]]
+    shown = [row[2] for row in table_under(CATALOGUE, "| experiment | measured |")]
+    for cell, names in zip(shown, keys, strict=True):
+        digits = len(re.findall(r"\d+(?:\.(\d+))?", cell)[0])
+        assert rounded([rows[f"measured.{name}"] for name in names], figures(cell), digits), names
+
+
+@pytest.mark.slow
+def test_the_isometric_table_is_what_the_cases_say():
+    for muscle, tension, force, size, _, slips in table_under(CATALOGUE, "| muscle | tension, N |"):
+        name = "edc" if muscle == "at rest" else muscle.lower()
+        whole = run_case(load_case(f"isometric_{name}")).summary
+        summary = whole["unloaded"] if muscle == "at rest" else whole
+        pulled = sum(t for key, t in summary["tension_N"].items() if key.startswith(muscle))
+        assert rounded([pulled or summary["tension_N"]["EDC"]], figures(tension), 2)
+        assert rounded(vector_of(summary["fingertip_force_N"]), figures(force), 2)
+        assert rounded([summary["fingertip_magnitude_N"]], figures(size), 2)
+        if slips != "-":
+            assert rounded(summary["slip_force_N"].values(), figures(slips), 2)
+
+
+@pytest.mark.slow
+def test_the_first_look_is_what_the_first_run_says():
+    summary = run_case(load_case("isometric_edc")).summary
+    for name, key in (("tip_force", "fingertip_force_N"), ("slips", "slip_force_N")):
+        said = re.search(rf"print\(result\.{name}\).*?: (\{{.*\}})", TOP)[1]
+        assert {k: round(v, 2) for k, v in summary[key].items()} == json.loads(said)
+    assert f"force of {summary['fingertip_magnitude_N']:.2f} N." in TOP.replace("\n", " ")
+    assert f"make {summary['hood_quads']} of 600" in TEXTS["meshes"]
+
+
+@pytest.mark.slow
+def test_the_table_of_lesions_is_what_the_hoods_say():
+    for injury, *cells in table_under(CATALOGUE, "| | shell | cables |"):
+        part = CUTS["boutonniere" if "boutonniere" in injury else "mallet"]
+        for cell, case in zip(cells, HOODS.values(), strict=True):
+            cut = f'lesion.cut=["{part}"]'
+            found = changes(load_case(case, [*FREE, *EXTENDING, cut]))
+            assert rounded([found["PIP"], found["DIP"]], figures(cell), 1), (injury, case)
+    for name, words in (
+        ("lateral_band", r"band drops the DIP by (\S+) deg"),
+        ("terminal_shortened", r"shorter costs (\S+) deg of DIP flexion"),
+    ):
+        said = figures(re.search(words, CATALOGUE)[1])
+        assert rounded([abs(changes(load_case(f"lesion_{name}"))["DIP"])], said, 1)
+
+
+@pytest.mark.slow
+def test_the_virtual_testbed_s_errors_are_what_it_says():
+    found = errors(trials(SEEDS))
+    for experiment, ours, paper in table_under(PAPERS, "| | ours | paper |"):
+        assert figures(paper) == list(REPORTED_ERRORS[experiment])
+        for mean, said in zip(found[experiment].mean(axis=0), ours.split(" / "), strict=True):
+            assert rounded([mean], [float(said)], 2 if "." in said else 0)

@@ -16,6 +16,7 @@ from cosim.cli import app
 from cosim.errors import InputError
 from cosim.pipeline import run_case
 from cosim.results.conventions import vector_of
+from cosim.solve.motion import RestCheck
 from tests.helpers.motions import work_done, work_kept
 
 FORWARD = "forward={step='2 ms'}"
@@ -41,6 +42,16 @@ def test_at_a_point_a_motion_ends_in_the_equilibrium(muscle: str) -> None:
     assert moved["fingertip_force_N"] == pytest.approx(still["fingertip_force_N"], abs=1e-4)
     for joint, angle in still["posture_deg"].items():
         assert moved["posture_deg"][joint] == pytest.approx(angle, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("rate", "change", "rests"),
+    [(0.9e-3, 0.9e-3, True), (1.1e-3, 0.0, False), (0.0, 1.1e-3, False)],
+)
+def test_a_finger_is_at_rest_below_a_thousandth_of_a_radian_and_newton(
+    rate: float, change: float, rests: bool
+) -> None:
+    assert RestCheck(rate, change).is_reached is rests
 
 
 def test_the_thesis_s_devices_agree_within_its_figure() -> None:

@@ -46,12 +46,15 @@ def lesion(
     with exit_on_error():
         from cosim.case.file import load_case
         from cosim.files import check_file
+        from cosim.report.lesion_page import limit_sentences
 
         checked = load_case(case, settings or ())
         where = page or Path(f"{checked.name}.{form}")
         check_file(where)
         pairs = _solve_runs(checked, out, workers)
         tables = _write(checked, pairs, where, form)
+    for text in limit_sentences(pairs):
+        typer.echo(f"{text}\n")
     for table in tables:
         _show(table)
     typer.echo(f"report in {where}, runs in {out}")

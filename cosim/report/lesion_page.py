@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -136,6 +136,20 @@ def _forces(pair: RunPair) -> list[str]:
     return out
 
 
+def limit_sentences(pairs: Sequence[RunPair]) -> Iterator[str]:
+    """What is to be known first of a free finger whose joints limits hold, before or after."""
+    for pair in (pair for pair in pairs if pair.tip == "free"):
+        sides = [run.summary.get("joints_at_limit", {}) for run in (pair.before, pair.after)]
+        stopped = [j.replace("_", " ") for j in dict.fromkeys([*sides[0], *sides[1]])]
+        if stopped:
+            yield (
+                f"The finger with its fingertip free stands at its limits ({', '.join(stopped)}): "
+                "there they bear what a lesion changes, and next to nothing moves. They lie "
+                "finger.limit.half_range about the posture; a finger that is free to move has wide "
+                'ones, as extends = "base/lesion.toml" gives it.'
+            )
+
+
 def lesion_page(
     title: str, lesion: Sequence[str], marked: Sequence[str], pairs: Sequence[RunPair]
 ) -> str:
@@ -148,6 +162,7 @@ def lesion_page(
         title=title,
         lesion=lesion,
         pairs=pairs,
+        limits=list(limit_sentences(pairs)),
         changes=lesion_sentences(pairs),
         tables=tables_of_lesion(pairs),
         question=words.question(pairs[0].after),

@@ -13,7 +13,7 @@ a band; a file whose columns are parted by semicolons may have decimal commas.  
   a vector by its axis (distal, radial, dorsal) or the other way of one (proximal, ulnar, palmar),
   with the other sign: `difference.fingertip_force_N.palmar`;
 * unit: of all numbers of the row; what the quantity's key ends in (`_N`, `_Nmm` N mm, `_mm`,
-  `_deg`, `_percent` %, `_mJ`, `_s`, `_rad_per_s` rad/s), else 1;
+  `_deg`, `_rad`, `_percent` %, `_mJ`, `_s`, `_ms`, `_rad_per_s` rad/s, `_kPa`, `_V`), else 1;
 * reference, or value: the measured or published number; may be empty where a band is given;
 * sd: its standard deviation; may be empty;
 * low, high: the ends of a band of acceptance, in the unit, not relative; either may be empty;
@@ -58,10 +58,14 @@ UNITS = {
     "Nmm": "N mm",
     "mm": "mm",
     "deg": "deg",
+    "rad": "rad",
     "percent": "%",
     "mJ": "mJ",
     "s": "s",
+    "ms": "ms",
     "rad_per_s": "rad/s",
+    "kPa": "kPa",
+    "V": "V",
 }
 """What a key of a summary ends in, and the unit that it says."""
 COLUMNS = (

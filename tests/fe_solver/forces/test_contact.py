@@ -308,6 +308,20 @@ def test_augmented_pressure_does_not_know_penalty_or_smoothing():
         assert np.abs(gap).max() > 1e-6
 
 
+def test_pressed_nodes_stand_for_constraints_in_the_derivatives():
+    """Springs as stiff as the sheet press its nodes on the ground, and follow the
+    hand that they hang on: the nodes do not."""
+    model = press_sheet()
+    n, height = len(model.reference), np.array([0.0, 0, 50e-3])
+    up = replace(model.springs, anchor=model.reference + height, stiffness=np.full(n, 1e6))
+    model = replace(model, springs=up)
+    solution = solve_augmented(model, at_rest(model), NO_TENSION, TIGHT)
+    heights = np.flatnonzero(model.free % 5 == 2)
+    by_hand = solution.sensitivity[heights, 6 + 2]
+    assert len(by_hand) == n
+    assert np.abs(by_hand).max() < 2e-3
+
+
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10])
 def test_the_last_round_is_solved_to_the_tolerance(tolerance):
     """However loosely those before it were, and what is asked of the gaps."""

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from cosim.errors import InputError
+from fe_solver.materials import tension_field
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean, volume_ratio
@@ -294,6 +295,25 @@ def test_a_slack_sheet_keeps_the_residual_of_its_lesser_modulus() -> None:
     np.testing.assert_allclose(
         np.diag(out.tangent), RESIDUAL * modulus * np.array([1, 1, 0.5]), rtol=1e-2
     )
+
+
+@pytest.mark.parametrize(("pressed", "state"), [(1e-5, State.TAUT), (2e-4, State.WRINKLED)])
+def test_what_the_smoothing_alone_makes_is_no_wrinkle(pressed: float, state: State) -> None:
+    """Ten times the smoothing is not told of, two hundred times is."""
+    law = TensionField(Isotropic(1e8, 0.0))
+    assert law.smoothing == 1e-6
+    assert law.state(np.array([0.01, -pressed, 0.0])) == state
+
+
+def test_a_wrinkle_that_is_not_found_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Newton takes a point without an answer for crushed, and goes no step to it."""
+    strain = np.array([0.01, -0.02, 0.0])
+    assert np.isfinite(TensionField(ORTHOTROPIC).response(strain).energy)
+    for steps in ("FEW_STEPS", "MOST_STEPS"):
+        monkeypatch.setattr(tension_field, steps, 0)
+    out = TensionField(ORTHOTROPIC).response(strain)
+    assert out.energy == np.inf
+    assert not out.stress.any()
 
 
 def test_a_crushed_sheet_has_an_answer() -> None:

@@ -17,6 +17,7 @@ from fe_solver.solver.linear_algebra import (
     NotPositiveDefiniteError,
     analyse,
     available,
+    has_mechanism,
 )
 from tests.helpers.matrices import chain, slots_of
 
@@ -127,3 +128,10 @@ def test_pardiso_s_memory_goes_with_its_factor(monkeypatch):
     assert not freed
     del factor
     assert freed == [True]
+
+
+@pytest.mark.parametrize(("stiffness", "free"), [(1e-12, False), (1e-15, True), (0.0, True)])
+def test_a_mechanism_has_no_stiffness_beside_rounding_error(stiffness, free):
+    """A part that is soft, and be it by a factor of 1e12, is held."""
+    slots = sp.csc_array(np.diag([1.0, 2.0, 3.0]))
+    assert has_mechanism(np.array([1.0, 2.0, stiffness]), slots) is free

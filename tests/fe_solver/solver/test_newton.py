@@ -148,6 +148,35 @@ def test_a_failed_solve_names_the_place(model, solved):
     assert solve(model, at_rest(model), TENSION, enough).iterations == solved.iterations
 
 
+@pytest.mark.parametrize(("limits", "ends"), [(20, True), (40, False)])
+def test_where_no_step_descends_thirty_limits_are_rounding(
+    model, solved, monkeypatch, limits, ends
+):
+    c = perturb(model, solved.configuration, 1e-8)
+    residual, force = residual_norm(model, model.evaluate(c, TENSION, False))
+    options = NewtonOptions(tolerance=residual / force / limits)
+    monkeypatch.setattr(newton, "_descend", lambda *_: (None, 0))
+    if ends:
+        assert solve(model, c, TENSION, options, near=True).residual == residual
+    else:
+        with pytest.raises(ConvergenceError, match="did not reach equilibrium"):
+            solve(model, c, TENSION, options, near=True)
+
+
+def test_moments_of_the_residual_count_by_the_length_of_an_element():
+    """The same sheet a thousand times as large, with the same forces, has the same residual."""
+    norms = []
+    for scale in (1.0, 1e3):
+        X, quads = plate(20e-3 * scale, 5e-3 * scale, 4, 1)
+        strip = clamp(sheet(X, quads, 1e8 / scale**2, 0.3, 0.5e-3 * scale), np.array([0, 1]))
+        c, turns = at_rest(strip), np.zeros((len(X), 5))
+        turns[2:, 3:] = 1e-2 * np.sin(np.arange(16.0)).reshape(8, 2)
+        c = strip.take_step(c, strip.bases(c), turns.ravel())
+        norms.append(residual_norm(strip, strip.evaluate(c, NO_TENSION, False))[0])
+    assert norms[0] > 0.01
+    assert norms[1] == pytest.approx(norms[0], rel=1e-9)
+
+
 def test_a_sheet_that_nothing_holds_is_refused():
     X, quads = plate(1.0, 1.0, 2, 2)
     model = replace(sheet(X, quads, 1.0, 0.0, 0.5), dead=np.tile([0.0, 0, -1e-3], (9, 1)))
