@@ -13,6 +13,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -84,7 +85,8 @@ def coarse_surface(surface: Surface, cell: float = CELL) -> Surface:
     kept = kept[(a != b) & (b != c) & (c != a)]
     _, first = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
     used, renamed = np.unique(kept[np.sort(first)], return_inverse=True)
-    return np.round(mean[used], 6), renamed.reshape(-1, 3)
+    triangles: Any = renamed.reshape(-1, 3)
+    return np.round(mean[used], 6), triangles
 
 
 def _deviations(law: JointLaw) -> list[str]:
