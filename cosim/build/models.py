@@ -141,5 +141,6 @@ def bone_surfaces(case: Case) -> Mapping[str, Triangles]:
 
 
 def mjcf_of(case: Case) -> str:
-    """The finger of a case as MJCF.  Raises InputError for one that has none."""
-    return mjcf(case.native_finger(), case.hood.left_to_finger)
+    """The finger of a case as MJCF, at the resting tensions.  Raises InputError for one that has
+    none."""
+    return mjcf(case.native_finger(), case.hood.left_to_finger, case.solve.resting_tension)

@@ -109,9 +109,10 @@ def mjcf(
         "finger.xml"
     ),
 ) -> None:
-    """Write the MuJoCo model of a case's finger: bones, joints, its own tendons with an actuator
-    each, whose control is the tension; without passive torques, limits, what holds the tip, and
-    the hood."""
+    """Write the MuJoCo model of a case's finger, which stands in plain MuJoCo: bones with their
+    shapes, joints with passive torques and limits, its own tendons with an actuator each, whose
+    control is the tension, and the keyframe "posture" with the resting tensions; without what holds
+    the tip, and the hood."""
     with exit_on_error():
         from cosim.build.models import mjcf_of
         from cosim.case.file import load_case
@@ -120,7 +121,8 @@ def mjcf(
         with output_file(out) as path:
             path.write_text(text + "\n", encoding="utf-8")
         typer.echo(
-            f"finger in {out}, without passive torques, limits, the tip's support and the hood"
+            f"finger in {out}, without the tip's support and the hood; begin in its keyframe "
+            '"posture"; its first lines say what differs from ours'
         )
 
 

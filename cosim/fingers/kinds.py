@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -87,12 +88,20 @@ def finger_model(finger: NativeFinger, extensor: Extensor) -> FingerModel:
     return model(finger, extensor)
 
 
-def mjcf(finger: NativeFinger, extensor: Extensor) -> str:
-    """The finger as MJCF.  Raises InputError for one without a MuJoCo model."""
-    from rigid.mjcf.write import mjcf_xml
+def mjcf(finger: NativeFinger, extensor: Extensor, tension: float) -> str:
+    """The finger as MJCF that plain MuJoCo simulates, its tendons at `tension` N.
 
-    return mjcf_xml(
-        finger_model(finger, extensor), cast("ChainFingerConfigWithMass", finger).gravity
+    Raises InputError for one without a MuJoCo model."""
+    from cosim.fingers.chain import joint_torques
+    from rigid.mjcf.simulation import simulation_xml
+
+    model = replace(finger_model(finger, extensor), meshes=bones_of(finger, extensor))
+    return simulation_xml(
+        model,
+        joint_torques(finger, model.joints),
+        finger.posture.angles(),
+        dict.fromkeys(model.muscles, tension),
+        cast("ChainFingerConfigWithMass", finger).gravity,
     )
 
 

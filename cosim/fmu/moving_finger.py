@@ -4,7 +4,7 @@ it."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +59,8 @@ class FmuMovingFinger:
         self._place = places(self.unit.opened, quantities, names or {}, OPTIONAL, assume_si)
         self.kinematics = FmuKinematics(self.unit, self._place, bodies)
         self._follows = all(name in self._place for name in AFFINE_LOAD)
-        self._begin = self._read_state()
+        # As the native finger's: no load has been given when a motion begins.
+        self._begin = replace(self._read_state(), tip=np.zeros(6))
 
     def begin(self, posture: Mapping[str, float]) -> FmuMovingState:
         """The unit as it was initialised, in its own posture; raises InputError for another."""

@@ -18,6 +18,7 @@ from cosim.coupling.state_arrays import Arrays, Special
 from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.archive import UnpackedFmu, unpack_fmu
 from cosim.fmu.mapping import VariablePlace
+from cosim.fmu.unit_format import check_if_ours
 from cosim.port import Array
 
 MOST_LOGGED = 5
@@ -38,11 +39,16 @@ class Unit:
     """An instance of a co-simulation FMU, initialised at time 0 with its own start values.
 
     It runs code of the archive in this process.  Raises InputError for an FMU that cannot be opened
-    (`archive.unpack_fmu`) or instantiated."""
+    (`archive.unpack_fmu`) or instantiated, and for one that another format of our own program wrote
+    (`unit_format.check_if_ours`)."""
 
     def __init__(self, path: Path) -> None:
         room = tempfile.TemporaryDirectory(prefix="fmu_", ignore_cleanup_errors=True)
         self.opened: UnpackedFmu = unpack_fmu(path, Path(room.name))
+        try:
+            check_if_ours(self.opened.folder / "resources")
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
         description = self.opened.description
         self.is_fmi2 = description.fmiVersion == "2.0"
         self._log: list[str] = FMI2_LOG if self.is_fmi2 else []

@@ -14,6 +14,7 @@ def finish_description(root: Element, run: UnitRun) -> Element:
     date, so that the same unit is the same file."""
     if root.get("fmiVersion") == "2.0":
         _finish_scalars(root, run)
+        _repeat_outputs(root)
     else:
         _finish_arrays(root, run)
     used = {q.unit for q in run.quantities if q.unit}
@@ -37,17 +38,31 @@ def _finish_scalars(root: Element, run: UnitRun) -> None:
             place += 1
 
 
+def _repeat_outputs(root: Element) -> None:
+    """All outputs follow from the inputs at the start too; pythonfmu says so for FMI 3 alone."""
+    unknown = SubElement(_find(root, "ModelStructure"), "InitialUnknowns")
+    unknown.extend(_find(root, "ModelStructure/Outputs").findall("Unknown"))
+
+
+def _find(root: Element, path: str) -> Element:
+    found = root.find(path)
+    assert found is not None
+    return found
+
+
 def _finish_arrays(root: Element, run: UnitRun) -> None:
-    variables = root.find("ModelVariables")
-    assert variables is not None
+    variables = _find(root, "ModelVariables")
     for variable, quantity in zip(variables, run.quantities, strict=False):
         _state(variable, quantity, run.get(run.place[quantity.name]))
 
 
 def _state(element: Element, quantity: Quantity, start: list[float]) -> None:
-    """Start values and unit of a variable; FMI takes one value for all of an array."""
+    """Start values of a variable that is no output, and its unit; FMI takes one value for all of an
+    array."""
     if quantity.unit:
         element.set("unit", quantity.unit)
+    if quantity.causality == "output":
+        return
     if quantity.switch:
         element.set("start", "true" if start[0] else "false")
         return

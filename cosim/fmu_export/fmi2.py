@@ -1,4 +1,9 @@
-"""The FMI 2 face of a written unit; a copy of this file goes into the archive as its script."""
+"""The FMI 2 face of a written unit; a copy of this file goes into the archive as its script.
+
+It raises nothing while it is imported: the loader of FMI 3 would hang for ever.
+"""
+
+from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
@@ -13,10 +18,13 @@ try:
     from cosim.fmu_export.hooks import Stateful
     from cosim.fmu_export.run import UnitRun
 except ImportError as error:
-    raise ImportError(
-        "this FMU runs in a Python with cosim-hand and its extra fmu installed; this one lacks it "
-        f"({error})"
-    ) from error
+    fault = f"{Path(__file__).with_name('needs.txt').read_text('utf-8')} ({error})"
+
+    class Stateful:  # type: ignore[no-redef]
+        """Says which program is needed."""
+
+        def __init__(self, **kwargs: Any) -> None:
+            raise ImportError(fault)
 
 
 class CosimFmu2(Stateful, Fmi2Slave):
@@ -63,7 +71,7 @@ def _variable(name: str, quantity: Quantity) -> Any:
         "getter": float,
     }
     if quantity.causality == "output":
-        facts["initial"] = Fmi2Initial.exact
+        facts["initial"] = Fmi2Initial.calculated
     if quantity.causality == "parameter":
         facts["variability"] = Fmi2Variability.tunable
     return (Boolean if quantity.switch else Real)(name, **facts)

@@ -1,4 +1,9 @@
-"""The FMI 3 face of a written unit; a copy of this file goes into the archive as its script."""
+"""The FMI 3 face of a written unit; a copy of this file goes into the archive as its script.
+
+It raises nothing while it is imported: the loader of FMI 3 would hang for ever.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,10 +28,13 @@ try:
     from cosim.fmu_export.hooks import Stateful
     from cosim.fmu_export.run import UnitRun
 except ImportError as error:
-    raise ImportError(
-        "this FMU runs in a Python with cosim-hand and its extra fmu installed; this one lacks it "
-        f"({error})"
-    ) from error
+    fault = f"{Path(__file__).with_name('needs.txt').read_text('utf-8')} ({error})"
+
+    class Stateful:  # type: ignore[no-redef]
+        """Says which program is needed."""
+
+        def __init__(self, **kwargs: Any) -> None:
+            raise ImportError(fault)
 
 
 class CosimFmu3(Stateful, Fmi3Slave):
@@ -90,7 +98,7 @@ def _variable(quantity: Quantity) -> Any:
         "dimensions": [Dimension(start=str(n)) for n in quantity.shape],
     }
     if quantity.causality == "output":
-        facts["initial"] = Fmi3Initial.exact
+        facts["initial"] = Fmi3Initial.calculated
     if quantity.causality == "parameter":
         facts["variability"] = Fmi3Variability.tunable
     return (Boolean if quantity.switch else Float64)(quantity.name, **facts)

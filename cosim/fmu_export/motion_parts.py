@@ -32,6 +32,10 @@ from cosim.port import AffineLoad, Array, State
 
 ROUNDING = 1e-9
 """The part of a step by which a master's may be longer than the case's."""
+MOMENT = 1e-3
+"""The part of a case's step after which the reactions at the start are read: they do not depend on
+it, but for what moves within it."""
+REACTIONS = ("tip_force", "tip_moment")
 
 
 def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) -> UnitPart:
@@ -98,8 +102,13 @@ class MovingFingerPart:
             state = self.finger.step(state, load, tension, h)
         return state, self._outputs(state)
 
-    def tangent(self, state: State) -> Values:
-        return {}
+    def initial(self, given: Values) -> tuple[State, Values]:
+        """The finger at rest in its posture; the fingertip's force is the reaction there."""
+        start = self.start()
+        if given[KINEMATICS.name]:
+            return self.step(start, given, 0.0)
+        moved = self.step(start, given, MOMENT * self._longest)[1]
+        return start, {**self._outputs(start), **{name: moved[name] for name in REACTIONS}}
 
     def template(self) -> State:
         return self.start()
@@ -172,8 +181,12 @@ class MovingCoupledPart:
             state = step(moves.scheme, moves.finger, moves.hood, state, _constant(pulls), h)
         return state, self._outputs(state)
 
-    def tangent(self, state: State) -> Values:
-        return {}
+    def initial(self, given: Values) -> tuple[State, Values]:
+        """Finger and hood at rest in the posture; what the tensions do there at once."""
+        start = self._begin()
+        moved = self.step(start, given, MOMENT * self.both.moves.dt)[1]
+        at_once = {n: moved[n] for n in (*REACTIONS, "excursion", "residual") if n in moved}
+        return start, {**self._outputs(start), **at_once}
 
     def template(self) -> State:
         return self._begin()

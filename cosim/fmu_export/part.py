@@ -38,8 +38,10 @@ class UnitPart(Protocol):
         Raises InputError and ConvergenceError; `state` stays valid."""
         ...
 
-    def tangent(self, state: State) -> Values:
-        """The outputs that only a set `with_tangent` asks for."""
+    def initial(self, given: Values) -> tuple[State, Values]:
+        """The state to begin from and the outputs at the start under the inputs `given`.
+
+        Raises InputError and ConvergenceError."""
         ...
 
     def template(self) -> State:

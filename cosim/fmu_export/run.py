@@ -3,8 +3,7 @@ and the border that no exception crosses."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -14,17 +13,18 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.coupling.state_arrays import Special
-from cosim.errors import CosimError, InputError
-from cosim.fmu.quantity import WITH_TANGENT, Quantity
+from cosim.errors import InputError
+from cosim.fmu.quantity import Quantity, Values
+from cosim.fmu.unit_format import read_about
+from cosim.fmu_export.border import fault_of
 from cosim.fmu_export.part import UnitPart
 from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.state import SerialisedState, Snapshot
-from cosim.port import Array
+from cosim.port import Array, State
 from cosim.processes import one_blas_thread
-from cosim.version import __version__
 
-CASE, ABOUT = "case.toml", "about.json"
-"""Files of a unit: the resolved case, and which part of it the unit is."""
+CASE = "case.toml"
+"""The resolved case, a file of the unit's resources."""
 
 
 class UnitRun:
@@ -34,7 +34,7 @@ class UnitRun:
 
     @one_blas_thread()
     def __init__(self, resources: Path) -> None:
-        about = _about(resources / ABOUT)
+        about = read_about(resources)
         self.name = f"cosim_{about['part']}"
         case = load_case(resources / CASE)
         self.description = f"{about['part']}: {case.title}"
@@ -46,7 +46,10 @@ class UnitRun:
         ends = list(accumulate((q.zero().size for q in self.quantities), initial=0))
         self.place = {q.name: slice(*ends[i : i + 2]) for i, q in enumerate(self.quantities)}
         self._values = np.concatenate([np.ravel(self.part.begin[q.name]) for q in self.quantities])
+        outputs = [np.full(q.zero().size, q.causality == "output") for q in self.quantities]
+        self._is_output = np.concatenate(outputs)
         self._state, self._fault, self.time = self.part.start(), "", 0.0
+        self._initialising, self._evaluated = False, False
         self._special = _special(self.part)
 
     @property
@@ -56,21 +59,34 @@ class UnitRun:
 
     def get(self, entries: Sequence[int] | slice) -> list[float]:
         """Values at places of the array; all NaN where one is none, after which no step succeeds
-        until a state is restored."""
-        try:
-            out: list[float] = self._values[entries].tolist()
-        except IndexError as error:
-            return self.refuse(f"a value was asked for that does not exist ({error})")
+        until a state is restored.
+
+        In initialization mode outputs follow from the inputs that are set; they are NaN where these
+        have no answer, which `exit_initialization` then tells."""
+        out: list[float] = []
+
+        def read() -> None:
+            nonlocal out
+            asked = self._initialising and self._is_output[entries].any()
+            failed = asked and bool(fault_of(self._evaluate))
+            out = np.where(self._is_output & failed, np.nan, self._values)[entries].tolist()
+
+        fault = fault_of(read)
+        if fault:
+            return self.refuse(f"a value was asked for that does not exist ({fault})")
         return out
 
     def set(self, entries: Sequence[int] | slice, values: Sequence[float]) -> None:
         """Set values at places of the array; where that cannot be, no step succeeds afterwards."""
         changed = self._values.copy()
-        try:
+
+        def write() -> None:
             changed[entries] = values
-        except (IndexError, ValueError) as error:
-            self.refuse(f"a value was set that does not exist ({error})")
-        self._values = changed
+
+        fault = fault_of(write)
+        if fault:
+            self.refuse(f"a value was set that does not exist ({fault})")
+        self._values, self._evaluated = changed, False
 
     def refuse(self, fault: str) -> list[float]:
         """Make every step fail for this reason; NaN, more than any caller can want."""
@@ -80,16 +96,20 @@ class UnitRun:
     def step(self, time: float, dt: float) -> str:
         """A step of `dt` s from `time` s, which is only told again; empty, or what went wrong, in
         which case nothing has changed."""
-        if self._fault:
-            return self._fault
-        try:
-            self._step(dt)
-        except CosimError as error:
-            return str(error)
-        except Exception as error:  # what crosses this border ends the simulator's process
-            return f"a fault of the program, {type(error).__name__}: {error}"
-        self.time = time + dt
-        return ""
+        fault = self._fault or fault_of(lambda: self._step(dt))
+        if not fault:
+            self.time = time + dt
+        return fault
+
+    def enter_initialization(self) -> None:
+        """From now on outputs follow from the inputs without a step."""
+        self._initialising = True
+
+    def exit_initialization(self) -> str:
+        """Make the outputs those of the inputs; empty, or why there are none."""
+        fault = self._fault or fault_of(self._evaluate)
+        self._initialising = False
+        return fault
 
     def snapshot(self) -> Snapshot:
         """All that the next step reads and writes."""
@@ -98,18 +118,17 @@ class UnitRun:
     def restore(self, snapshot: Any) -> None:
         """A state of this or another instance, in memory or as bytes; anything else makes the next
         steps fail."""
-        try:
-            taken = self._take_step(snapshot)
-        except CosimError as error:
-            self.refuse(f"a state was set that is none of this unit's: {error}")
-            return
-        except Exception as error:  # as in a step
-            self.refuse(f"a state was set, and a fault of the program, {error!r}, kept it out")
-            return
-        self._values, self._state, self._fault = taken.values, taken.state, ""
-        self.time = taken.time
 
-    def _take_step(self, snapshot: Any) -> Snapshot:
+        def take() -> None:
+            taken = self._read_snapshot(snapshot)
+            self._values, self._state, self._fault = taken.values, taken.state, ""
+            self.time, self._evaluated = taken.time, False
+
+        fault = fault_of(take)
+        if fault:
+            self.refuse(f"a state was set that is none of this unit's: {fault}")
+
+    def _read_snapshot(self, snapshot: Any) -> Snapshot:
         if isinstance(snapshot, SerialisedState):
             snapshot = snapshot.read(self.token, self.part.template, self._special)
         if not isinstance(snapshot, Snapshot) or snapshot.values.shape != self._values.shape:
@@ -118,16 +137,26 @@ class UnitRun:
 
     @one_blas_thread()
     def _step(self, dt: float) -> None:
+        self._show(*self.part.step(self._state, self._given(), dt))
+
+    @one_blas_thread()
+    def _evaluate(self) -> None:
+        """Outputs at the start of the inputs as they are now."""
+        if not self._evaluated:
+            self._show(*self.part.initial(self._given()))
+            self._evaluated = True
+
+    def _given(self) -> Values:
+        """Inputs and parameters by name.  Raises InputError for one that is not finite."""
         given = {q.name: self._value(q) for q in self.quantities if q.causality != "output"}
         missing = [name for name, value in given.items() if not np.isfinite(value).all()]
         if missing:
             raise InputError(f"{', '.join(missing)}: holds a value that is not finite")
-        state, outputs = self.part.step(self._state, given, dt)
-        shown: dict[str, Array] = dict(outputs)
-        if given.get(WITH_TANGENT.name):
-            shown |= self.part.tangent(state)
+        return given
+
+    def _show(self, state: State, outputs: Values) -> None:
         values = self._values.copy()
-        for name, value in shown.items():
+        for name, value in outputs.items():
             values[self.place[name]] = np.ravel(value)
         self._values, self._state = values, state
 
@@ -141,14 +170,3 @@ def _special(part: UnitPart) -> Special | None:
         return part.special()
     except InputError:
         return None
-
-
-def _about(path: Path) -> Mapping[str, Any]:
-    """Which part, with its tangent or not, by which version.  Raises InputError."""
-    about: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    if about["version"] != __version__:
-        raise InputError(
-            f"this FMU was written by cosim-hand {about['version']}, and this Python has "
-            f"{__version__}; install cosim-hand=={about['version']}, or write the FMU anew"
-        )
-    return about

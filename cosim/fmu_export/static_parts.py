@@ -20,6 +20,7 @@ from cosim.fmu.quantity import (
     KINEMATICS,
     STATIC_STEP,
     TOLERANCE,
+    WITH_TANGENT,
     Quantity,
     Values,
     finger_answers,
@@ -28,7 +29,7 @@ from cosim.fmu.quantity import (
     tensions_of,
 )
 from cosim.fmu_export.part import loads, motion_of_input, poses
-from cosim.port import STATIC, Array, Hood, Load, PairState, State, Tensions
+from cosim.port import STATIC, Array, Hood, Load, PairState, Response, State, Tensions
 
 
 class HoodPart:
@@ -52,23 +53,41 @@ class HoodPart:
         }
         self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
         self._motion = motion
+        self._first: tuple[list[Array], Response] | None = None
 
     def start(self) -> State:
         """Before the first step, which carries the hood to where the bodies are then."""
         return None
 
     def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
-        motion, solver = motion_of_input(self.hood.bodies, given), self._solver(given)
-        if state is None:
-            state = self.hood.start(motion)
         dt = STATIC if given[STATIC_STEP.name] else dt
-        response = solver.advance(state, motion, given["tension"], dt)
-        return response.state, loads(response)
+        if state is None and dt == STATIC:
+            response = self._first_response(given)
+        else:
+            response = self._advance(state, given, dt)
+        out = loads(response)
+        if given.get(WITH_TANGENT.name):
+            out = {**out, **vars(self.hood.jacobian(response.state))}
+        return response.state, out
 
-    def tangent(self, state: State) -> Values:
-        if state is None:
-            return {}
-        return vars(self.hood.jacobian(state))
+    def initial(self, given: Values) -> tuple[State, Values]:
+        """The hood at rest where the bodies are; its first step finds that again, from where they
+        are then."""
+        at_rest = {**given, STATIC_STEP.name: np.array(1.0)}
+        return None, self.step(None, at_rest, 0.0)[1]
+
+    def _first_response(self, given: Values) -> Response:
+        """The static answer from the start, which the first step asks for again."""
+        asked = [given[name] for name in ("position", "rotation", "tension", TOLERANCE.name)]
+        kept = self._first
+        if kept is None or not all(map(np.array_equal, kept[0], asked)):
+            kept = self._first = (asked, self._advance(None, given, STATIC))
+        return kept[1]
+
+    def _advance(self, state: State, given: Values, dt: float) -> Response:
+        motion = motion_of_input(self.hood.bodies, given)
+        state = self.hood.start(motion) if state is None else state
+        return self._solver(given).advance(state, motion, given["tension"], dt)
 
     def template(self) -> State:
         return self.hood.start(self._motion)
@@ -113,8 +132,9 @@ class FingerPart:
         new, balance = balance_finger(self.finger, state, load, tension, slope, self.tolerance)
         return new, self._outputs(new, balance.tip_force)
 
-    def tangent(self, state: State) -> Values:
-        return {}
+    def initial(self, given: Values) -> tuple[State, Values]:
+        """The end of a step from the posture."""
+        return self.step(self.start(), given, 0.0)
 
     def template(self) -> State:
         return self.start()
@@ -185,8 +205,9 @@ class CoupledPart:
         state = _CoupledPartState(now, state.rest_excursion, state.rest_path)
         return state, self._outputs(state)
 
-    def tangent(self, state: State) -> Values:
-        return {}
+    def initial(self, given: Values) -> tuple[State, Values]:
+        """The equilibrium under the tensions."""
+        return self.step(None, given, 0.0)
 
     def template(self) -> State:
         return self._rest()

@@ -1,8 +1,8 @@
 """A case's hood, finger or coupled finger as an FMU.
 
 The archive holds the whole case, with the contents of the files that it names, and runs in a Python
-with this package installed, at the same version.  Its binaries (pythonfmu's) are for Linux and
-Windows on x86-64.
+with this package installed, at the same version and format (`cosim.version.FMU_FORMAT`).  Its
+binaries (pythonfmu's) are for Linux and Windows on x86-64.
 """
 
 from __future__ import annotations
@@ -24,13 +24,19 @@ from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.files import output_file
-from cosim.fmu_export.run import ABOUT, CASE
-from cosim.version import __version__
+from cosim.fmu.unit_format import ABOUT, LOADED, SCRIPT
+from cosim.fmu_export.run import CASE
+from cosim.version import FMU_FORMAT, __version__
 
-SCRIPT = {2: "cosim_fmu2", 3: "cosim_fmu3"}
 FILE = "file_"
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """The time of every file in the archive, so that it depends on nothing but its contents."""
+NEEDS, NEEDED = (
+    "needs.txt",
+    f"this FMU needs cosim-hand {__version__} with its extra fmu, which runs FMUs of format "
+    f"{FMU_FORMAT}; the Python that the simulator loads lacks it",
+)
+"""A file of the unit, which its script quotes where it cannot start the program."""
 
 
 def write_fmu(case: Case, part: str, fmi: int, out: Path, *, tangent: bool = True) -> None:
@@ -58,12 +64,13 @@ def write_fmu(case: Case, part: str, fmi: int, out: Path, *, tangent: bool = Tru
 def _lay_out(case: Case, unit: Mapping[str, Any], fmi: int, resources: Path) -> None:
     """All files of the unit's resources: the case, what it names, script and loader's modules."""
     moved = _with_files(case, resources)
-    about = {**unit, "version": __version__, "case": case.name}
+    about = {**unit, "format": FMU_FORMAT, "version": __version__, "case": case.name}
     script = Path(__file__).with_name(f"fmi{fmi}.py")
+    (resources / NEEDS).write_text(NEEDED, encoding="utf-8")
     tool = _folder("pythonfmu" if fmi == 2 else "pythonfmu3")
     (resources / CASE).write_text(resolved_toml(moved), encoding="utf-8")
     (resources / ABOUT).write_text(json.dumps(about), encoding="utf-8")
-    (resources / "slavemodule.txt").write_text(SCRIPT[fmi], encoding="utf-8")
+    (resources / LOADED).write_text(SCRIPT[fmi], encoding="utf-8")
     shutil.copyfile(script, resources / f"{SCRIPT[fmi]}.py")
     (resources / tool.name).mkdir()
     for module in tool.glob("*.py"):

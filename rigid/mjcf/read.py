@@ -19,6 +19,7 @@ from cosim.port import Array
 from meshes.skeleton import BODIES, JOINTS, Skeleton
 from rigid.fingers.anatomy import VIEW_METACARPAL, VIEW_RADIUS
 from rigid.mjcf.frames import Frames, Where, frames_of
+from rigid.mjcf.simulation import ANATOMY
 from rigid.mjcf.tendons import read_tendons
 from rigid.model import FingerModel, Hinge, Segment, vector
 
@@ -196,7 +197,7 @@ def _segment(
         Hinge(
             JOINTS[k],
             vector(sign[k] * data.xaxis[j] @ frames.turn[i]),
-            _range(m.jnt_range[j], sign[k]),
+            _range(_stated_range(m, j, JOINTS[k]), sign[k]),
         )
         for j, k in order
     )
@@ -212,6 +213,14 @@ def _segment(
         vector(frames.local(i, data.xipos[body[i]])),
         VIEW_RADIUS[name],
     )
+
+
+def _stated_range(m: mujoco.MjModel, j: int, name: str) -> Array:
+    """The joint's range, or that of the anatomy where ours was written with narrower limits."""
+    if mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_NUMERIC, ANATOMY + name) < 0:
+        stated: Array = m.jnt_range[j]
+        return stated
+    return np.array(m.numeric(ANATOMY + name).data)
 
 
 def _range(stated: Array, sign: float) -> tuple[float, float]:

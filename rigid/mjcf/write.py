@@ -1,7 +1,8 @@
 """A finger as MJCF text, numbers in full precision; the world is the first body's frame.
 
-No MuJoCo joint limit, joint damping or contact: they would add torques that no ledger shows.  Every
-tendon has an actuator whose control is its tension, for muscles that are computed outside.
+No MuJoCo joint limit, joint damping or contact: they would add torques that no ledger shows
+(`rigid.mjcf.simulation` adds them for a user's own simulation).  Every tendon has an actuator whose
+control is its tension, for muscles that are computed outside.
 """
 
 from __future__ import annotations
@@ -30,6 +31,13 @@ def mjcf_xml(model: FingerModel, gravity: Sequence[float] = (0.0, 0.0, 0.0)) -> 
     >>> [model.joint(i).name for i in range(model.njnt)]
     ['MCP', 'MCP_abduction', 'PIP', 'DIP']
     """
+    root = mjcf_tree(model, gravity)
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode")
+
+
+def mjcf_tree(model: FingerModel, gravity: Sequence[float]) -> ET.Element:
+    """Return the elements of `mjcf_xml`."""
     root = ET.Element("mujoco", model=model.name)
     ET.SubElement(root, "compiler", angle="radian")
     option = ET.SubElement(root, "option", gravity=_text(gravity))
@@ -44,8 +52,7 @@ def mjcf_xml(model: FingerModel, gravity: Sequence[float] = (0.0, 0.0, 0.0)) -> 
     _add_site(parent, "tip", model.tip)
     _add_tendons(root, model)
     _add_actuators(root, model)
-    ET.indent(root)
-    return ET.tostring(root, encoding="unicode")
+    return root
 
 
 def _text(numbers: Sequence[float] | Array) -> str:

@@ -13,6 +13,7 @@ import pytest
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
+from cosim.errors import InputError
 from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import part_of
@@ -74,3 +75,16 @@ def change_description(source: Path, target: Path, old: str, new: str) -> Path:
 
 def places_of(unit: Unit, case: Case, part: str) -> dict[str, VariablePlace]:
     return places(unit.opened, part_of(case, part).quantities, {})
+
+
+class InitialUnit(Unit):
+    """A unit that is still in its initialization mode."""
+
+    def _initialise(self) -> None:
+        if self.is_fmi2:
+            self._fmu.setupExperiment(startTime=0.0)
+        self._fmu.enterInitializationMode()
+
+    def leave_initialization(self) -> None:
+        """Raises InputError."""
+        self._call(self._fmu.exitInitializationMode, InputError, "cannot be initialised")
