@@ -65,7 +65,7 @@ ALLOWED = {
 }
 # The rooms of cosim from the ground up: each may import its own modules and those of floors below.
 FLOORS = (
-    {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels"},
+    {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels", "cosim.json_text"},
     {"cosim.port"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file"},
     {"cosim.processes", "cosim.xml_tree"},

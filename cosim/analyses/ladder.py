@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -23,13 +22,13 @@ from cosim.coupling.equilibrium import Equilibrium
 from cosim.errors import ConvergenceError, CosimError, InputError
 from cosim.hoods.kind import HoodConfig
 from cosim.hoods.kinds import rungs
+from cosim.json_text import json_text
 from cosim.port import AXES, Array
 from cosim.processes import process_pool
 from cosim.results.compare import number
 from cosim.results.conventions import vector_of
 from cosim.results.looks import Look, look
 from cosim.results.static import observe_static
-from cosim.results.write import plain
 from cosim.solve.solvers import solve
 from cosim.solve.states import States
 
@@ -227,7 +226,7 @@ def to_csv(rungs: Sequence[Rung]) -> str:
 
 def to_json(rungs: Sequence[Rung]) -> str:
     """Everything, the runs' summaries too."""
-    return json.dumps([asdict(rung) for rung in rungs], indent=2, default=plain) + "\n"
+    return json_text([asdict(rung) for rung in rungs], 2, ensure_ascii=True) + "\n"
 
 
 def to_markdown(rungs: Sequence[Rung], title: str) -> str:

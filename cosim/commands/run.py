@@ -214,11 +214,12 @@ def _save(result: Result, out: Path) -> Ended:
 
 def _tell_end(case: Case, ended: Ended, voice: Voice, alone: bool) -> None:
     if voice == "json":
-        from cosim.results.write import plain, without_nan
+        from cosim.json_text import json_text
+        from cosim.results.write import without_nan
 
         summary = without_nan(ended.summary)
         line = {"case": case.name, "results": str(ended.folder), "summary": summary}
-        typer.echo(json.dumps(line, default=plain))
+        typer.echo(json_text(line, None, ensure_ascii=True))
     elif voice == "plain" and alone:
         _show(case, ended.summary)
         typer.echo(f"results in {shown_path(ended.folder)}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.json_text import json_text
 from cosim.report import drawings, words
 from cosim.report.tables import SUM, Cell, ReportTable, last_ledger, last_state
 from cosim.report.templates import own_file, template
@@ -97,7 +97,8 @@ def _views(runs: Sequence[Result], against: Result | None) -> tuple[list[View], 
 
 def script_of(content: Any) -> str:
     """JSON that can stand in a script element."""
-    return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    text = json_text(content, None, ensure_ascii=True, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
 
 
 def colours() -> list[str]:

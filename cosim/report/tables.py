@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from cosim.json_text import json_text
 from cosim.port import AXES
 from cosim.results.audit import BOUNDS, audit_figures
 from cosim.results.compare import (
@@ -240,7 +240,7 @@ def as_json(runs: Sequence[Result], tables: Sequence[ReportTable]) -> str:
         "runs": [{"name": run.name, "case": run.case, "title": run.title} for run in runs],
         "tables": {t.key: {"title": t.title, "columns": t.columns, "rows": t.rows} for t in tables},
     }
-    return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return json_text(content) + "\n"
 
 
 def as_csv(tables: Sequence[ReportTable]) -> str:

@@ -42,6 +42,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.files import output_file
+from cosim.json_text import json_text
 from cosim.port import AXES
 from cosim.results.conventions import OPPOSITE
 from cosim.schema.fields import is_number
@@ -354,7 +355,7 @@ YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": F
 def to_json(rows: Sequence[Comparison]) -> str:
     """The text of a file that `read_json` reads."""
     content = {"format": FORMAT, "rows": [as_dict(row) for row in rows]}
-    return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return json_text(content) + "\n"
 
 
 def write_json(path: Path, rows: Sequence[Comparison]) -> None:

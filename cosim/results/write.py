@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import csv
-import json
 import logging
-import math
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,6 +16,7 @@ from cosim.case.file import moved_toml
 from cosim.errors import InputError
 from cosim.files import replace_folder
 from cosim.hoods.view import HoodField
+from cosim.json_text import json_text, plain
 from cosim.results.conventions import FRAME
 from cosim.results.parts import LEDGER_HEADER, CaseParts, LedgerRow
 from cosim.results.picture import write_figure
@@ -87,7 +86,7 @@ def write_files(folder: Path, run: CaseParts) -> tuple[str, ...]:
     """Write a run's files: case, summary and arrays, then all that can be made of them; what could
     not be made, a line each.  Raises OSError where the folder cannot be written."""
     (folder / "case.toml").write_text(moved_toml(run.case_text, folder), encoding="utf-8")
-    summary = json.dumps(without_nan(run.summary), indent=2, default=plain, allow_nan=False)
+    summary = json_text(without_nan(run.summary), 2, ensure_ascii=True)
     (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
     run.arrays.write(folder / "results.nc")
     lacking = []
@@ -141,22 +140,8 @@ def _draw_history(path: Path, run: CaseParts) -> None:
 def without_nan(summary: Mapping[str, Any]) -> dict[str, Any]:
     """A summary for JSON, which has no numbers that are not finite: null in their places, and under
     `NOT_FINITE` for each its keys and its value as text."""
-    lost: list[list[str | int]] = []
-
-    def clean(value: Any, *keys: str | int) -> Any:
-        match value:
-            case Mapping():
-                return {k: clean(v, *keys, str(k)) for k, v in value.items()}
-            case list() | tuple():
-                return [clean(v, *keys, i) for i, v in enumerate(value)]
-            case np.generic() | np.ndarray():
-                return clean(value.tolist(), *keys)
-            case float() if not math.isfinite(value):
-                lost.append([*keys, str(value)])
-                return None
-        return value
-
-    out: dict[str, Any] = clean(summary)
+    lost: list[tuple[str | int, ...]] = []
+    out: dict[str, Any] = plain(summary, lost)
     return {**out, NOT_FINITE: lost} if lost else out
 
 
@@ -169,13 +154,6 @@ def with_nan(summary: Mapping[str, Any]) -> dict[str, Any]:
             place = place[key]
         place[last] = float(value)
     return out
-
-
-def plain(value: Any) -> Any:
-    """numpy's scalars and arrays for JSON."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    raise TypeError(f"summary holds a {type(value).__name__}")
 
 
 def _write_ledger(path: Path, ledger: tuple[LedgerRow, ...]) -> None:

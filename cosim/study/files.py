@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from cosim.files import output_file, relative_path
+from cosim.json_text import json_text
 from cosim.schema.json_schema import STUDY_SCHEMA, with_schema
 from cosim.study.answers import CONFIDENCE, QUANTILES, Indices
 from cosim.study.execute import StudyOutcome
@@ -106,7 +106,7 @@ def _index_lines(found: StudyResults) -> Iterator[str]:
 
 
 def _json(content: Any) -> str:
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text(content) + "\n"
 
 
 def _write(path: Path, text: str) -> None:

@@ -26,6 +26,7 @@ from typing import Any, Literal
 
 from cosim.errors import InputError
 from cosim.files import atomic_path
+from cosim.json_text import json_text
 
 FORMAT = {"format": "cosim study store 1"}
 Status = Literal["converged", "failed", "refused", "timeout", "died"]
@@ -115,7 +116,7 @@ class Store:
 
     def put(self, row: StoreRow) -> None:
         """Raises StoreError."""
-        self.write(self._path(row.key), json.dumps(asdict(row), allow_nan=False).encode())
+        self.write(self._path(row.key), json_text(asdict(row), None, ensure_ascii=True).encode())
 
     def write(self, path: Path, content: bytes) -> None:
         """The file whole, synced, or as it was.  Raises StoreError."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim.errors import CosimError
+from cosim.json_text import json_text
 from cosim.study.store import Status, Store, StoreRow
 
 if TYPE_CHECKING:
@@ -110,10 +111,8 @@ def _solve(task: Task, store: Store, session: Session | None) -> StoreRow:
 
 
 def _numbers(summary: Mapping[str, Any]) -> dict[str, Any]:
-    from cosim.results.write import plain
-
     kept = {key: value for key, value in summary.items() if key not in NOT_NUMBERS}
-    found: dict[str, Any] = json.loads(json.dumps(kept, default=plain, allow_nan=False))
+    found: dict[str, Any] = json.loads(json_text(kept))
     return found
 
 

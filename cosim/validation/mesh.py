@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.files import output_file
+from cosim.json_text import json_text
 from cosim.port import AXES
 from cosim.results.compare import Comparison
 from cosim.results.conventions import OPPOSITE
@@ -131,4 +131,4 @@ def write_changes(path: Path, quads: int, finer: Sequence[Board], found: Sequenc
         "rows": [as_row(c) for c in found],
     }
     with output_file(path) as part:
-        part.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        part.write_text(json_text(content, ensure_ascii=True) + "\n", encoding="utf-8")

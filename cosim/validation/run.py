@@ -15,11 +15,11 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, Progress, nearest_names, quiet, span
 from cosim.files import output_file
+from cosim.json_text import json_text
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison, Kind, Target, as_dict, tally, write_json
 from cosim.results.static import observe_static
-from cosim.results.write import plain
 from cosim.solve.session import Session
 from cosim.solve.solvers import solve
 from cosim.validation.lengths import measure_lengths
@@ -189,7 +189,7 @@ def _run(task: Task, session: Session) -> ValidationOutcome:
         return ValidationOutcome(trial.name, None, str(error))
     made = observe_static(case, (models, states), time.perf_counter() - started)
     made.save(folder)
-    return ValidationOutcome(trial.name, json.loads(json.dumps(made.summary, default=plain)), None)
+    return ValidationOutcome(trial.name, json.loads(json_text(made.summary)), None)
 
 
 def folder_name(trial: str) -> str:
@@ -244,7 +244,7 @@ def scoreboard(boards: Sequence[Board]) -> str:
         "failed": {name: why for b in boards for name, why in b.failures.items()},
         "groups": {b.group: [_round_digits(row) for row in b.rows] for b in boards},
     }
-    return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return json_text(content) + "\n"
 
 
 def _judge(board: Board) -> dict[str, Any]:

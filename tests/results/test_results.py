@@ -101,7 +101,7 @@ def test_an_older_run_is_replaced_whole(tmp_path: Path, result):
 def test_a_result_that_cannot_be_written_leaves_the_older_one(tmp_path: Path, result):
     folder = result.save(tmp_path)
     before = (folder / "summary.json").read_text()
-    with pytest.raises(TypeError, match=r"summary holds a .*Path"):
+    with pytest.raises(TypeError, match="Path is not JSON serializable"):
         replace(result, summary={**result.summary, "wall_s": tmp_path}).save(tmp_path)
     assert (folder / "summary.json").read_text() == before
     assert [p.name for p in tmp_path.iterdir()] == ["isometric_edc"]

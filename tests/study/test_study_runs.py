@@ -31,7 +31,7 @@ from cosim.study.engine import in_this_process
 from cosim.study.execute import Count
 from cosim.study.quantities import check_outputs, paths
 from cosim.study.store import Store
-from cosim.study.task import Task, Verdict, run_task, stored_outcome
+from cosim.study.task import Task, Verdict, _numbers, run_task, stored_outcome
 from tests.helpers.fixed_posture import HELD
 from tests.helpers.folders import ROOT
 
@@ -407,3 +407,9 @@ def test_the_workers_of_a_scheduler_solve_in_processes_of_their_own(place):
     assert done.exit_code == 0, done.output
     found = open_study(place / "studies" / "pip")
     assert found.values("torque") == pytest.approx(-40 * np.radians([20, 30, 40, 50]), rel=1e-9)
+
+
+def test_a_number_that_is_none_does_not_end_a_study() -> None:
+    """JSON has no NaN: a worker died of it, twice, and the run was booked as dead."""
+    found = _numbers({"slip_ratio": float("nan"), "wall_s": np.float64(1.0)})
+    assert found == {"slip_ratio": None}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,9 @@ from cosim.analyses.estimate.of_case import EstimateAnswer, MotionEstimate, Setu
 from cosim.analyses.estimate.plot import draw_estimate, draw_motion
 from cosim.analyses.estimate.tensions import format_components
 from cosim.files import output_folder
+from cosim.json_text import json_text
 from cosim.port import Array
 from cosim.results.picture import write_figure
-from cosim.results.write import plain
 from cosim.version import __version__
 
 MARK = "estimate.json"
@@ -135,8 +134,7 @@ def _set(s: Setup, forces: ForceSet) -> dict[str, Any]:
 
 
 def _json(path: Path, summary: dict[str, Any]) -> None:
-    text = json.dumps(summary, indent=2, default=plain, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")
+    path.write_text(json_text(summary, 2, ensure_ascii=True) + "\n", encoding="utf-8")
 
 
 def _csv(path: Path, table: pd.DataFrame) -> None:

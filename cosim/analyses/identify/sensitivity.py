@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,6 +17,7 @@ from cosim.analyses.trials.outcome import Outcome, outcome
 from cosim.case.file import Settings
 from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.variation import Side, Variation
+from cosim.json_text import json_text
 from cosim.processes import process_pool
 from cosim.results.compare import unit_of, value_of
 
@@ -196,4 +196,4 @@ def to_json(found: Sensitivity) -> str:
         "base": found.base,
         "runs": [vars(run) for run in found.runs],
     }
-    return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return json_text(content) + "\n"
