@@ -272,3 +272,19 @@ def test_an_older_python_is_told_which_one_is_needed():
         assert done.returncode == code
         assert done.stderr.startswith(first)
         assert "cosim needs Python 3.11 or newer, and this is 3.9" in done.stderr
+
+
+def test_pictures_are_drawn_whatever_backend_the_environment_names(tmp_path):
+    code = f"import cosim; cosim.run('split_edc').save({str(tmp_path / 'python')!r})"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "none_such"}
+    for command in (["-c", code], ["-m", "cosim", "run", "split_edc", "--quiet", "-o", "command"]):
+        done = subprocess.run(
+            [sys.executable, "-W", "error", *command],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        folder = tmp_path / ("python" if "-c" in command else "command") / "split_edc"
+        assert {"picture.png", "ledger.png"} <= {p.name for p in folder.iterdir()}

@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+def load_matplotlib() -> None:
+    """Import matplotlib, also where MPLBACKEND names a backend that is not installed here, as a
+    notebook of another environment hands it on."""
+    if "matplotlib" in sys.modules:
+        return
+    backend = os.environ.pop("MPLBACKEND", None)
+    import matplotlib
+
+    if backend is not None:
+        os.environ["MPLBACKEND"] = backend
+        with suppress(ValueError):  # no backend of this environment
+            matplotlib.rcParams["backend"] = backend
 
 
 def as_plain_text(figure: Figure) -> Figure:

@@ -15,7 +15,7 @@ from cosim.results.audit import Audit
 from cosim.results.compare import Comparison
 from cosim.results.conventions import COMPONENTS, by_axis
 from cosim.results.parts import CaseParts, Scene
-from cosim.results.picture import as_plain_text, write_figure
+from cosim.results.picture import as_plain_text, load_matplotlib, write_figure
 from cosim.results.write import copy_run, write_run
 
 if TYPE_CHECKING:
@@ -133,6 +133,7 @@ class Result(CaseParts):
         return figure
 
     def _figure(self, kind: Plot) -> Figure:
+        load_matplotlib()
         if kind == "scene":
             from cosim.results.scene_plot import draw
 

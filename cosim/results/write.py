@@ -19,7 +19,7 @@ from cosim.hoods.view import HoodField
 from cosim.json_text import json_text, plain
 from cosim.results.conventions import FRAME
 from cosim.results.parts import LEDGER_HEADER, CaseParts, LedgerRow
-from cosim.results.picture import write_figure
+from cosim.results.picture import load_matplotlib, write_figure
 
 T = TypeVar("T")
 NOT_FINITE = "not_finite"
@@ -112,6 +112,7 @@ def _further_files(run: CaseParts) -> Iterator[tuple[str, Callable[[Path], objec
         return
     # where its own folder cannot be written to, matplotlib warns twice and works on
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    load_matplotlib()
     yield "picture.png", lambda path: _draw_scene(path, run)
     if run.rows:
         yield "ledger.png", lambda path: _draw_ledger(path, run)
