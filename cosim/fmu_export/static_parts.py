@@ -225,7 +225,10 @@ class CoupledPart:
         return _CoupledPartState(rest, rest.excursion, finger.path_lengths(rest.finger_state))
 
     def _solve(self, before: Equilibrium, tension: Array) -> Equilibrium:
-        """Like `cosim.pipeline`: a hood whose tensions change is carried to its bodies anew."""
+        """Like `cosim.pipeline`: a hood whose tensions change is carried to its bodies anew; under
+        the tensions that it balances an equilibrium stays as it is."""
+        if np.array_equal(tension, [*before.hood_tension, *before.finger_tension]):
+            return before
         hood, finger = np.split(tension, [len(self.models.hood.tendons)])
         state = before.response.state
         if not np.array_equal(hood, before.hood_tension):
