@@ -60,8 +60,11 @@ def _failure(case: Case, reached: Result, session: Session) -> ConvergenceError:
     message = str(reached.summary["failure"])
     folder = checkpoint_folder(case, session.checkpoints)
     if folder is not None and folder.is_dir():
-        write_files(folder, reached)
-        message += f". What it reached is in {shown_path(folder)} (converged: false)"
+        try:
+            write_files(folder, reached)
+            message += f". What it reached is in {shown_path(folder)} (converged: false)"
+        except OSError as error:
+            message += f". What it reached cannot be written ({error.strerror or error})"
     return ConvergenceError(message, reached)
 
 
