@@ -17,9 +17,9 @@ from cosim.case.file import base_name, find_case, load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.files import output_file
+from cosim.results.sto import TENSION
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.schema.types import TENDONS
-from cosim.results.sto import TENSION
 from rigid.opensim.sto import StoTable, read_sto
 
 OUTPUTS = ("", "tendon_force", "actuation", "tension")
