@@ -57,7 +57,8 @@ def new(
         typer.Option(help="Flexion of MCP, PIP and DIP, deg, in which the hood was laid."),
     ] = "0 0 0",
     thickness: Annotated[
-        str | None, typer.Option(help='Of the sheet, as "0.65 mm"; else the file\'s or 0.65 mm.')
+        str | None,
+        typer.Option(help="Of the sheet, as \"0.65 mm\"; else the file's, or the base case's."),
     ] = None,
     length_scale: Annotated[
         float, typer.Option(min=0.1, max=3.0, help="Of our index finger.")
