@@ -32,6 +32,7 @@ SHOWN = {
     "lengths": "lengths_terminal_4mm",
     "papers": "thesis_strain_average",
     "robot": "robot_cable_extensor",
+    "own": "own_edc",
 }
 """The case that stands for each family."""
 MOST_BYTES = 60_000
