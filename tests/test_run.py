@@ -78,8 +78,8 @@ def run(name: str, *settings: str) -> Result:
 
 
 def coarse(name: str) -> Result:
-    """As shipped where that is quick, a coarse mesh folds or the mesh is a file's, else on a mesh of
-    250 quads, or of 120 in the default run of the tests."""
+    """As shipped where that is quick, a coarse mesh folds or the mesh is of a file, else on a mesh
+    of 250 quads, or of 120 in the default run of the tests."""
     if name in ("isometric_edc", "own_edc", "free_fdp", "free_fds") or not is_shell(name):
         return run(name)
     return run(name, COARSE if is_seldom(name) else COARSEST)
