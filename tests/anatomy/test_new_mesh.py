@@ -107,6 +107,22 @@ def test_nine_nodes_go_out_as_four_quads(tmp_path: Path):
     assert len(read.cells["terminal_slip"]) == 4 * region.sum()
 
 
+@pytest.mark.parametrize("first", ["", ", ELSET=a", ", ELSET=b"])
+@pytest.mark.parametrize("last", ["", ", ELSET=b", ", ELSET=c"])
+def test_sets_named_at_the_elements_are_of_these(tmp_path: Path, first: str, last: str):
+    text = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,0\n6,2,1,0\n7,3,0,0\n8,3,1,0\n"
+    text += f"*ELEMENT, TYPE=S4{first}\n1,1,2,3,4\n*Element, type=S4, elset=b\n2,2,5,6,3\n"
+    text += f"*ELEMENT, TYPE=T3D2{last}\n3,7,8\n4,5,7\n5,6,8\n"
+    (tmp_path / "a.inp").write_text(text)
+    read = read_raw(tmp_path / "a.inp")
+    wanted = {"b": [0, 1] if first.endswith("b") else [1]} | (
+        {"a": [0]} if "a" in first[-1:] else {}
+    )
+    assert {name: cells.tolist() for name, cells in read.cells.items()} == wanted
+    lines = {name: pairs.tolist() for name, pairs in read.lines.items()}
+    assert lines == ({last[-1]: [[6, 7], [4, 6], [5, 7]]} if last else {})
+
+
 QUADS = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,0\n6,2,1,0\n*ELEMENT, TYPE=S4\n"
 QUADS += "1,1,2,3,4\n2,2,5,6,3\n*ELSET, ELSET=Left\n1\n*ELSET, ELSET=right\n2\n"
 BOTH = QUADS + "*Shell Section, elset=LEFT, material=m\n 0.2, 5\n"
