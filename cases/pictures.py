@@ -32,9 +32,11 @@ SHOWN = {
     "lengths": "lengths_terminal_4mm",
     "papers": "thesis_strain_average",
     "robot": "robot_cable_extensor",
+    "own": "own_edc",
 }
 """The case that stands for each family."""
 MOST_BYTES = 60_000
+MOST_WIDTH = 945
 
 
 def draw(result: Result) -> Figure:
@@ -45,17 +47,16 @@ def draw(result: Result) -> Figure:
         return draw_history(result.data, result.title)
     from cosim.results.scene_plot import draw as draw_scene
 
-    figure = draw_scene(result.scene, result.title)
-    figure.set_size_inches(10.5, 4.6)
-    return figure
+    return draw_scene(result.scene, result.title)
 
 
-def small_png(figure: Figure, dpi: int = 90) -> bytes:
-    """A PNG of at most MOST_BYTES, in as many of 256, 128, 64, ... colours as that allows."""
+def small_png(figure: Figure, dpi: float = 90) -> bytes:
+    """A PNG of at most MOST_BYTES and MOST_WIDTH pixels, in as many of 256, 128, 64, ... colours
+    as that allows."""
     from PIL import Image
 
     drawn = io.BytesIO()
-    figure.savefig(drawn, dpi=dpi)
+    figure.savefig(drawn, dpi=min(dpi, MOST_WIDTH / figure.get_figwidth()))
     image = Image.open(drawn).convert("RGB")
     colours, found = 512, b""
     while colours > 8 and not 0 < len(found) < MOST_BYTES:

@@ -78,8 +78,8 @@ COMMANDS = {
         ),
         "mesh": Command(
             "view.mesh",
-            "Write the hood mesh of a case.",
-            "cosim mesh isometric_edc --set hood.mesh.quads=2400 --out hood.json",
+            "Write the hood mesh of a case, for a case or for other programs.",
+            "cosim mesh isometric_edc --set hood.mesh.quads=2400 --out hood.inp",
         ),
         "list": Command(
             "listing.list_things", "Cases, studies, trials and kinds.", "cosim list materials"

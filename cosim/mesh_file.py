@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 from contextlib import redirect_stdout
 from io import StringIO
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,10 @@ CELLS = {
 }
 """meshio's names of VTK's types of cells."""
 TRIANGLE, POLYGON, PIXEL, QUAD = 5, 7, 8, 9
+NAMELESS = "cosim nameless "
+"""What the set of the elements of each card of an Abaqus file is called for a while."""
+ELEMENT_CARD = re.compile(r"^\*ELEMENT *,[^\r\n]*", re.MULTILINE | re.IGNORECASE)
+ELSET = re.compile(r", *ELSET *=([^,\r\n]*)", re.IGNORECASE)
 PATIENCE = 120.0
 """s that VTK may take for a file."""
 
@@ -54,7 +59,7 @@ def _read_by_meshio(path: Path) -> Mesh:
 
     try:
         with np.errstate(all="ignore"), redirect_stdout(StringIO()):  # it prints empty lines
-            return meshio.read(path)
+            return _read_inp(path) if path.suffix.lower() == ".inp" else meshio.read(path)
     except SystemExit as end:
         raise InputError(f"{path}: meshio knows no format for it, or finds it broken") from end
     except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError) as error:
@@ -62,6 +67,27 @@ def _read_by_meshio(path: Path) -> Mesh:
     except (OSError, RuntimeError, ValueError, meshio.ReadError) as error:
         text = str(error) or type(error).__name__
         raise InputError(f"{path}: meshio cannot read it: {text}") from error
+
+
+def _read_inp(path: Path) -> Mesh:
+    """meshio mixes up sets named at *ELEMENT cards unless each card names one of its own: else each
+    gets another name, which is turned back."""
+    import meshio
+
+    text = path.read_text(encoding="utf-8", errors="replace")
+    cards = [card[0] for card in ELEMENT_CARD.finditer(text)]
+    names = [found[1].strip() if (found := ELSET.search(card)) else "" for card in cards]
+    if not any(names) or ("" not in names and len(set(names)) == len(names)):
+        return meshio.read(path)
+    number = count()
+    renamed = lambda card: f"{ELSET.sub('', card[0])}, ELSET={NAMELESS}{next(number)}"  # noqa: E731
+    mesh = meshio.abaqus.read(StringIO(ELEMENT_CARD.sub(renamed, text)))
+    for i, name in enumerate(names):
+        blocks = mesh.cell_sets.pop(f"{NAMELESS}{i}")
+        if name:
+            known = mesh.cell_sets.get(name, [np.zeros(0, dtype=np.intp)] * len(blocks))
+            mesh.cell_sets[name] = [np.union1d(*pair) for pair in zip(known, blocks, strict=True)]
+    return mesh
 
 
 def _read_vtu(path: Path) -> Mesh:

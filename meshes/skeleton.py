@@ -14,7 +14,7 @@ in one line as seen along each joint's axis.  The world frame is the metacarpal'
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,10 +70,12 @@ class Skeleton:
     """(4, 3) unit joint axes in the child's frame, in the order of JOINTS."""
     source: Mapping[str, tuple[Array, Array]]
     """MyoHand's frame of each bone: rotation (3, 3) whose columns are our axes, our origin (m)."""
+    order: tuple[str, ...] = JOINTS
+    """The joints from the metacarpal on: which axis of the MCP the other one is carried by."""
 
     def scale(self, factor: float) -> Skeleton:
         """Return the finger with all lengths times `factor`."""
-        return Skeleton(self.length * factor, self.zero, self.axis, self.source)
+        return replace(self, length=self.length * factor)
 
     def from_source(self, body: str, points: Array) -> Array:
         """Points (n, 3) in m of MyoHand's frame of `body` in ours (unscaled)."""
@@ -86,7 +88,8 @@ class Skeleton:
 
         q = np.array([angles.get(j, 0.0) for j in JOINTS])
         turn = Rotation.from_rotvec(q[:, None] * self.axis).as_matrix()
-        turns = (turn[0] @ turn[1], turn[2], turn[3])
+        first, second = (turn[JOINTS.index(joint)] for joint in self.order[:2])
+        turns = (first @ second, turn[2], turn[3])
         position, rotation = [np.zeros(3)], [np.eye(3)]
         for i in range(3):
             reach = np.array([self.length[i] if i else 0.0, 0.0, 0.0])

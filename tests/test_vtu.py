@@ -19,7 +19,7 @@ from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.mesh_file import read_mesh_file
 from meshes.imported.raw import RawMesh, read_raw
-from tests.helpers.own_anatomy import UserHood, user_hood
+from tests.helpers.own_anatomy import user_hood
 
 COMPRESSORS = ("None", "ZLib", "LZ4", "LZMA")
 MODES = ("Ascii", "Binary", "Appended raw", "Appended base64")
@@ -28,7 +28,7 @@ QUAD, LINE, PIXEL, POLYGON, TRIANGLE = 9, 3, 8, 7, 5
 
 
 @pytest.fixture(scope="module")
-def own() -> UserHood:
+def own() -> RawMesh:
     return user_hood(hood_mesh(load_case("isometric_edc", ["hood.mesh.quads=120"])))
 
 
@@ -43,7 +43,7 @@ def grid_of(
     return grid
 
 
-def hood(own: UserHood, quad: int = QUAD, order: tuple[int, ...] = (0, 1, 2, 3)):
+def hood(own: RawMesh, quad: int = QUAD, order: tuple[int, ...] = (0, 1, 2, 3)):
     """A grid of a hood with an array of whole numbers for each of its sets."""
     lines = np.concatenate(list(own.lines.values()))
     cells = [(quad, nodes) for nodes in own.quads[:, list(order)].tolist()]
@@ -78,7 +78,7 @@ def write_vtk(
     return path
 
 
-def assert_is_the_hood(read: RawMesh, own: UserHood) -> None:
+def assert_is_the_hood(read: RawMesh, own: RawMesh) -> None:
     np.testing.assert_array_equal(read.points, own.points)
     np.testing.assert_array_equal(read.quads, own.quads)
     assert read.dropped == ()
@@ -98,14 +98,14 @@ LAYOUTS = [
 
 
 @pytest.mark.parametrize("layout", LAYOUTS[::3], ids=str)
-def test_an_encoding_of_vtk_is_the_same_hood(own: UserHood, tmp_path: Path, layout: tuple) -> None:
+def test_an_encoding_of_vtk_is_the_same_hood(own: RawMesh, tmp_path: Path, layout: tuple) -> None:
     assert_is_the_hood(read_raw(write_vtk(hood(own), tmp_path / "hood.vtu", *layout)), own)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("layout", LAYOUTS, ids=str)
 def test_every_encoding_of_vtk_is_the_same_hood(
-    own: UserHood, tmp_path: Path, layout: tuple
+    own: RawMesh, tmp_path: Path, layout: tuple
 ) -> None:
     path = write_vtk(hood(own), tmp_path / "hood.vtu", *layout)
     assert_is_the_hood(read_raw(path), own)
@@ -148,7 +148,7 @@ def test_arrays_of_any_type_and_length_are_read_as_vtk_reads_them(
 
 @pytest.mark.parametrize(("quad", "order"), [(PIXEL, (0, 1, 3, 2)), (POLYGON, (0, 1, 2, 3))])
 def test_pixels_and_polygons_are_quads(
-    own: UserHood, tmp_path: Path, quad: int, order: tuple[int, ...]
+    own: RawMesh, tmp_path: Path, quad: int, order: tuple[int, ...]
 ) -> None:
     path = write_vtk(hood(own, quad, order), tmp_path / "hood.vtu")
     assert_is_the_hood(read_raw(path), own)

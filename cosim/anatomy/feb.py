@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,16 +10,26 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_directors
+from fe_solver.febio.materials import vector_in
 from fe_solver.febio.mesh import SHELLS, FebMesh, read_mesh_section
+from fe_solver.febio.write_conditions import number, row, whole
 from fe_solver.febio.xml import FebTag, read_xml
-from meshes.imported.raw import RawMesh
+from meshes.imported.raw import FIBRE, RawMesh
 
 USED = ("Module", "Mesh", "MeshDomains", "MeshData")
 RIGID = "rigid body"
+ROUNDS = 50
+"""Most rounds in which the mid-surface is moved to the face."""
+PLACEHOLDER = (
+    '<material id="1" name="placeholder" type="isotropic elastic"><density>1</density><E>100</E>'
+    "<v>0.4</v></material>"
+)
+"""The format wants a material; a hood's own are in what `cosim export` writes."""
 
 
 def read_feb_mesh(path: Path) -> RawMesh:
-    """The deformable shells, each part a set of quads; node sets, surfaces and discrete sets.
+    """The deformable shells by their numbers, each part a set of quads; node sets, surfaces and
+    discrete sets.
 
     FEBio's nodes lie on the face that the normals point to: they are moved to the mid-surface.
     Raises InputError."""
@@ -35,11 +45,13 @@ def read_feb_mesh(path: Path) -> RawMesh:
     if not thickness:
         raise InputError(f"{path}: holds no deformable shells; a hood is made of quad4 elements")
     names = list(thickness)
-    quads = np.concatenate([mesh.blocks[name].quads for name in names])
     counts = [len(mesh.blocks[name].ids) for name in names]
     ids = np.concatenate([mesh.blocks[name].ids for name in names])
+    order = np.argsort(ids)
+    ids, quads = ids[order], np.concatenate([mesh.blocks[name].quads for name in names])[order]
     cells = {n: np.flatnonzero(np.isin(ids, e)) for n, e in mesh.element_sets.items()}
-    h = np.repeat([thickness[name] for name in names], counts)
+    h = np.repeat([thickness[name] for name in names], counts)[order]
+    fibre = _fibres(root, mesh, names)
     dropped += _sections(root)
     return RawMesh(
         _mid_surface(mesh.points, quads, h),
@@ -49,6 +61,7 @@ def read_feb_mesh(path: Path) -> RawMesh:
         mesh.discrete,
         tuple(dropped),
         h if h.any() else None,
+        {} if fibre is None else {FIBRE: fibre[order]},
     )
 
 
@@ -89,6 +102,20 @@ def _thicknesses(root: FebTag, mesh: FebMesh, dropped: list[str]) -> dict[str, f
     return out
 
 
+def _fibres(root: FebTag, mesh: FebMesh, names: Sequence[str]) -> Array | None:
+    """(ne, 3) first material axes, the parts in a row, where each has one at every element."""
+    data = root.one("MeshData")
+    axes = {
+        t.attributes.get("elem_set", ""): [vector_in(row, "a") for row in t.children]
+        for t in (data.all("ElementData") if data else [])
+        if t.attributes.get("type") == "mat_axis"
+    }
+    if any(len(axes.get(name, ())) != len(mesh.blocks[name].ids) for name in names):
+        return None
+    out = np.concatenate([np.array(axes[name]) for name in names])
+    return out if (np.linalg.norm(out, axis=1) > 0).all() else None
+
+
 def _by_element(root: FebTag) -> dict[str, float]:
     """Mean thickness of the parts that state one at each element."""
     data = root.one("MeshData")
@@ -119,3 +146,63 @@ def _sections(root: FebTag) -> list[str]:
         more = f" and {len(names) - 6} more" if len(names) > 6 else ""
         out.append(f"<{section.name}> ({', '.join(names[:6])}{more})")
     return out
+
+
+def write_feb_mesh(raw: RawMesh, path: Path) -> None:
+    """Write the mesh with its sets: a part of each region with its thickness and, where the mesh
+    has fibres, the material axes along them; springs as discrete sets."""
+    path.write_text("\n".join(_mesh_lines(raw)) + "\n", encoding="utf-8")
+
+
+def _mesh_lines(raw: RawMesh) -> Iterator[str]:
+    thickness = np.zeros(len(raw.quads)) if raw.thickness is None else raw.thickness
+    yield '<?xml version="1.0" encoding="UTF-8"?>\n<febio_spec version="4.0">'
+    yield f'<Module type="solid"/>\n<Material>{PLACEHOLDER}</Material>\n<Mesh>\n<Nodes>'
+    for i, x in enumerate(_face(raw.points, raw.quads, thickness), 1):
+        yield f'<node id="{i}">{row(x)}</node>'
+    yield "</Nodes>"
+    for name, cells in raw.cells.items():
+        yield f'<Elements type="quad4" name="{name}">'
+        for i in cells:
+            yield f'<elem id="{i + 1}">{whole(raw.quads[i] + 1)}</elem>'
+        yield "</Elements>"
+    for name, nodes in raw.nodes.items():
+        yield f'<NodeSet name="{name}">{whole(nodes + 1)}</NodeSet>'
+    for name, pairs in raw.lines.items():
+        springs = "".join(f"<delem>{whole(pair)}</delem>" for pair in pairs + 1)
+        yield f'<DiscreteSet name="{name}">{springs}</DiscreteSet>'
+    yield "</Mesh>\n<MeshDomains>"
+    for name, cells in raw.cells.items():
+        mean = number(thickness[cells].mean())
+        yield (
+            f'<ShellDomain name="{name}" mat="placeholder"><shell_thickness>{mean}'
+            "</shell_thickness></ShellDomain>"
+        )
+    yield "</MeshDomains>"
+    if FIBRE in raw.fields:
+        yield "<MeshData>"
+        for name, cells in raw.cells.items():
+            yield f'<ElementData type="mat_axis" elem_set="{name}">'
+            yield from _axes(raw.points[raw.quads[cells]], raw.fields[FIBRE][cells])
+            yield "</ElementData>"
+        yield "</MeshData>"
+    yield "</febio_spec>"
+
+
+def _axes(corners: Array, fibre: Array) -> Iterator[str]:
+    """Axis 1 along the fibre, axis 2 across it in the plane of its quad."""
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    for i, (a, d) in enumerate(zip(fibre, np.cross(normal, fibre), strict=True), 1):
+        across = d / np.linalg.norm(d)
+        yield f'<elem lid="{i}"><a>{row(a)}</a><d>{row(across)}</d></elem>'
+
+
+def _face(points: Array, quads: np.ndarray, thickness: Array) -> Array:
+    """The points whose `_mid_surface` are `points`, by iteration: the directors are the face's."""
+    face = points
+    for _ in range(ROUNDS):
+        off = points - _mid_surface(face, quads, thickness)
+        face = face + off
+        if np.abs(off).max() < 1e-14 * np.abs(points).max():
+            break
+    return face

@@ -6,7 +6,7 @@ The work is done by `meshes.imported` (the hood), `cosim.anatomy.bones` and `rig
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -149,8 +149,10 @@ def _with_hood(
     assert given.hood is not None
     chain = Centreline(skeleton, *skeleton.pose(given.posture))
     names = {ours: theirs for ours, theirs in given.names.items() if ours not in FINGER_NAMES}
-    thickness = given.thickness or defaults.thickness
-    sheet = read_sheet(read_hood(given.hood), names, given.placing, chain, thickness)
+    raw, thickness = read_hood(given.hood), given.thickness or defaults.thickness
+    if given.thickness is not None:
+        raw = replace(raw, thickness=None)
+    sheet = read_sheet(raw, names, given.placing, chain, thickness)
     if given.bones:
         bones = _bones(given, skeleton, report)
         surfaces = bones.surfaces

@@ -58,7 +58,7 @@ def new(
     ] = "0 0 0",
     thickness: Annotated[
         str | None,
-        typer.Option(help="Of the sheet, as \"0.65 mm\"; else the file's, else our index hood's."),
+        typer.Option(help="Of the sheet, as \"0.65 mm\"; else the file's, or the base case's."),
     ] = None,
     length_scale: Annotated[
         float, typer.Option(min=0.1, max=3.0, help="Of our index finger.")

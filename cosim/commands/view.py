@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from math import degrees
 from pathlib import Path
 from typing import Annotated
 
@@ -50,17 +51,24 @@ def mesh(
         "hood.json"
     ),
 ) -> None:
-    """Write the hood mesh of a case, for hood.mesh.kind = "file"."""
+    """Write the hood mesh of a case: .json for hood.mesh.kind = "file", with its sets .inp, .feb,
+    .msh or .vtu, which `cosim new` reads, or its surface as .stl."""
+    with exit_on_error():
+        from cosim.anatomy.write import check_ending, write_hood
+
+        check_ending(out)
     (checked,) = load_cases([case], settings)
     with exit_on_error():
         from cosim.build.models import hood_mesh
-        from meshes.hood_mesh import write
+        from cosim.fingers.kinds import skeleton_of
 
         check_file(out)
         typer.echo(f"{checked.name}: laying out the hood", err=True)
         made = hood_mesh(checked)
-        try:
-            write(made, out)
-        except OSError as error:
-            raise InputError(f"{out}: cannot be written ({error.strerror})") from error
+        lost = write_hood(made, skeleton_of(checked.native_finger()), out)
         typer.echo(f"{len(made.quads)} quads in {shown_path(out)}")
+        if lost:
+            typer.echo(f"not in the file: {lost}")
+        if any(made.rest_posture.values()):
+            angles = ", ".join(f"{j} {degrees(a):g}" for j, a in made.rest_posture.items())
+            typer.echo(f"laid at {angles} deg (cosim new --posture)")

@@ -13,6 +13,9 @@ from cosim.errors import InputError
 if TYPE_CHECKING:
     import xarray
 
+TENSION = "_tension"
+"""What follows a tendon's name in the label of its column."""
+
 
 def write_tables(run: Path, out: Path) -> list[Path]:
     """Write `motion.sto` (joint angles, degrees) and `forces.sto` (tensions and fingertip force in
@@ -59,7 +62,7 @@ def _forces(data: xarray.Dataset, axis: str) -> Iterator[tuple[str, Any]]:
     for name, label in (("tension", "tendon"), ("own_tension", "muscle")):
         if name in data and data.sizes[label]:
             for key in data[label].values:
-                yield f"{key}_tension", data[name].sel({label: key}).values
+                yield f"{key}{TENSION}", data[name].sel({label: key}).values
     for letter, axis in zip("xyz", data.axis.values, strict=True):
         yield f"fingertip_force_v{letter}", data.tip_force.sel(axis=axis).values
     if "torque" in data:

@@ -269,13 +269,13 @@ def _axes(m: Material, corners: Array, given: dict[str, FebTag]) -> Array:
         vectors = np.empty((k, 2, 3))
         for i, row in enumerate(rows):
             row.used = True
-            vectors[i] = _vector(row, "a"), _vector(row, "d")
+            vectors[i] = vector_in(row, "a"), vector_in(row, "d")
         return _frame(vectors[:, 0], vectors[:, 1])
     if tag is None:
         return np.tile(np.eye(3), (k, 1, 1))
     kind = tag.attributes.get("type", "local")
     if kind == "vector":
-        a, d = np.array(_vector(tag, "a")), np.array(_vector(tag, "d"))
+        a, d = np.array(vector_in(tag, "a")), np.array(vector_in(tag, "d"))
         return np.tile(_frame(a, d), (k, 1, 1))
     if kind == "local":
         i, j, l = _local(tag, 3, (1, 2, 4))  # noqa: E741
@@ -283,7 +283,8 @@ def _axes(m: Material, corners: Array, given: dict[str, FebTag]) -> Array:
     raise tag.fault(f"mat_axis of type {kind!r} is not read; known: vector, local")
 
 
-def _vector(tag: FebTag, name: str) -> list[float]:
+def vector_in(tag: FebTag, name: str) -> list[float]:
+    """The three numbers of the child of that name.  Raises InputError where there are none."""
     child = tag.one(name)
     if child is None:
         raise tag.fault(f"<{name}> is missing: three numbers")

@@ -33,7 +33,7 @@ from meshes.imported.names import (
     map_names,
     missing_sets_fault,
 )
-from meshes.imported.raw import RawMesh
+from meshes.imported.raw import FIBRE, RawMesh
 from meshes.skeleton import BODIES, Skeleton
 
 Array = NDArray[np.float64]
@@ -122,7 +122,7 @@ def _stands(directions: Array, points: Array, quads: Ints) -> bool:
 
 
 def _thickness(raw: RawMesh, placing: Placing, wanted: float, notes: list[str]) -> float:
-    """m: where the file states one its own, for which its nodes were moved to the mid-surface."""
+    """m: the file's own where it states one."""
     if raw.thickness is None:
         return wanted
     own = float(raw.thickness.mean()) * UNITS[placing.unit]
@@ -213,11 +213,12 @@ def hood_of(
     for name, cells in sheet.sets.cells.items():
         region[cells] = REGIONS.index(name)
     springs, notes = _springs(sheet, sets, points, used, chain, level)
+    stated = sheet.fields.get(FIBRE)
     mesh = HoodMesh(
         points,
         quads,
         region,
-        _fibres(points, quads, region, chain),
+        _fibres(points, quads, region, chain) if stated is None else stated,
         {end: _across(points, sets[END + end]) for end in ENDS},
         springs,
         {body: sets[TIED + body] for body in BODIES if TIED + body in sets},
@@ -227,7 +228,8 @@ def hood_of(
         sheet.thickness,
         fields=sheet.fields,
     )
-    notes.insert(0, "fibres: along the finger, round it in the sagittal bands (assumed)")
+    assumed = "along the finger, round it in the sagittal bands (assumed)"
+    notes.insert(0, f"fibres: {assumed if stated is None else 'as the file has them'}")
     if sheet.fields:
         notes.insert(
             1,

@@ -38,6 +38,9 @@ MOST_VALUES = 64
 """An array of whole numbers with more values than that is data and no sets."""
 READ_CARDS = ("NODE", "ELEMENT", "NSET", "ELSET", "HEADING")
 """Keywords of an Abaqus file that say what is read."""
+SECTION = "SHELL SECTION"
+THICKNESS, FIBRE = "thickness", "fibre"
+"""Arrays of the quads with a meaning: lengths in the file's unit, and directions of the fibres."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,7 @@ class RawMesh:
     dropped: tuple[str, ...]
     """What the file holds beside that."""
     thickness: Array | None = None
-    """(ne,) of a file whose nodes lie on the face that the normals point to; else they lie on the
-    mid-surface."""
+    """(ne,) of a file that states it; the points lie on the mid-surface."""
     fields: Mapping[str, Array] = field(default_factory=dict)
     """Vectors (ne, 3) of the quads by name, in the file's axes, none of them zero."""
 
@@ -72,16 +74,21 @@ def read_raw(path: Path) -> RawMesh:
         raise InputError(f"{path}: holds no shell cells; a hood is made of four-node quads")
     sets.add_cell_sets(mesh)
     sets.add_point_sets(mesh, len(points))
-    sets.dropped += _cards(path)
     fields = sets.whole_fields()
+    cells, thickness = sets.join(sets.cells), sets.thickness()
+    if path.suffix.lower() == ".inp":
+        text = path.read_text(encoding="utf-8", errors="replace")
+        thickness = _sections(text, cells, sets.count)
+        sets.dropped += _cards(text, READ_CARDS if thickness is None else (*READ_CARDS, SECTION))
     return RawMesh(
         points,
         np.concatenate(sets.quads),
-        sets.join(sets.cells),
+        cells,
         sets.join(sets.nodes),
         {name: np.concatenate(parts) for name, parts in sets.lines.items()},
         tuple(sets.dropped),
-        fields=fields,
+        thickness,
+        fields,
     )
 
 
@@ -101,6 +108,17 @@ class _Sets:
     count: int = 0
     vectors: dict[str, list[Array]] = field(default_factory=lambda: defaultdict(list))
     """By name the vectors of each block of shells that has them."""
+    thick: list[Array] = field(default_factory=list)
+
+    def thickness(self) -> Array | None:
+        """(ne,) where every quad has one."""
+        if not self.thick:
+            return None
+        out = np.concatenate(self.thick)
+        if len(out) == self.count and (out > 0).all():
+            return out
+        self.dropped.append("the thickness, which not all quads have")
+        return None
 
     def whole_fields(self) -> dict[str, Array]:
         """(ne, 3) vectors by name, those that every quad has; the others are dropped."""
@@ -158,7 +176,10 @@ class _Sets:
             if name == "gmsh:geometrical" or (physical and mesh.cell_sets and "gmsh:" in name):
                 continue
             for i, values in enumerate(blocks):
-                self._add_values(name, i, np.asarray(values), physical)
+                if name == THICKNESS and np.ndim(values) == 1 and np.isfinite(values).all():
+                    self.thick += [np.asarray(values, dtype=float)] if i in self.first else []
+                else:
+                    self._add_values(name, i, np.asarray(values), physical)
 
     def _add_values(
         self, name: str, i: int, values: Any, physical: Mapping[tuple[int, int], str]
@@ -210,11 +231,26 @@ def _groups(values: Any) -> Iterable[tuple[int, Ints]]:
             yield int(value), np.flatnonzero(values == value)
 
 
-def _cards(path: Path) -> list[str]:
-    """What an Abaqus file states that meshio passes over."""
-    if path.suffix.lower() != ".inp":
-        return []
-    text = path.read_text(encoding="utf-8", errors="replace")
+def _cards(text: str, read: Iterable[str]) -> list[str]:
+    """What an Abaqus file states beside the cards that are read."""
     words = (m[1].strip().upper() for m in re.finditer(r"^\*([^*,\n\r][^,\n\r]*)", text, re.M))
-    counted = Counter(word for word in words if word not in READ_CARDS)
+    counted = Counter(word for word in words if word not in read)
     return [f"{count} x *{word}" for word, count in sorted(counted.items())]
+
+
+def _sections(text: str, cells: Mapping[str, Ints], count: int) -> Array | None:
+    """(ne,) thickness by the shell sections of an Abaqus file, where each quad has one whose
+    reference is the mid-surface."""
+    sets = {name.casefold(): chosen for name, chosen in cells.items()}
+    out = np.zeros(count)
+    for card in re.finditer(r"^\*SHELL +SECTION *(,[^\n\r]*)[\n\r]+([^*\n\r]+)", text, re.M | re.I):
+        pairs = (word.partition("=") for word in card[1].split(",")[1:])
+        options = {key.strip().upper(): value.strip(' \t"').casefold() for key, _, value in pairs}
+        chosen = sets.get(options.get("ELSET", ""))
+        if chosen is None or {"OFFSET", "COMPOSITE", "NODAL THICKNESS"} & set(options):
+            continue
+        try:
+            out[chosen] = float(card[2].split(",")[0])
+        except ValueError:
+            continue
+    return out if np.isfinite(out).all() and (out > 0).all() else None

@@ -69,13 +69,14 @@ def read_mjcf(
     signs = {j: -1.0 if with_minus.get(j, "").startswith("-") else 1.0 for j in JOINTS}
     plain = {ours: theirs.removeprefix("-") for ours, theirs in with_minus.items()}
     where = Where(str(path), m, plain)
-    body = [where.find("body", mujoco.mjtObj.mjOBJ_BODY, name) for name in BODIES]
+    phalanges = [where.find("body", mujoco.mjtObj.mjOBJ_BODY, name) for name in BODIES[1:]]
+    losses: list[str] = []
+    body = [_metacarpal(where, phalanges[0], losses), *phalanges]
     joint = [where.find("joint", mujoco.mjtObj.mjOBJ_JOINT, name) for name in JOINTS]
     tip = where.find("site", mujoco.mjtObj.mjOBJ_SITE, TIP)
     _check_tree(where, body, joint)
     sign = np.array([signs[j] for j in JOINTS])
     data = _at_zero(m, joint)
-    losses: list[str] = []
     frames = frames_of(where, data, body, joint, sign, data.site_xpos[tip], losses)
     owner = np.array([_owner(m, b, body) for b in range(m.nbody)])
     read = read_tendons(m, data, owner, frames, plain, tendons)
@@ -91,10 +92,11 @@ def skeleton_of(model: FingerModel) -> Skeleton:
     """The joints and lengths of a finger of four bodies whose x runs to the next joint.
 
     Raises InputError where its frames are others or it has other joints."""
-    if model.joints != JOINTS or model.bodies != BODIES:
+    axes = {hinge.name: hinge.axis for s in model.segments for hinge in s.hinges}
+    if set(axes) != set(JOINTS) or model.bodies != BODIES:
         raise InputError(
             f"finger {model.name}: a hood lies on the bodies {', '.join(BODIES)} and the joints "
-            f"{', '.join(JOINTS)}, in this order; this one has {', '.join(model.bodies)} and "
+            f"{', '.join(JOINTS)}; this one has {', '.join(model.bodies)} and "
             f"{', '.join(model.joints)}"
         )
     places = np.array([s.position for s in model.segments[1:]])
@@ -106,8 +108,19 @@ def skeleton_of(model: FingerModel) -> Skeleton:
             f"({1e3 * beside:.3g} mm beside it); `cosim new` makes frames that do"
         )
     zero = np.array([s.rotation for s in model.segments[1:]])
-    axis = np.array([hinge.axis for s in model.segments for hinge in s.hinges])
-    return Skeleton(length, zero, axis, {})
+    return Skeleton(length, zero, np.array([axes[j] for j in JOINTS]), {}, model.joints)
+
+
+def _metacarpal(where: Where, proximal: int, losses: list[str]) -> int:
+    """The body that is the metacarpal: the world, told, where none is called so and the proximal
+    phalanx hangs on the world, as in what `cosim import` makes of a model with its bone in the
+    ground."""
+    kind = mujoco.mjtObj.mjOBJ_BODY
+    named = "metacarpal" in where.names or "metacarpal" in where.part_names(kind)
+    if named or where.model.body_parentid[proximal]:
+        return where.find("body", kind, "metacarpal")
+    losses.append("changed: no body is the metacarpal; the world is, on which the proximal hangs")
+    return 0
 
 
 def _compile(path: Path) -> mujoco.MjModel:

@@ -22,13 +22,13 @@ from cosim.pipeline import run_case
 from meshes.hood_mesh import HoodMesh, to_json
 from meshes.hull import Centreline
 from meshes.imported.checks import Placing
+from meshes.imported.write import write_inp
 from meshes.skeleton import BODIES, index_finger
 from tests.helpers.own_anatomy import (
     add_free_node,
     move_points,
     user_hood,
     write_bones,
-    write_meshio,
 )
 
 COARSE = "hood.mesh.quads=120"
@@ -55,7 +55,7 @@ def surfaces() -> Surfaces:
 def files(ours: HoodMesh, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with our hood as hood.inp and our bones as .obj, m, in full precision."""
     folder = tmp_path_factory.mktemp("anatomy")
-    write_meshio(add_free_node(user_hood(ours)), folder / "hood.inp")
+    write_inp(add_free_node(user_hood(ours)), folder / "hood.inp")
     for body, (points, faces) in bone_surfaces(load_case("isometric_edc")).items():
         rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
         rows += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
@@ -107,6 +107,47 @@ def test_our_own_hood_bones_and_finger_make_the_same_run(
     after = run_case(loaded).summary
     for key in ("fingertip_force_N", "moment_arm_mm"):
         assert flat(after[key]) == pytest.approx(flat(before[key]), rel=1e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize("ending", [".inp", ".feb"])
+def test_our_own_hood_goes_out_and_comes_back(ours: HoodMesh, tmp_path: Path, ending: str):
+    out = tmp_path / f"hood{ending}"
+    done = CliRunner().invoke(app, ["mesh", "isometric_edc", "--set", COARSE, "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    assert ("directions of the fibres" in done.output) == (ending == ".inp")
+    code, told = new(tmp_path, "--hood", str(out))
+    assert code == 0, told
+    case = load_case(tmp_path / "out" / "mine.toml")
+    assert case.hood.thickness == pytest.approx(ours.thickness, rel=1e-12)
+    back = hood_mesh(case)
+    assert back.thickness == pytest.approx(ours.thickness, rel=1e-12)
+    np.testing.assert_array_equal(back.quads, ours.quads)
+    np.testing.assert_array_equal(back.region, ours.region)
+    np.testing.assert_allclose(back.points, ours.points, atol=1e-7)  # our own file's last digit
+    for mine, known in ((back.ends, ours.ends), (back.tied, ours.tied)):
+        assert mine.keys() == known.keys()
+        for name, nodes in known.items():
+            np.testing.assert_array_equal(np.sort(mine[name]), np.sort(nodes))
+    assert back.springs.keys() == ours.springs.keys()
+    for name, held in ours.springs.items():
+        np.testing.assert_array_equal(back.springs[name].nodes, held.nodes)
+        np.testing.assert_allclose(back.springs[name].anchors, held.anchors, atol=2e-7)
+    if ending == ".feb":
+        np.testing.assert_allclose(back.fibre, ours.fibre, atol=1e-5)  # laid to that
+
+
+def test_the_given_thickness_is_taken_before_the_files(files: Path, tmp_path: Path):
+    code, told = new(tmp_path, "--hood", str(files / "hood.inp"), "--thickness", "0.4 mm")
+    assert code == 0, told
+    assert hood_mesh(load_case(tmp_path / "out" / "mine.toml")).thickness == pytest.approx(4e-4)
+
+
+def test_a_mesh_is_not_written_to_an_ending_that_says_something_else(tmp_path: Path):
+    done = CliRunner().invoke(app, ["mesh", "no_case", "-o", str(tmp_path / "hood.obj")])
+    assert done.exit_code == 2
+    assert "ending in .json" in done.stderr
+    assert ".feb, .inp, .msh, .stl, .vtu" in " ".join(done.stderr.split())
+    assert list(tmp_path.iterdir()) == []
 
 
 def flat(value: object) -> list[float]:
@@ -195,12 +236,12 @@ def test_a_hood_through_the_bones_is_counted_and_measured(
     files: Path, ours: HoodMesh, tmp_path: Path
 ):
     low = user_hood(ours)
-    write_meshio(move_points(low, low.points - [0, 0, 5.0]), tmp_path / "hood.inp")
+    write_inp(move_points(low, low.points - [0, 0, 5.0]), tmp_path / "hood.inp")
     code, told = new(tmp_path, "--hood", str(tmp_path / "hood.inp"), *LAID)
     assert code == 2
     assert "nodes of the hood lie in the bone" in told
     assert "mm deep" in told
-    write_meshio(move_points(low, low.points - [0, 0, 0.3]), tmp_path / "hood.inp")
+    write_inp(move_points(low, low.points - [0, 0, 0.3]), tmp_path / "hood.inp")
     code, told = new(tmp_path, "--hood", str(tmp_path / "hood.inp"), *LAID)
     assert code == 0
     assert "nodes are nearer than the base case's" in told

@@ -9,14 +9,16 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.anatomy.read import read_hood
+from cosim.anatomy.write import FORMATS, write_hood
 from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
 from cosim.errors import InputError
-from meshes.hood_mesh import HoodMesh
+from meshes.hood_mesh import HoodMesh, display_quads
 from meshes.hull import Centreline, along
 from meshes.imported.checks import (
     Placing,
@@ -29,8 +31,9 @@ from meshes.imported.checks import (
 from meshes.imported.hood import ImportedSheet, places, read_sheet, stations
 from meshes.imported.names import map_names, missing_sets_fault
 from meshes.imported.raw import RawMesh, read_raw
+from meshes.imported.write import write_vtu
 from meshes.skeleton import index_finger
-from tests.helpers.own_anatomy import user_hood, write_feb, write_meshio
+from tests.helpers.own_anatomy import user_hood
 
 THICKNESS = 0.65e-3
 FAR = np.array([30.0, -40, 50])
@@ -46,7 +49,7 @@ def ours() -> HoodMesh:
 def raw(ours: HoodMesh) -> RawMesh:
     own = user_hood(ours)
     nodes = dict(own.nodes) | {name: np.unique(pairs) for name, pairs in own.lines.items()}
-    return RawMesh(own.points, own.quads, own.cells, nodes, own.lines, ())
+    return replace(own, nodes=nodes, thickness=None, fields={})
 
 
 @pytest.fixture(scope="module")
@@ -61,27 +64,89 @@ def sheet(
     return read_sheet(raw, names, placing or Placing(), chain, THICKNESS)
 
 
-@pytest.mark.parametrize("ending", ["vtu", "msh", "inp", "feb"])
+@pytest.mark.parametrize("ending", sorted(set(FORMATS) - {".stl"}))
 def test_every_format_holds_the_same_mesh_and_sets(
     ours: HoodMesh, raw: RawMesh, tmp_path: Path, ending: str
 ):
-    path = tmp_path / f"hood.{ending}"
-    if ending == "feb":
-        write_feb(user_hood(ours), path)
-    else:
-        write_meshio(user_hood(ours), path, "gmsh22" if ending == "msh" else None)
+    path, own = tmp_path / f"hood{ending}", user_hood(ours)
+    FORMATS[ending](own, path)
     read = read_hood(path)
-    np.testing.assert_allclose(read.points, raw.points, atol=1e-6)
+    np.testing.assert_allclose(read.points, raw.points, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(read.quads, raw.quads)
     assert missing_sets_fault(read, map_names(read, {})) == []
+    assert {*read.cells, *read.nodes} == {*raw.cells, *raw.nodes}
     for name, cells in raw.cells.items():
-        rows = {tuple(quad) for quad in raw.quads[cells].tolist()}
-        assert {tuple(quad) for quad in read.quads[read.cells[name]].tolist()} == rows
+        np.testing.assert_array_equal(read.cells[name], cells)
     for name, nodes in raw.nodes.items():
         np.testing.assert_array_equal(np.unique(read.nodes[name]), np.unique(nodes))
     for name, pairs in raw.lines.items():
         np.testing.assert_array_equal(read.lines[name], pairs)
-    stated = ["<Material> (skin)"] if ending == "feb" else []
+    if ending != ".msh":
+        np.testing.assert_allclose(read.thickness, own.thickness, rtol=1e-15)
+    if ending in (".feb", ".vtu"):
+        np.testing.assert_allclose(read.fields["fibre"], ours.fibre, atol=1e-15)
+    stated = ["<Material> (placeholder)"] if ending == ".feb" else []
     assert list(read.dropped) == stated
+
+
+def test_the_surface_alone_is_written_as_triangles(ours: HoodMesh, tmp_path: Path):
+    assert write_hood(ours, index_finger(), tmp_path / "hood.stl").startswith("all but the surface")
+    mesh = trimesh.load_mesh(tmp_path / "hood.stl")
+    assert len(mesh.faces) == 2 * len(ours.quads)
+    assert 1e-6 * mesh.area == pytest.approx(ours.areas().sum(), rel=1e-2)
+
+
+def test_nine_nodes_go_out_as_four_quads(tmp_path: Path):
+    settings = ["hood.mesh.quads=120", 'hood.mesh.elements="quadratic"']
+    nine = hood_mesh(load_case("isometric_edc", settings))
+    lost = write_hood(nine, index_finger(), tmp_path / "hood.inp")
+    assert lost.startswith("elements of nine nodes (four quads each), directions of the fibres")
+    read = read_hood(tmp_path / "hood.inp")
+    np.testing.assert_array_equal(read.quads, display_quads(nine.quads))
+    region = nine.cells("terminal_slip")
+    assert len(read.cells["terminal_slip"]) == 4 * region.sum()
+
+
+@pytest.mark.parametrize("first", ["", ", ELSET=a", ", ELSET=b"])
+@pytest.mark.parametrize("last", ["", ", ELSET=b", ", ELSET=c"])
+def test_sets_named_at_the_elements_are_of_these(tmp_path: Path, first: str, last: str):
+    text = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,0\n6,2,1,0\n7,3,0,0\n8,3,1,0\n"
+    text += f"*ELEMENT, TYPE=S4{first}\n1,1,2,3,4\n*Element, type=S4, elset=b\n2,2,5,6,3\n"
+    text += f"*ELEMENT, TYPE=T3D2{last}\n3,7,8\n4,5,7\n5,6,8\n"
+    (tmp_path / "a.inp").write_text(text)
+    read = read_raw(tmp_path / "a.inp")
+    wanted = {"b": [0, 1] if first.endswith("b") else [1]} | (
+        {"a": [0]} if "a" in first[-1:] else {}
+    )
+    assert {name: cells.tolist() for name, cells in read.cells.items()} == wanted
+    lines = {name: pairs.tolist() for name, pairs in read.lines.items()}
+    assert lines == ({last[-1]: [[6, 7], [4, 6], [5, 7]]} if last else {})
+
+
+QUADS = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,0\n6,2,1,0\n*ELEMENT, TYPE=S4\n"
+QUADS += "1,1,2,3,4\n2,2,5,6,3\n*ELSET, ELSET=Left\n1\n*ELSET, ELSET=right\n2\n"
+BOTH = QUADS + "*Shell Section, elset=LEFT, material=m\n 0.2, 5\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "thickness"),
+    [
+        (BOTH + '*SHELL SECTION, ELSET="right"\n0.3\n', [0.2, 0.3]),
+        (BOTH, None),
+        (BOTH + "*SHELL SECTION, ELSET=right, OFFSET=SPOS\n0.3\n", None),
+        (BOTH + "*SHELL SECTION, ELSET=right, COMPOSITE\n0.3\n", None),
+        (BOTH + "*SHELL SECTION, ELSET=right\nthick\n", None),
+        (BOTH + "*SHELL SECTION, ELSET=right\n-1\n", None),
+    ],
+)
+def test_sections_of_all_quads_are_their_thickness(
+    tmp_path: Path, text: str, thickness: list[float] | None
+):
+    """Others stay among what is dropped."""
+    (tmp_path / "a.inp").write_text(text)
+    read = read_raw(tmp_path / "a.inp")
+    assert (None if read.thickness is None else read.thickness.tolist()) == thickness
+    assert any("SECTION" in what for what in read.dropped) == (thickness is None)
 
 
 def test_gmsh_4_and_abaqus_cards_and_other_cells(tmp_path: Path):
@@ -330,7 +395,7 @@ def test_vectors_of_the_quads_become_fields_of_directions(
     tmp_path: Path, ours: HoodMesh, chain: Centreline
 ):
     """In our axes; those that stand on the sheet are dropped and told."""
-    write_meshio(user_hood(ours), tmp_path / "hood.vtu")
+    write_vtu(replace(user_hood(ours), fields={}), tmp_path / "hood.vtu")
     mesh = meshio.read(tmp_path / "hood.vtu")
     lines = np.ones((len(mesh.cells[1].data), 3))
     mesh.cell_data["slips"] = [2 * ours.fibre, lines]

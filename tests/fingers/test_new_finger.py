@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import re
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cosim.anatomy.case_folder import new_case
+from cosim.anatomy.read import UserAnatomy
 from cosim.build.fit import check_fit
 from cosim.build.models import mjcf_of
 from cosim.case.file import load_case
@@ -19,6 +23,7 @@ from cosim.results.conventions import vector_of
 from meshes.skeleton import JOINTS
 from rigid.mjcf.read import read_mjcf
 from rigid.mujoco.finger import MujocoFinger
+from rigid.opensim.osim import import_osim, write_import
 
 RIGHT = np.eye(3)
 LIKE_MYOHAND = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
@@ -91,6 +96,30 @@ def test_what_mjcf_writes_is_read_back_as_the_same_finger(exported: Path):
     results = [run_case(case).summary for case in (ours, theirs)]
     force = [vector_of(r["fingertip_force_N"]) for r in results]
     np.testing.assert_allclose(force[0], force[1], rtol=1e-8)
+
+
+def test_a_finger_imported_from_opensim_is_one_for_new_and_runs(tmp_path: Path):
+    """Its metacarpal is the ground, its abduction turns before its flexion."""
+    data = files("rigid.verification") / "data"
+    written = write_import(import_osim(Path(str(data / "finger.osim"))), tmp_path / "finger.xml")
+    made, told = new_case("imported", UserAnatomy(finger=written[0]), tmp_path / "out")
+    assert "finger: changed: no body is the metacarpal; the world is" in "\n".join(told)
+    case = load_case(made, ['tendons.EDC.tension="3 N"', "output.picture=false"])
+    finger = live_finger(case.finger, case.hood.left_to_finger)
+    assert finger.joints == ("MCP_abduction", "MCP", "PIP", "DIP")
+    known = json.loads((data / "finger_opensim.json").read_text())
+    assert tuple(known["coordinates"]) == finger.joints
+    columns = [known["paths"].index(name) for name in finger.tendons]
+    for angles, arms in zip(known["postures"], known["moment_arms"], strict=True):
+        plain = [name for name in finger.tendons if name not in known["wrapped"]]
+        rows = [finger.tendons.index(name) for name in plain]
+        found = finger.moment_arms(np.array(angles))[rows]
+        np.testing.assert_allclose(found, np.array(arms)[columns][rows], atol=1e-8)
+        tip = skeleton_of(case.finger).tip(dict(zip(finger.joints, angles, strict=True)))
+        np.testing.assert_allclose(finger.chain(np.array(angles)).tip, tip, atol=1e-12)
+    result = run_case(case)
+    assert result.audit.passed
+    assert result.summary["tension_N"]["EDC"] == 3.0
 
 
 def test_under_a_hood_the_tendons_of_the_hood_are_left_out(exported: Path):

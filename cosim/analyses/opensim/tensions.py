@@ -17,6 +17,7 @@ from cosim.case.file import base_name, find_case, load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.files import output_file
+from cosim.results.sto import TENSION
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.schema.types import TENDONS
 from rigid.opensim.sto import StoTable, read_sto
@@ -146,8 +147,10 @@ def _check_span(table: StoTable, base: str) -> None:
 
 
 def _is_called(column: str, tendon: str) -> bool:
+    """Whether a label is a tendon's, as OpenSim or as `cosim sto` writes it."""
     name, _, output = column.partition("|")
-    return name.rpartition("/")[2].lower() == tendon.lower() and output in OUTPUTS
+    muscle = name.rpartition("/")[2].lower()
+    return muscle in (tendon.lower(), tendon.lower() + TENSION) and output in OUTPUTS
 
 
 def _list_names(columns: Sequence[str], most: int = 20) -> str:
