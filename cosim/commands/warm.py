@@ -34,6 +34,7 @@ WARMUPS = (
     Warmup("fingers in motion", "forward_edc", SHORT, "case"),
     Warmup("bones of the middle finger", "hood_majorflex_edc"),
     Warmup("links of the robotic finger", "robot_cable_extensor"),
+    Warmup("bones of an anatomy of one's own", "own_edc"),
 )
 """They call every kernel that the shipped cases do, and lie on all bones of theirs."""
 

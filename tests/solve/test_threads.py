@@ -101,14 +101,16 @@ def test_a_panic_of_the_linear_solver_is_an_error_of_ours(monkeypatch):
 
 
 def test_blas_stays_limited_until_the_last_thread_has_ended():
-    def threads_of_blas() -> set[int]:
-        return {i["num_threads"] for i in threadpool_info() if i["user_api"] == "blas"}
+    def threads_of_blas() -> list[int]:
+        return [i["num_threads"] for i in threadpool_info() if i["user_api"] == "blas"]
 
     first, second = one_blas_thread(), one_blas_thread()
     with threadpool_limits(2, user_api="blas"):
+        before = threads_of_blas()
+        assert max(before) == 2
         first.__enter__()
         second.__enter__()
         first.__exit__(None, None, None)
-        assert threads_of_blas() == {1}
+        assert set(threads_of_blas()) == {1}
         second.__exit__(None, None, None)
-        assert threads_of_blas() == {2}
+        assert threads_of_blas() == before
