@@ -93,8 +93,6 @@ def write_files(folder: Path, run: CaseParts) -> tuple[str, ...]:
     for name, write in _further_files(run):
         try:
             write(folder / name)
-        except OSError:
-            raise
         except Exception as error:  # what is solved is not lost to a picture of it
             (folder / name).unlink(missing_ok=True)
             lacking.append(f"{name} could not be made ({type(error).__name__}: {error})")

@@ -212,12 +212,13 @@ def test_numbers_that_are_none_are_null_and_are_read_back(tmp_path: Path, result
 
 
 @pytest.mark.parametrize("where", ["scene_plot.draw", "ledger_plot.draw_ledger"])
-def test_what_is_solved_is_not_lost_to_a_picture(tmp_path: Path, result, monkeypatch, where):
+@pytest.mark.parametrize("error", [RuntimeError, OSError])
+def test_what_is_solved_is_not_lost_to_a_picture(tmp_path: Path, result, monkeypatch, where, error):
     def fail(*_: object) -> None:
-        raise RuntimeError("no font")
+        raise error("no font")
 
     monkeypatch.setattr(f"cosim.results.{where}", fail)
-    with pytest.warns(UserWarning, match=r"\.png could not be made \(RuntimeError: no font\)"):
+    with pytest.warns(UserWarning, match=r"\.png could not be made \(\w+: no font\)"):
         folder = result.save(tmp_path)
     assert {"summary.json", "results.nc", "hood.vtu"} <= {p.name for p in folder.iterdir()}
     assert len({p.name for p in folder.iterdir()} & {"picture.png", "ledger.png"}) == 1
