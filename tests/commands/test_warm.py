@@ -9,6 +9,7 @@ import cosim
 from cosim.build.models import anatomy_of
 from cosim.cli import app
 from cosim.commands import warm
+from cosim.files import shown_path
 from cosim.kernels.kernel import CompiledKernel
 
 
@@ -36,7 +37,7 @@ def test_it_says_what_it_did_and_where(quick, monkeypatch, tmp_path):
     said = CliRunner().invoke(app, ["warm"])
     assert said.exit_code == 0
     assert "2 kernels compiled and 1 found compiled" in said.output
-    assert f"kernels are kept in {tmp_path}" in said.output
+    assert f"kernels are kept in {shown_path(tmp_path)}" in said.output
     assert "distances of bones are kept" in said.output
     assert quick == [warmup.case for warmup in warm.WARMUPS]
 

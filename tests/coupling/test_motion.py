@@ -19,6 +19,7 @@ from cosim.cli import app
 from cosim.coupling.checkpoint import NAME
 from cosim.coupling.motion import CoupledMotion, MotionState
 from cosim.errors import ConvergenceError, InputError, StoppedError
+from cosim.files import shown_path
 from cosim.pipeline import run_case
 from cosim.results.motion import _largest_of_hood
 from cosim.results.result import Result
@@ -303,9 +304,8 @@ def test_the_commands_resume_what_was_cut_off(tmp_path: Path, monkeypatch) -> No
     cut_off(case, out, 1)
     kept = CliRunner().invoke(app, ["run", str(path), "--out", str(out)])
     assert kept.exit_code == 2
-    assert f"Go on with: cosim resume {unfinished}; or add --restart" in " ".join(
-        kept.stderr.split()
-    )
+    words = f"Go on with: cosim resume {shown_path(unfinished)}; or add --restart"
+    assert words in " ".join(kept.stderr.split())
     with monkeypatch.context() as early:  # Ctrl-C while the models are built
         early.setattr(run_motion, "moving_models", stop)
         stopped = CliRunner().invoke(app, ["resume", str(out / "ramp")])
