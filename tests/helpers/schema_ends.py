@@ -18,7 +18,7 @@ LITTLE = 1e-6
 """Beyond an end that does not belong to the range, in the unit in which it is stated."""
 
 
-def ends_of(case: Case, one_of: tuple[str, ...] = ()) -> Iterator[tuple[str, str | float]]:
+def ends_of(case: Case) -> Iterator[tuple[str, str | float]]:
     """Dotted keys that a case states, with the value at each end of their range; of tables by name
     (regions, springs, points) the first alone."""
     yield from _ends(case, "", ())
