@@ -30,6 +30,9 @@ Array = NDArray[np.float64]
 REACH = 1.5e-3
 """m of gap within which a point is watched for contact, and further where the smoothing is."""
 
+ROUNDING = 1e-9
+"""m, of the end of a baked distance."""
+
 
 def needed_distance(level: float, smoothing: float) -> float:
     """How far from a surface its distance must be right for points that it touches at `level` m
@@ -102,7 +105,8 @@ class Contact:
                 f"number, got {self.friction}"
             )
         level = float(np.max(self.offset, initial=0.0))
-        if self.surface.outside < (needed := needed_distance(level, self.smoothing)):
+        needed = needed_distance(level, self.smoothing)
+        if self.surface.outside < needed - ROUNDING:
             raise InputError(
                 f"contact with body {self.body}: a point touches up to {1e3 * level:.3g} mm over "
                 f"the surface, whose distance is known up to {1e3 * self.surface.outside:.3g} mm; "

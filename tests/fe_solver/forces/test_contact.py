@@ -408,6 +408,15 @@ def test_contact_high_over_a_baked_bone_is_that_of_the_exact_shape(level):
     assert baked.energy == pytest.approx(exact.energy, rel=0.06)  # chords of the triangles
 
 
+@pytest.mark.parametrize("level", [3.5e-3, 5.5e-3, 7.5e-3, 3.5e-3 + 1e-12, 5.5e-3 - 1e-12])
+def test_a_level_at_the_end_of_a_baked_distance_is_reached(level):
+    ball = trimesh.creation.icosphere(1, 5e-3)
+    [surface] = pose_surfaces({"ball": (ball.vertices, ball.faces)}, {"ball": level}).values()
+    one = np.ones(1)
+    assert Contact(0, surface, np.array([0]), level * one, one, 1e9, 5e-5).surface is surface
+    assert surface.outside < level + 2e-3 + 1.5e-3
+
+
 def test_a_surface_that_does_not_reach_the_contact_is_refused():
     ball = trimesh.creation.icosphere(2, 5e-3)
     surface = SplineDistance.bake(ball.vertices, ball.faces, margin=5e-3)
