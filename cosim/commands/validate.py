@@ -125,8 +125,8 @@ def _print(boards: list[Board]) -> None:
         _print_tallies(board)
     for board in boards:
         _print_tallies(board)
-        for hand, skills in board.by_hand.items():
-            screen.print(f"  skill, {hand}: {', '.join(f'{s.null} {s}' for s in skills)}")
+        for line in board.hand_lines:
+            screen.print(f"  {line}")
         _print_rows(board)
         _print_failures(board)
 

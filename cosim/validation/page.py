@@ -12,7 +12,6 @@ from cosim.results.compare import Comparison, Verdict, marks, misses_first, numb
 from cosim.validation import mesh as validation_mesh
 from cosim.validation.mesh import Change
 from cosim.validation.run import Board, by_kind
-from cosim.validation.skill import Skill
 from cosim.version import __version__
 
 SHAPES: dict[Verdict, str] = {
@@ -34,7 +33,7 @@ def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = 
             "variant": board.variant,
             "headline": board.headline,
             "nulls": _nulls(board),
-            "by_hand": {hand: _skills(each) for hand, each in board.by_hand.items()},
+            "by_hand": board.hand_lines,
             "failures": board.failures,
             "rows": [_cells(row) for row in misses_first(board.rows)],
         }
@@ -63,10 +62,6 @@ def _nulls(board: Board) -> list[dict[str, str]]:
         row = {"name": name, "tally": _sentence(verdicts), "skill": "" if s is None else str(s)}
         found.append(row | {"beaten": beaten})
     return found
-
-
-def _skills(found: Sequence[Skill]) -> str:
-    return ", ".join(f"{s.null} {s}" for s in found)
 
 
 def _sentence(found: Mapping[str, int]) -> str:

@@ -18,7 +18,7 @@ from cosim.files import output_file
 from cosim.json_text import json_text
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
-from cosim.results.compare import Comparison, Kind, Target, as_dict, tally, write_json
+from cosim.results.compare import Comparison, Kind, Target, as_dict, number, tally, write_json
 from cosim.results.static import observe_static
 from cosim.solve.session import Session
 from cosim.solve.solvers import solve
@@ -28,8 +28,12 @@ from cosim.validation.published_hood import published_summary
 from cosim.validation.reasons import explain_misses
 from cosim.validation.skill import (
     FACTORS,
+    HandGains,
+    Noise,
     Skill,
     against_factors,
+    hand_data,
+    hands_headline,
     headline,
     judging_rows,
     scale_rows,
@@ -38,7 +42,7 @@ from cosim.validation.skill import (
 from cosim.validation.trial import Summaries, Trial, TrialGroup
 from cosim.version import __version__
 
-FORMAT = "cosim scoreboard 2"
+FORMAT = "cosim scoreboard 3"
 SPLIT = "fixed split"
 """The null model that has no hood."""
 Task = tuple[Trial, tuple[str, ...], str]
@@ -57,7 +61,8 @@ class ValidationOutcome:
 @dataclass(frozen=True)
 class Board:
     """The rows of one group, the trials that failed, what the audits of others missed, and the
-    skill of the model over its null models, over all rows and hand by hand."""
+    skill of the model over its null models; where hands were measured one by one its gains hand by
+    hand, and by unit the noise of their numbers."""
 
     group: str
     rows: tuple[Comparison, ...]
@@ -66,14 +71,25 @@ class Board:
     kind: Kind = "experiment"
     variant: bool = False
     skills: tuple[Skill, ...] = ()
-    by_hand: Mapping[str, tuple[Skill, ...]] = field(default_factory=dict)
+    by_hand: tuple[HandGains, ...] = ()
+    noise: Mapping[str, Noise] = field(default_factory=dict)
     split: Mapping[Target, float | None] = field(default_factory=dict)
     """The fixed split's answers."""
 
     @property
     def headline(self) -> str:
-        """Whether the model beats its null models."""
-        return headline(self.skills, len(judging_rows(self.rows)))
+        """Whether the model beats its null models, and hand by hand."""
+        hands = f". Hand by hand {hands_headline(self.by_hand)}" if self.by_hand else ""
+        return headline(self.skills, len(judging_rows(self.rows))) + hands
+
+    @property
+    def hand_lines(self) -> list[str]:
+        """The gains hand by hand, and the noise, a line each."""
+        noise = [
+            f"noise: {number(n.single, 2)} {unit} on a hand, {number(n.mean, 2)} on their mean"
+            for unit, n in self.noise.items()
+        ]
+        return [*map(str, self.by_hand), *noise]
 
     def tallies(self) -> dict[str, dict[str, int]]:
         """The tally of the rows that count, of the model and of each null model."""
@@ -206,7 +222,7 @@ def _board(group: TrialGroup, outcomes: Mapping[str, ValidationOutcome]) -> Boar
         o.trial: found for o in mine if o.summary and (found := list(describe_misses(o.summary)))
     }
     split = split_answers(group, rows, summaries)
-    by_hand = {hand: _of_hand(group, targets, summaries) for hand, targets in group.hands.items()}
+    by_hand, noise = _by_hand(group, summaries)
     return Board(
         group.name,
         rows,
@@ -216,17 +232,25 @@ def _board(group: TrialGroup, outcomes: Mapping[str, ValidationOutcome]) -> Boar
         group.variant,
         _skills(rows, split),
         by_hand,
+        noise,
         split,
     )
 
 
-def _of_hand(
-    group: TrialGroup, targets: Sequence[Target], summaries: Summaries
-) -> tuple[Skill, ...]:
-    """Skill beside the forces of one hand."""
-    own = replace(group, targets=tuple(targets), derived=None)
-    rows = list(rows_of(own, summaries))
-    return _skills(rows, split_answers(own, rows, summaries))
+def _by_hand(
+    group: TrialGroup, summaries: Summaries
+) -> tuple[tuple[HandGains, ...], dict[str, Noise]]:
+    """The gains over each null model, and the noise; none where hands are not known."""
+    each = {
+        hand: list(rows_of(replace(group, targets=tuple(targets), derived=None), summaries))
+        for hand, targets in group.hands.items()
+    }
+    data = hand_data(each)
+    if data is None:
+        return (), {}
+    split = split_answers(group, data.rows, summaries)
+    found = [*(data.gains(null) for null in FACTORS), data.gains(SPLIT, split) if split else None]
+    return tuple(gains for gains in found if gains is not None), data.noise
 
 
 def _skills(rows: Sequence[Comparison], split: Mapping[Target, float | None]) -> tuple[Skill, ...]:
@@ -254,7 +278,8 @@ def _judge(board: Board) -> dict[str, Any]:
         "variant": board.variant,
         "tally": board.tallies(),
         "skill": [_skill(s) for s in board.skills],
-        "skill_by_hand": {hand: [_skill(s) for s in each] for hand, each in board.by_hand.items()},
+        "by_hand": [_hand_gains(gains) for gains in board.by_hand],
+        "noise": {unit: _rounded(noise._asdict()) for unit, noise in board.noise.items()},
     }
 
 
@@ -264,6 +289,25 @@ def _skill(found: Skill) -> dict[str, Any]:
     numbers = {k: round(v, 4) if v is not None and isfinite(v) else None for k, v in values.items()}
     counts = {"rows": found.rows, "trials": found.trials}
     return {"null": found.null, **numbers, "fault": found.fault, **counts}
+
+
+def _hand_gains(found: HandGains) -> dict[str, Any]:
+    resamples = [
+        {"hands": list(r.hands), "ways": r.ways} | _rounded({"gain": r.gain})
+        for r in found.resamples
+    ]
+    return {
+        "null": found.null,
+        "verdict": found.verdict,
+        "gain": _rounded(found.gains),
+        "without": _rounded(found.without),
+        "resamples": resamples,
+        "perfect_skill": round(found.perfect, 4),
+    }
+
+
+def _rounded(numbers: Mapping[str, float]) -> dict[str, float]:
+    return {name: round(value, 4) for name, value in numbers.items()}
 
 
 def _round_digits(row: Comparison) -> dict[str, Any]:

@@ -6,13 +6,20 @@ one as far off as the null model, less than 0 one that is worse (Murphy 1988, Mo
 116:2417).  w_i is one over the mean square of the references of all rows in the same unit, so that
 neither units nor how many numbers are large decide.  A row without a value counts as the answer 0.
 Rows that chose a parameter, and requirements, do not count.
+
+Where hands were measured one by one, two models are compared hand by hand too, by paired
+differences of squared error: gain = sum_i w_i (n_i^2 - e_i^2) / rows, with n_i the null model's
+difference.  It is linear in what was measured, so that the mean of some hands' gains is the gain
+beside their mean; of all hands and over the answer 0 it is the skill beside the mean.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import combinations_with_replacement
+from math import factorial, prod
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -134,6 +141,150 @@ def _interval(errors: Array) -> tuple[float | None, float | None]:
 def against_factors(rows: Sequence[Comparison]) -> list[Skill]:
     """Skill over each of FACTORS that misses something."""
     return [s for null in FACTORS if (s := skill(rows, null)) is not None]
+
+
+class Resample(NamedTuple):
+    """As many hands as there are, drawn with replacement; `ways`: orders in which they come."""
+
+    hands: tuple[str, ...]
+    ways: int
+    gain: float
+
+
+@dataclass(frozen=True)
+class HandGains:
+    """Gain over a null model beside each hand; `perfect`: the skill over that null model that the
+    true mean would expect beside the mean of these hands."""
+
+    null: str
+    gains: Mapping[str, float]
+    perfect: float
+
+    @property
+    def resamples(self) -> list[Resample]:
+        """All distinct ones: ten of three hands, in 27 ways."""
+        n = len(self.gains)
+        found = []
+        for hands in combinations_with_replacement(self.gains, n):
+            ways = factorial(n) // prod(factorial(hands.count(hand)) for hand in self.gains)
+            found.append(Resample(hands, ways, sum(self.gains[hand] for hand in hands) / n))
+        return found
+
+    @property
+    def without(self) -> dict[str, float]:
+        """The gain beside the mean of all hands but one, by that one."""
+        total, n = sum(self.gains.values()), len(self.gains)
+        return {hand: (total - gain) / (n - 1) for hand, gain in self.gains.items()}
+
+    @property
+    def verdict(self) -> str:
+        """Whether the model is nearer than the null model; not decided where resamples disagree."""
+        signs = {int(np.sign(r.gain)) for r in self.resamples}
+        words = {1: "better", -1: "worse", 0: "equal"}
+        return words[signs.pop()] if len(signs) == 1 else "not decided"
+
+    def __str__(self) -> str:
+        def listed(gains: Mapping[str, float]) -> str:
+            return ", ".join(f"{hand} {number(gain, 2)}" for hand, gain in gains.items())
+
+        each = sorted(self.resamples, key=lambda r: r.gain)
+        drawn = ", ".join(f"{number(r.gain, 2)} ({r.ways})" for r in each)
+        return (
+            f"over {self.null}: {self.verdict}; gain {listed(self.gains)}; without "
+            f"{listed(self.without)}; resamples (ways) {drawn}; a perfect model would expect a "
+            f"skill of {number(self.perfect, 2)}"
+        )
+
+
+class Noise(NamedTuple):
+    """RMS over the rows of one unit, in it: of a hand less the mean of the others, and of the
+    standard error of the mean of all."""
+
+    single: float
+    mean: float
+
+
+@dataclass(frozen=True)
+class HandData:
+    """The rows that were measured in every hand.
+
+    `rows`: those of the first hand; `measured`: (hands, rows), in their units; `weights`: (rows,),
+    as in the skill beside the hands' mean."""
+
+    names: tuple[str, ...]
+    rows: tuple[Comparison, ...]
+    measured: Array
+    weights: Array
+
+    @property
+    def noise(self) -> dict[str, Noise]:
+        """By unit."""
+        n = len(self.names)
+        off = n / (n - 1) * (self.measured - self.measured.mean(axis=0))
+        errors = self.measured.var(axis=0, ddof=1) / n
+        units = np.array([row.target.unit for row in self.rows])
+        return {
+            unit: Noise(
+                float(np.sqrt(np.mean(off[:, units == unit] ** 2))),
+                float(np.sqrt(np.mean(errors[units == unit]))),
+            )
+            for unit in dict.fromkeys(units.tolist())
+        }
+
+    def gains(
+        self, null: str, answers: Mapping[Target, float | None] | None = None
+    ) -> HandGains | None:
+        """As `skill` takes null models; None where it misses nothing beside the mean."""
+        at = [i for i, r in enumerate(self.rows) if answers is None or r.target in answers]
+        rows = [self.rows[i] for i in at]
+        own = np.array([row.model or 0.0 for row in rows])
+        other = (
+            FACTORS[null] * own
+            if answers is None
+            else np.array([answers[row.target] or 0.0 for row in rows])
+        )
+        measured, weights = self.measured[:, at], self.weights[at]
+        worst = weights @ (other - measured.mean(axis=0)) ** 2
+        if worst <= 0:
+            return None
+        gains = ((other - measured) ** 2 - (own - measured) ** 2) @ weights / len(rows)
+        error = weights @ measured.var(axis=0, ddof=1) / len(self.names)
+        named = dict(zip(self.names, gains.tolist(), strict=True))
+        return HandGains(null, named, float(1 - error / worst))
+
+
+def hand_data(hands: Mapping[str, Sequence[Comparison]]) -> HandData | None:
+    """The judging rows with a reference that all hands have, by trial and quantity; None of fewer
+    than two hands or without such a row."""
+    tables = [
+        {(r.target.case, r.target.quantity): r for r in judging_rows(rows)}
+        for rows in hands.values()
+    ]
+    if len(tables) < 2:
+        return None
+    shared = [key for key in tables[0] if all(_is_measured(t.get(key)) for t in tables)]
+    if not shared:
+        return None
+    measured = np.array([[t[key].target.reference for key in shared] for t in tables])
+    rows = tuple(tables[0][key] for key in shared)
+    means = [
+        replace(row.target, reference=float(mean))
+        for row, mean in zip(rows, measured.mean(axis=0), strict=True)
+    ]
+    return HandData(tuple(hands), rows, measured, _weights(means))
+
+
+def _is_measured(row: Comparison | None) -> bool:
+    return row is not None and row.target.reference is not None
+
+
+def hands_headline(found: Sequence[HandGains]) -> str:
+    """Which null models the model is better and worse than hand by hand, in one line."""
+    words: dict[str, list[str]] = {}
+    for gains in found:
+        words.setdefault(gains.verdict, []).append(gains.null)
+    order = [word for word in ("worse", "not decided", "equal", "better") if word in words]
+    return "; ".join(f"{word}: {', '.join(words[word])}" for word in order)
 
 
 def headline(skills: Sequence[Skill], judged: int) -> str:

@@ -11,6 +11,8 @@ from cosim.results.compare import Comparison, Target, verdict
 from cosim.validation.skill import (
     FACTORS,
     against_factors,
+    hand_data,
+    hands_headline,
     headline,
     judging_rows,
     scale_rows,
@@ -122,3 +124,78 @@ def test_no_value_stays_none_when_scaled():
     halved = scale_rows(rows(models), 0.5)
     assert halved[0].model is None
     assert halved[1].model == 0.5 * models[1]
+
+
+def beside(models: np.ndarray, *off: float, unit: str = "N") -> dict[str, list[Comparison]]:
+    """The rows beside hands that were measured to be so far off."""
+    return {
+        f"H{i}": [
+            replace(r, target=replace(r.target, reference=r.target.reference + x))
+            for r in rows(models, unit)
+        ]
+        for i, x in enumerate(off, 1)
+    }
+
+
+def test_a_perfect_model_gains_beside_each_hand_what_the_null_model_lacks():
+    found = hand_data(beside(MEASURED, 0.0, 0.0, 0.0)).gains("no answer")
+    assert list(found.gains.values()) == pytest.approx([1, 1, 1])
+    assert (found.verdict, found.perfect) == ("better", pytest.approx(1))
+    data = hand_data(beside(MEASURED, -0.3, 0.0, 0.3))
+    assert data.noise["N"] == pytest.approx((np.sqrt(2 / 3) * 0.45, 0.3 / np.sqrt(3)))
+    found = data.gains("no answer")
+    size = np.mean(MEASURED**2)
+    expected = [1 + 2 * x * MEASURED.mean() / size for x in (-0.3, 0.0, 0.3)]
+    assert list(found.gains.values()) == pytest.approx(expected)
+    assert found.perfect == pytest.approx(1 - 0.03 / size)
+
+
+def test_a_model_that_is_the_null_model_gains_nothing():
+    models = 0.7 * MEASURED
+    hands = beside(models, -0.3, 0.1, 0.2)
+    first = {row.target: row.model for row in hands["H1"]}
+    found = hand_data(hands).gains("fixed split", first)
+    assert set(found.gains.values()) == {0.0}
+    assert found.verdict == "equal"
+
+
+def test_hands_that_disagree_decide_nothing_and_ten_resamples_say_so():
+    data = hand_data(beside(1.0 + 0 * MEASURED, 2.0, 3.0, -4.0))
+    found = data.gains("no answer")
+    a, b, c = found.gains.values()
+    assert min(a, b) > 0 > c
+    assert found.verdict == "not decided"
+    assert found.verdict in str(found)
+    assert hands_headline([found]) == "not decided: no answer"
+    assert len(found.resamples) == 10
+    assert sum(r.ways for r in found.resamples) == 27
+    every = {r.hands: (r.ways, r.gain) for r in found.resamples}
+    assert every["H1", "H1", "H1"] == (1, pytest.approx(a))
+    assert every["H1", "H1", "H3"] == (3, pytest.approx((2 * a + c) / 3))
+    assert every["H1", "H2", "H3"] == (6, pytest.approx((a + b + c) / 3))
+    assert list(found.without.values()) == pytest.approx([(b + c) / 2, (a + c) / 2, (a + b) / 2])
+
+
+def test_a_gain_is_the_skill_beside_the_mean_of_hands_and_knows_no_units():
+    models = MEASURED + RNG.normal(0, 1, 24)
+    newtons, millimetres = (beside(models, -0.5, 0.2, 0.9, unit=unit) for unit in ("N", "mm"))
+    both = {h: [*newtons[h], *[in_unit(r, 25.0, "mm") for r in millimetres[h]]] for h in newtons}
+    mean = beside(models, 0.2)["H1"]
+    for hands in (newtons, both):
+        found = hand_data(hands).gains("no answer")
+        assert np.mean(list(found.gains.values())) == pytest.approx(skill(mean, "no answer").value)
+    noise = hand_data(both).noise
+    assert noise["mm"] == pytest.approx(25 * np.array(noise["N"]))
+
+
+def test_only_what_every_hand_has_is_compared_and_means_alone_have_no_hands():
+    hands = beside(MEASURED, -0.3, 0.3)
+    hands["H2"] = hands["H2"][3:]
+    assert len(hand_data(hands).rows) == 21
+    assert hand_data({}) is None
+    assert hand_data({"mean": rows(MEASURED)}) is None
+    answers = {row.target: 0.0 for row in hands["H1"][:6]}
+    split = hand_data(hands).gains("fixed split", answers)
+    few = {hand: each[-21:][:3] for hand, each in hands.items()}
+    assert split.verdict == hand_data(few).gains("no answer").verdict == "better"
+    assert hand_data(hands).gains("fixed split", {}) is None

@@ -34,7 +34,7 @@ from cosim.validation.run import (
     run_validation,
     scoreboard,
 )
-from cosim.validation.skill import FACTORS, judging_rows
+from cosim.validation.skill import FACTORS, hand_data, hands_headline, judging_rows
 from cosim.validation.trial import TrialGroup
 from tests.helpers.folders import ROOT
 
@@ -266,15 +266,38 @@ def test_a_board_says_in_its_first_line_whether_the_hood_beats_its_null_models()
     assert list(perfect.tallies()) == ["model", *FACTORS, SPLIT]
     assert perfect.tallies()["model"] == {"inside 1 SD": 24}
     assert perfect.tallies()["no answer"].get("outside", 0) > 10
-    assert set(perfect.by_hand) == {"H01", "H02", "H03"}
+    gains = {g.null: g for g in perfect.by_hand}
+    assert list(gains) == [*FACTORS, SPLIT]
+    assert gains["no answer"].verdict == "better"
+    assert perfect.headline.endswith("Hand by hand " + hands_headline(perfect.by_hand))
+    assert any(line.startswith("noise: 0.32 N on a hand, 0.15 on") for line in perfect.hand_lines)
+    assert board_of(replace(group, hands={}), 1.0).hand_lines == []
     overdone = board_of(group, 2.0)
     assert overdone.headline.startswith("DOES NOT BEAT no answer")
     assert f"{SPLIT} (skill -3" in overdone.headline
     said = json.loads(scoreboard([overdone]))
     judged = said["judged"][group.name]
-    assert judged["headline"] == overdone.headline == said["kinds"]["experiment"]["headline"]
+    assert judged["headline"] == overdone.headline
+    assert overdone.headline.startswith(said["kinds"]["experiment"]["headline"] + ". Hand by hand")
+    assert [g["null"] for g in judged["by_hand"]] == [*FACTORS, SPLIT]
+    assert {(len(g["resamples"]), len(g["without"])) for g in judged["by_hand"]} == {(10, 3)}
     assert [s["null"] for s in judged["skill"]] == [*FACTORS, SPLIT]
     assert {s["trials"] for s in judged["skill"]} == {8}
+
+
+@pytest.mark.parametrize(
+    ("group", "single", "mean", "perfect"),
+    [
+        ("hood", 0.32, 0.151, 0.884),
+        ("fixed split", 0.32, 0.151, 0.884),
+        ("flexors", 0.49, 0.231, 0.955),
+    ],
+)
+def test_the_noise_of_three_hands_bounds_the_skill_of_a_perfect_model(group, single, mean, perfect):
+    hands = BY_NAME[f"cadaver forces: {group}"].hands
+    found = hand_data({h: [Comparison(t, 1.0) for t in targets] for h, targets in hands.items()})
+    assert found.noise["N"] == pytest.approx((single, mean), abs=1e-3)
+    assert found.gains("no answer").perfect == pytest.approx(perfect, abs=1e-3)
 
 
 def test_the_fixed_split_answers_where_its_trial_was_run():
