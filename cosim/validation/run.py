@@ -292,16 +292,13 @@ def _skill(found: Skill) -> dict[str, Any]:
 
 
 def _hand_gains(found: HandGains) -> dict[str, Any]:
-    resamples = [
-        {"hands": list(r.hands), "ways": r.ways} | _rounded({"gain": r.gain})
-        for r in found.resamples
-    ]
+    resamples = {f"{' '.join(r.hands)} ({r.ways})": r.gain for r in found.resamples}
     return {
         "null": found.null,
         "verdict": found.verdict,
         "gain": _rounded(found.gains),
         "without": _rounded(found.without),
-        "resamples": resamples,
+        "resamples": _rounded(resamples),
         "perfect_skill": round(found.perfect, 4),
     }
 
