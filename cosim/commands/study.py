@@ -99,6 +99,7 @@ def _show(plan: StudyPlan, done: StudyOutcome, found: StudyResults, folder: Path
     header = ("", "mean", "SD", "2.5 %", "median", "97.5 %")
     if rows:
         print_table(f"{plan.title}: {len(plan.points)} runs", header, rows)
+    _show_fits(found)
     count = done.count
     for reason, times in count.reasons.most_common(REASONS):
         typer.echo(f"{times} without an answer: {reason}")
@@ -113,6 +114,23 @@ def _show(plan: StudyPlan, done: StudyOutcome, found: StudyResults, folder: Path
         f"{count.solved} runs solved, {count.done - count.solved - len(done.refused)} found in the "
         f"store, {count.failed} without an answer; page and tables in {folder}"
     )
+
+
+def _show_fits(found: StudyResults) -> None:
+    """How much of each output a sum of straight lines explains, and a quadratic."""
+    from cosim.results.compare import number
+
+    rows = []
+    for name in found.outputs:
+        line, surface = found.slopes(name), found.surface(name)
+        if line is not None and surface is not None:
+            fits = [number(x, 3) for x in (line.r2, line.rms, surface.r2, surface.rms)]
+            pair, change = next(iter(found.pairs(name).items()), ((), 0.0))
+            strongest = f"{' x '.join(pair)} {number(change, 3)}" if pair else ""
+            rows.append((name, *fits, strongest))
+    header = ("", "R2 linear", "RMS left", "R2 with products", "RMS left", "strongest pair")
+    if rows:
+        print_table("Does it add up?", header, rows)
 
 
 def status(

@@ -99,12 +99,14 @@ def _indices(kept: Array, planned: int, dimensions: int, second_order: bool) -> 
 
 @dataclass(frozen=True)
 class Slopes:
-    """A linear fit: SDs of the output for one SD of each parameter, their standard errors, and the
-    share of the variance that the fit explains."""
+    """A linear fit: SDs of the output for one SD of each parameter, their standard errors, the
+    share of the variance that the fit explains, and the RMS that it leaves, in the output's
+    unit."""
 
     slope: Array
     error: Array
     r2: float
+    rms: float
 
 
 def slopes(inputs: Array, values: Array) -> Slopes | None:
@@ -114,13 +116,15 @@ def slopes(inputs: Array, values: Array) -> Slopes | None:
     n, d = x.shape
     if n < d + 3 or np.ptp(y) == 0 or (np.ptp(x, axis=0) == 0).any():
         return None
+    sd = float(y.std())
     x, y = _standard(x), _standard(y[:, None])[:, 0]
     if np.linalg.matrix_rank(x) < d:
         return None
     found = _least_squares(x, y)
     left = float(((y - x @ found) ** 2).sum())
     error = np.sqrt(left / (n - d - 1) * np.diag(np.linalg.inv(x.T @ x)))
-    return Slopes(found, error, 1 - left / float((y**2).sum()))
+    r2 = 1 - left / float((y**2).sum())
+    return Slopes(found, error, r2, sd * float(np.sqrt(left / n)))
 
 
 def _significant(inputs: Array, values: Array) -> tuple[Array, Array]:
@@ -136,14 +140,31 @@ def _standard(x: Array) -> Array:
 @dataclass(frozen=True)
 class ResponseSurface:
     """A quadratic in all parameters by least squares; `r2`: of the runs it was fitted to, and
-    `held_out` of runs that it was not (tenths left out in turn)."""
+    `held_out` of runs that it was not (tenths left out in turn); `rms`: what it leaves of the runs,
+    in the output's unit; `span`: highest less lowest value of each parameter."""
 
     mean: Array
     sd: Array
+    span: Array
     coefficients: Array
     r2: float
     held_out: float
+    rms: float
     runs: int
+
+    @property
+    def pairs(self) -> dict[tuple[int, int], float]:
+        """By pair of parameters, what the output changes by as both go from lowest to highest, less
+        the sum of what it changes by as each goes alone; the strongest first."""
+        d = len(self.mean)
+        places = combinations_with_replacement(range(-1, d), 2)
+        scale = self.span / self.sd
+        found = {
+            (i, j): float(c * scale[i] * scale[j])
+            for (i, j), c in zip(places, self.coefficients, strict=True)
+            if 0 <= i < j
+        }
+        return dict(sorted(found.items(), key=lambda pair: -abs(pair[1])))
 
     def __call__(self, inputs: Array) -> Array:
         """(n, d) -> (n,)."""
@@ -173,7 +194,10 @@ def surface(inputs: Array, values: Array, together: int = 1) -> ResponseSurface 
     for i in range(FOLDS):
         out = fold == i
         predicted[out] = basis[out] @ _least_squares(basis[~out], y[~out])
-    return ResponseSurface(mean, sd, found, _r2(y, basis @ found), _r2(y, predicted), n)
+    fitted = basis @ found
+    rms = float(np.sqrt(np.mean((y - fitted) ** 2)))
+    r2, held_out = _r2(y, fitted), _r2(y, predicted)
+    return ResponseSurface(mean, sd, np.ptp(x, axis=0), found, r2, held_out, rms, n)
 
 
 def _least_squares(basis: Array, values: Array) -> Array:

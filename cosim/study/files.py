@@ -73,11 +73,18 @@ def _answers(found: StudyResults, output: str) -> dict[str, Any]:
         if slopes is None
         else {
             "r2": slopes.r2,
+            "rms": slopes.rms,
             "slope": dict(zip(found.numeric, finite(slopes.slope), strict=True)),
         },
         "surface": None
         if surface is None
-        else {"r2": surface.r2, "r2_held_out": surface.held_out, "runs": surface.runs},
+        else {
+            "r2": surface.r2,
+            "r2_held_out": surface.held_out,
+            "rms": surface.rms,
+            "runs": surface.runs,
+            "pairs": {" x ".join(pair): change for pair, change in found.pairs(output).items()},
+        },
     }
 
 

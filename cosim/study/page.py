@@ -93,6 +93,7 @@ def _output(found: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
     here = [t for t in plan.targets if t.case in ("", plan.case.stem)]
     targets = [t for t in here if t.quantity == plan.outputs[name]]
     band, indices, surface = found.band(name), found.indices(name), found.surface(name)
+    pairs = found.pairs(name)
     figures: dict[str, Figure | None] = {"band": None, "influence": None, "scatter": None}
     if band is not None:
         figures["band"] = pictures.draw_band(found, name, targets)
@@ -108,7 +109,9 @@ def _output(found: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
         "targets": [_target(t, band) for t in targets],
         "why_not": indices if isinstance(indices, str) and _wants_indices(plan) else "",
         "indices": _index_rows(found, indices) if isinstance(indices, Indices) else [],
+        "slopes": found.slopes(name),
         "surface": surface,
+        "pairs": [(" × ".join(map(found.label, p)), number(x, 3)) for p, x in pairs.items()],
         "pictures": {key: _picture(f) for key, f in {**figures, "surface": drawn}.items()},
     }
 

@@ -99,6 +99,12 @@ class StudyResults:
         """A quadratic in the `numeric` parameters."""
         return self._answers(output).surface
 
+    def pairs(self, output: str) -> dict[tuple[str, str], float]:
+        """`ResponseSurface.pairs` by the parameters' names; empty without a surface."""
+        found = self.surface(output)
+        each = {} if found is None else found.pairs
+        return {(self.numeric[i], self.numeric[j]): change for (i, j), change in each.items()}
+
     def _answers(self, output: str) -> _Answers:
         if output not in self._known:
             self._known[output] = self._answers_to(self.values(output))

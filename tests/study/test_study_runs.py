@@ -127,6 +127,26 @@ def test_a_study_is_done_on_another_case_too(place):
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_tendons_of_a_fixed_split_add_up(place):
+    text = (ROOT / "cases" / "studies" / "superposition.toml").read_text(encoding="utf-8")
+    for line in ('    "hood.mesh.quads=200",\n', '[limits]\ntime = "300 s"\n'):
+        assert line in text
+        text = text.replace(line, "")
+    few = text.replace("n = 500", "n = 50").replace("fingertip_fibres_edc", "split_edc")
+    (place / "sum.toml").write_text(few, encoding="utf-8")
+    done = cosim("sum.toml")
+    assert done.exit_code == 0, done.output
+    assert "Does it add up?" in done.output
+    found = open_study(place / "studies" / "sum")
+    answers = json.loads((place / "studies" / "sum" / "answers.json").read_text())["outputs"]
+    for name in ("distal", "dorsal", "radial"):
+        assert found.slopes(name).r2 == pytest.approx(1, abs=1e-9)
+        assert found.slopes(name).rms < 1e-6
+        assert len(answers[name]["surface"]["pairs"]) == 10
+        assert list(found.pairs(name).values()) == pytest.approx([0] * 10, abs=1e-5)
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_another_study_of_the_store_takes_what_is_there(place):
     cosim("pip.toml")
     other = STUDY.replace('"50 deg"', '"60 deg"')

@@ -165,6 +165,9 @@ def test_slopes_of_a_line():
     assert found is not None
     assert found.slope == pytest.approx(np.array([0.6, -0.8]), abs=0.02)
     assert found.r2 == pytest.approx(1)
+    assert found.rms == pytest.approx(0, abs=1e-12)
+    off = np.random.default_rng(0).choice([-0.1, 0.1], 256)
+    assert slopes(x, 3 * x[:, 0] + off).rms == pytest.approx(0.1, rel=0.02)
     assert slopes(x[:4], x[:4, 0]) is None
     assert slopes(np.c_[x[:, 0], x[:, 0]], x[:, 0]) is None
 
@@ -176,10 +179,22 @@ def test_a_surface_is_exact_for_a_quadratic_and_no_surface_for_noise():
     assert found.held_out == pytest.approx(1, abs=1e-9)
     at = np.array([[12.0, 11.0, 13.0]])
     assert found(at) == pytest.approx(1 + 132 - 0.3 * 169)
+    assert found.rms == pytest.approx(0, abs=1e-10)
     noise = np.random.default_rng(0).normal(size=128)
     fitted = surface(x, noise)
     assert fitted is not None
     assert fitted.held_out < 0 < fitted.r2
+
+
+def test_a_pair_gives_what_its_product_does_and_squares_do_not_count():
+    x = 10 * unit_points("sobol", 3, 128, 1, False)
+    y = 2 * x[:, 0] - x[:, 1] + 0.05 * x[:, 0] * x[:, 1] - 0.02 * x[:, 1] * x[:, 2] + x[:, 2] ** 2
+    found = surface(x, y)
+    a, b, c = np.ptp(x, axis=0)
+    assert list(found.pairs) == [(0, 1), (1, 2), (0, 2)]
+    assert list(found.pairs.values()) == pytest.approx([0.05 * a * b, -0.02 * b * c, 0], abs=1e-9)
+    summed = surface(x, 2 * x[:, 0] - x[:, 1])
+    assert list(summed.pairs.values()) == pytest.approx([0, 0, 0], abs=1e-9)
 
 
 def test_a_surface_holds_out_rows_that_tell_each_others_values():
