@@ -6,8 +6,8 @@ positive, F the change of the tip's force on the world and T that of the tension
     T (r_MCP - r_PIP) = (x_PIP - x_MCP) x F,    T (r_PIP - r_DIP) = (x_DIP - x_PIP) x F,
 
 about the axis of flexion, which is radial (Qiu et al. 2017, J Biomech 65:82).  Across the plane
-T r_abd = F_radial * reach, from the MCP along the proximal phalanx to the tip, is a convention only:
-a clamp bears a moment there as well.
+T r_abd = F_radial * reach, the reach from the MCP along the proximal phalanx to the tip, is a
+convention only: a clamp bears a moment there as well.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def arm_differences(points: Array, force: Array, tension: float) -> dict[str, An
     }
 
 
-def chain_points(lengths: Sequence[float], posture: Sequence[float]) -> Array:
+def chain_points(lengths: Sequence[float] | Array, posture: Sequence[float]) -> Array:
     """(4, 3) centres of MCP, PIP and DIP and the tip, world frame, of a finger of three phalanges
     (unit as given) that flexes by `posture`, deg, in a plane."""
     bend = np.radians(np.cumsum(posture))
