@@ -244,7 +244,7 @@ def _clamped_arms(
             loaded.finger_tension - unloaded.finger_tension,
         ]
     )
-    held = loaded.balance is not None and case.native_finger.tip.kind == "clamped"
+    held = loaded.balance is not None and case.native_finger().tip.kind == "clamped"
     if not held or loaded.motion.bodies != BODIES or rise.min() < 0 or not rise.any():
         return {}
     first, last = unloaded.finger_state, loaded.finger_state

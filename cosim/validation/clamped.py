@@ -194,7 +194,7 @@ def _arms_of_hand(
         parts = {t.quantity.rpartition(".")[2]: t.reference or 0.0 for t in mine}
         distal, radial, palmar = (parts[a] for a in ("distal", "radial", "palmar"))
         on_phalanx = np.array([distal, radial, -palmar])
-        finger = case.native_finger
+        finger = case.native_finger()
         posture = [np.degrees(finger.posture.angles()[j]) for j in ("MCP", "PIP", "DIP")]
         points = chain_points(skeleton_of(finger).length[1:], posture)
         tension = sum(t.tension for t in case.tendons.values() if t.tension)

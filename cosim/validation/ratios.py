@@ -103,7 +103,7 @@ def _angle(one: Array, other: Array) -> float:
 
 
 def share_group() -> TrialGroup:
-    """Shares of the index finger's flexion moment at the MCP, at rest in the posture of the forces."""
+    """Shares of the index finger's flexion moment at the MCP, with the hood at rest at 30/45/15."""
     trial = Trial("force ti EDC", "fingertip_fibres_edc", (CLAMPED,))
     return TrialGroup(
         "Buford 2005: shares of the MCP's moment",
