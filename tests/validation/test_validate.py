@@ -102,7 +102,7 @@ def test_no_muscle_that_passes_the_hood_is_judged_twice():
                 assert key not in seen, t.name
                 seen.add(key)
     flexors = [
-        n for g in GROUPS for n in {t.name for t in g.trials} if n.endswith(("_fdp", "_fds"))
+        n for g in JUDGED for n in {t.name for t in g.trials} if n.endswith(("_fdp", "_fds"))
     ]
     assert sorted(n for n in flexors if not n.startswith("free")) == [
         *("middle_majorflex_fdp", "middle_majorflex_fds"),
