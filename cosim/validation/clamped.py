@@ -134,8 +134,9 @@ def qiu_forces(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Compar
     for trial in trials:
         *_, muscle, posture = trial.name.split()
         measured = qiu_force(posture, measured_differences(muscle, posture))
-        said = [value_of(summaries.get(trial.name, {}), q) for q in DIFFERENCES.values()]
-        ours = qiu_force(posture, [s for s in said if s is not None]) if None not in said else None
+        summary = summaries.get(trial.name, {})
+        said = [v for q in DIFFERENCES.values() if (v := value_of(summary, q)) is not None]
+        ours = qiu_force(posture, said) if said else None
         for i, side in enumerate(SIDES):
             name = f"{muscle} {posture}: {side} force over tension, lengths of Qiu's hands"
             quantity = f"force_over_tension_percent.{side}"

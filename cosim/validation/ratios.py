@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.port import Array
-from cosim.results.compare import SECOND_HAND, Comparison, Target
+from cosim.results.compare import SECOND_HAND, Comparison
 from cosim.results.conventions import vector_of
 from cosim.validation.clamped import clamped_trial, split_partners, target
 from cosim.validation.force import CLAMPED, PAST_THE_HOOD, THROUGH_THE_HOOD
@@ -124,14 +124,10 @@ def shares(trial: Trial, summaries: Summaries) -> Iterator[Comparison]:
         arms = said["unloaded"]["moment_arm_mm"]
         moment = {m: arms[m]["MCP"] * strength[m].max_force for m in (*INTRINSICS, *FLEXORS)}
     for what, muscles in (("intrinsics", INTRINSICS), ("LUM", ("LUM",))):
-        (value,) = (v for q, v in _shares().items() if q.endswith(what))
+        value = values_by("buford2005", "not printed")[f"flexion_moment_share.{what}"]
         name = f"{what}: share of the flexion moment at the MCP"
         note = "at the greatest strengths; posture and spread unknown, ours at 30/45/15 deg"
         key = f"flexion_moment_share_percent.{what}"
-        row: Target = target(trial, name, key, "%", (value, None), BUFORD, SECOND_HAND, note)
+        row = target(trial, name, key, "%", (value, None), BUFORD, SECOND_HAND, note)
         share = 100 * sum(moment[m] for m in muscles) / sum(moment.values()) if moment else None
         yield Comparison(row, share)
-
-
-def _shares() -> dict[str, float]:
-    return values_by("buford2005", "not printed")
