@@ -117,7 +117,7 @@ def test_the_figures_of_trust_are_the_boards():
     board = json.loads((ROOT / "cases" / "scoreboard.json").read_text(encoding="utf-8"))
     for group, name in TRUST.items():
         assert trust_row(name, board["judged"][group]) in TOP
-    row = trust_row("all experiments known hand by hand", board["kinds"]["experiment"])
+    row = trust_row("all experiments at first hand", board["kinds"]["experiment"])
     assert row in TOP.replace("**", "")
 
 

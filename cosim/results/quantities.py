@@ -33,6 +33,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<tension>": ("taut", "wrinkled", "slack"),
     "<place>": PLACES,
     "<side>": SIDES,
+    "<pair>": ("MCP_PIP", "PIP_DIP"),
     "<springs>": (*SPRINGS, *(f"adhesion_{r}_{body}" for r in REGIONS for body in BODIES)),
     "<beside>": ("at_rest", "change"),
     "<torque>": ("hood", "gravity", "passive", "limit", "fingertip", "holder", *TENDONS),
@@ -91,6 +92,8 @@ DIFFERENCE = (
     "point_strain_percent.*.<component>",
     "gauge_strain_percent.*",
     "moment_arm_mm.<tendon>.<joint>",
+    "arm_difference_mm.<pair>",
+    "abduction_arm_mm",
 )
 """What a summary says of the loaded less the unloaded equilibrium."""
 OF_RUN = (

@@ -17,6 +17,7 @@ from cosim.hoods.view import HoodView
 from cosim.port import AXES, Array, Finger
 from cosim.results.arrays import Arrays
 from cosim.results.audit import missed_bounds
+from cosim.results.clamped_tip import arm_differences
 from cosim.results.conventions import FRAME, attributes, by_axis, vector_of
 from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of
 from cosim.results.load_and_rest import rest_block, rest_warnings
@@ -27,6 +28,7 @@ from cosim.results.scene import scene
 from cosim.results.slips import is_slack
 from cosim.solve.states import States
 from cosim.version import __version__
+from meshes.skeleton import BODIES
 
 Books = Mapping[str, Array]
 """(nb, 6) wrenches on the bodies by source, as of `Finger.ledger`."""
@@ -91,7 +93,8 @@ def summary(
         "unloaded": before,
         "rest": rest,
         "warnings": rest_warnings(rest, before, is_laid=case.hood.lies_on_bones),
-        "difference": _difference(models, unloaded, loaded, before, now, views),
+        "difference": _difference(models, unloaded, loaded, before, now, views)
+        | _clamped_arms(case, models, unloaded, loaded),
         "audit": audit,
         "audit_missed": missed,
         **({"not_in_ledger": OPEN} if loaded.balance is None else {}),
@@ -228,6 +231,26 @@ def _difference(
         i = int(pulled[0])
         out["moment_arm_mm"] = {models.hood.tendons[i]: _by_joint(models, torque / pull[i])}
     return out
+
+
+def _clamped_arms(
+    case: Case, models: Models, unloaded: Equilibrium, loaded: Equilibrium
+) -> dict[str, Any]:
+    """What a clamped fingertip says of the arms of the tendons whose tensions rise."""
+    finger = models.finger
+    rise = np.concatenate(
+        [
+            loaded.hood_tension - unloaded.hood_tension,
+            loaded.finger_tension - unloaded.finger_tension,
+        ]
+    )
+    held = loaded.balance is not None and case.native_finger().tip.kind == "clamped"
+    if not held or loaded.motion.bodies != BODIES or rise.min() < 0 or not rise.any():
+        return {}
+    first, last = unloaded.finger_state, loaded.finger_state
+    points = np.vstack([loaded.motion.position[1:], finger.tip(last)])
+    force = finger.tip_force(last) - finger.tip_force(first)
+    return arm_differences(points, force, float(rise.sum()))
 
 
 def _by_joint(models: Models, values: Array) -> dict[str, float]:

@@ -18,13 +18,14 @@ from cosim.results.compare import (
     Target,
     compare_with_targets,
     read_targets,
-    value_of,
     verdict,
 )
 from cosim.results.slips import is_slack
+from cosim.validation.clamped import cadaver_arm_group, metacarpal_group, qiu_groups
 from cosim.validation.force import force_groups
 from cosim.validation.lengths import OWN_ZERO, length_groups
-from cosim.validation.trial import Summaries, Trial, TrialGroup
+from cosim.validation.ratios import cohn_groups, share_group
+from cosim.validation.trial import Summaries, Trial, TrialGroup, posture_settings
 
 MCP, IP = (0, 30, 60), ((0, 0), (45, 15), (60, 30))
 """deg, the nine postures of Lee's fingers."""
@@ -48,12 +49,17 @@ def groups(published: Path | None = None) -> tuple[TrialGroup, ...]:
     two_models, past, *other_models = force_groups()
     lengths, other_lengths = length_groups()
     cadaver, flexors, split = cadaver_groups()
+    qiu, qiu_flexor, *qiu_variants = qiu_groups()
+    cohn, cohn_past, *cohn_variants = cohn_groups()
     free, free_split = free_groups()
     strains, slips, slip_strain, laws = lee_groups()
     other = (published_group(published),) if published is not None else ()
-    judged = (cadaver, flexors, strains, slips, free, lengths, two_models, past, slip_strain)
-    variants = (split, free_split, laws, other_lengths, *other_models, *other)
-    return (*judged, fitted_group(), *variants)
+    experiments = (cadaver, flexors, qiu, qiu_flexor, cohn, cohn_past)
+    second_hand = (strains, slips, free, lengths, share_group())
+    arms = (cadaver_arm_group(g) for g in (cadaver, flexors, split))
+    clamped = (*arms, *qiu_variants, *cohn_variants, metacarpal_group())
+    variants = (split, *clamped, free_split, laws, other_lengths, *other_models, *other)
+    return (*experiments, *second_hand, two_models, past, slip_strain, fitted_group(), *variants)
 
 
 @cache
@@ -69,15 +75,18 @@ def rows_of(group: TrialGroup, summaries: Summaries) -> Iterator[Comparison]:
         mine = [t for t in group.targets if t.case == trial.name]
         yield from compare_with_targets(mine, summaries.get(trial.name, {}), trial.name)
     if group.derived is not None:
-        yield from group.derived(summaries)
+        names = {t.name for t in group.trials}
+        yield from (row for row in group.derived(summaries) if row.target.case in names)
 
 
 def split_answers(
     group: TrialGroup, rows: Sequence[Comparison], summaries: Summaries
 ) -> dict[Target, float | None]:
     """What the fixed split says of the rows whose trial has a partner that gave an answer."""
-    found = ((r.target, summaries.get(group.partners.get(r.target.case, ""))) for r in rows)
-    return {t: value_of(said, t.quantity) for t, said in found if said is not None}
+    said = {t: summaries[p] for t, p in group.partners.items() if p in summaries}
+    answers = {(r.target.case, r.target.name): r.model for r in rows_of(group, said)}
+    mine = (r.target for r in rows if r.target.case in said)
+    return {t: answers[t.case, t.name] for t in mine}
 
 
 def of_trial(trial: str, targets: Sequence[Target], geometry: str = "") -> tuple[Target, ...]:
@@ -130,8 +139,7 @@ def posture_trials() -> Iterator[Trial]:
     """The shipped hood in the nine postures."""
     for mcp, (pip, dip) in itertools.product(MCP, IP):
         name, case = trial_name(mcp, pip, dip), "strain_lee2008_average_ti"
-        angles = {"MCP": mcp, "PIP": pip, "DIP": dip}
-        settings = tuple(f'finger.posture.{j}="{a} deg"' for j, a in angles.items())
+        settings = posture_settings(mcp, pip, dip)
         title = f'title="Lee 2008: 11.8 N in EDC at {mcp}/{pip}/{dip} deg, fibres in a matrix"'
         yield Trial(name, case) if name == STRAIGHT else Trial(name, case, (*settings, title))
 

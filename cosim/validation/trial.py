@@ -28,12 +28,18 @@ class Trial:
         return self.name.startswith("published")
 
 
+def posture_settings(mcp: float, pip: float, dip: float) -> tuple[str, ...]:
+    """The settings of a posture, deg."""
+    angles = {"MCP": mcp, "PIP": pip, "DIP": dip}
+    return tuple(f'finger.posture.{j}="{a:g} deg"' for j, a in angles.items())
+
+
 @dataclass(frozen=True)
 class TrialGroup:
     """Trials, and the rows that compare what they said with references of one kind.
 
-    A `variant` is another model beside numbers that the shipped hood is judged by: it has a tally
-    of its own and does not count in that of its kind."""
+    A `variant` is another model beside numbers that the shipped hood is judged by, or those numbers
+    once more in another form: it has a tally of its own and does not count in that of its kind."""
 
     name: str
     kind: Kind

@@ -1,0 +1,133 @@
+"""Sizes, angles and shares among the validations: forces of which no axes, and arms of which no
+lengths are told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from cosim.case.file import load_case
+from cosim.port import Array
+from cosim.results.compare import SECOND_HAND, Comparison
+from cosim.results.conventions import vector_of
+from cosim.validation.clamped import clamped_trial, split_partners, target
+from cosim.validation.force import CLAMPED, PAST_THE_HOOD, THROUGH_THE_HOOD
+from cosim.validation.measured import values_by
+from cosim.validation.trial import Summaries, Trial, TrialGroup
+
+POSTURE = "45/45/10"
+COHN = "Cohn and Valero-Cuevas 2017, github.com/bc/frontiers2017"
+BUFORD = "Buford et al. 2005, J Hand Surg Am 30, abstract"
+NOTE = "one hand; clamped; linear fit to the data"
+INTRINSICS, FLEXORS = ("FDIm", "FDIl", "FPI", "LUM"), ("FDP", "FDS")
+
+
+def cohn_groups() -> tuple[TrialGroup, ...]:
+    """Sizes of forces over tension through the hood and past it; and as variants the fixed split,
+    and the angles to EDC's force, which say nothing against null models by factors: no force has no
+    angle, and a force that is doubled the same."""
+    hood, split = (
+        [clamped_trial("cohn", model, m, POSTURE) for m in THROUGH_THE_HOOD]
+        for model in ("hood", "split")
+    )
+    past = [clamped_trial("cohn", "split", m, POSTURE) for m in PAST_THE_HOOD]
+    every = (*hood, *past)
+    return (
+        _cohn("Cohn 2017: hood", hood, sizes, partners=split_partners(hood)),
+        _cohn("Cohn 2017: flexors and FDI", past, sizes),
+        _cohn("Cohn 2017: fixed split", split, sizes, variant=True),
+        _cohn(
+            "Cohn 2017: angles to EDC", every, angles, partners=split_partners(every), variant=True
+        ),
+    )
+
+
+def _cohn(name: str, trials: Sequence[Trial], derived: Any, **more: Any) -> TrialGroup:
+    made = partial(derived, trials)
+    return TrialGroup(name, "experiment", tuple(trials), (), derived=made, **more)
+
+
+def sizes(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]:
+    """Magnitude of the tip's force over the rise of the muscle's tension."""
+    for trial, said in _said(trials, summaries):
+        muscle = _muscle(trial)
+        size = None if said is None else float(np.linalg.norm(_force(said)) / _rise(said))
+        name = f"{muscle} {POSTURE}: force over tension"
+        value = values_by("cohn2017", POSTURE)[f"size.{muscle}"], None
+        row = target(trial, name, "size_over_tension", "1", value, COHN, "experiment", NOTE)
+        yield Comparison(row, size)
+
+
+def angles(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]:
+    """deg, between each muscle's force and EDC's, the first trial's."""
+    (_, edc), *others = _said(trials, summaries)
+    for trial, said in others:
+        muscle = _muscle(trial)
+        angle = None if said is None or edc is None else _angle(_force(said), _force(edc))
+        name = f"{muscle} {POSTURE}: angle to EDC's force"
+        value = values_by("cohn2017", POSTURE)[f"angle_to_EDC.{muscle}"], None
+        row = target(trial, name, "angle_to_EDC_deg", "deg", value, COHN, "experiment", NOTE)
+        yield Comparison(row, angle)
+
+
+def _said(
+    trials: Sequence[Trial], summaries: Summaries
+) -> list[tuple[Trial, Mapping[str, Any] | None]]:
+    return [(t, summaries.get(t.name)) for t in trials]
+
+
+def _muscle(trial: Trial) -> str:
+    return trial.name.split()[2]
+
+
+def _force(summary: Mapping[str, Any]) -> Array:
+    return vector_of(summary["difference"]["fingertip_force_N"])
+
+
+def _rise(summary: Mapping[str, Any]) -> float:
+    """N, of all tensions."""
+    return float(
+        sum(summary["tension_N"].values()) - sum(summary["unloaded"]["tension_N"].values())
+    )
+
+
+def _angle(one: Array, other: Array) -> float:
+    cosine = one @ other / np.linalg.norm(one) / np.linalg.norm(other)
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+
+
+# The shares of Buford et al. 2005 -----------------------------------------------------------------
+
+
+def share_group() -> TrialGroup:
+    """Shares of the index finger's flexion moment at the MCP, with the hood at rest at 30/45/15."""
+    trial = Trial("force ti EDC", "fingertip_fibres_edc", (CLAMPED,))
+    return TrialGroup(
+        "Buford 2005: shares of the MCP's moment",
+        SECOND_HAND,
+        (trial,),
+        (),
+        partners={trial.name: "force split EDC"},
+        derived=partial(shares, trial),
+    )
+
+
+def shares(trial: Trial, summaries: Summaries) -> Iterator[Comparison]:
+    """%, of intrinsics and lumbrical, by a run's arms at rest and the strengths of its case."""
+    said = summaries.get(trial.name)
+    moment: dict[str, float] = {}
+    if said is not None:
+        strength = load_case(trial.case).tendons
+        arms = said["unloaded"]["moment_arm_mm"]
+        moment = {m: arms[m]["MCP"] * strength[m].max_force for m in (*INTRINSICS, *FLEXORS)}
+    for what, muscles in (("intrinsics", INTRINSICS), ("LUM", ("LUM",))):
+        value = values_by("buford2005", "not printed")[f"flexion_moment_share.{what}"]
+        name = f"{what}: share of the flexion moment at the MCP"
+        note = "at the greatest strengths; posture and spread unknown, ours at 30/45/15 deg"
+        key = f"flexion_moment_share_percent.{what}"
+        row = target(trial, name, key, "%", (value, None), BUFORD, SECOND_HAND, note)
+        share = 100 * sum(moment[m] for m in muscles) / sum(moment.values()) if moment else None
+        yield Comparison(row, share)
