@@ -241,14 +241,11 @@ def _by_hand(
     group: TrialGroup, summaries: Summaries
 ) -> tuple[tuple[HandGains, ...], dict[str, Noise]]:
     """The gains over each null model, and the noise; none where hands are not known."""
-    each = {
-        hand: list(rows_of(replace(group, targets=tuple(targets), derived=None), summaries))
-        for hand, targets in group.hands.items()
-    }
-    data = hand_data(each)
+    own = {h: replace(group, targets=tuple(t), derived=None) for h, t in group.hands.items()}
+    data = hand_data({hand: list(rows_of(of_hand, summaries)) for hand, of_hand in own.items()})
     if data is None:
         return (), {}
-    split = split_answers(group, data.rows, summaries)
+    split = split_answers(own[data.names[0]], data.rows, summaries)
     found = [*(data.gains(null) for null in FACTORS), data.gains(SPLIT, split) if split else None]
     return tuple(gains for gains in found if gains is not None), data.noise
 
