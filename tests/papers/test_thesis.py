@@ -187,6 +187,8 @@ def test_the_page_as_it_ships(tmp_path):
     forces = pd.read_csv(tmp_path / "out/figure_3_6_forces.csv")
     assert np.allclose(forces.excess_ours_N, forces.one_way_N - forces.two_way_sheet_N)
     readme = (ROOT / "cosim" / "papers" / "README.md").read_text(encoding="utf-8")
+    alone = pd.read_csv(tmp_path / "out/one_way_less_dynamic_model.csv")
+    assert "| ours | " + " | ".join(f"{x:.3f}" for x in alone.ours_N) + " |" in readme
     for row in forces.itertuples():
         sizes = f"| {row.muscle} | {row.one_way_N:.2f} / {row.two_way_sheet_N:.2f} |"
         assert f"{sizes} {row.excess_ours_N:+.2f} / {row.excess_thesis_N:+.2f} |" in readme
