@@ -71,6 +71,7 @@ STATE = (
     "point_displacement_mm.*.<axis>",
     "point_strain_percent.*.<component>",
     "gauge_strain_percent.*",
+    "grid_strain_percent.*.<direction>.<statistic>",
     "tension_field_area_percent.<tension>",
     "max_penetration_mm",
     "guide_depth_mm",
@@ -90,6 +91,7 @@ DIFFERENCE = (
     "point_displacement_mm.*.<axis>",
     "point_strain_percent.*.<component>",
     "gauge_strain_percent.*",
+    "grid_strain_percent.*.<direction>.<statistic>",
     "moment_arm_mm.<tendon>.<joint>",
 )
 """What a summary says of the loaded less the unloaded equilibrium."""
