@@ -32,7 +32,7 @@ OVER_ALONE = {
     **{m: (EXCESS[m] - 0.53, EXCESS[m] + 0.53) for m in ("EDC", "EI", "LUM")},
     "FPI": (EXCESS["FPI"] - 0.53, EXCESS["FPI"] - 0.51),
 }
-"""N, least and most, of the one-way pass less the dynamic model alone: the latter lies within 0.53 N
+"""N, least and most, of the one-way pass less the dynamic model alone, which lies within 0.53 N
 of the same experiment, FPI's over it by 0.53 (cage) and 0.51 N (hollow sphere) (section 3.2)."""
 MODULI = ("soft", "average", "stiff")
 DEVICES = ("cage", "shell")

@@ -1,5 +1,5 @@
-"""The free finger of Nimbarte et al. 2008: how far it turns, and the stiffness that its joints would
-need to turn as far as was measured.
+"""The free finger of Nimbarte et al. 2008: how far it turns, and the stiffness that its joints need
+to turn as far as was measured.
 
 The twelve angles are a test: nothing is fitted to them.  With the finger held where it stood in the
 experiment, `holder` and passive joint together bear what the tendons do there, tau; about a rest
@@ -16,7 +16,6 @@ from cosim.case.file import load_case
 from cosim.results.compare import Comparison, Target
 from cosim.validation.trial import Summaries, Trial
 
-JOINTS = ("MCP", "PIP", "DIP")
 TURNS = "difference.posture_deg."
 """Before the joint in the measured quantity."""
 SOURCE = "Nimbarte et al. 2008, abstract: the angle; ours: tension and arms in that posture"

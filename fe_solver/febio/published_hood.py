@@ -80,7 +80,7 @@ class PublishedHood:
     strain: Array
     area: Array
     regions: Mapping[str, Mask]
-    """central_tendon (MCP to PIP), between_bands (MCP to where the lateral bands meet), and the same
+    """central_tendon (MCP to PIP), between_bands (MCP to where the lateral bands meet), the latter
     as far as the PIP alone (between_bands_to_pip); central_slip, terminal_slip."""
     slip_force: dict[str, float]
     imbalance: tuple[float, float]
@@ -95,7 +95,7 @@ class PublishedHood:
         }
 
     def strain_ranges(self, region: str) -> dict[str, dict[str, float]]:
-        """Least, mean (by area) and largest strain over a region, %, along and across the finger."""
+        """Least, mean (by area) and largest strain over a region, %, along and across."""
         cells = self.regions[region]
         return {"longitudinal": self._range(0, cells), "lateral": self._range(1, cells)}
 
@@ -204,7 +204,7 @@ def _observe(job: Job, state: ShellState) -> PublishedHood:
 
 
 def regions_at(middles: Array) -> dict[str, Mask]:
-    """Return the regions of a hood in which strains are read, by its cells' middles (ne, 3) m in the
+    """Return the regions in which strains are read, by the middles of a hood's cells (ne, 3), m in the
     file's axes."""
     x, _, z = middles.T
     off = np.abs(x - CENTRE)

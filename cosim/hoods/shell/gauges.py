@@ -58,7 +58,7 @@ class Gauges:
         return {name: 100 * (now / first[name] - 1) for name, now in self.lengths(x).items()}
 
     def grid_strains(self, x: Array, before: Array) -> dict[str, tuple[Array, Array]]:
-        """Engineering strains between neighbours of each grid, per cent, from the sheet at `before`:
+        """Engineering strains between neighbours of each grid, per cent, from `before`:
         (rows - 1, columns) longitudinal and (rows, columns - 1) lateral."""
         first, now = self.positions(before), self.positions(x)
         return {
