@@ -150,8 +150,8 @@ def count_results(table: pd.DataFrame) -> str:
     best = int((mesh.where(mesh != "", counted.state) == "reproduced").sum())
     read = mesh != ""
     return (
-        f"{text}; with the {int(read.sum())} strains of the mesh that the thesis started from in "
-        f"place of our sheet's {best} ({int((mesh[read] == 'reproduced').sum())} of the "
+        f"{text}; {best} of {len(counted)} with strains of the mesh that the thesis started from "
+        f"in place of our sheet's ({int((mesh[read] == 'reproduced').sum())} of these "
         f"{int(read.sum())}, in a region that was chosen after they were seen: study published)"
     )
 
@@ -192,5 +192,7 @@ def row_figures(numbers: Numbers, on_mesh: Numbers | None = None) -> list[Figure
 def _tables(table: pd.DataFrame) -> Iterator[Figure]:
     for place, title in TITLES.items():
         here = table[table.place == place].drop(columns="place")
+        if (here.filter(list(MESH_COLUMNS)) == "").all(axis=None):
+            here = here.drop(columns=list(MESH_COLUMNS), errors="ignore")
         name = place.lower().replace(" ", "_").replace(".", "_")
         yield Figure(name, title, "", None, {name: here}, (7.0, 1.0))

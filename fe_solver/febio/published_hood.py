@@ -204,8 +204,8 @@ def _observe(job: Job, state: ShellState) -> PublishedHood:
 
 
 def regions_at(middles: Array) -> dict[str, Mask]:
-    """Return the regions in which strains are read, by the middles of a hood's cells (ne, 3), m in the
-    file's axes."""
+    """Return the regions in which strains are read, by the middles of a hood's cells (ne, 3), m in
+    the file's axes."""
     x, _, z = middles.T
     off = np.abs(x - CENTRE)
     return {

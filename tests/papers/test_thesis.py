@@ -30,6 +30,7 @@ from cosim.papers.thesis_rows import (
     count_results,
     judge_rows,
     printed_numbers,
+    row_figures,
     rows,
     state,
 )
@@ -110,8 +111,11 @@ def test_the_mesh_of_the_thesis_has_columns_of_its_own_and_is_counted_apart():
     assert found["on its mesh"].tolist() == ["1.8", "-2.34"]
     counted = int(table.state.isin(["reproduced", "differs"]).sum())
     assert count_results(judge_rows(ours)) == f"0 of {counted}"
-    assert "with the 2 strains" in count_results(table)
-    assert "in place of our sheet's 1 (1 of the 2, " in count_results(table)
+    assert f"; 1 of {counted} with strains of the mesh" in count_results(table)
+    assert "(1 of these 2, " in count_results(table)
+    shown = {f.name: next(iter(f.tables.values())) for f in row_figures(ours, soft)}
+    assert "on its mesh" in shown["table_5"]
+    assert "on its mesh" not in shown["table_2"]
 
 
 def test_the_sheets_differ_by_their_moduli_alone():
