@@ -39,13 +39,22 @@ def reproduce(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder; reproduced/PAPER without it.")
     ] = None,
+    mi29: Annotated[
+        Path | None,
+        typer.Option(
+            "--mi29",
+            metavar="FILE",
+            help="thesis: the hood that it started from, Verify/mi29.feb of FEBio's test suite, "
+            "which has no licence and is not shipped.",
+        ),
+    ] = None,
 ) -> None:
     """Compute a paper's figures anew: a picture and tables of each, and one page of all."""
     with exit_on_error():
         from cosim.files import check_file
         from cosim.report.figures import choose_studies, write_figures
 
-        found = _paper(paper)
+        found = _paper(paper, mi29)
         folder = Path("reproduced") / paper.value if out is None else out
         studies = choose_studies(found, only or ())
         check_file(folder / "index.html")
@@ -54,9 +63,13 @@ def reproduce(
         typer.echo(f"{count} {figures} in {folder / 'index.html'}")
 
 
-def _paper(name: PaperName) -> FigurePage:
+def _paper(name: PaperName, mi29: Path | None) -> FigurePage:
+    """Raises InputError for a mesh that the paper has no use for."""
+    from cosim.errors import InputError
     from cosim.report.figures import FigurePage
 
+    if mi29 is not None and name is not PaperName.THESIS:
+        raise InputError(f"--mi29 {mi29}: is a mesh of the thesis; {name.value} has none")
     if name is PaperName.NETWORKS:
         from cosim.papers.networks import STUDIES
 
@@ -73,14 +86,15 @@ def _paper(name: PaperName) -> FigurePage:
         )
         return FigurePage(name.value, title, of_robot)
     if name is PaperName.THESIS:
-        from cosim.papers.thesis import STUDIES as of_thesis
+        from cosim.papers.thesis import studies
 
         title = (
             "Jadelis: Index Finger Extensor Hood Mechanics Using Finite Element and Rigid Body "
             "Dynamic Modeling"
         )
         kind = "A thesis's tables and figures, computed anew"
-        return FigurePage(name.value, title, of_thesis, kind)
+        given = "" if mi29 is None else f"cosim reproduce {name.value} --mi29 {mi29.name}"
+        return FigurePage(name.value, title, studies(mi29), kind, given)
     from cosim.papers.coordination import STUDIES as ours
 
     title = (

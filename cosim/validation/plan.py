@@ -23,6 +23,7 @@ from cosim.results.compare import (
 from cosim.results.slips import is_slack
 from cosim.validation.clamped import cadaver_arm_group, metacarpal_group, qiu_groups
 from cosim.validation.force import force_groups
+from cosim.validation.free_finger import held_trials, needed_stiffness
 from cosim.validation.lengths import OWN_ZERO, length_groups
 from cosim.validation.ratios import cohn_groups, share_group
 from cosim.validation.trial import Summaries, Trial, TrialGroup, posture_settings
@@ -35,6 +36,8 @@ falls (p < 0.01; how far is not printed: any loss beyond 0.1 %), with the MCP, t
 straight, by more than 30 %."""
 MODULI = {"soft": -1.0, "average": 0.0, "stiff": 1.0}
 """SD from the means of the thesis's table 4."""
+MARKERS = "difference.grid_strain_percent.markers"
+"""Strains between Lee's markers, whose layout is an assumption of `cases/strain`."""
 POSTURES = ("minorflex", "majorflex")
 THROUGH, PAST = ("edc", "lum", "ri", "ui"), ("fdp", "fds")
 """Muscles of the middle finger that act through its hood, and that no hood touches."""
@@ -195,7 +198,7 @@ def published_group(path: Path) -> TrialGroup:
     sheet's."""
     trials = tuple(Trial(f"published hood {modulus}", str(path)) for modulus in MODULI)
     printed, _ = lee_strains()
-    of_sheet = [replace(t, quantity=t.quantity.replace("difference.marker_", "")) for t in printed]
+    of_sheet = [replace(t, quantity=t.quantity.replace(MARKERS, "strain_percent")) for t in printed]
     rows = [*of_sheet, *data("lee2008_slips.csv")]
     every = [of_trial(t.name, rows, geometry="published hood") for t in trials]
     targets = tuple(itertools.chain.from_iterable(every))
@@ -206,7 +209,8 @@ def published_group(path: Path) -> TrialGroup:
 
 
 def free_groups() -> tuple[TrialGroup, TrialGroup]:
-    """The trials with the shipped hood, and with the fixed split."""
+    """The trials with the shipped hood, with the stiffness that the angles ask for, and with the
+    fixed split."""
     hood, split = (
         tuple(Trial(f"{words}_{m}", f"{words}_{m}") for m in EXTRINSIC)
         for words in ("free", "free_split")
@@ -214,8 +218,11 @@ def free_groups() -> tuple[TrialGroup, TrialGroup]:
     partners = dict(zip((t.name for t in hood), (t.name for t in split), strict=True))
     targets = data("nimbarte2008_motion.csv")
     others = tuple(replace(t, case=partners[t.case]) for t in targets)
+    trials, needed = (*hood, *held_trials(targets)), partial(needed_stiffness, targets)
     return (
-        TrialGroup("free finger: hood", SECOND_HAND, hood, targets, partners=partners),
+        TrialGroup(
+            "free finger: hood", SECOND_HAND, trials, targets, partners=partners, derived=needed
+        ),
         TrialGroup("free finger: fixed split", SECOND_HAND, split, others, variant=True),
     )
 

@@ -7,6 +7,7 @@ The file itself is the user's.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,8 @@ PROXIMAL, MIDDLE, DISTAL = 1, 2, 3
 """Places of the phalanges among the file's bodies."""
 CENTRE, HALF = -59e-3, 3e-3
 """m, x of the middle line and half the central tendon's width."""
+BETWEEN = 7e-3
+"""m, from the middle line to where the lateral bands lie."""
 MCP, SLIP, MERGED = -20e-3, 22e-3, 41.6e-3
 """m, z of the MCP, of the PIP (22), and where the lateral bands have met."""
 JOIN = -5e-3
@@ -51,16 +54,34 @@ class Moduli:
     sheet: float
 
 
+MEAN_SD = {
+    "tendon_proximal": (76.22, 24.53),
+    "tendon_distal": (53.16, 21.24),
+    "central_band": (100.61, 50.82),
+    "central_slip": (100.76, 46.77),
+    "lateral_band": (105.38, 85.06),
+    "terminal_slip": (89.67, 48.29),
+    "sheet": (54.68, 14.13),
+}
+"""MPa: Qian et al. 2014, as in table 4 of Jadelis's thesis."""
+
+
+def qian_moduli(off: float) -> Moduli:
+    """Return the measured moduli, `off` standard deviations from their means."""
+    return Moduli(**{name: 1e6 * (mean + off * sd) for name, (mean, sd) in MEAN_SD.items()})
+
+
 @dataclass(frozen=True)
 class PublishedHood:
     """What the hood says under a pull of its central tendon: Green-Lagrange strains (ne, 3) along
-    and across the finger, areas (ne,) m2, the cells of the central region and of the central slip,
-    and the forces (N) on the middle and the distal phalanx at the slips' ends."""
+    and across the finger, areas (ne,) m2, the cells (ne,) of each region, and the forces (N) on the
+    middle and the distal phalanx at the slips' ends."""
 
     strain: Array
     area: Array
-    central: Mask
-    central_slip: Mask
+    regions: Mapping[str, Mask]
+    """central_tendon (MCP to PIP), between_bands (MCP to where the lateral bands meet), the latter
+    as far as the PIP alone (between_bands_to_pip); central_slip, terminal_slip."""
     slip_force: dict[str, float]
     imbalance: tuple[float, float]
 
@@ -69,14 +90,14 @@ class PublishedHood:
         return {
             "slip_force_N": self.slip_force,
             "slip_ratio": self.slip_force["terminal"] / self.slip_force["central"],
-            "strain_percent": {
-                "longitudinal": self._range(0, self.central),
-                "lateral": self._range(1, self.central),
-            },
-            "region_strain_percent": {
-                "central_slip": {"longitudinal": self._range(0, self.central_slip)}
-            },
+            "strain_percent": self.strain_ranges("central_tendon"),
+            "region_strain_percent": {"central_slip": self.strain_ranges("central_slip")},
         }
+
+    def strain_ranges(self, region: str) -> dict[str, dict[str, float]]:
+        """Least, mean (by area) and largest strain over a region, %, along and across."""
+        cells = self.regions[region]
+        return {"longitudinal": self._range(0, cells), "lateral": self._range(1, cells)}
 
     def _range(self, component: int, cells: Mask) -> dict[str, float]:
         values, area = 100 * self.strain[cells, component], self.area[cells]
@@ -172,14 +193,25 @@ def _adhesion(job: Job, tied: Tied, body: Body) -> SpringSet:
 
 
 def _observe(job: Job, state: ShellState) -> PublishedHood:
-    x, _, z = _middles(job).T
     tie = {body: float(np.linalg.norm(state.wrench["tie"][body, :3])) for body in (MIDDLE, DISTAL)}
-    slip = (z > SLIP - 8e-3) & (z < SLIP + 3e-3) & (np.abs(x - CENTRE) < HALF)
     return PublishedHood(
         state.fields.strain,
         state.model.tables.weight.sum(axis=1),
-        (np.abs(x - CENTRE) < HALF) & (z > MCP) & (z < SLIP),
-        slip,
+        regions_at(_middles(job)),
         {"central": tie[MIDDLE], "terminal": tie[DISTAL]},
         state.imbalance,
     )
+
+
+def regions_at(middles: Array) -> dict[str, Mask]:
+    """Return the regions in which strains are read, by the middles of a hood's cells (ne, 3), m in
+    the file's axes."""
+    x, _, z = middles.T
+    off = np.abs(x - CENTRE)
+    return {
+        "central_tendon": (off < HALF) & (z > MCP) & (z < SLIP),
+        "between_bands": (off < BETWEEN) & (z > MCP) & (z < MERGED),
+        "between_bands_to_pip": (off < BETWEEN) & (z > MCP) & (z < SLIP),
+        "central_slip": (off < HALF) & (z > SLIP - 8e-3) & (z < SLIP + 3e-3),
+        "terminal_slip": z > MERGED,
+    }

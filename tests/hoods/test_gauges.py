@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,18 @@ def test_a_gauge_on_a_sheet_that_is_stretched_has_its_strain():
     assert moved == pytest.approx({"distal": 175.0, "radial": -15.0, "dorsal": 0.0})
 
 
+def test_a_grid_on_a_sheet_that_is_stretched_has_its_strains_in_both_directions():
+    sheet = np.array([[0.0, 0, 0], [2.0, 0, 0], [2.0, 1, 0], [0.0, 1, 0]])
+    triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    dots = {f"{i}{j}": (0.5 * i, 0.4 * j, 0.0) for i in range(4) for j in range(3)}
+    found = replace(
+        place_gauges(dots, {}, sheet, triangles), grids={"net": np.arange(12).reshape(4, 3)}
+    )
+    along, across = found.grid_strains(sheet * [1.1, 0.97, 1.0], sheet)["net"]
+    assert along == pytest.approx(np.full((3, 3), 10.0))
+    assert across == pytest.approx(np.full((4, 2), -3.0))
+
+
 @pytest.fixture(scope="module")
 def runs() -> tuple[cosim.Result, cosim.Result, np.ndarray, tuple[int, int]]:
     """A hood without points, the same with two of its nodes named, its undeformed nodes, and which
@@ -56,7 +69,9 @@ def runs() -> tuple[cosim.Result, cosim.Result, np.ndarray, tuple[int, int]]:
         name: [f"{1e3 * value:.9f} mm" for value in laid[i]]
         for name, i in zip("ab", line, strict=True)
     }
-    dotted = case.replace({"hood.points": named, "hood.gauges": {"g": ["a", "b"]}})
+    grid = {"distal": ["10 mm", "30 mm"], "radial": ["-2 mm", "2 mm"], "count": [3, 2]}
+    gauges = {"g": ["a", "b"], "first": ["net_1_1", "net_2_1"], "row": ["net_3_1", "net_3_2"]}
+    dotted = case.replace({"hood.points": named, "hood.gauges": gauges, "hood.grids.net": grid})
     return plain, cosim.run(dotted), laid, (line[0], line[1])
 
 
@@ -74,6 +89,18 @@ def test_points_change_nothing_and_move_with_the_sheet(runs):
     assert strain == pytest.approx(100 * (length(after) / length(laid) - 1), abs=1e-5)
     change = dotted.summary["difference"]["gauge_strain_percent"]["g"]
     assert change == pytest.approx(100 * (length(after) / length(before) - 1), abs=1e-5)
+
+
+def test_a_grid_spans_the_gauges_between_its_neighbours(runs):
+    _, dotted, _, _ = runs
+    for said in (dotted.summary, dotted.summary["difference"]):
+        net, gauge = said["grid_strain_percent"]["net"], said["gauge_strain_percent"]
+        for direction, name in (("longitudinal", "first"), ("lateral", "row")):
+            low, mean, high = (net[direction][s] for s in ("min", "mean", "max"))
+            assert low <= mean <= high
+            assert low - 1e-9 <= gauge[name] <= high + 1e-9
+        rows = dotted.summary["grid_strain_percent"]["net"]["lateral"]
+        assert rows["min"] < rows["max"]
 
 
 def test_a_gauge_is_compared_with_what_was_measured(runs, tmp_path):

@@ -20,6 +20,7 @@ from cosim.errors import ConvergenceError, InputError
 from cosim.results.audit import BOUNDS, Bound
 from cosim.results.compare import Comparison, Target, verdict
 from cosim.validation.force import AN, MYOHAND, PAST_THE_HOOD, THROUGH_THE_HOOD, two_models
+from cosim.validation.free_finger import held_name, needed_stiffness
 from cosim.validation.lengths import OWN_ZERO, measure_lengths
 from cosim.validation.plan import STRAIGHT, groups, losses, rows_of, split_answers, trial_name
 from cosim.validation.reasons import MISSES, NOT_KNOWN, explain_misses, reasons
@@ -147,6 +148,26 @@ def test_the_twelve_rows_of_the_free_finger_are_as_printed_and_of_cases_of_their
     assert np.interp(np.radians(33.2), angle, torque) == pytest.approx(0, abs=1e-12)
     slope = np.interp(np.radians([33.2, 34.2]), angle, torque) @ [-1, 1] / np.radians(1)
     assert slope == pytest.approx(-0.0391, rel=2e-3)
+
+
+def test_the_stiffness_that_the_free_finger_would_need_is_told_and_judges_nothing():
+    group = BY_NAME["free finger: hood"]
+    (held,) = [t for t in group.trials if t.name == held_name("free_fds")]
+    case = load_case(held.case, held.settings)
+    assert case.finger.tip.kind == "posture"
+    angles = {j: np.degrees(a) for j, a in case.finger.posture.angles().items()}
+    assert [angles[j] for j in ("MCP", "PIP", "DIP")] == pytest.approx([58.0, 92.9, 15.0])
+
+    bears = {
+        "passive": {"MCP": -16.0, "PIP": -20.0, "DIP": 1.0},
+        "holder": {"MCP": -60.0, "PIP": -60.0, "DIP": -60.0},
+    }
+    rows = list(needed_stiffness(group.targets, {held.name: {"joint_torque_Nmm": bears}}))
+    assert [r.target.quantity for r in rows] == ["needed_stiffness.MCP", "needed_stiffness.PIP"]
+    assert rows[0].target.reference == pytest.approx(0.076 / np.radians(24.8))
+    assert rows[0].model == pytest.approx(0.016 / np.radians(24.8))
+    assert "4.8 times ours" in rows[0].target.note
+    assert judging_rows(rows) == []
 
 
 def test_lengths_and_cuts_are_judged_once_and_as_printed():

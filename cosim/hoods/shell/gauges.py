@@ -7,7 +7,7 @@ sheet's mid-surface and moves with it.  The surface strain at a point is that of
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +39,9 @@ class Gauges:
     quads: np.ndarray
     """(k,) the element in which each point lies."""
     gauges: Mapping[str, tuple[str, str]]
+    grids: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """(rows, columns) places of each grid's points among `points`, rows one after the other
+    distally, columns radially."""
 
     def positions(self, x: Array) -> Array:
         """(k, 3) m, of a sheet with nodes at x (n, 3)."""
@@ -53,6 +56,15 @@ class Gauges:
         """Engineering strain of each gauge from its length on the sheet at `before`, per cent."""
         first = self.lengths(before)
         return {name: 100 * (now / first[name] - 1) for name, now in self.lengths(x).items()}
+
+    def grid_strains(self, x: Array, before: Array) -> dict[str, tuple[Array, Array]]:
+        """Engineering strains between neighbours of each grid, per cent, from `before`:
+        (rows - 1, columns) longitudinal and (rows, columns - 1) lateral."""
+        first, now = self.positions(before), self.positions(x)
+        return {
+            name: (_stretch(first[k], now[k], 0), _stretch(first[k], now[k], 1))
+            for name, k in self.grids.items()
+        }
 
     def displacements(self, x: Array, before: Array) -> dict[str, dict[str, float]]:
         """mm by point, from the sheet at `before`, along the world's axes."""
@@ -78,7 +90,19 @@ def points_on(config: ShellHoodConfig, x: Array, quads: np.ndarray) -> Gauges:
         points |= read_points(config.points_file)
     for name, grid in config.grids.items():
         points |= zip(grid.names(name), _lay_grid(name, grid, x[triangles]), strict=True)
-    return place_gauges(points, config.gauges, x, triangles, element)
+    placed = place_gauges(points, config.gauges, x, triangles, element)
+    index = {name: k for k, name in enumerate(placed.points)}
+    grids = {
+        name: np.array([index[n] for n in grid.names(name)]).reshape(grid.count)
+        for name, grid in config.grids.items()
+    }
+    return replace(placed, grids=grids)
+
+
+def _stretch(first: Array, now: Array, axis: int) -> Array:
+    """Per cent, of the distances between neighbours along an axis of points (rows, columns, 3)."""
+    l0, l1 = (np.linalg.norm(np.diff(x, axis=axis), axis=2) for x in (first, now))
+    return np.asarray(100 * (l1 / l0 - 1))
 
 
 def _lay_grid(name: str, grid: GridConfig, corners: Array) -> Array:

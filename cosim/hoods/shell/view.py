@@ -210,6 +210,13 @@ def _gauge_summary(view: ShellView, before: ShellView | None) -> dict[str, Any]:
             for name, strain in zip(view.gauges.points, strains, strict=True)
         },
         "gauge_strain_percent": view.gauges.strain(view.points, x),
+        "grid_strain_percent": {
+            name: {
+                direction: _range(strain.ravel() / 100, np.ones(strain.size))
+                for direction, strain in zip(DIRECTIONS, strains, strict=True)
+            }
+            for name, strains in view.gauges.grid_strains(view.points, x).items()
+        },
     }
     return {key: value for key, value in found.items() if value}
 
