@@ -26,7 +26,7 @@ middle third of the proximal phalanx and fans into the lateral band 4 to 6 mm di
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +36,7 @@ from meshes.hood_lines import (
     CAPSULE_ROWS,
     CENTRAL_END,
     HOOD_END,
+    INTRINSIC_END,
     JOIN,
     LATERAL_END,
     LIGAMENT_ROWS,
@@ -79,10 +80,19 @@ INTRINSIC = {
     "ulnar": (-8.0, -5.58, -8.84),
 }
 BAND_WIDTH = 3.0  # mm, of the intrinsic tendons; [mi29] lateral tendon ends
+
 PALMAR_PLATE = (-3.0, 7.0)  # dorsal, radial mm, on the base of the proximal phalanx [trial]
 RETINACULAR_ANCHOR = (-3.0, 5.0)  # dorsal, radial mm, on the head of the proximal phalanx [trial]
 OBLIQUE_ORIGIN = 28.0  # mm, station [El-Gammal]
 OBLIQUE_ANCHOR = (-2.0, 6.0)  # dorsal, radial mm, beside the proximal phalanx (assumption)
+SHAFT_ROWS = (JOIN, 30.0)  # of the interosseous hood, short of where the bands sink (assumption)
+STRINGS = {
+    "sagittal_hold": 300e-3 * np.array([0.0, 1.0, -1.0]) / np.sqrt(2),
+    "interosseous_hood": 300e-3 * np.array([0.0, 0.0, 1.0]),
+}
+"""What guides the sheet and lets it glide: strings so long against what they let through that they
+hold along themselves alone; m from the sheet to their far ends, distal, sideways (away from the
+finger) and dorsal (assumption)."""
 CAPSULE_REACH = 5.0  # mm from the dorsal capsule's rows to its origin, proximally (assumption)
 SLIP_REACH = 2.5  # mm from the central slip's last row to its insertion, distally (assumption)
 
@@ -119,7 +129,7 @@ def generate(
     rest_posture: Mapping[str, float],
     quads: int,
     width: float = 1.0,
-    intrinsic: Mapping[str, tuple[float, float, float]] | None = None,
+    intrinsic: Mapping[str, Sequence[float]] | None = None,
     quadratic: bool = False,
     one_sheet: bool = False,
 ) -> HoodMesh:
@@ -170,7 +180,7 @@ def generate(
     # cells, and nodes raised so that the chords between them clear the bones
     fixed = _end_nodes(grid)
     cells, region, along = _cells(grid, across, quadratic)
-    free = np.setdiff1d(np.arange(len(points)), np.concatenate(list(fixed.values())))
+    free = np.setdiff1d(np.arange(len(points)), fixed["central"])
     lift = np.zeros(len(points))
     if not quadratic:
         lift, outward = _lift(points, cells, level)
@@ -201,7 +211,7 @@ def _lay(
     across: Array,
     over_band: Array,
     over_triangle: Array,
-    guides: Mapping[str, tuple[float, float, float]],
+    guides: Mapping[str, Sequence[float]],
     wings_end: float,
     quadratic: bool,
 ) -> tuple[_Grid, Array, Array]:
@@ -224,11 +234,11 @@ def _lay(
             here = _is_tendon(across) | (LATERAL_END - eps <= s <= wings_end + eps)
             inner[i, here] = [node(s, f * half[i]) for f in across[here]]
     # the lateral bands, which share nodes with the wings and merge distally
-    band: dict[str, Ints] = {}
+    begins, band = _intrinsic_end(stations, quadratic), dict[str, Ints]()
     for side, sign in (("radial", 1), ("ulnar", -1)):
         nodes = np.full((nr, len(over_band)), -1)
         for i, s in enumerate(stations):
-            if s < LATERAL_END - eps:
+            if s < begins - eps:
                 continue
             fractions = half[i] + over_band * (out[i] - half[i])
             for k, phi in enumerate(fractions):
@@ -259,17 +269,24 @@ def _lay(
     return grid, points, station
 
 
+def _intrinsic_end(stations: Array, quadratic: bool) -> float:
+    """mm, the row of corners at which the intrinsic tendons' ropes end."""
+    corners = stations[:: 2 if quadratic else 1]
+    return float(corners[corners >= INTRINSIC_END - 1e-6][0])
+
+
 def _lay_intrinsic(
     grid: _Grid,
     hull: Hull,
     points: Array,
     over_band: Array,
     side: str,
-    guide: tuple[float, float, float],
+    guide: Sequence[float],
 ) -> None:
     """Place the intrinsic tendon's nodes on straight lines from the guide to the lateral band."""
     s0, d0, r0 = guide
-    rows = np.flatnonzero((grid.stations >= LATERAL_END - 1e-6) & (grid.stations <= JOIN + 1e-6))
+    laid = grid.band[side][:, 0] >= 0
+    rows = np.flatnonzero(laid & (grid.stations <= JOIN + 1e-6))
     join = points[grid.band[side][rows[-1]]]
     sign = np.sign(r0)
     across = np.array([sign * np.cos(np.arctan2(abs(r0), d0)), -np.sin(np.arctan2(abs(r0), d0))])
@@ -281,7 +298,7 @@ def _lay_intrinsic(
 
 
 def _end_nodes(grid: _Grid) -> dict[str, Ints]:
-    first = int(np.flatnonzero(grid.stations >= LATERAL_END - 1e-6)[0])
+    first = int(np.flatnonzero(grid.band["radial"][:, 0] >= 0)[0])
     return {
         "central": grid.inner[0, grid.inner[0] >= 0],
         "radial": grid.band["radial"][first],
@@ -336,8 +353,8 @@ def _cells(grid: _Grid, across: Array, quadratic: bool) -> tuple[Ints, Ints, NDA
                 if (lines[[0, 0, n, n], [k, k + n, k, k + n]] >= 0).all():
                     cells.append(quad(lines, k, False))
                     names.append(_inner_region(s, (across[k] + across[k + n]) / 2))
-        if s > LATERAL_END:
-            for side, nodes in grid.band.items():
+        for side, nodes in grid.band.items():
+            if nodes[i, 0] >= 0:
                 for k in range(0, nodes.shape[1] - n, n):
                     cells.append(quad(nodes[i : i + n + 1], k, side == "ulnar"))
                     names.append(_band(s, side))
@@ -425,7 +442,16 @@ def _attachments(
     # at either side: adhesion of the band, then ligaments to the proximal phalanx
     for side, sign, edge in (("radial", 1, -1), ("ulnar", -1, 0)):
         band = grid.band[side]
-        out[f"ligament_{side}"] = _growth(band, over_band, s, points, level, quadratic)
+        nodes, shares = _over_width(band, over_band, s, LIGAMENT_ROWS, quadratic)
+        grown = on_bone("proximal", nodes, points[nodes], level)
+        out[f"ligament_{side}"] = replace(grown, shares=shares)
+        rows, shares = _bearing_nodes(grid.inner[:, edge], s, SAGITTAL_ROWS, quadratic)
+        over_shaft = _over_width(band, over_band, s, SHAFT_ROWS, quadratic)
+        for name, nodes, borne in (
+            (f"sagittal_hold_{side}", grid.inner[rows, edge], shares),
+            (f"interosseous_hood_{side}", *over_shaft),
+        ):
+            out[name] = replace(strings(name, nodes, points[nodes], chain), shares=borne)
         for name, line, ends, origin, (dorsal, radial) in (
             ("sagittal", grid.inner[:, edge], SAGITTAL_ROWS, None, PALMAR_PLATE),
             ("retinacular", band[:, -1], RETINACULAR_ROWS, None, RETINACULAR_ANCHOR),
@@ -461,19 +487,14 @@ def _capsule(
     return replace(on_bone("proximal", nodes, origin, level), shares=np.round(shares, 7))
 
 
-def _growth(
-    band: Ints,
-    over_band: Array,
-    stations: Array,
-    points: Array,
-    level: Level,
-    quadratic: bool,
-) -> Attachment:
-    """What binds a lateral band to the bone beneath it, evenly over its width."""
-    rows, along_it = _bearing_nodes(band[:, 0], stations, LIGAMENT_ROWS, quadratic)
-    nodes = band[rows].ravel()
-    shares = (along_it[:, None] * even_shares(over_band, (0.0, 1.0), quadratic)).ravel()
-    return replace(on_bone("proximal", nodes, points[nodes], level), shares=np.round(shares, 7))
+def _over_width(
+    band: Ints, over_band: Array, stations: Array, ends: tuple[float, float], quadratic: bool
+) -> tuple[Ints, Array]:
+    """Nodes of a lateral band that bear what holds it between two stations evenly over its width;
+    and their shares."""
+    rows, along_it = _bearing_nodes(band[:, 0], stations, ends, quadratic)
+    shares = along_it[:, None] * even_shares(over_band, (0.0, 1.0), quadratic)
+    return band[rows].ravel(), np.round(shares.ravel(), 7)
 
 
 def _bearing_nodes(
@@ -495,3 +516,12 @@ def on_bone(body: str, nodes: Ints, near: Array, level: Level, height: float = 0
         value, gradient, _ = level.surfaces[body].distance(local)
         local = local - (value - height)[:, None] * gradient
     return Attachment(body, nodes, np.round(local, 7))
+
+
+def strings(name: str, nodes: Ints, points: Array, chain: Centreline) -> Attachment:
+    """The strings of a set, such as "sagittal_hold_radial", from nodes at `points` (k, 3) m; their
+    far ends go with the proximal phalanx."""
+    kind, side = name.rsplit("_", 1)
+    way = STRINGS[kind] * [1, 1 if side == "radial" else -1, 1]
+    here = (points - chain.position[1]) @ chain.rotation[1]
+    return Attachment("proximal", nodes, np.round(here + way, 7))

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 # Stations, mm.
 CENTRAL_END = -20.0  # [mi29]
 LATERAL_END = -8.0  # [An] proximal MCP points of LU and UI, -.400 x 20
+INTRINSIC_END = 9.0  # of the intrinsic tendons, at least; they run on as ropes (assumption)
 JOIN = 15.0  # [An] distal MCP points, (.318 + .432) x 20
 HOOD_END = 9.4  # of the transverse fibres; [mi29] 7 to 13
 SLIP_START = 36.0  # [trial]

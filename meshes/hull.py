@@ -99,8 +99,8 @@ class Level:
             slope[nearer] = gradient[nearer] @ self.rotation[i].T
         return best, slope
 
-    def push_out(self, points: Array, clearance: float) -> Array:
-        """Points moved along the gradient until each has at least `clearance` (m)."""
+    def push_out(self, points: Array, clearance: float | Array) -> Array:
+        """Points (n, 3) moved along the gradient until each has its `clearance` (m, or (n,) m)."""
         points = points.copy()
         for _ in range(30):
             value, gradient = self.value(points)

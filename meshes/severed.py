@@ -12,7 +12,7 @@ slip at their middles, the sheet beside them left whole.  The thin sheets betwee
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,7 +38,10 @@ PLACES = {
 """mm, the station at which a region is severed."""
 STRAND_OF = {"extensor_tendon_distal": "extensor_tendon"}
 """Strands of a net that are not called as the part that is severed in them."""
-SPRINGS_OF = {"sagittal_band_radial": "sagittal_radial", "sagittal_band_ulnar": "sagittal_ulnar"}
+SPRINGS_OF = {
+    f"sagittal_band_{side}": (f"sagittal_{side}", f"sagittal_hold_{side}")
+    for side in ("radial", "ulnar")
+}
 """Spring sets that are not called as the part that they hold."""
 
 
@@ -55,7 +58,7 @@ def cut_part(mesh: HoodMesh, part: str) -> HoodMesh:
     if part in SLIPS:
         own = np.unique(mesh.quads[mesh.cells(part)])
         ties = {body: np.setdiff1d(nodes, own) for body, nodes in mesh.tied.items()}
-    springs = _without(mesh.springs, SPRINGS_OF.get(part, part))
+    springs = _without(mesh.springs, SPRINGS_OF.get(part, (part,)))
     if len(springs) == len(mesh.springs) and _count(ties) == _count(mesh.tied):
         raise InputError(f"lesion.cut: nothing in the hood's mesh holds a {part} that could let go")
     released = replace(mesh, springs=springs, tied=ties)
@@ -79,8 +82,8 @@ def _band_sheet(mesh: HoodMesh, part: str) -> Mask:
     return np.asarray(mesh.cells(part) & (middle < SAGITTAL_ROWS[1]))
 
 
-def _without(springs: Mapping[str, Attachment], name: str) -> dict[str, Attachment]:
-    return {key: held for key, held in springs.items() if key != name}
+def _without(springs: Mapping[str, Attachment], names: Sequence[str]) -> dict[str, Attachment]:
+    return {key: held for key, held in springs.items() if key not in names}
 
 
 def _count(tied: Mapping[str, Ints]) -> int:
@@ -165,7 +168,7 @@ def cut_net(net: CableNet, part: str) -> CableNet:
     elif STRAND_OF.get(part, part) in net.strands and part not in (*SPRINGS_OF, "central_slip"):
         kept[_cell_at(net, part)] = False
     else:
-        springs = _without(springs, SPRINGS_OF.get(part, part))
+        springs = _without(springs, SPRINGS_OF.get(part, (part,)))
     if kept.all() and len(springs) == len(net.springs) and _count(tied) == _count(net.tied):
         raise InputError(f"lesion.cut: the net of cables has no {part} left to cut")
     return _prune(replace(net, springs=springs, tied=tied), kept)

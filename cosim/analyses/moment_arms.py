@@ -109,25 +109,54 @@ def _with_tension(models: Models, joint: str, angle: float, state: State) -> dic
     return dict(zip(models.hood.tendons, arms.T, strict=True))
 
 
-def published_arms() -> pandas.DataFrame:
-    """Columns tendon, joint, posture_deg, arm_mm, source: the index finger's in the literature."""
+def published_arms(finger: str) -> pandas.DataFrame:
+    """Columns tendon, joint, posture_deg, arm_mm, source: what is in print of a kind of finger; no
+    row where nothing is."""
     import pandas
 
-    path = resources.files("cases") / "data" / "moment_arms_index.csv"
-    return pandas.read_csv(str(path), comment="#")
+    path = resources.files("cases") / "data" / "moment_arms.csv"
+    every = pandas.read_csv(str(path), comment="#")
+    return every[every.finger == finger].drop(columns="finger").reset_index(drop=True)
 
 
-def beside_published(models: Models) -> pandas.DataFrame:
-    """Published arms beside those of the finger's own tendons in the source's posture, or, where
-    the source averages over a range, beside the mean from the straight joint to its full flexion
-    in the case's posture of the others."""
-    known = published_arms()
+def beside_published(models: Models, known: pandas.DataFrame) -> pandas.DataFrame:
+    """Published arms (as of `published_arms`) beside those of the finger's own tendons in the
+    source's posture, or, where the source averages over a range, beside the mean from the straight
+    joint to its full flexion in the case's posture of the others."""
     here = known.tendon.isin(models.finger.tendons) & known.joint.isin(models.finger.joints)
     known = known[here].copy()
     known["model_mm"] = [
         1e3 * _arm(models, row.tendon, row.joint, row.posture_deg) for row in known.itertuples()
     ]
     return known
+
+
+def by_posture(compared: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
+    """By joint, the arms of `beside_published` in mm: a row for each tendon and who says it, the
+    model first, a column for each posture."""
+    import pandas
+
+    ours = compared.assign(source="model", arm_mm=compared.model_mm)
+    ours = ours.drop_duplicates(["joint", "tendon", "posture_deg"])
+    out = {}
+    for joint in dict.fromkeys(compared.joint):
+        parts = [table[table.joint == joint] for table in (ours, compared)]
+        tendons, postures, sources = (
+            list(dict.fromkeys([*parts[0][name], *parts[1][name]]))
+            for name in ("tendon", "posture_deg", "source")
+        )
+        wide = pandas.concat(parts).pivot(
+            index=["tendon", "source"], columns="posture_deg", values="arm_mm"
+        )
+        rows = [(t, s) for t in tendons for s in sources if (t, s) in wide.index]
+        out[str(joint)] = wide.loc[rows, sorted(postures, key=_flexion)]
+    return out
+
+
+def _flexion(posture: str) -> tuple[bool, tuple[float, ...]]:
+    """For an order of postures: a range last."""
+    ranged = posture == "range"
+    return ranged, () if ranged else tuple(float(part) for part in posture.split("/"))
 
 
 def _arm(models: Models, tendon: str, joint: str, posture: str) -> float:
@@ -146,7 +175,7 @@ def _posture(text: str) -> dict[str, float]:
 def draw(
     table: pandas.DataFrame,
     title: str,
-    known: pandas.DataFrame | None,
+    known: pandas.DataFrame,
     posture: Mapping[str, float],
 ) -> Figure:
     """A panel for each joint: arm against angle, a line for each tendon; of the published arms
@@ -166,16 +195,15 @@ def draw(
         for tendon, line in here.groupby("tendon", sort=False):
             if not line.arm_mm.abs().max() < 1e3 * ACTION:
                 axes.plot(line.angle_deg, line.arm_mm, **looks[str(tendon)].line)
-        if known is not None:
-            seen = known[(known.joint == joint) & known.tendon.isin(tendons)]
-            _draw_known(axes, seen, looks, posture, float(here.angle_deg.max()))
+        seen = known[(known.joint == joint) & known.tendon.isin(tendons)]
+        _draw_known(axes, seen, looks, posture, float(here.angle_deg.max()))
         axes.axhline(0.0, color="0.7", lw=0.8, zorder=0)
         axes.set(title=joint.replace("_", " "), xlabel="angle, deg")
         axes.grid(alpha=0.3)
     lines = [Line2D([], [], label=tendon, **looks[tendon].line) for tendon in tendons]
     figure.legend(handles=lines, loc="outside right center", handlelength=3)
     figure.axes[0].set_ylabel("moment arm, mm (flexion, radial abduction positive)")
-    shown = "" if known is None else " (dotted: published means, points: published values)"
+    shown = "" if known.empty else " (dotted: published means, points: published values)"
     figure.suptitle(f"{title}: moment arms{shown}", fontsize=11)
     return figure
 

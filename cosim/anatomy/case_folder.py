@@ -41,7 +41,7 @@ def _defaults() -> Defaults:
     from cosim.hoods.shell.table import ShellHoodConfig
 
     hood = cast(ShellHoodConfig, load_case(BASE).hood)
-    return Defaults(hood.thickness, hood.contact.offset.model_dump())
+    return Defaults(hood.thickness, hood.contact)
 
 
 def write_case(part: Path, name: str, given: UserAnatomy, made: Built) -> None:

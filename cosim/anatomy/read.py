@@ -22,6 +22,7 @@ from meshes.imported.names import check_names
 from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
 
 if TYPE_CHECKING:
+    from cosim.hoods.supports import ContactConfig
     from meshes.hood_mesh import HoodMesh
     from meshes.hull import Level
     from meshes.imported.raw import RawMesh
@@ -72,10 +73,10 @@ class Built:
 
 @dataclass(frozen=True)
 class Defaults:
-    """Values of the base case, m: thickness of the sheet and its face's height over each bone."""
+    """Of the base case: the sheet's thickness, m, and its contact with the bones."""
 
     thickness: float
-    offset: Mapping[str, float]
+    contact: ContactConfig
 
 
 def read_anatomy(given: UserAnatomy, defaults: Defaults) -> Built:
@@ -142,7 +143,7 @@ def _with_hood(
     skeleton: Skeleton,
     report: list[str],
 ) -> Built:
-    from cosim.hoods.bone_surfaces import pose_surfaces
+    from cosim.hoods.bone_surfaces import contact_levels, pose_surfaces
     from meshes.bones import bone_surface
     from meshes.hull import Centreline, Level
 
@@ -172,7 +173,8 @@ def _with_hood(
     if given.placing.mirrors:
         report.append("hood: mirrored by --axes; a left hand becomes a right one")
     report += [f"hood: {note}" for note in (*sheet.notes, *assumed)]
-    offset = _clearance(mesh, level, defaults.offset, report)
+    touched, wanted = contact_levels(defaults.contact, surfaces, skeleton)
+    offset = _clearance(mesh, level, replace(level, surfaces=touched), wanted, report)
     return Built(model, force, bones, mesh, offset, tuple(report))
 
 
@@ -192,18 +194,14 @@ def read_hood(path: Path) -> RawMesh:
 
 
 def _clearance(
-    mesh: HoodMesh, level: Level, wanted: Mapping[str, float], report: list[str]
+    mesh: HoodMesh, bare: Level, touched: Level, wanted: Mapping[str, float], report: list[str]
 ) -> dict[str, float]:
-    """m by body, how high over the bare bone the sheet's face bears on it: the base case's height,
-    or where the sheet was laid nearer, the least that it has there.
+    """m by body, how high over the bone's back the sheet's face bears on it: the base case's
+    height, or where the sheet was laid nearer to the `touched` surfaces, the least that it has
+    there.
 
     Raises InputError where the hood runs through a bone, or is nowhere near one."""
-    gaps = {
-        body: level.surfaces[body].distance((mesh.points - level.position[i]) @ level.rotation[i])[
-            0
-        ]
-        for i, body in enumerate(BODIES)
-    }
+    gaps = _gaps(mesh, bare)
     faults = [_through(mesh, body, gap) for body, gap in gaps.items() if (gap < -DEEP).any()]
     away = np.all([gap >= gap.max() - 1e-12 for gap in gaps.values()], axis=0)
     if away.mean() > MOST:
@@ -222,7 +220,18 @@ def _clearance(
         report.append(
             f"clearance: {away.sum()} of {len(away)} nodes are 5 mm or more from any bone"
         )
-    return {body: _offset(mesh, body, gaps[body], wanted[body], report) for body in BODIES}
+    over = _gaps(mesh, touched)
+    return {body: _offset(mesh, body, over[body], wanted[body], report) for body in BODIES}
+
+
+def _gaps(mesh: HoodMesh, level: Level) -> dict[str, Array]:
+    """(n,) m by body, of the nodes over its surface."""
+    here = (
+        (mesh.points - position) @ rotation
+        for position, rotation in zip(level.position, level.rotation, strict=True)
+    )
+    bodies = zip(BODIES, here, strict=True)
+    return {body: level.surfaces[body].distance(local)[0] for body, local in bodies}
 
 
 def _through(mesh: HoodMesh, body: str, gap: Array) -> str:

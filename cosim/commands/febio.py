@@ -162,6 +162,11 @@ def export(
 
         checked = load_case(case, settings or ())
         check_file(out)
+        if checked.hood.kind == "shell" and any(head for _, head in checked.hood.contact.heads):
+            raise InputError(
+                "hood.contact.heads: cannot be written: contact in FEBio's format keeps one gap "
+                "over all of a bone; leave the heads out of the case"
+            )
         typer.echo(f"{checked.name}: building the models", err=True)
         models = build(checked)
         if not isinstance(models.hood, ShellHood):

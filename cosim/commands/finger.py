@@ -47,9 +47,8 @@ def moment_arms(
             tension, _ = tensions(checked, models)
             ranges = joint_ranges(models.finger)
             table, lost = sweep(models, tension, ranges, steps, told.say)
-        known, compared = None, None
-        if checked.finger.has_literature:
-            known, compared = published_arms(), beside_published(models)
+        known = published_arms(checked.finger.kind)
+        compared = None if known.empty else beside_published(models, known)
         _write(out, table, compared, draw(table, checked.title, known, models.posture))
         _show(table)
         if compared is not None:
@@ -88,18 +87,15 @@ def _show(table: pandas.DataFrame) -> None:
 
 
 def _show_published(compared: pandas.DataFrame) -> None:
-    rows = [
-        (
-            f"{row.tendon} {row.joint}",
-            row.posture_deg,
-            f"{row.model_mm:.2f}",
-            f"{row.arm_mm:.2f}",
-            f"{row.model_mm - row.arm_mm:+.2f}",
-            row.source,
-        )
-        for row in compared.itertuples()
-    ]
-    print_table("", ("arm, mm", "MCP/PIP/DIP", "model", "published", "difference", "source"), rows)
+    """A table for each joint: the model's arms and each source's, a column for each posture."""
+    from cosim.analyses.moment_arms import by_posture
+
+    for joint, wide in by_posture(compared).items():
+        rows = [
+            (str(tendon), str(source), *(f"{arm:.1f}" if isfinite(arm) else "-" for arm in arms))
+            for (tendon, source), arms in zip(wide.index, wide.to_numpy(), strict=True)
+        ]
+        print_table("", (f"{joint}, arm mm at MCP/PIP/DIP", "", *map(str, wide.columns)), rows)
 
 
 def mjcf(

@@ -22,7 +22,7 @@ from cosim.fingers.common import (
     PostureConfig,
     TipConfig,
 )
-from cosim.fingers.kind import FingerKind
+from cosim.fingers.kind import Eyelets, FingerKind
 from cosim.port import Triangles
 from cosim.schema.fields import fault, name_of
 from cosim.schema.types import MUSCLES, Acceleration, BodyName, File, Number, Table
@@ -202,4 +202,13 @@ def _user_bone(body: str, bone: BoneConfig, finger: IndexFingerConfig) -> Triang
     return points * [finger.length_scale, finger.width_scale, finger.width_scale], faces
 
 
-KIND = FingerKind(IndexFingerConfig, build, bones, model, skeleton, width)
+def eyelets(finger: IndexFingerConfig) -> Eyelets:
+    """Points from which the intrinsic tendons run to a sheet."""
+    from rigid.fingers.anatomy import eyelets
+    from rigid.fingers.index import INTRINSIC, O2O3, ROWS
+
+    longer = float(skeleton(finger).length[1] / index_finger().length[1])
+    return eyelets(ROWS, INTRINSIC, O2O3 * longer, O2O3 * width(finger))
+
+
+KIND = FingerKind(IndexFingerConfig, build, bones, model, skeleton, width, eyelets)

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 T = TypeVar("T", bound=FingerConfig)
-Guides = Mapping[str, tuple[float, float, float]]
+Eyelets = Mapping[str, tuple[float, float, float]]
+"""By tendon, the point beside the metacarpal (m distal of the MCP, dorsal, radial) that it glides
+through on its way to a hood."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +35,8 @@ class FingerKind(Generic[T]):
     """Joints and lengths that a hood is laid out on."""
     width: Callable[[T], float] = lambda finger: 1.0
     """How much wider it is than our index finger."""
-    intrinsic: Callable[[T], Guides | None] = lambda finger: None
-    """Where the intrinsic tendons run to a sheet from, of a finger that has its own."""
+    eyelets: Callable[[T], Eyelets] = lambda finger: {}
+    """Where the intrinsic tendons run to a sheet from."""
 
     @property
     def name(self) -> str:
@@ -55,7 +57,7 @@ class Anatomy:
     bones: Mapping[str, Triangles]
     """m, in the bodies' frames."""
     width: float
-    intrinsic: Guides | None
+    eyelets: Eyelets
     model: FingerModel | None
     """None of hinges in one plane, which are joined in a row."""
     hooded: tuple[str, ...] = ()

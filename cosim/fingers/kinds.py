@@ -142,7 +142,7 @@ def anatomy_of(finger: AnyFinger, extensor: Extensor) -> Anatomy:
         None if kind.skeleton is None else kind.skeleton(finger),
         {} if kind.bones is None else kind.bones(finger, extensor),
         kind.width(finger),
-        kind.intrinsic(finger),
+        kind.eyelets(finger),
         model,
         hooded,
     )

@@ -18,7 +18,7 @@ from cosim.fingers.common import (
     PostureConfig,
     TipConfig,
 )
-from cosim.fingers.kind import FingerKind, Guides
+from cosim.fingers.kind import Eyelets, FingerKind
 from cosim.port import Triangles
 from cosim.schema.fields import name_of
 from cosim.schema.types import Acceleration, Number
@@ -43,6 +43,9 @@ class MiddleFingerConfig(FingerConfig):
     """Joint angles, held or from which the finger starts."""
     length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
     """Lengths over those of Synek's middle finger."""
+    interosseous: Literal["myohand", "an1979"] = "myohand"
+    """Path of the radial interosseous at the MCP: MyoHand's, or the normative table's, whose depth
+    of 0.565 O2O3 is perhaps a misprint for 0.265 (arm 8.1 mm in the straight finger for 3.6)."""
     tip: TipConfig = HeldTipConfig(kind="point")
     limit: LimitConfig | None = None
     """Limits of the joints; without it they turn freely."""
@@ -66,10 +69,10 @@ def model(finger: MiddleFingerConfig, extensor: Extensor) -> FingerModel:
     from rigid.fingers.middle import finger_model, finger_model_for_hood
 
     if extensor.lies_on_bones:
-        return finger_model_for_hood(finger.length_scale)
+        return finger_model_for_hood(finger.length_scale, finger.interosseous)
     if extensor.central is None:
         return finger_model(finger.length_scale).with_only("FDP", "FDS")
-    return finger_model(finger.length_scale, extensor.central)
+    return finger_model(finger.length_scale, extensor.central, finger.interosseous)
 
 
 def build(finger: MiddleFingerConfig, extensor: Extensor) -> ChainFinger:
@@ -104,11 +107,13 @@ def bones(finger: MiddleFingerConfig, extensor: Extensor) -> Mapping[str, Triang
     }
 
 
-def intrinsic(finger: MiddleFingerConfig) -> Guides:
+def eyelets(finger: MiddleFingerConfig) -> Eyelets:
     """Points from which the intrinsic tendons run to a sheet."""
-    from rigid.fingers.middle import intrinsic_guides
+    from rigid.fingers.anatomy import eyelets
+    from rigid.fingers.middle import INTRINSIC, O2O3, rows
 
-    return intrinsic_guides(finger.length_scale)
+    unit = O2O3 * finger.length_scale
+    return eyelets(rows(finger.interosseous), INTRINSIC, unit, unit)
 
 
-KIND = FingerKind(MiddleFingerConfig, build, bones, model, skeleton, width, intrinsic)
+KIND = FingerKind(MiddleFingerConfig, build, bones, model, skeleton, width, eyelets)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,9 @@ from cosim.errors import InputError
 from cosim.port import Triangles
 
 if TYPE_CHECKING:
-    from fe_solver.surfaces.spline_distance import Surface
+    from cosim.hoods.supports import ContactConfig
+    from fe_solver.surfaces.spline_distance import SplineDistance
+    from meshes.skeleton import Skeleton
 
 LEAST, STEP = 5e-3, 2e-3
 """m, how far beyond a bone its baked distance reaches at least, and in what steps further: so that
@@ -21,7 +23,7 @@ a study or a slider of the contact's height does not bake anew for each value.""
 
 def pose_surfaces(
     bones: Mapping[str, Triangles], level: Mapping[str, float] | None = None
-) -> dict[str, Surface]:
+) -> dict[str, SplineDistance]:
     """Surfaces of bones with a distance baked round each, by body and in its frame; `level` (m) by
     body is how high over the bone a hood touches it at most, zero where it is not stated."""
     heights = level or {}
@@ -29,6 +31,28 @@ def pose_surfaces(
         body: _pose_surface(body, *map(_frozen, triangles), _margin(heights.get(body, 0.0)))
         for body, triangles in bones.items()
     }
+
+
+def contact_levels(
+    contact: ContactConfig,
+    bones: Mapping[str, Triangles],
+    skeleton: Skeleton,
+    highest: float = 0.0,
+) -> tuple[dict[str, SplineDistance], dict[str, float]]:
+    """By body the surface over which a hood touches a bone and the offset (m) from it at which its
+    face does, as a case states them: where a head is covered by less than the bone's back, the
+    surface lies as much deeper.  `highest`: m that the hood touches above its face at most."""
+    from meshes.cover import Head, Joint, thinner
+
+    offset = {body: getattr(contact.offset, body) for body in bones}
+    surfaces = pose_surfaces(bones, {body: o + highest for body, o in offset.items()})
+    for body, stated in contact.heads:
+        if stated is not None:
+            head = Head(*(min(over, offset[body]) for over in (stated.face, stated.sides)))
+            joint = Joint.of(skeleton, body)
+            less = partial(thinner, joint=joint, back=offset[body], head=head)
+            surfaces[body] = surfaces[body].plus(less)
+    return surfaces, offset
 
 
 def _margin(level: float) -> float:
@@ -54,7 +78,7 @@ class _frozen:
 
 
 @lru_cache(maxsize=32)
-def _pose_surface(body: str, vertices: _frozen, faces: _frozen, margin: float) -> Surface:
+def _pose_surface(body: str, vertices: _frozen, faces: _frozen, margin: float) -> SplineDistance:
     from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
 
     try:

@@ -69,6 +69,7 @@ STATE = (
     "strain_percent.<direction>.<statistic>",
     "region_strain_percent.<region>.<direction>.<statistic>",
     "region_force_N.<region>",
+    "strip_arm_mm.<region>",
     "point_displacement_mm.*.<axis>",
     "point_strain_percent.*.<component>",
     "gauge_strain_percent.*",

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from fe_solver.forces.contact import ramp
+from fe_solver.forces.ramp import ramp
 from fe_solver.forces.springs import PairForces
 
 Array = NDArray[np.float64]

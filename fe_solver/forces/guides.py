@@ -1,4 +1,5 @@
-"""What holds nodes of the sheet: ties to bodies, and guides that leave some of their motions."""
+"""What holds nodes of the sheet: ties to bodies, guides that leave some of their motions, and ropes
+that run from them through eyelets of a body."""
 
 from __future__ import annotations
 
@@ -69,6 +70,42 @@ class Guides:
     def steady(self) -> NDArray[np.bool_]:
         """(k,) whose director the body turns."""
         return np.asarray(self.still.any(axis=1))
+
+
+@dataclass(frozen=True)
+class Ropes:
+    """Ends of tendons that run straight from a node of the sheet to an eyelet of a body, glide
+    through it without friction and go on along `pull`, where the muscle is.
+
+    node (k,), body (k,); eyelet (k, 3) m and unit pull (k, 3) in the body's frame; length (k,) m
+    from node to eyelet where the excursion is zero; share (nt, k) of each tendon's tension in each
+    rope."""
+
+    node: Ints
+    body: Ints
+    eyelet: Array
+    pull: Array
+    length: Array
+    share: Array
+
+    @staticmethod
+    def none(tendons: int = 0) -> Ropes:
+        """No ropes, of so many tendons."""
+        i, v = np.zeros(0, dtype=np.intp), np.zeros((0, 3))
+        return Ropes(i, i, v, v, np.zeros(0), np.zeros((tendons, 0)))
+
+    def arm(self, rotation: Array) -> Array:
+        """(k, 3) m from the bodies' origins to the eyelets, world, with bodies at `rotation` (nb,
+        3, 3)."""
+        return np.asarray(np.einsum("kij,kj->ki", rotation[self.body], self.eyelet))
+
+    def along(self, rotation: Array) -> Array:
+        """(k, 3) unit, which way the muscles pull, world."""
+        return np.asarray(np.einsum("kij,kj->ki", rotation[self.body], self.pull))
+
+    def reach(self, x: Array, position: Array, rotation: Array) -> Array:
+        """(k, 3) m from the eyelets to the nodes at x (n, 3), world."""
+        return np.asarray(x[self.node] - position[self.body] - self.arm(rotation))
 
 
 def _free_turns(count: int) -> tuple[Array, NDArray[np.bool_]]:

@@ -12,10 +12,16 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, PPoly
 
 from cosim.errors import InputError
+from fe_solver.forces.guides import Ropes
+from fe_solver.forces.ramp import ramp
 from fe_solver.vectors import sum_at_nodes
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
+
+
+ROPE = -2
+"""The group of the forces of ropes; contacts are of -1, springs of their sets' numbers."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +78,8 @@ class ForceCurve:
 
 @dataclass(frozen=True)
 class Springs:
-    """Springs of energy k (l - l0)^2 / 2, zero for l < l0 where `tension_only`.
+    """Springs of energy k (l - l0)^2 / 2, zero for l < l0 where `tension_only`; with a `toe` (k,) m
+    such a one's force sets in smoothly from l0 - toe to l0 + toe.
 
     node (k,), body (k,) indices; anchor (k, 3) in the body frame, m; stiffness (k,) N/m; length
     (k,) slack length l0, m; tension_only (k,) bool; group (k,) index of the set that a spring is
@@ -86,6 +93,7 @@ class Springs:
     tension_only: NDArray[np.bool_]
     group: Ints
     curves: Sequence[ForceCurve] = ()
+    toe: Array | None = None
 
     def __post_init__(self) -> None:
         _check_curves(self.curves, self.tension_only)
@@ -156,6 +164,11 @@ def axial(springs: Springs | NodeSprings, length: Array) -> Axial:
     for curve in springs.curves:
         i = curve.springs
         energy[i], force[i], slope[i] = curve(stretch[i])
+    if isinstance(springs, Springs) and springs.toe is not None:
+        i = np.flatnonzero(springs.toe * springs.tension_only > 0)
+        parts = ramp(stretch[i], springs.toe[i])
+        energy[i], force[i], slope[i] = (springs.stiffness[i] * part for part in parts)
+        taut[i] = stretch[i] > -springs.toe[i]
     return Axial(taut * energy, taut * force, taut * slope, stretch, taut)
 
 
@@ -271,8 +284,35 @@ def spring_forces(
         np.where(springs.tension_only, pull.stretch, np.inf),
         direction,
         stiffness,
-        np.zeros(len(length)),
+        np.zeros(len(length)) if springs.toe is None else springs.toe,
         length,
+    )
+
+
+def rope_forces(
+    ropes: Ropes, tension: Array, x: Array, position: Array, rotation: Array
+) -> PointForces:
+    """Forces of ropes that bear `tension` (k,) N, as those of springs whose force does not change;
+    the tendons' work is counted elsewhere, so that they have no energy."""
+    length, direction = _lines(ropes.reach(x, position, rotation))
+    none, endless = np.zeros(len(length)), np.full(len(length), np.inf)
+    return PointForces(
+        ropes.node[:, None],
+        np.ones((len(length), 1)),
+        np.full(len(length), -1, dtype=np.intp),
+        ropes.body,
+        0.0,
+        tension[:, None] * direction,
+        tension,
+        partial(_hessian, none, length, direction, True),
+        ropes.arm(rotation),
+        np.zeros(len(length), dtype=bool),
+        np.full(len(length), ROPE),
+        endless,
+        direction,
+        none,
+        none,
+        endless,
     )
 
 

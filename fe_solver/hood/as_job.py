@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +14,9 @@ from fe_solver.elements.mesh_geometry import is_triangle, node_directors
 from fe_solver.elements.mitc4 import GAUSS, shape
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
+from fe_solver.forces.ramp import ramp
 from fe_solver.hood.shell_hood import ShellHood
-from fe_solver.job.curves import Drive, LoadCurve
+from fe_solver.job.curves import Drive, Extension, LoadCurve
 from fe_solver.job.job import (
     Body,
     ContactPair,
@@ -40,6 +41,8 @@ Triangles = tuple[Array, Ints]
 
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 INCREMENTS = 10
+TOE_POINTS = 21
+"""Of the table that a spring's toe becomes."""
 SAME = 1e-9
 """m, or relative: what differs by less is one."""
 
@@ -52,8 +55,9 @@ def job_of_hood(
     name: str = "hood",
     on_face: bool = True,
 ) -> Job:
-    """The hood from its rest pose to `motion` under `tension` (nt,) N, both growing over t = 0 to
-    1, in the frame of the body along which its tendons slide (the first one where none does).
+    """The hood from its rest pose to `motion` under `tension` (nt,) N, both growing over t = 0 to 1
+    (but that of ropes, which is there from the start), in the frame of the body along which its
+    tendons slide (the first one where none does).
 
     `bones` are the surfaces of the bodies that the hood touches, by name: vertices (nv, 3) m in the
     body's frame, triangles (nt, 3).  The file format puts nodes on the face that the normal points
@@ -104,7 +108,7 @@ def job_of_hood(
         _ties(model),
         _supports(model.guides),
         (),
-        _springs(model, rest, flat, points),
+        (*_springs(model, rest, flat, points), *_ropes(model, rest, points, np.asarray(tension))),
         _pulls(hood, tension),
         (),
         (),
@@ -239,9 +243,10 @@ def _supports(guides: Guides) -> tuple[PrescribedDisplacement, ...]:
 def _springs(model: ShellModel, rest: Motion, flat: Array, points: Array) -> tuple[SpringSet, ...]:
     """One set for each group; where its springs are not alike, one for each kind of them."""
     s, out = model.springs, []
-    kinds = np.stack([s.group, s.stiffness, s.tension_only], axis=1)
+    toes = np.zeros(len(s.node)) if s.toe is None else s.toe * s.tension_only
+    kinds = np.stack([s.group, s.stiffness, s.tension_only, toes], axis=1)
     unique, kind = np.unique(kinds, axis=0, return_inverse=True)
-    for i, (group, stiffness, only) in enumerate(unique):
+    for i, (group, stiffness, only, toe) in enumerate(unique):
         own = np.flatnonzero(kind.reshape(-1) == i)
         node, body = s.node[own], s.body[own]
         anchor = np.einsum("kij,kj->ki", rest.rotation[body], s.anchor[own])
@@ -250,10 +255,32 @@ def _springs(model: ShellModel, rest: Motion, flat: Array, points: Array) -> tup
         length = slack + np.linalg.norm(points[node] - there, axis=1)
         group_name = model.groups[int(group)] if model.groups else f"springs {int(group) + 1}"
         alone = (unique[:, 0] == group).sum() == 1
-        law = SpringLaw(float(stiffness), bool(only))
+        table = _toe_table(float(stiffness), float(toe)) if toe else None
+        law = SpringLaw(float(stiffness), bool(only), table)
         title = group_name if alone else f"{group_name} {i + 1}"
         out.append(SpringSet(title, law, node, body, anchor, np.full(len(own), -1), length))
     return tuple(out)
+
+
+def _toe_table(stiffness: float, toe: float) -> LoadCurve:
+    """N by elongation (m) of a spring that sets in over a toe, straight beyond it."""
+    stretch = toe * np.linspace(-1.0, 1.0, TOE_POINTS)
+    force = stiffness * ramp(stretch, toe)[1]
+    return LoadCurve(
+        tuple(stretch.tolist()), tuple(force.tolist()), extension=Extension.EXTRAPOLATE
+    )
+
+
+def _ropes(model: ShellModel, rest: Motion, points: Array, tension: Array) -> Iterator[SpringSet]:
+    """The ropes that bear something, as springs of constant force."""
+    r = model.ropes
+    for i, force in enumerate(tension @ r.share):
+        if force:
+            there = rest.position[r.body[i]] + r.arm(rest.rotation)[i]
+            length = np.array([np.linalg.norm(points[r.node[i]] - there)])
+            law = SpringLaw(0.0, table=LoadCurve((-1.0, 1.0), (float(force), float(force))))
+            at = r.node[i : i + 1], r.body[i : i + 1], r.arm(rest.rotation)[i : i + 1]
+            yield SpringSet(f"rope {i + 1}", law, *at, np.array([-1]), length)
 
 
 def _pulls(hood: ShellHood, tension: Array) -> tuple[NodalForce, ...]:

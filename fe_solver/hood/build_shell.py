@@ -15,7 +15,7 @@ from fe_solver.elements.mesh_geometry import node_areas, node_directors, node_me
 from fe_solver.elements.shell import shell_tables
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.contact_points import ElementPoints
-from fe_solver.forces.guides import Guides, Ties
+from fe_solver.forces.guides import Guides, Ropes, Ties
 from fe_solver.forces.springs import Springs
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.materials.in_situ import thickness_as_laid
@@ -75,20 +75,24 @@ class ShellSheet:
 @dataclass(frozen=True)
 class SpringGroup:
     """Springs of one name: `stiffness` (N/m) is the set's total; `slack` (m) is added to the
-    distance at rest."""
+    distance at rest; over the `toe` (m) the force sets in."""
 
     attached: Attached
     stiffness: float
     slack: float
     tension_only: bool
+    toe: float = 0.0
 
 
 @dataclass(frozen=True)
 class TendonEnd:
-    """A tendon's end: guided nodes and their shares of its tension, adding up to one."""
+    """A tendon's end: nodes and their shares of its tension, adding up to one.  They slide along
+    the tendon, or where it runs through an `eyelet` (3,) m, in the guiding body's frame, hang on
+    ropes to there."""
 
     nodes: Ints
     share: Array
+    eyelet: Array | None = None
 
 
 STICK = 0.01
@@ -155,6 +159,7 @@ def shell_hood(
         bodies,
         groups=tuple(held),
         regions=sheet.regions,
+        ropes=ropes_of(X, rest, guide_body, pull, tendons),
     )
     return ShellHood(
         model,
@@ -180,11 +185,33 @@ def check_supports(springs: Mapping[str, SpringGroup], tied: Mapping[str, Ints])
 
 def shares_of(tendons: Mapping[str, TendonEnd]) -> tuple[Ints, Array]:
     """The guided nodes (k,), ascending, and the tendons' shares (nt, k) of them."""
-    guided = np.unique(np.concatenate([t.nodes for t in tendons.values()]))
+    sliding = [t.nodes for t in tendons.values() if t.eyelet is None]
+    guided = np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *sliding]))
     share = np.zeros((len(tendons), len(guided)))
     for row, tendon in zip(share, tendons.values(), strict=True):
-        np.add.at(row, np.searchsorted(guided, tendon.nodes), tendon.share)
+        if tendon.eyelet is None:
+            np.add.at(row, np.searchsorted(guided, tendon.nodes), tendon.share)
     return guided, share
+
+
+def ropes_of(
+    X: Array, rest: Motion, body: str, pull: Array, tendons: Mapping[str, TendonEnd]
+) -> Ropes:
+    """Ropes of the tendons that run through eyelets of `body`, from nodes at points X (n, 3) in the
+    pose `rest`, and on along `pull` (3,) in its frame."""
+    parts = [(i, t, t.eyelet) for i, t in enumerate(tendons.values()) if t.eyelet is not None]
+    if not parts:
+        return Ropes.none(len(tendons))
+    node = np.concatenate([t.nodes for _, t, _ in parts])
+    eyelet = np.concatenate([np.tile(point, (len(t.nodes), 1)) for _, t, point in parts])
+    share, first = np.zeros((len(tendons), len(node))), 0
+    for i, t, _ in parts:
+        share[i, first : first + len(t.nodes)] = t.share
+        first += len(t.nodes)
+    unit = np.tile(np.asarray(pull) / np.linalg.norm(pull), (len(node), 1))
+    index = np.full(len(node), rest.bodies.index(body))
+    length = np.linalg.norm(_local(rest, body, X[node]) - eyelet, axis=1)
+    return Ropes(node, index, eyelet, unit, length, share)
 
 
 def _local(rest: Motion, body: str, points: Array) -> Array:
@@ -225,12 +252,13 @@ def springs_of(X: Array, rest: Motion, sets: Mapping[str, SpringGroup]) -> Sprin
         body = ones * rest.bodies.index(s.attached.body)
         shares = ones if s.attached.shares is None else s.attached.shares
         k = s.stiffness * shares / shares.sum()
-        columns.append((nodes, body, anchors, k, length, ones * s.tension_only, ones * group))
-    node, body, anchor, k, length, only, group_of = (
+        only = ones * s.tension_only
+        columns.append((nodes, body, anchors, k, length, only, ones * group, ones * s.toe))
+    node, body, anchor, k, length, only, group_of, toe = (
         np.concatenate(c) for c in zip(*columns, strict=True)
     )
     whole = lambda a: a.astype(np.intp)  # noqa: E731
-    return Springs(whole(node), whole(body), anchor, k, length, only > 0, whole(group_of))
+    return Springs(whole(node), whole(body), anchor, k, length, only > 0, whole(group_of), toe=toe)
 
 
 def heights(sheet: ShellSheet) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cosim.errors import ConvergenceError, InputError, say
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
-from fe_solver.solver.body_coupling import wrenches
+from fe_solver.solver.body_coupling import rope_travel, wrenches
 from fe_solver.solver.mixed_steps import Prediction, predict_motion
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
@@ -160,10 +160,12 @@ class ShellHood:
         s = _solution_of(state)
         _, wrench_motion, _, wrench_tension = s.coupling
         nm, by_follow = len(wrench_motion), s.residual_derivative.T @ s.sensitivity
+        ropes = self.model.ropes.node.size
+        excursion = rope_travel(self.model, state.configuration) if ropes else 0.0
         return HoodJacobian(
             wrench_motion - by_follow[:nm, :nm],
             wrench_tension - by_follow[:nm, nm:],
-            -by_follow[nm:, :nm],
+            excursion - by_follow[nm:, :nm],
             -by_follow[nm:, nm:],
         )
 
@@ -365,10 +367,15 @@ class ShellHood:
 
     def _pull(self, c: Configuration, tension: Array) -> Array:
         """(nt, 6) wrench of each tendon on the hood about the world's origin."""
-        g = self.model.guides
+        g, ropes = self.model.guides, self.model.ropes
         along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
-        force = (tension[:, None] * self.model.share) @ along
-        moment = (tension[:, None] * self.model.share) @ cross(c.x[g.node], along)
+        place, share = c.x[g.node], self.model.share
+        if len(ropes.node):
+            along = np.concatenate([along, ropes.along(c.rotation)])
+            place = np.concatenate([place, c.position[ropes.body] + ropes.arm(c.rotation)])
+            share = np.hstack([share, ropes.share])
+        force = (tension[:, None] * share) @ along
+        moment = (tension[:, None] * share) @ cross(place, along)
         return np.hstack([force, moment])
 
     def group_forces(self, state: HoodState) -> dict[str, Array]:

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cosim.port import skew
-from fe_solver.forces.springs import PointForces
+from fe_solver.forces.springs import ROPE, PointForces
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.vectors import add_at, cross
@@ -22,10 +22,11 @@ def wrenches(
     world frame, by source: springs per group, contact, tie, guide."""
     nb, p, t, g = len(model.bodies), e.points, model.ties, model.guides
     groups = int(model.springs.group.max(initial=-1)) + 1
-    points = np.zeros((groups + 1, nb, 6))
-    np.add.at(points, (p.group, p.body), _about(p.arm, p.gradient))  # contact is the last, -1
+    points = np.zeros((groups + 2, nb, 6))
+    # contact is the last, -1, and ropes are before it
+    np.add.at(points, (p.group, p.body), _about(p.arm, p.gradient))
     out = {"contact": points[-1]} | {f"spring {i}": points[i] for i in range(groups)}
-    on = g.steady
+    on, ropes = g.steady, model.ropes
     for name, held, force, turned in (
         ("tie", t, e.gradient_x[t.node], slice(None)),
         ("guide", g, e.gradient_x[g.node] - model.pulls(c, tension), on),
@@ -35,6 +36,10 @@ def wrenches(
         node = held.node[turned]
         couple = -cross(c.d[node], e.gradient_d[node])
         np.add.at(out[name][:, 3:], held.body[turned], couple)
+    if len(ropes.node):
+        pull = (tension @ ropes.share)[:, None] * ropes.along(c.rotation)
+        out["guide"] += points[ROPE]
+        np.add.at(out["guide"], ropes.body, _about(ropes.arm(c.rotation), pull))
     return out
 
 
@@ -161,6 +166,15 @@ def _support_terms(
     moment = -skew(total) @ skew(arm) - skew(arm) @ skew(pull)
     add_at(wrench[:, 3:, :, 3:], (g.body, slice(None), g.body), moment)
     add_at(wrench[:, :3, :, 3:], (g.body, slice(None), g.body), -skew(pull))
+    ropes = model.ropes
+    if len(ropes.node):
+        pull, arm = (
+            (tension @ ropes.share)[:, None] * ropes.along(c.rotation),
+            ropes.arm(c.rotation),
+        )
+        add_at(wrench[:, :3, :, 3:], (ropes.body, slice(None), ropes.body), -skew(pull))
+        turned = -skew(cross(arm, pull))
+        add_at(wrench[:, 3:, :, 3:], (ropes.body, slice(None), ropes.body), turned)
     if not g.steady.any():
         return
     on = g.steady
@@ -173,8 +187,20 @@ def _support_terms(
     add_at(wrench[:, 3:, :, 3:], (body, slice(None), body), -turn)
 
 
+def rope_travel(model: ShellModel, c: Configuration) -> Array:
+    """(nt, 6nb) m by m and rad, how tendons' excursions follow the bodies of their eyelets where
+    the nodes stay."""
+    ropes, nb = model.ropes, len(model.bodies)
+    reach = ropes.reach(c.x, c.position, c.rotation)
+    line = reach / np.linalg.norm(reach, axis=1, keepdims=True)
+    moved = _about(ropes.arm(c.rotation), line)
+    out = np.zeros((nb, 6, len(ropes.share)))
+    add_at(out, ropes.body, moved[:, :, None] * ropes.share.T[:, None, :])
+    return np.asarray(out.reshape(6 * nb, -1).T)
+
+
 def _tension_terms(model: ShellModel, c: Configuration, A: Array) -> tuple[Array, Array]:
-    g, nb, nt = model.guides, len(model.bodies), len(model.share)
+    g, ropes, nb, nt = model.guides, model.ropes, len(model.bodies), len(model.share)
     residual = np.zeros((len(c.x), DOFS, nt))
     residual[g.node, 0] = -model.share.T
     wrench = np.zeros((nb, 6, nt))
@@ -182,4 +208,11 @@ def _tension_terms(model: ShellModel, c: Configuration, A: Array) -> tuple[Array
     arm = c.x[g.node] - c.position[g.body]
     unit = np.concatenate([along, cross(arm, along)], axis=1)
     add_at(wrench, g.body, unit[:, :, None] * model.share.T[:, None, :])
+    if len(ropes.node):
+        reach = ropes.reach(c.x, c.position, c.rotation)
+        line = reach / np.linalg.norm(reach, axis=1, keepdims=True)
+        own = np.einsum("kji,kj->ki", A[ropes.node], line)
+        add_at(residual[:, :3], ropes.node, own[:, :, None] * ropes.share.T[:, None, :])
+        unit = _about(ropes.arm(c.rotation), line + ropes.along(c.rotation))
+        add_at(wrench, ropes.body, unit[:, :, None] * ropes.share.T[:, None, :])
     return residual.reshape(len(c.x) * DOFS, nt), wrench.reshape(6 * nb, nt)

@@ -249,7 +249,7 @@ def _predicted_reach(p: PointForces, travel: Array) -> tuple[Ints, Array]:
     the length that they have to first order, once the points moved by `travel` (k, 3) m as their
     bodies see them."""
     more = np.einsum("kj,kj->k", p.direction, travel)
-    slack = np.where(np.isfinite(p.depth), p.length - p.depth, 0.0)
+    slack = np.subtract(p.length, p.depth, out=np.zeros(len(p.depth)), where=np.isfinite(p.depth))
     on = np.flatnonzero(np.isfinite(p.length) & (p.length + more > 0) & (p.length > 0))
     on = on[np.bincount(p.node[on])[p.node[on]] == 1] if on.size else on
     reach = p.length[on, None] * p.direction[on] + travel[on]

@@ -14,7 +14,7 @@ from fe_solver.elements import kernels
 from fe_solver.elements.shell import ElementResponse, ShellTables, element_blocks, element_response
 from fe_solver.forces.cables import Cables, cable_forces
 from fe_solver.forces.contact import Contact, contact_forces, join_point_forces
-from fe_solver.forces.guides import Guides, Ties
+from fe_solver.forces.guides import Guides, Ropes, Ties
 from fe_solver.forces.loads import Inertia, pressure_forces, pressure_tangent
 from fe_solver.forces.springs import (
     NodeSprings,
@@ -22,6 +22,7 @@ from fe_solver.forces.springs import (
     PointForces,
     Springs,
     node_springs,
+    rope_forces,
     spring_forces,
 )
 from fe_solver.materials.section import Section
@@ -74,8 +75,9 @@ class Forces(NamedTuple):
 @dataclass(frozen=True)
 class ShellModel:
     """A shell, its supports and loads; tendons pull guided nodes along their first axis with shares
-    `share` (nt, k) of k guided nodes, each row adding up to one.  `dead` (n, 3) N are forces on the
-    nodes that stay as they are in the world frame, `pressure` (ne,) Pa follows the quads and pushes
+    `share` (nt, k) of k guided nodes, and others by `ropes`; a tendon's shares add up to one.
+    `dead` (n, 3) N are forces on the nodes that stay as they are in the world frame, `pressure`
+    (ne,) Pa follows the quads and pushes
     against their normals."""
 
     quads: Ints
@@ -95,6 +97,8 @@ class ShellModel:
     """Springs between nodes of the shell."""
     cables: Cables = field(default_factory=Cables.none)
     """Line cells; a node of no quad has no director to turn."""
+    ropes: Ropes = field(default_factory=Ropes.none)
+    """What tendons pull on by eyelets."""
     inertia: Inertia | None = None
     groups: tuple[str, ...] = ()
     """Names of the springs' groups."""
@@ -202,7 +206,11 @@ class ShellModel:
 
     def excursion(self, c: Configuration) -> Array:
         """(nt,) m."""
-        return self.share @ self.slide(c)
+        drawn = self.share @ self.slide(c)
+        if len(self.ropes.node):
+            reach = self.ropes.reach(c.x, c.position, c.rotation)
+            drawn = drawn + self.ropes.share @ (self.ropes.length - np.linalg.norm(reach, axis=1))
+        return drawn
 
     def pulls(self, c: Configuration, tension: Array) -> Array:
         """(k, 3) N force of the tendons on each guided node."""
@@ -216,10 +224,14 @@ class ShellModel:
         x = c.x + np.einsum("nij,nj->ni", bases[0], u[:, :3])
         return Configuration(x, turn_directors(c.d, bases[1], u[:, 3:]), c.position, c.rotation)
 
-    def point_forces(self, c: Configuration, curvature: bool = True) -> PointForces:
-        """Forces of springs to bodies and of contacts; `curvature` as in `contact_forces`."""
+    def point_forces(self, c: Configuration, tension: Array, curvature: bool = True) -> PointForces:
+        """Forces of springs to bodies, of contacts, and of ropes under `tension` (nt,) N;
+        `curvature` as in `contact_forces`."""
         parts = [spring_forces(self.springs, c.x, c.position, c.rotation, curvature)]
         parts += [contact_forces(k, c.x, c.position, c.rotation, curvature) for k in self.contacts]
+        if len(self.ropes.node):
+            borne = tension @ self.ropes.share
+            parts.append(rope_forces(self.ropes, borne, c.x, c.position, c.rotation))
         return join_point_forces(parts)
 
     def potential(self, c: Configuration, energy: float, tension: Array) -> float:
@@ -234,7 +246,7 @@ class ShellModel:
         y = np.concatenate([c.x[self.quads], c.d[self.quads]], axis=1)
         bases = A, T = self.bases(c)
         elements = element_response(self.tables, self.section, y)
-        points = self.point_forces(c, not convex)
+        points = self.point_forces(c, tension, not convex)
         n = len(c.x)
         gx, gd = self.nodal(elements.gradient)
         links = self.pair_forces(c.x, not convex)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
-from fe_solver.forces.contact import inverse_ramp, ramp
+from fe_solver.forces.ramp import inverse_ramp, ramp
 from fe_solver.forces.springs import PointForces
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.linear_algebra import Analysis, Factor, Nearby, NotPositiveDefiniteError

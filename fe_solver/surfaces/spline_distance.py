@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -140,6 +141,15 @@ class SplineDistance:
         if file:
             _write(file, baked.coefficients)
         return baked
+
+    def plus(self, values: Callable[[Array], Array]) -> SplineDistance:
+        """The spline of this distance and of `values` (n,) m at points (n, 3), sampled on the same
+        grid: a level that lies higher over the surface here than there."""
+        cells = np.array(self.coefficients.shape) - 2
+        places = np.stack(np.meshgrid(*map(np.arange, cells), indexing="ij"), axis=-1)
+        added = values((self.origin + self.spacing * places).reshape(-1, 3)).reshape(cells)
+        other = self.from_grid(self.origin, self.spacing, added, self.outside)
+        return replace(self, coefficients=self.coefficients + other.coefficients)
 
     @classmethod
     def from_grid(

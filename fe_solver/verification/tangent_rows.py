@@ -13,6 +13,7 @@ from cosim.checks import Row
 from cosim.port import rotation_matrix
 from fe_solver.elements.shell import Array
 from fe_solver.forces.contact import Contact, Grip, contact_forces
+from fe_solver.forces.guides import Ropes
 from fe_solver.forces.loads import Inertia
 from fe_solver.forces.springs import (
     ForceCurve,
@@ -40,6 +41,8 @@ TOE = (1e-3 * np.array([-2.0, 0, 1, 3]), np.array([-0.2, 0, 0.05, 1.0]))
 """Stretch (m) and force (N) of a table."""
 NINE = "nine-node quads"
 KINDS = ("tension-only", "bilateral", "by a table", "by a table, tension-only")
+"""Of springs to a body or between nodes; those to a body may have a toe too."""
+TOED = "with a toe, tension-only"
 FRICTION, STICKS, SLIDES = 0.2, 1e-5, 1e-3
 """Coefficient; distances (m) from the anchors at which nodes stick and slide."""
 PRESSURE = 2e5
@@ -52,14 +55,15 @@ def curves(kind: str, count: int) -> tuple[ForceCurve, ...]:
 
 
 def some_springs(kind: str) -> tuple[Springs, Array]:
-    """Springs of one of KINDS between eight nodes and two bodies, some of them slack, and the
-    nodes' places (m)."""
+    """Springs of one of KINDS, or TOED, between eight nodes and two bodies, some of them slack, and
+    the nodes' places (m)."""
     rng = np.random.default_rng(0)
     x, slack = 4e-3 * rng.normal(size=(8, 3)), rng.uniform(1e-3, 12e-3, 9)
     node, body = np.arange(9) % 8, np.arange(9) % 2
     anchor, stiffness = 4e-3 * rng.normal(size=(9, 3)), rng.uniform(100, 300, 9)
     only, group = np.full(9, kind.endswith("tension-only")), np.zeros(9, dtype=np.intp)
-    return Springs(node, body, anchor, stiffness, slack, only, group, curves(kind, 9)), x
+    toe = np.full(9, 3e-3) if kind == TOED else None
+    return Springs(node, body, anchor, stiffness, slack, only, group, curves(kind, 9), toe), x
 
 
 def between_nodes(s: Springs, partner: np.ndarray) -> NodeSprings:
@@ -139,10 +143,12 @@ def pair_error(springs: NodeSprings, x: Array) -> float:
 
 def spring_rows() -> Iterator[Row]:
     """Every kind, to bodies and between nodes."""
-    for kind in KINDS:
+    for kind in (*KINDS, TOED):
         springs, x = some_springs(kind)
         error = forces_error(partial(_pull_by, springs), x)
         yield Row("springs to bodies: tangent", kind, 1e-6, error, 0.0, OWN, "bound")
+    for kind in KINDS:
+        springs, x = some_springs(kind)
         error = pair_error(between_nodes(springs, (springs.node + 3) % 8), x)
         yield Row("springs between nodes: tangent", kind, 1e-6, error, 0.0, OWN, "bound")
 
@@ -178,7 +184,8 @@ def _with_springs(kind: str, model: ShellModel) -> ShellModel:
     anchor = X + np.random.default_rng(6).normal(size=X.shape) * SIDE
     length = np.where(node % 2, 0.9, 1.1) * np.linalg.norm(anchor - X, axis=1)
     only = np.full(len(X), kind.endswith("tension-only"))
-    springs = Springs(node, body, anchor, k, length, only, body, curves(kind, len(X)))
+    toe = np.full(len(X), 0.2 * SIDE) if kind == TOED else None
+    springs = Springs(node, body, anchor, k, length, only, body, curves(kind, len(X)), toe)
     return replace(model, springs=springs)
 
 
@@ -216,6 +223,15 @@ def _with_contact(pressure: float, slip: float | None, model: ShellModel) -> She
     return replace(model, contacts=(replace(contact, pressure=np.full(len(at), pressure)),))
 
 
+def _with_ropes(model: ShellModel) -> ShellModel:
+    """Two ropes of one tendon, and one of another."""
+    node, body = np.array([0, 1, 4]), np.zeros(3, dtype=np.intp)
+    eyelet = model.reference[node] + SIDE * np.array([[-1.0, 0.2, 0.4], [-1, 0, 1], [0.3, 2, -1]])
+    pull, share = np.tile([-1.0, 0, 0], (3, 1)), np.array([[0.4, 0.6, 0], [0, 0, 1]])
+    ropes = Ropes(node, body, eyelet, pull, np.zeros(3), share)
+    return replace(model, ropes=ropes, share=np.zeros((2, len(model.guides.node))))
+
+
 def _clamp(model: ShellModel) -> ShellModel:
     return clamp(model, np.arange(3))
 
@@ -244,7 +260,7 @@ def model_rows() -> Iterator[Row]:
     }
     together = (partial(_with_springs, "tension-only"), _with_pressure, touching["penalty"])
     cases: dict[str, tuple[Part, ...]] = {
-        **{f"springs, {kind}": (partial(_with_springs, kind),) for kind in KINDS},
+        **{f"springs, {kind}": (partial(_with_springs, kind),) for kind in (*KINDS, TOED)},
         **{f"springs between nodes, {kind}": (partial(_with_links, kind),) for kind in KINDS},
         "dead loads": (_with_dead_loads,),
         "follower pressure": (_with_pressure,),
@@ -252,6 +268,7 @@ def model_rows() -> Iterator[Row]:
         **{f"contact, {kind}": (part,) for kind, part in touching.items()},
         "ties": (_clamp,),
         "guides and tendons": (_guide,),
+        "ropes": (_with_ropes,),
         "mirror planes": (_mirror,),
         **{f"contact, {kind}, {NINE}": (part,) for kind, part in touching.items()},
         "ties, springs, pressure, contact": (_clamp, *together),

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from meshes.hood import INTRINSIC
-from meshes.hood_lines import CENTRAL_END, TERMINAL_END
+from meshes.hood_lines import CENTRAL_END, INTRINSIC_END, TERMINAL_END
 from meshes.hood_mesh import are_folded
 from meshes.hull import Centreline, along
 
@@ -34,6 +33,8 @@ NEAR = 12e-3
 """m, mean distance of the landmarks from our own hood's."""
 DORSAL = {"end_central": 9e-3, "tied_distal": 2.5e-3}
 """m above the chain of joint centres, of our own hood."""
+BESIDE = {"radial": (-2.5e-3, 8.6e-3), "ulnar": (-1.8e-3, -8.3e-3)}
+"""m dorsal and radial of it, the ends of our own hood's intrinsic tendons."""
 AXES = "xyz"
 
 
@@ -219,8 +220,9 @@ def landmarks(chain: Centreline) -> dict[str, Array]:
         "end_central": (s[0], DORSAL["end_central"], 0.0),
         "tied_distal": (s[1], DORSAL["tied_distal"], 0.0),
     }
-    for side, (x, dorsal, radial) in INTRINSIC.items():
-        places[f"end_{side}"] = (1e-3 * x, 1e-3 * dorsal, 1e-3 * radial)
+    beyond = along(chain.skeleton, np.array([INTRINSIC_END]))[0]
+    for side, (dorsal, radial) in BESIDE.items():
+        places[f"end_{side}"] = (beyond, dorsal, radial)
     return {
         name: chain.at(np.array([x]), np.array([dorsal]), np.array([radial]))[0]
         for name, (x, dorsal, radial) in places.items()

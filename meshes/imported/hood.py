@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from meshes.hood import on_bone
+from meshes.hood import STRINGS, on_bone, strings
 from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, has_lateral_fibres
 from meshes.hull import Centreline, Level, along
 from meshes.imported.checks import (
@@ -282,6 +282,10 @@ def _springs(
             i = BODIES.index(body)
             local = (sheet.points[pairs[:, 1]] - chain.position[i]) @ chain.rotation[i]
             out[name] = Attachment(body, np.searchsorted(used, pairs[:, 0]), local)
+            continue
+        if name.rsplit("_", 1)[0] in STRINGS:
+            out[name] = strings(name, sets[full], points[sets[full]], chain)
+            notes.append(f"{full}: strings as our own hood's (assumed)")
             continue
         out[name] = on_bone(body, sets[full], points[sets[full]], level)
         far = level.surfaces[body].distance(out[name].anchors)[0]

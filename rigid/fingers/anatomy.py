@@ -10,10 +10,13 @@ A straight line between them cuts through the joint, or leaves it, where the joi
 * what passes dorsal (LE, ES) slides over a cylinder about the joint's axis, of the radius at which
   the straight line passes the straight joint; the lateral bands (RB, UB) over one of `LEAST_ARM`,
   so that they never become flexors;
-* flexors stay inside a ring about the axis: their sheath lets them leave the joint no further than
-  the straight line does at `SHEATH_ANGLE`.  Since the two points would pass each other near 90 deg
-  and turn the flexor into an extensor, both are moved away from the joint by `SHEATH_REACH` along
-  their line, which leaves the straight finger's moment arms as they are (both assumptions).
+* flexors stay inside a ring about the axis, which their sheath forms there.  At the MCP (A1) and
+  for FDP at the PIP (A3) it lets them leave the joint no further than the straight line does at
+  `SHEATH_ANGLE`.  FDS lies palmar of FDP at the MCP, and at the PIP dorsal of it in the same
+  sheath, by `BENEATH_FDP`.  At the DIP, A5 holds FDP within `A5_RADIUS`.  Since the two points
+  would pass each other near 90 deg and turn the flexor into an extensor, both are moved away from
+  the joint by `SHEATH_REACH` along their line, which leaves the straight finger's moment arms as
+  they are.
 """
 
 from __future__ import annotations
@@ -48,10 +51,20 @@ SLIDES_OVER = ("LE", "ES")
 BANDS = ("RB", "UB")
 LEAST_ARM = 0.35e-3
 """m: the lateral band's at a PIP of 110 deg after Buchner et al. 1988, table 1 (5 - 2.42 phi)."""
-SHEATHED = (("MCP", "FDP"), ("MCP", "FDS"), ("PIP", "FDP"), ("PIP", "FDS"))
+SHEATHED = (("MCP", "FDP"), ("MCP", "FDS"), ("PIP", "FDP"), ("PIP", "FDS"), ("DIP", "FDP"))
 SHEATH_ANGLE = float(np.radians(45.0))
-SHEATH_REACH = 0.15
-"""In O2O3."""
+"""Assumption.  With it FDP's largest arm at the PIP is 10.1 mm in the index finger and 9.8 mm in
+the middle finger; Ketchum et al. 1978 have 9.8 and 10.7 mm, MyoHand's largest are 10.4 and 12.0."""
+BENEATH_FDP = 0.08
+"""O2O3: FDP's arm at the PIP less FDS's by Ketchum et al. 1978, 1.5 mm in the index finger and
+2.0 mm in the middle finger (as quoted in a handbook of ergonomics, table 45.3)."""
+A5_RADIUS = 0.22
+"""O2O3: with it FDP's arm at the DIP is on average over 0 to 70 deg the index finger's measured
+one, 4.1 mm (An et al. 1983, J Biomech 16:419-425, as quoted in secondary sources).  The straight
+finger's is 4.2 mm by An et al. 1979: there is no bowstringing to speak of."""
+SHEATH_REACH = {"MCP": (0.15, 0.15), "PIP": (0.8, 0.2), "DIP": (0.15, 0.15)}
+"""In O2O3, on the proximal and on the distal bone; assumption.  At the PIP as far as the bones have
+room, so that FDP's arm stays above FDS's up to 110 deg."""
 CLEARANCE = 1e-4
 """m, by which a cylinder is smaller than the straight way's distance, so that it does not touch."""
 ORIGIN_REACH = 0.040
@@ -97,6 +110,16 @@ def extensor(row: str, bands: Sequence[str], central: float) -> tuple[Way, ...]:
     lateral = (1.0 - central) / len(bands)
     ways = [(lateral, (("MCP", row), ("PIP", band), ("DIP", "TE"))) for band in bands]
     return tuple(way for way in (middle, *ways) if way[0] > 0.0)
+
+
+def eyelets(
+    rows: Mapping[str, Mapping[str, Row]], tendons: Mapping[str, str], along: float, across: float
+) -> dict[str, Vector]:
+    """m distal of the MCP, dorsal and radial, by tendon: the proximal point of its MCP row, the
+    last that the metacarpal holds (An's: where it passes the deep transverse metacarpal ligament).
+    `along`, `across`: m, the unit of the tables along the finger and across it."""
+    unit = np.array([along, across, across])
+    return {name: vector(unit * rows["MCP"][row][0]) for name, row in tendons.items()}
 
 
 def assemble(
@@ -155,10 +178,11 @@ def _path(
         axis = skeleton.zero[k - 1] @ skeleton.axis[JOINTS.index(joint)]
         guide = []
         if (joint, row) in SHEATHED:
-            radius = abs(_distance(start, end, SHEATH_ANGLE))
+            radius = o2o3 * _ring(anatomy, joint, row)
             guide = [WrapCylinder(BODIES[i], vector(centre), vector(axis), radius, vector(centre))]
-            apart = SHEATH_REACH * o2o3 * (end - start) / np.linalg.norm(end - start)
-            start, end = start - apart, end + apart
+            unit = o2o3 * (end - start) / np.linalg.norm(end - start)
+            proximal, distal = SHEATH_REACH[joint]
+            start, end = start - proximal * unit, end + distal * unit
         elif row in SLIDES_OVER or row in BANDS:
             radius = LEAST_ARM if row in BANDS else _distance(start, end, 0.0) - CLEARANCE
             side = vector(centre + _beside(radius))
@@ -170,6 +194,17 @@ def _path(
     assert isinstance(first, Via)
     origin = np.array(first.point) - [ORIGIN_REACH, 0.0, 0.0]
     return (Via(first.body, vector(origin)), *path)
+
+
+def _ring(anatomy: FingerAnatomy, joint: str, row: str) -> float:
+    """O2O3: the radius within which the sheath holds a flexor's row at a joint."""
+    if joint == "DIP":
+        return A5_RADIUS
+    if (joint, row) == ("PIP", "FDS"):
+        return _ring(anatomy, "PIP", "FDP") - BENEATH_FDP
+    before, after = anatomy.rows[joint][row]
+    start, end = _in_our_axes(before, 0.0, 1.0), _in_our_axes(after, anatomy.offset[joint], 1.0)
+    return abs(_distance(start, end, SHEATH_ANGLE))
 
 
 def _in_our_axes(point: Vector, offset: float, o2o3: float) -> Array:

@@ -36,6 +36,8 @@ ROWS = {
 }
 OFFSET = {"DIP": 0.224, "PIP": 0.288, "MCP": 0.432}
 
+INTRINSIC = {"LUM": "LU", "FPI": "UI"}
+"""The tendons that join a hood from the sides, by their MCP rows."""
 # Both heads of the first dorsal interosseous insert where An has one (RI).
 ON_BONES: Mapping[str, tuple[Way, ...]] = {
     "FDP": ((1.0, (("MCP", "FDP"), ("PIP", "FDP"), ("DIP", "FDP"))),),

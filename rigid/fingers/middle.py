@@ -2,18 +2,19 @@
 
 The third digit after An et al. 1979, whose axes are parallel; see `anatomy`.  The authors' own
 calibrated points were fitted to the fingertip forces that this finger is compared with, and are
-not used here.
+not used here.  The radial interosseous is that of another source (`RADIAL_INTEROSSEOUS`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 
 from meshes.skeleton import Skeleton
-from rigid.fingers.anatomy import FingerAnatomy, Way, assemble, extensor
-from rigid.model import FingerModel, Vector, vector
+from rigid.fingers.anatomy import FingerAnatomy, Row, Way, assemble, extensor
+from rigid.model import FingerModel
 
 O2O3 = 0.02363
 """m."""
@@ -21,11 +22,28 @@ TIP_REACH = 0.015
 """m, O0O1: from the distal phalanx's frame to its tip."""
 LENGTHS = ((1.62 + 0.37) * O2O3, (1.0 + 0.22) * O2O3, 0.17 * O2O3 + TIP_REACH)
 """m, from joint to joint: O4O5 + O5O6, O2O3 + O3O4, O1O2 + O0O1."""
-ROWS = {
+Interosseous = Literal["myohand", "an1979"]
+RADIAL_INTEROSSEOUS: Mapping[Interosseous, Row] = {
+    "myohand": ((-1.065, -0.231, 0.419), (0.161, -0.113, 0.303)),
+    "an1979": ((-0.400, -0.565, 0.471), (0.380, -0.038, 0.331)),
+}
+"""RI's row at the MCP, in two sources.
+
+"myohand": the last point on the third metacarpal and the one on the proximal phalanx of MyoHand's
+RI3 (MyoHub/myo_sim at 2cef885, Apache-2.0; after Lee et al. 2015, PLoS ONE 10:e0121712), taken over
+as the index finger's bones are: from the joint's centre, x towards the PIP's, y the flexion axis
+made normal to x; all lengths times the ratio of the proximal phalanges, 47.02 / 44.68 mm.
+
+"an1979": the normative table.  Its proximal point lies as deep as the superficial flexor (0.574)
+and twice as deep as the ulnar interosseous (0.264), while both interossei pass dorsal of the deep
+transverse metacarpal ligament.  Its arm is 8.1 mm in the straight finger; MyoHand's is 3.6 mm, and
+the index finger's first dorsal interosseous (0.262) has 4.2 mm at this finger's size.  0.565 is
+perhaps a misprint for 0.265; that is not proven."""
+ROWS: Mapping[str, Mapping[str, Row]] = {
     "MCP": {
         "FDP": ((-0.300, -0.470, 0.012), (0.180, -0.330, 0.023)),
         "FDS": ((-0.300, -0.574, 0.019), (0.180, -0.393, 0.039)),
-        "RI": ((-0.400, -0.565, 0.471), (0.380, -0.038, 0.331)),
+        "RI": RADIAL_INTEROSSEOUS["myohand"],
         "LU": ((-0.400, -0.623, 0.422), (0.380, -0.140, 0.328)),
         # Printed as +0.264; the authors had the sign error confirmed by K.-N. An.
         "UI": ((-0.400, -0.264, -0.358), (0.380, 0.036, -0.357)),
@@ -49,12 +67,19 @@ CENTRAL = 0.5
 RI_TO_BONE = 0.5
 """The radial interosseous' share that ends on the proximal phalanx (same source)."""
 
+INTRINSIC = {"LUM": "LU", "RI": "RI", "UI": "UI"}
+"""The tendons that join a hood from the sides, by their MCP rows."""
 TO_BONES: Mapping[str, tuple[Way, ...]] = {
     "RIp": ((1.0, (("MCP", "RI"),)),),
     "FDP": ((1.0, (("MCP", "FDP"), ("PIP", "FDP"), ("DIP", "FDP"))),),
     "FDS": ((1.0, (("MCP", "FDS"), ("PIP", "FDS"))),),
 }
 """RIp is the part of the radial interosseous that ends on the proximal phalanx."""
+
+
+def rows(interosseous: Interosseous = "myohand") -> Mapping[str, Mapping[str, Row]]:
+    """The rows by joint and name, the radial interosseous' by its source."""
+    return {**ROWS, "MCP": {**ROWS["MCP"], "RI": RADIAL_INTEROSSEOUS[interosseous]}}
 
 
 def muscle_strands(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
@@ -70,27 +95,28 @@ def muscle_strands(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
     }
 
 
-def intrinsic_guides(scale: float = 1.0) -> dict[str, Vector]:
-    """Where the tendons at the hood's radial and ulnar side run to it from, beside the metacarpal:
-    An's proximal MCP points, m distal of the MCP, dorsal and radial.  RI and LU enter the radial
-    lateral band side by side; theirs is the point between them."""
-    point = {row: np.array(ROWS["MCP"][row][0]) * O2O3 * scale for row in ("RI", "LU", "UI")}
-    return {"radial": vector((point["RI"] + point["LU"]) / 2), "ulnar": vector(point["UI"])}
-
-
 def skeleton() -> Skeleton:
     """Bones in line at zero angles, parallel flexion axes, abduction normal to them."""
     axis = np.array([[0.0, 1, 0], [0, 0, 1], [0, 1, 0], [0, 1, 0]])
     return Skeleton(np.array([0.0, *LENGTHS]), np.tile(np.eye(3), (3, 1, 1)), axis, {})
 
 
-def finger_model(scale: float = 1.0, central: float = CENTRAL) -> FingerModel:
+def finger_model(
+    scale: float = 1.0, central: float = CENTRAL, interosseous: Interosseous = "myohand"
+) -> FingerModel:
     """The finger, all lengths times `scale`."""
-    anatomy = FingerAnatomy("middle finger", ROWS, OFFSET, muscle_strands(central))
-    return assemble(anatomy, skeleton().scale(scale), O2O3 * scale)
+    return _assembled(muscle_strands(central), scale, interosseous)
 
 
-def finger_model_for_hood(scale: float = 1.0) -> FingerModel:
+def finger_model_for_hood(
+    scale: float = 1.0, interosseous: Interosseous = "myohand"
+) -> FingerModel:
     """The finger with the tendons that end on bones, for a hood that takes the others."""
-    anatomy = FingerAnatomy("middle finger", ROWS, OFFSET, TO_BONES)
+    return _assembled(TO_BONES, scale, interosseous)
+
+
+def _assembled(
+    ways: Mapping[str, tuple[Way, ...]], scale: float, interosseous: Interosseous
+) -> FingerModel:
+    anatomy = FingerAnatomy("middle finger", rows(interosseous), OFFSET, ways)
     return assemble(anatomy, skeleton().scale(scale), O2O3 * scale)

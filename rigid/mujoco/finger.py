@@ -35,7 +35,7 @@ class MujocoFinger(ChainFinger):
     >>> arms = finger.moment_arms(np.radians([30.0, 0.0, 45.0, 15.0]))
     >>> fdp, pip = finger.tendons.index("FDP"), finger.joints.index("PIP")
     >>> f"{1e3 * arms[fdp, pip]:.1f} mm"
-    '10.1 mm'
+    '9.9 mm'
     """
 
     def __init__(

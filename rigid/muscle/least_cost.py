@@ -37,6 +37,8 @@ SOFTEST = 1e-7
 proximal steps, each from the last solution."""
 ROUNDING = 1e-14
 MOST_STEPS = 60
+NOTHING = 1e-6
+"""N or N m: equations in which nothing is larger hold to an absolute miss."""
 
 
 class Optimum(NamedTuple):
@@ -59,9 +61,10 @@ class Programme(NamedTuple):
     upper: Array
 
     def gap(self, x: Array) -> float:
-        """Miss of the equations, relative to the largest thing in any of them."""
+        """Miss of the equations, relative to the largest thing in any of them, but for round-off
+        where all of that is next to nothing."""
         scale = float((np.abs(self.A) @ np.abs(x) + np.abs(self.b)).max(initial=0.0))
-        return float(np.abs(self.A @ x - self.b).max(initial=0.0) / (scale or 1.0))
+        return float(np.abs(self.A @ x - self.b).max(initial=0.0) / max(scale, NOTHING))
 
 
 def least(programme: Programme, cost: Array, power: Power) -> Optimum | None:

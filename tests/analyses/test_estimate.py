@@ -86,7 +86,7 @@ def test_where_no_choice_is_left_the_tensions_of_a_forward_run_come_back(power):
         ("split_edc", (), (-1.0, 0.0, -2.0)),
         ("split_edc", (CLAMPED,), (-1.0, 0.3, -2.0)),
         ("middle_minorflex_edc", (), (-1.0, 0.0, -1.0)),
-        ("network_edc", (), (-0.5, None, -0.5)),
+        ("network_edc", ('finger.posture.PIP="60 deg"',), (-0.5, None, -0.5)),
         ("two_band_edc", (CLAMPED,), (-0.5, 0.0, -1.0)),
         ("two_band_edc", (CLAMPED, 'finger.posture.DIP="14 deg"'), (-0.5, 0.0, -1.0)),
     ],

@@ -10,7 +10,14 @@ import pandas
 import pytest
 from typer.testing import CliRunner
 
-from cosim.analyses.moment_arms import beside_published, draw, own_arms, published_arms, sweep
+from cosim.analyses.moment_arms import (
+    beside_published,
+    by_posture,
+    draw,
+    own_arms,
+    published_arms,
+    sweep,
+)
 from cosim.build.models import build, tensions
 from cosim.case.file import load_case
 from cosim.cli import app
@@ -48,16 +55,51 @@ def test_cables_over_a_hood_have_the_arms_of_their_run() -> None:
     assert arm == pytest.approx(summary["moment_arm_mm"]["EDC"]["PIP"], rel=1e-6)
 
 
-def test_published_arms_have_a_source_and_stand_beside_the_model_s() -> None:
-    known = published_arms()
+@pytest.mark.parametrize(
+    ("finger", "name"), [("index", "split_edc"), ("middle", "middle_minorflex_edc")]
+)
+def test_published_arms_have_a_source_and_stand_beside_the_model_s(finger: str, name: str) -> None:
+    known = published_arms(finger)
     assert known.source.str.len().min() > 3
     assert set(known.joint) <= {"MCP", "MCP_abduction", "PIP", "DIP"}
-    compared = beside_published(build(load_case("split_edc")))
+    for joint, angles in {"MCP": (0, 30, 60, 80), "PIP": (0, 45, 90), "DIP": (0, 45, 70)}.items():
+        at = {"/".join(str(a * (j == joint)) for j in ("MCP", "PIP", "DIP")) for a in angles}
+        for source in ("MyoHand", "An et al. 1979, straight line"):
+            assert at <= set(known[(known.joint == joint) & (known.source == source)].posture_deg)
+    compared = beside_published(build(load_case(name)), known)
     assert len(compared) == len(known)
     apart = (compared.model_mm - compared.arm_mm).abs()
     assert np.median(apart) < 2.0
-    signs = np.sign(compared.model_mm) == np.sign(compared.arm_mm)
-    assert signs[compared.joint != "MCP_abduction"].all()
+    flexes = compared[compared.joint != "MCP_abduction"]
+    other = flexes[np.sign(flexes.model_mm) != np.sign(flexes.arm_mm)]
+    # MyoHand's ulnar interosseous is palmar of the flexed PIP's axis.
+    assert set(zip(other.tendon, other.joint, other.posture_deg, strict=True)) <= {
+        ("UI", "PIP", "0/90/0")
+    }
+
+
+def test_our_paths_are_ans_lines_but_where_something_holds_them() -> None:
+    """At the MCP of the intrinsics everywhere, of the other tendons in the straight finger."""
+    for finger, name in (("index", "split_edc"), ("middle", "middle_minorflex_edc")):
+        known = published_arms(finger)
+        known = known[known.source.str.startswith("An et al. 1979") & (known.joint == "MCP")]
+        compared = beside_published(build(load_case(name)), known).set_index("tendon")
+        apart = (compared.model_mm - compared.arm_mm).abs()
+        intrinsic = [t for t in ("FDIm", "LUM", "FPI", "UI") if t in apart.index]
+        assert apart.loc[intrinsic].max() < 0.5
+        assert apart[compared.posture_deg == "0/0/0"].drop("RI", errors="ignore").max() < 0.2
+        if finger == "middle":  # An's point for it is doubted
+            assert apart.loc["RI"].min() > 2.5
+
+
+def test_a_table_has_the_model_first_and_a_range_last() -> None:
+    known = published_arms("index")
+    wide = by_posture(beside_published(build(load_case("split_edc")), known))["DIP"]
+    sources = [source for tendon, source in wide.index if tendon == "FDP"]
+    assert sources[0] == "model"
+    assert set(sources) > {"MyoHand", "ARMS hand model", "Ketchum et al. 1978"}
+    assert list(wide.columns) == ["0/0/0", "0/0/45", "0/0/70", "30/45/15", "range"]
+    assert wide.loc[("FDP", "An et al. 1983, J Biomech 16:419-425"), "range"] == 4.1
 
 
 def test_the_command_leaves_a_table_a_comparison_and_a_plot(tmp_path: Path) -> None:
@@ -79,14 +121,14 @@ def test_published_arms_are_drawn_where_they_belong() -> None:
     models = build(load_case("split_edc"))
     table, _ = sweep(models, np.zeros(0), {"DIP": (0.1, 1.2)}, 3)
     fdp = table[table.tendon == "FDP"]
-    known = published_arms()
+    known = published_arms("index")
     axes = draw(fdp, "", known, models.posture).axes[0]
     points = [line.get_xydata() for line in axes.lines if line.get_marker() == "o"]
     assert np.ravel(points) == pytest.approx([15.0, 4.99])
     means = [path for c in axes.collections for path in c.get_paths()]  # type: ignore[attr-defined]
-    assert sorted(path.vertices[0, 1] for path in means) == pytest.approx([4.1, 6.5])
+    assert sorted(path.vertices[0, 1] for path in means) == pytest.approx([4.05, 4.1, 6.5])
     assert all(path.vertices[0, 0] == 0.0 for path in means)
-    bare = draw(fdp, "", None, models.posture).axes[0]
+    bare = draw(fdp, "", published_arms("hinge"), models.posture).axes[0]
     assert not bare.collections
     assert len(bare.lines) == 2
 

@@ -94,9 +94,11 @@ def test_extra_length_is_free_of_stress_when_stretched_by_it():
 def test_each_tendon_pulls_its_end_and_ei_the_ulnar_half():
     models, mesh = build_with()
     model = models.hood.model
+    whole = np.hstack([model.share, model.ropes.share])
+    np.testing.assert_allclose(whole.sum(axis=1), 1.0)
+    every = np.concatenate([model.guides.node, model.ropes.node])
+    nodes = {t: set(every[s > 0]) for t, s in zip(models.hood.tendons, whole, strict=True)}
     shares = dict(zip(models.hood.tendons, model.share, strict=True))
-    np.testing.assert_allclose(model.share.sum(axis=1), 1.0)
-    nodes = {t: set(model.guides.node[share > 0]) for t, share in shares.items()}
     assert nodes["EDC"] == set(mesh.ends["central"])
     assert nodes["LUM"] == set(mesh.ends["radial"])
     assert nodes["FPI"] == set(mesh.ends["ulnar"])
@@ -175,8 +177,8 @@ def test_a_finger_scales_in_length_and_width():
     assert ends[1] / ends[0] == pytest.approx(1.1, rel=0.01)
     _, wide = build_with("finger.width_scale=1.1")
     np.testing.assert_allclose(
-        wide.springs["sagittal_radial"].anchors[:, 1:],
-        1.1 * mesh.springs["sagittal_radial"].anchors[:, 1:],
+        wide.springs["retinacular_radial"].anchors[:, 1:],
+        1.1 * mesh.springs["retinacular_radial"].anchors[:, 1:],
         atol=2e-7,
     )
     over_pip = (mesh.station > 38) & (mesh.station < 47)

@@ -135,26 +135,24 @@ def test_the_sheet_lies_on_the_longer_bones_from_end_to_end():
     assert mesh.reach == pytest.approx(lengths[1])
 
 
-def test_intrinsic_tendons_come_from_the_third_digits_points():
-    _, mesh = build_with()
-    rows, unit = middle_finger.ROWS["MCP"], middle_finger.O2O3
-    radial = np.mean([rows["RI"][0], rows["LU"][0]], axis=0) * unit
-    for side, (x, dorsal, beside) in (
-        ("radial", radial),
-        ("ulnar", unit * np.array(rows["UI"][0])),
-    ):
-        np.testing.assert_allclose(
-            mesh.points[mesh.ends[side]].mean(axis=0), [x, beside, dorsal], atol=1e-7
-        )
+def test_intrinsic_tendons_run_through_the_third_digits_points():
+    models, _ = build_with()
+    hood, rows = models.hood, middle_finger.rows()["MCP"]
+    ropes = hood.model.ropes
+    for tendon, row in (("LUM", "LU"), ("RI", "RI"), ("UI", "UI")):
+        x, dorsal, beside = np.array(rows[row][0]) * middle_finger.O2O3
+        own = ropes.share[hood.tendons.index(tendon)] > 0
+        np.testing.assert_allclose(ropes.eyelet[own], [[x, beside, dorsal]] * own.sum(), atol=1e-7)
+        assert (ropes.length[own] > 5e-3).all()
 
 
 def test_a_scaled_finger_scales_all_that_its_hood_is_laid_by():
     plain, scaled = case().finger, case("finger.length_scale=1.1").finger
     assert width(scaled) == pytest.approx(1.1 * width(plain))
     np.testing.assert_allclose(skeleton_of(scaled).length, 1.1 * skeleton_of(plain).length)
-    large, small = middle_finger.intrinsic_guides(1.1), middle_finger.intrinsic_guides()
-    for side in small:
-        np.testing.assert_allclose(large[side], 1.1 * np.array(small[side]))
+    large, small = FINGERS["middle"].eyelets(scaled), FINGERS["middle"].eyelets(plain)
+    for tendon in small:
+        np.testing.assert_allclose(large[tendon], 1.1 * np.array(small[tendon]))
     bones = bone_surfaces(case("finger.length_scale=1.1"))["proximal"][0]
     size = np.ptp(bones, axis=0) / np.ptp(bone_surfaces(case())["proximal"][0], axis=0)
     np.testing.assert_allclose(size, 1.1, rtol=3e-3)
@@ -178,22 +176,22 @@ def test_who_pulls_where(elements):
     models, mesh = build_with("hood.mesh.quads=600", f'hood.mesh.elements="{elements}"')
     assert models.hood.tendons == ("EDC", "LUM", "RI", "UI")
     assert models.finger.tendons == ("RIp", "FDP", "FDS")
-    model, start = models.hood.model, models.hood.start(models.hood.rest).configuration
-    share = -np.array([model.pulls(start, unit)[:, 0] for unit in np.eye(4)])
-    node = model.guides.node
+    model, ropes = models.hood.model, models.hood.model.ropes
+    node = np.concatenate([model.guides.node, ropes.node])
+    share = np.hstack([model.share, ropes.share])
     for row, end in zip(share, ("central", "radial", "radial", "ulnar"), strict=True):
         assert row.sum() == pytest.approx(1)
         assert set(node[row > 0]) <= set(mesh.ends[end])
     lumbrical, interosseous = share[1:3]
     assert (interosseous - lumbrical) @ mesh.points[node, 2] > 0.5e-3, "the lumbrical is palmar"
-    band = np.isin(node, mesh.ends["radial"])
+    ends = mesh.ends["radial"]
+    on_end = np.array([[row[node == n].sum() for n in ends] for row in (lumbrical, interosseous)])
     if elements == "linear":
-        both = (lumbrical + interosseous)[band]
-        np.testing.assert_allclose(np.sort(both), [1 / 3, 1 / 3, 2 / 3, 2 / 3], atol=1e-12)
-    x = mesh.points[node[band]]
+        both = np.sort(on_end.sum(axis=0))
+        np.testing.assert_allclose(both, [1 / 3, 1 / 3, 2 / 3, 2 / 3], atol=1e-12)
+    x = mesh.points[ends]
     along = np.linalg.norm(x - x[0], axis=1) / np.linalg.norm(x[-1] - x[0])
-    middles = sorted(one[band] @ along for one in (lumbrical, interosseous))
-    np.testing.assert_allclose(middles, [0.25, 0.75], atol=1e-4)  # half of the width each
+    np.testing.assert_allclose(sorted(on_end @ along), [0.25, 0.75], atol=0.02)  # half of the width
 
 
 def test_half_of_the_radial_interosseous_ends_on_the_proximal_phalanx():
@@ -252,7 +250,8 @@ def test_contact_offsets_put_the_sheet_at_ans_heights(body, joint, row, bare):
     part = {"MCP": "extensor_tendon_distal", "PIP": "central_slip", "DIP": "terminal_slip"}[joint]
     thickness = thickness_of(hood, mesh)[mesh.cells(part)].mean()
     sheet = 1e3 * (getattr(hood.contact.offset, body) + thickness / 2) + WIDER * bare
-    assert sheet == pytest.approx(height, abs=0.03)
+    lower = 0.4 if joint == "PIP" else 0.0  # on either finger, by the slip's arm
+    assert sheet == pytest.approx(height - lower, abs=0.04)
 
 
 def targets(name: str) -> tuple[Target, ...]:

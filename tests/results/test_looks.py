@@ -102,7 +102,7 @@ def test_tendons_of_moment_arms_differ():
         [("PIP", n, a, 1.0 + i) for i, n in enumerate(names) for a in (0.0, 1.0)],
         columns=["joint", "tendon", "angle_deg", "arm_mm"],
     )
-    figure = arms.draw(table, "arms", None, {})
+    figure = arms.draw(table, "arms", arms.published_arms("hinge"), {})
     (legend,) = figure.legends
     handles = legend.legend_handles
     assert len({(to_hex(h.get_color()), str(h._dash_pattern)) for h in handles}) == MANY

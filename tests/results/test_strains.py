@@ -65,6 +65,7 @@ def stretch(mesh: HoodMesh, along: float, across: float) -> ShellView:
         gauges=place_gauges({}, {}, np.zeros((0, 3)), np.zeros((0, 3), dtype=int)),
         markers=markers(mesh, ["central_band"]),
         region_force={},
+        strip_arm={},
     )
 
 

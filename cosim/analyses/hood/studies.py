@@ -282,7 +282,7 @@ class HoodStudies:
         """Published arms of the hood's tendons in the straight finger; none but the index's."""
         from cosim.analyses.moment_arms import published_arms
 
-        known = published_arms()
+        known = published_arms("index")
         known = known[(known.posture_deg == "0/0/0") & known.joint.isin(JOINTS)]
         heights = [
             ("EDC", j, "0/0/0", -h, "An et al. 1979, J Biomech 12:775, height")

@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.bone_surfaces import pose_surfaces
+from cosim.hoods.bone_surfaces import contact_levels
 from cosim.hoods.cable.table import CableHoodConfig
 from cosim.hoods.cable.view import view_of
 from cosim.hoods.fe_view import slip_forces, tangent_seconds
@@ -47,12 +47,9 @@ def build_net(hood: CableHoodConfig, anatomy: Anatomy) -> CableNet:
     from meshes.cable_net import lay
     from meshes.robot_net import keep_extensor
 
-    bones = anatomy.bones
-    offset = {body: getattr(hood.contact.offset, body) for body in bones}
     net = lay(
         skeleton_of(anatomy),
-        pose_surfaces(bones, offset),
-        offset,
+        *contact_levels(hood.contact, anatomy.bones, skeleton_of(anatomy)),
         hood.mesh.rest_posture.angles(),
         hood.mesh.spacing,
         anatomy.width,
@@ -74,10 +71,9 @@ def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
             "hood.springs: nothing holds the central slip; give hood.springs a table central_slip"
         )
     contact, skeleton = hood.contact, site.skeleton
-    offset = {body: getattr(contact.offset, body) for body in BODIES}
     rest = Motion(BODIES, *skeleton.pose(net.rest_posture))
     springs = {
-        name: SpringGroup(net.springs[name], s.stiffness, s.slack, s.tension_only)
+        name: SpringGroup(net.springs[name], s.stiffness, s.slack, s.tension_only, s.toe)
         for name, s in hood.springs.items()
         if name in net.springs
     }
@@ -96,8 +92,7 @@ def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
         ContactLaw(
             contact.stiffness,
             contact.smoothing,
-            pose_surfaces(site.anatomy.bones, offset),
-            offset,
+            *contact_levels(contact, site.anatomy.bones, skeleton),
             contact.penetration,
             contact.friction,
         ),

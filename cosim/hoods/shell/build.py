@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.bone_surfaces import pose_surfaces
+from cosim.hoods.bone_surfaces import contact_levels
 from cosim.hoods.fe_view import slip_forces, tangent_seconds
 from cosim.hoods.injury import adhesions, apply_lesion_to_mesh, longer
 from cosim.hoods.kind import BuiltHood, HoodKind, Site, skeleton_of
@@ -53,6 +53,9 @@ ENDS = {
 }
 """By finger, the tendons that act through the hood: the end that each one pulls, and of the half
 that it pulls on which side that is (metacarpal's frame)."""
+ROOM = 4e-3
+"""m that an end of a sheet lies distal of its tendon's eyelet at least, for it to hang on a rope to
+there; one that is laid further proximal slides along the metacarpal."""
 INCOMPRESSIBLE = np.array([[4, 2, 0], [2, 4, 0], [0, 0, 1]]) / 3
 """Plane-stress moduli of an incompressible isotropic sheet, over Young's."""
 MOST_SHORTENED = 0.5
@@ -106,17 +109,14 @@ def _generate(laying: _MeshInput) -> HoodMesh:
                 'Lay a hood on it (hood.mesh.kind = "generated") or set finger.length_scale'
             )
         return mesh
-    offset = {body: getattr(hood.contact.offset, body) for body in anatomy.bones}
-    level = {body: height + hood.thickness / 2 for body, height in offset.items()}
     return generate(
         skeleton,
-        pose_surfaces(anatomy.bones, level),
-        offset,
+        *contact_levels(hood.contact, anatomy.bones, skeleton, hood.thickness / 2),
         hood.thickness,
         hood.mesh.rest_posture.angles(),
         hood.mesh.quads,
         width=anatomy.width,
-        intrinsic=anatomy.intrinsic,
+        intrinsic=_sides(anatomy),
         quadratic=hood.mesh.elements == "quadratic",
         one_sheet=hood.mesh.layout == "one_sheet",
     )
@@ -155,6 +155,7 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
             spring.stiffness,
             spring.slack,
             spring.tension_only,
+            spring.toe,
         )
         for name, spring in hood.springs.items()
         if name in mesh.springs
@@ -168,8 +169,6 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
             "hood: no insertion holds the hood: its mesh ties no nodes to a bone, and there are no "
             "springs of the central slip. Give hood.springs.central_slip, or a mesh that is tied"
         )
-    offset = {body: getattr(hood.contact.offset, body) for body in BODIES}
-    highest = float(heights(sheet).max())
     return shell_hood(
         sheet,
         rest,
@@ -178,14 +177,13 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
         mesh.tied,
         "metacarpal",
         np.array([-1.0, 0.0, 0.0]),
-        _tendons(mesh, site.anatomy.finger),
+        _tendons(mesh, site.anatomy),
         ContactLaw(
             hood.contact.stiffness,
             hood.contact.smoothing,
-            pose_surfaces(
-                site.anatomy.bones, {body: height + highest for body, height in offset.items()}
+            *contact_levels(
+                hood.contact, site.anatomy.bones, skeleton, float(heights(sheet).max())
             ),
-            offset,
             hood.contact.penetration,
             hood.contact.friction,
         ),
@@ -360,13 +358,23 @@ def _in_situ(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
     return out
 
 
-def _tendons(mesh: HoodMesh, finger: str) -> dict[str, TendonEnd]:
-    """Each tendon's end nodes and their shares of a pull that is even over them, or over half."""
+def _sides(anatomy: Anatomy) -> dict[str, tuple[float, ...]]:
+    """By side, where its tendons run to the sheet from: m distal of the MCP, dorsal, radial."""
+    points: dict[str, list[tuple[float, float, float]]] = {}
+    for tendon, (end, _) in ENDS[anatomy.finger].items():
+        if tendon in anatomy.eyelets:
+            points.setdefault(end, []).append(anatomy.eyelets[tendon])
+    return {side: tuple(np.mean(each, axis=0).tolist()) for side, each in points.items()}
+
+
+def _tendons(mesh: HoodMesh, anatomy: Anatomy) -> dict[str, TendonEnd]:
+    """Each tendon's end nodes, their shares of a pull that is even over them, or over half, and its
+    eyelet where the end lies distal of it."""
     from fe_solver.hood.build_shell import TendonEnd
     from meshes.hood_lines import even_shares
 
     out = {}
-    for tendon, (end, side) in ENDS[finger].items():
+    for tendon, (end, side) in ENDS[anatomy.finger].items():
         nodes = mesh.ends[end]
         place = np.arange(len(nodes), dtype=float)
         first, last = float(place[0]), float(place[-1])
@@ -374,7 +382,12 @@ def _tendons(mesh: HoodMesh, finger: str) -> dict[str, TendonEnd]:
             middle, height = (first + last) / 2, mesh.points[nodes] @ side
             first, last = (middle, last) if height[-1] > height[0] else (first, middle)
         share = even_shares(place, (first, last), mesh.quadratic)
-        out[tendon] = TendonEnd(nodes, share / share.sum())
+        eyelet = None
+        if tendon in anatomy.eyelets:
+            distal, dorsal, radial = anatomy.eyelets[tendon]
+            if (mesh.points[nodes, 0] >= distal + ROOM).all():
+                eyelet = np.array([distal, radial, dorsal])
+        out[tendon] = TendonEnd(nodes, share / share.sum(), eyelet)
     return out
 
 

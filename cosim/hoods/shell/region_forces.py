@@ -27,6 +27,13 @@ if TYPE_CHECKING:
     from meshes.hood_mesh import HoodMesh
     from meshes.skeleton import Skeleton
 
+PAST_PIP = 4.1
+"""mm from the PIP's station to where the strips over it are cut: past the wings, short of where the
+central slip ends."""
+STRIPS = ("central_slip", "lateral_band_radial", "lateral_band_ulnar")
+"""Regions that run over the PIP beside each other, apart from there on."""
+SLACK_STRIP = 0.02
+"""N below which a strip is slack, and its force has no line."""
 ON_THE_LINE = 1e-6
 """Share of a region's extent within which a node counts as before its middle line."""
 
@@ -89,8 +96,37 @@ def crossing_force(force: Array, points: Array, quads: np.ndarray, line: Crossin
     return float((pull * way).sum())
 
 
-def region_forces(hood: FeHood, lines: Mapping[str, Crossing], state: State) -> dict[str, float]:
-    """N by region."""
-    force, quads = element_forces(hood, state), hood.model.quads
-    points = state.configuration.x
+def region_forces(
+    force: Array, points: Array, quads: np.ndarray, lines: Mapping[str, Crossing]
+) -> dict[str, float]:
+    """N by region, arguments as of `crossing_force`."""
     return {name: crossing_force(force, points, quads, line) for name, line in lines.items()}
+
+
+def strip_crossings(mesh: HoodMesh) -> dict[str, Crossing]:
+    """Where the strips over the PIP are cut just past it, by region; of those that the mesh has."""
+    from meshes.hull import PIP
+
+    beyond = mesh.station > PIP + PAST_PIP
+    found = {
+        name: crossing(mesh.quads, np.flatnonzero(mesh.cells(name)), beyond) for name in STRIPS
+    }
+    return {name: line for name, line in found.items() if len(line.elements)}
+
+
+def strip_arms(
+    force: Array, points: Array, quads: np.ndarray, lines: Mapping[str, Crossing], axis: Array
+) -> dict[str, float]:
+    """m by strip, the arm about the PIP's axis of the force that it passes on, by that force's line
+    of action; positive where it extends, as a height over the axis is.  A slack strip has none.
+
+    force: as of `crossing_force`; points: (n, 3) m from a point on the axis; axis: (3,) unit, of
+    flexion."""
+    out = {}
+    for name, line in lines.items():
+        pull = force[line.elements] * line.beyond[..., None]
+        whole = np.linalg.norm(pull.sum(axis=(0, 1)))
+        if whole > SLACK_STRIP:
+            moment = np.cross(points[quads[line.elements]], pull).sum(axis=(0, 1))
+            out[name] = float(moment @ axis / whole)
+    return out

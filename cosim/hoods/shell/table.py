@@ -334,8 +334,8 @@ class ShellHoodConfig(HoodConfig):
 
     def mesh_key(self) -> str:
         parts = self.model_dump(mode="json", include={"mesh", "thickness"})
-        offset = self.contact.offset.model_dump()
-        return json.dumps([parts, offset, stamps(self._mesh_files())], sort_keys=True)
+        level = self.contact.model_dump(include={"offset", "heads"})
+        return json.dumps([parts, level, stamps(self._mesh_files())], sort_keys=True)
 
     def laws(self, kind: str) -> Mapping[str, Any]:
         return {name: region for name, region in self.regions.items() if region.kind == kind}

@@ -20,11 +20,18 @@ import numpy as np
 
 from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
 from cosim.hoods.shell.gauges import STRAIN_COMPONENTS, Gauges, strain_between
-from cosim.hoods.shell.region_forces import Crossing, middle_crossings, region_forces
+from cosim.hoods.shell.region_forces import (
+    Crossing,
+    element_forces,
+    middle_crossings,
+    region_forces,
+    strip_arms,
+    strip_crossings,
+)
 from cosim.hoods.view import FAMILIES, STRAIN, Colour, Field
 from cosim.port import Array, State
 from meshes.hood_mesh import REGIONS, display_quads
-from meshes.skeleton import JOINTS
+from meshes.skeleton import BODIES, JOINTS
 
 if TYPE_CHECKING:
     from fe_solver.hood.shell_hood import ShellHood as FeHood
@@ -111,6 +118,8 @@ class ShellView(FeView):
     """Points and gauges of the user's, of which the names are results."""
     region_force: Mapping[str, float]
     """N by region, of `cosim.hoods.shell.region_forces`."""
+    strip_arm: Mapping[str, float]
+    """m by strip over the PIP, of the same."""
 
     @property
     def plot_cells(self) -> np.ndarray:
@@ -231,7 +240,7 @@ def view_of(
 
     turn = _line_angle(hood, mesh)
     lines = Lines(sheet_places(mesh), sheet_bands(mesh), skeleton.axis[JOINTS.index("PIP")])
-    crossings = middle_crossings(mesh, skeleton)
+    crossings = middle_crossings(mesh, skeleton), strip_crossings(mesh)
     depth, placed = guide_depth(hood), markers(mesh, CENTRAL)
     return partial(_view, hood, mesh, depth, lines, placed, turn, crossings, gauges)
 
@@ -264,7 +273,7 @@ def _view(
     lines: Lines,
     placed: Markers,
     turn: Array,
-    crossings: Mapping[str, Crossing],
+    crossings: tuple[Mapping[str, Crossing], Mapping[str, Crossing]],
     gauges: Gauges,
     state: State,
 ) -> ShellView:
@@ -273,6 +282,9 @@ def _view(
 
     field = fields(hood.model, state.configuration)
     energy = energy_fields(hood.model, state.configuration)
+    c, quads = state.configuration, hood.model.quads
+    force, middle = element_forces(hood, state), BODIES.index("middle")
+    from_pip, turning = c.x - c.position[middle], c.rotation[middle] @ lines.axis
     return ShellView(
         **vars(view_at(hood, depth, lines, state)),
         quads=hood.model.quads,
@@ -291,7 +303,8 @@ def _view(
         fibres=fibre_families(hood.model, state.configuration),
         markers=placed,
         gauges=gauges,
-        region_force=region_forces(hood, crossings, state),
+        region_force=region_forces(force, c.x, quads, crossings[0]),
+        strip_arm=strip_arms(force, from_pip, quads, crossings[1], turning),
     )
 
 
@@ -303,6 +316,7 @@ def strain_summary(view: ShellView) -> dict[str, object]:
         "strain_percent": _over_central(view.line_strain, view),
         "region_strain_percent": _by_region(view.line_strain, view),
         "region_force_N": dict(view.region_force),
+        "strip_arm_mm": {name: 1e3 * arm for name, arm in view.strip_arm.items()},
     }
     whole = view.area[view.tension >= 0].sum()
     if whole > 0:

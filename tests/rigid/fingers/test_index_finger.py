@@ -15,7 +15,8 @@ from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
 from rigid.chain.joint_torques import joint_law
 from rigid.chain.support import FREE, HELD
 from rigid.fingers.anatomy import _distance
-from rigid.fingers.index import finger_model
+from rigid.fingers.index import O2O3, finger_model
+from rigid.fingers.middle import O2O3 as MIDDLE_O2O3
 from rigid.fingers.middle import finger_model as middle_finger
 from rigid.mjcf.write import mjcf_xml
 from rigid.model import FingerModel
@@ -62,7 +63,7 @@ def test_mujocos_own_routines_agree() -> None:
 # mm at 0, 15, 30, 45 deg of the joint: straight-line moment arms of the normative paths at
 # O2O3 = 20 mm, computed from the table without this code; of the extensors at 0 only.
 ARMS = {
-    ("FDP", "DIP"): (4.2, 4.8, 5.2, 5.6),
+    ("FDP", "DIP"): (4.2,),
     ("FDIm", "MCP"): (3.6, 5.0, 6.3, 7.4),
     ("LUM", "MCP"): (6.1, 7.6, 8.8, 9.9),
     ("FPI", "MCP"): (3.8, 5.2, 6.5, 7.7),
@@ -126,25 +127,53 @@ def test_a_sheathed_flexor_takes_the_shortest_way_inside_its_ring(degrees: float
     assert arms(MujocoFinger(flat), "FDP", "MCP", [degrees])[0] == pytest.approx(arm, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("model", "o2o3"), [(finger_model(straight_skeleton()), O2O3), (middle_finger(), MIDDLE_O2O3)]
+)
+def test_a_flexor_s_arm_is_bounded_by_its_sheath(model: FingerModel, o2o3: float) -> None:
+    """At the PIP FDS lies dorsal of FDP wherever that bends, at the MCP palmar of it up to 60 deg;
+    at the DIP A5 lets FDP rise by a fifth at most."""
+    finger = MujocoFinger(model)
+    pip = {t: arms(finger, t, "PIP", np.linspace(0, 110, 45)) for t in ("FDP", "FDS")}
+    assert (pip["FDP"] - pip["FDS"]).min() > 0.05
+    assert pip["FDP"].max() - pip["FDS"].max() == pytest.approx(1e3 * 0.08 * o2o3, abs=0.15)
+    assert all(arm.max() < 10.3 and arm.min() > 0.4 * arm.max() for arm in pip.values())
+    mcp = {t: arms(finger, t, "MCP", np.linspace(0, 60, 25)) for t in ("FDP", "FDS")}
+    assert (mcp["FDS"] - mcp["FDP"]).min() > 0.5
+    dip = arms(finger, "FDP", "DIP", np.linspace(0, 70, 29))
+    assert 1e3 * 0.22 * o2o3 - 0.1 < dip.max() < 1e3 * 0.22 * o2o3 + 1e-6
+    assert dip.max() < 1.2 * dip[0]
+
+
+def test_a5_leaves_fdp_its_measured_mean_arm() -> None:
+    """4.1 mm: An et al. 1983, index finger."""
+    dip = arms(whole_finger(straight_skeleton()), "FDP", "DIP", np.linspace(0, 70, 29))
+    assert dip.mean() == pytest.approx(4.1, abs=0.05)
+
+
 @pytest.mark.parametrize("model", [finger_model(index_finger(), central=0.5), middle_finger()])
 @pytest.mark.parametrize("joint", ["MCP", "PIP", "DIP"])
 def test_over_the_whole_range_no_arm_changes_its_sign_or_jumps(
     model: FingerModel, joint: str
 ) -> None:
+    """But for MyoHand's interosseous: dorsal of the MCP's axis beyond 26 deg of hyperextension,
+    where its source has no range."""
     finger = MujocoFinger(model)
     low, high = np.degrees(model.ranges[joint])
     for muscle in finger.tendons:
-        arm = arms(finger, muscle, joint, np.linspace(low, high, 141))
+        least = max(low, -20.0) if muscle == "RI" else low
+        arm = arms(finger, muscle, joint, np.linspace(least, high, 141))
         assert np.ptp(np.sign(arm[np.abs(arm) > 1e-9])) == 0 if np.abs(arm).max() > 1e-9 else True
         assert np.abs(np.diff(arm)).max() < 0.6  # mm in a degree of MCP
         assert np.abs(arm).max() < 17.0
 
 
-def test_a_length_changes_by_its_moment_arm() -> None:
+@pytest.mark.parametrize("model", [finger_model(index_finger(), central=0.5), middle_finger()])
+def test_a_length_changes_by_its_moment_arm(model: FingerModel) -> None:
     """Everywhere but within a step of where a tendon touches its guide."""
-    finger = whole_finger(index_finger())
+    finger = MujocoFinger(model)
     rng, step = np.random.default_rng(5), 1e-6
-    low, high = np.array(list(finger_model(index_finger()).ranges.values())).T
+    low, high = np.array(list(model.ranges.values())).T
     misses = []
     for q in rng.uniform(low, high, (40, 4)):
         lengths = [
@@ -180,7 +209,7 @@ def test_tendon_paths_end_on_the_right_bones() -> None:
     finger = MujocoFinger(finger_model(index_finger()))
     paths = finger.tendon_paths(finger.start(POSTURE))
     distinct = {name: len(np.unique(p, axis=0)) for name, p in paths.items()}
-    assert distinct == {"FDP": 8, "FDS": 7, "FDIm": 3, "FDIl": 3}  # rings touched: FDP 1, FDS 2
+    assert distinct == {"FDP": 9, "FDS": 7, "FDIm": 3, "FDIl": 3}  # rings touched: FDP 2, FDS 2
     assert (paths["FDP"][:, 2] < 0).all()  # palmar
     for path in paths.values():  # the muscles pull parallel to the metacarpal
         assert path[1] - path[0] == pytest.approx([0.040, 0.0, 0.0])

@@ -1,0 +1,86 @@
+"""What lies between the bare bones and a hood: thick over their backs, thin over the heads' joint
+faces, where there is cartilage alone.
+
+The thickness is stated over a bone's back.  Towards the head that ends it, it falls to that of the
+articular face over the first FACE of turning round the joint's axis from the back, and to that of
+the condyles' sides over SIDE of turning round the phalanx.  In a straight finger the joint line
+lies where the fall begins, so that nothing of it shows over an extended joint; in a flexed one the
+hood lies on the face.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshes.skeleton import BODIES, JOINTS, Skeleton
+
+Array = NDArray[np.float64]
+
+FACE = np.deg2rad([15.0, 45.0])
+"""rad about the joint's axis from the bone's back to its distal end, between which the tissue that
+the back has goes over into the cartilage of the face (assumption)."""
+SIDE = np.deg2rad([25.0, 55.0])
+"""rad about the phalanx's long axis from its back, the same to the condyles' sides: from the edge
+of a slip 4.6 mm wide [mi29] to the middle of the lateral bands as they are laid."""
+SHAFT = (10e-3, 4e-3)
+"""m proximal of the joint's axis, between which the sides of shaft and head go over into each other
+(assumption; the heads are 8 to 10 mm long)."""
+FLEXION = {"metacarpal": "MCP", "proximal": "PIP", "middle": "DIP"}
+"""The joint whose head ends a bone."""
+
+
+class Head(NamedTuple):
+    """What covers a head, m: on its articular face, and at its condyles' sides."""
+
+    face: float
+    sides: float
+
+
+@dataclass(frozen=True)
+class Joint:
+    """The joint of a head in its bone's frame: its middle (3,) m and the unit axis (3,) of
+    flexion."""
+
+    centre: Array
+    axis: Array
+
+    @classmethod
+    def of(cls, skeleton: Skeleton, body: str) -> Joint:
+        """That at the distal end of a body; raises KeyError for one that has none."""
+        joint, child = JOINTS.index(FLEXION[body]), BODIES.index(body)
+        reach = skeleton.length[child] if child else 0.0
+        return cls(np.array([reach, 0.0, 0.0]), skeleton.zero[child] @ skeleton.axis[joint])
+
+
+def thinner(points: Array, joint: Joint, back: float, head: Head) -> Array:
+    """(n,) m by how much what covers a bone is thinner at `points` (n, 3) m, in its frame, than the
+    `back` (m) over its back.
+
+    >>> import numpy as np
+    >>> from meshes.cover import Head, Joint, thinner
+    >>> joint = Joint(np.zeros(3), np.array([0.0, 1.0, 0.0]))
+    >>> over_back_face_side = np.array([[0, 0, 4e-3], [4e-3, 0, 0], [0, 5e-3, 0]])
+    >>> 1e3 * thinner(over_back_face_side, joint, 2e-3, Head(0.6e-3, 1.2e-3))
+    array([0. , 1.4, 0.8])
+    """
+    from_centre = points - joint.centre
+    dorsal = np.cross([1.0, 0.0, 0.0], joint.axis)
+    distal = np.cross(joint.axis, dorsal)
+    ahead, above, beside = (from_centre @ axis for axis in (distal, dorsal, joint.axis))
+    turned = np.arctan2(ahead, above)
+    on_face = _ease(turned, *FACE) * _ease(np.pi - turned, *FACE)
+    beside_head = _ease(np.arctan2(np.abs(beside), above), *SIDE) * _ease(-ahead, *SHAFT)
+    at_sides = (back - head.sides) * beside_head
+    out: Array = at_sides + (back - head.face - at_sides) * on_face
+    return out
+
+
+def _ease(value: Array, start: float, end: float) -> Array:
+    """0 before `start` to 1 from `end` on, with no kink of the first two derivatives."""
+    u = np.clip((value - start) / (end - start), 0.0, 1.0)
+    out: Array = u**3 * (10 - 15 * u + 6 * u * u)
+    return out
