@@ -59,6 +59,11 @@ COMMANDS = [
 TRUST = {
     "cadaver forces: hood": "fingertip force through the hood, three cadaver hands (Synek 2019)",
     "cadaver forces: flexors": "the same of the flexors, which no hood touches",
+    "Qiu 2017: hood": "differences of arms through the hood, five hands (Qiu 2017)",
+    "Qiu 2017: flexor": "the same of FDP",
+    "Cohn 2017: hood": "force over tension through the hood (Cohn 2017)",
+    "Cohn 2017: flexors and FDI": "the same of tendons past it",
+    "Buford 2005: shares of the MCP's moment": "shares of the moment at the MCP (Buford 2005)",
     "Lee 2008: slip forces": "forces of the slips (Lee 2008)",
     "Lee 2008: strains": "strains of the hood (Lee 2008)",
     "free finger: hood": "postures of a free finger (Nimbarte 2008)",
