@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from fe_solver.hood.shell_hood import ShellHood as FeHood
 
 
+MUSCLE = 20e-3
+"""m, how far a tendon is drawn proximally of its eyelet."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FeView:
     """What there is to see of a solved hood of finite elements, be it a sheet or a net."""
@@ -47,6 +51,12 @@ class FeView:
     """m by place, of `meshes.glide`, positive distally."""
     band_height: Mapping[str, float]
     """m by side, of the lateral bands over the PIP's axis (`meshes.bands`), positive dorsally."""
+    ropes: Mapping[str, Array]
+    """(3, 3) m by tendon, of `rope_lines`."""
+
+    def lines(self) -> Mapping[str, Array]:
+        """(k, 3) m by name, what pictures draw of it as lines."""
+        return self.ropes
 
     def fields(self) -> tuple[Field, ...]:
         """What sheet and net share."""
@@ -137,7 +147,20 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
             (c.x, c.position, c.rotation),
         ),
         band_height=band_heights(lines.bands, c.x, c.position, c.rotation, lines.axis),
+        ropes=rope_lines(hood, state),
     )
+
+
+def rope_lines(hood: FeHood, state: State) -> dict[str, Array]:
+    """(3, 3) m by tendon that runs through an eyelet: the middle of its end, the eyelet, and a
+    point MUSCLE beyond it."""
+    ropes, c = hood.model.ropes, state.configuration
+    if not ropes.node.size:
+        return {}
+    at = c.position[ropes.body] + ropes.arm(c.rotation)
+    places = np.stack([c.x[ropes.node], at, at + MUSCLE * ropes.along(c.rotation)], axis=1)
+    own = zip(hood.tendons, ropes.share, strict=True)
+    return {t: np.tensordot(share, places, 1) for t, share in own if share.any()}
 
 
 def slip_forces(hood: FeHood, state: State) -> dict[str, float]:

@@ -88,6 +88,10 @@ class HoodView(Protocol):
         """The values over the hood, for results, mesh file and pictures."""
         ...
 
+    def lines(self) -> Mapping[str, Array]:
+        """(k, 3) m by name, what pictures draw of it as lines beside its mesh."""
+        ...
+
     def coordinates(self) -> Mapping[str, Any]:
         """Names along the fields' dimensions, for the results."""
         ...

@@ -321,8 +321,10 @@ def _scene(t: MovingModels, kept: MotionHistory) -> Scene:
     finger, coupled = t.finger, kept.moment.coupled
     angles = finger.angles(coupled.finger)
     motion, point = finger.motion(angles), finger.tip(angles)
-    hood = hood_field(t.view(coupled.hood)) if t.view else None
-    lines = {**t.lines(motion), **finger.lines(angles)}
+    view = t.view(coupled.hood) if t.view else None
+    hood = None if view is None else hood_field(view)
+    of_hood = {} if view is None else view.lines()
+    lines = {**t.lines(motion), **of_hood, **finger.lines(angles)}
     force = None if point is None else (point, kept.tips[-1][:3])
     frames = tuple(
         (float(shape["time"]), field_of(shape, hood.quads)) for shape in kept.shapes if hood

@@ -19,7 +19,8 @@ from cosim.results.parts import Scene
 
 def scene(models: Models, e: Equilibrium, view: HoodView | None) -> Scene:
     """The loaded finger."""
-    paths = {**models.lines(e.motion), **models.finger.tendon_paths(e.finger_state)}
+    of_hood = {} if view is None else view.lines()
+    paths = {**models.lines(e.motion), **of_hood, **models.finger.tendon_paths(e.finger_state)}
     tendons = tuple(paths.items())
     tip = (models.finger.tip(e.finger_state), models.finger.tip_force(e.finger_state))
     hood = None if view is None else hood_field(view)

@@ -66,6 +66,7 @@ def stretch(mesh: HoodMesh, along: float, across: float) -> ShellView:
         markers=markers(mesh, ["central_band"]),
         region_force={},
         strip_arm={},
+        ropes={},
     )
 
 
