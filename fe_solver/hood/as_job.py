@@ -256,7 +256,7 @@ def _springs(model: ShellModel, rest: Motion, flat: Array, points: Array) -> tup
         group_name = model.groups[int(group)] if model.groups else f"springs {int(group) + 1}"
         alone = (unique[:, 0] == group).sum() == 1
         table = _toe_table(float(stiffness), float(toe)) if toe else None
-        law = SpringLaw(float(stiffness), bool(only), table)
+        law = SpringLaw(float(stiffness), bool(only) and table is None, table)
         title = group_name if alone else f"{group_name} {i + 1}"
         out.append(SpringSet(title, law, node, body, anchor, np.full(len(own), -1), length))
     return tuple(out)
