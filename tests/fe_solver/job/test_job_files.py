@@ -190,6 +190,18 @@ def test_what_a_job_cannot_say_of_a_hood_is_refused():
         job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
 
 
+def test_heads_covered_by_less_than_the_back_are_refused_with_what_to_write(tmp_path):
+    """Once as thick as the back, the next thing that the format cannot say is told."""
+    words = ("export", "isometric_edc", "--set", "hood.mesh.quads=120", "--out", tmp_path / "a.feb")
+    told = run(*words)
+    assert told.exit_code == 2
+    assert '.face and .sides to "2 mm"' in told.output
+    head = [f"hood.contact.heads.proximal.{part}=2 mm" for part in ("face", "sides")]
+    told = run(*words, "--set", head[0], "--set", head[1])
+    assert told.exit_code == 2
+    assert "hood.bending_stiffness" in told.output
+
+
 def test_on_its_mid_surface_a_sheet_is_pulled_straight_and_springs_keep_their_slack():
     """Pulled at a face, it bends by the force times half the thickness."""
     job, end = strip(), nodes_at(strip(), LENGTH)
