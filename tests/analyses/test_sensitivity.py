@@ -191,6 +191,14 @@ def test_what_cannot_go_lower_is_cut_off_and_says_so():
     assert "held" in v["joint stiffness"].low.why_not
 
 
+def test_every_ligament_of_a_hood_is_varied():
+    case = load_case("strain_lee2008_average_ti")
+    settings = [text for v in variations(case) for s in (v.low, v.high) for text in s.settings]
+    for name in set(case.hood.springs) - {"central_slip"}:  # that is a tendon's insertion
+        for key in ("stiffness", "slack"):
+            assert any(text.startswith(f"hood.springs.{name}.{key}=") for text in settings), name
+
+
 def test_a_hood_without_friction_gets_some_and_one_with_it_less_and_more():
     smooth = of(load_case("strain_lee2008_average_ti"))["friction over the bones"]
     assert smooth.high.settings == ("hood.contact.friction=0.3",)
