@@ -17,6 +17,7 @@ from cosim.files import check_file, check_folder
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from cosim.hoods.supports import ContactConfig
     from fe_solver.job.solve import JobResult, JobState
     from fe_solver.verification.febio.compare import ComparedQuantity, ModelComparison, ModelRun
 
@@ -162,11 +163,8 @@ def export(
 
         checked = load_case(case, settings or ())
         check_file(out)
-        if checked.hood.kind == "shell" and any(head for _, head in checked.hood.contact.heads):
-            raise InputError(
-                "hood.contact.heads: cannot be written: contact in FEBio's format keeps one gap "
-                "over all of a bone; leave the heads out of the case"
-            )
+        if checked.hood.kind == "shell":
+            _check_heads(checked.hood.contact)
         typer.echo(f"{checked.name}: building the models", err=True)
         models = build(checked)
         if not isinstance(models.hood, ShellHood):
@@ -176,6 +174,18 @@ def export(
         job = job_of_hood(models.hood, motion, tension, models.bones, checked.name)
         write_feb(job, out)
         typer.echo(f"{len(job.quads)} elements in {out}")
+
+
+def _check_heads(contact: ContactConfig) -> None:
+    """Raises InputError where a head is covered by less than its bone's back."""
+    for bone, head in contact.heads:
+        back = getattr(contact.offset, bone)
+        if head is not None and min(head.face, head.sides) < back:
+            raise InputError(
+                f"hood.contact.heads.{bone}: cannot be written: contact in FEBio's format keeps "
+                f"one gap over all of a bone; set hood.contact.heads.{bone}.face and .sides to "
+                f'"{1e3 * back:g} mm", which its back has'
+            )
 
 
 def bench_fe(quads: Sequence[int] = QUADS) -> dict[str, float]:

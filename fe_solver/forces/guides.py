@@ -79,7 +79,7 @@ class Ropes:
 
     node (k,), body (k,); eyelet (k, 3) m and unit pull (k, 3) in the body's frame; length (k,) m
     from node to eyelet where the excursion is zero; share (nt, k) of each tendon's tension in each
-    rope."""
+    rope; `tendons` (nt,) their names, for messages."""
 
     node: Ints
     body: Ints
@@ -87,6 +87,7 @@ class Ropes:
     pull: Array
     length: Array
     share: Array
+    tendons: tuple[str, ...] = ()
 
     @staticmethod
     def none(tendons: int = 0) -> Ropes:
@@ -102,6 +103,12 @@ class Ropes:
     def along(self, rotation: Array) -> Array:
         """(k, 3) unit, which way the muscles pull, world."""
         return np.asarray(np.einsum("kij,kj->ki", rotation[self.body], self.pull))
+
+    def name(self, rope: int) -> str:
+        """The tendons that a rope is of, as their user knows them."""
+        if not self.tendons:
+            return f"rope {rope}"
+        return " and ".join(self.tendons[i] for i in np.flatnonzero(self.share[:, rope]))
 
     def reach(self, x: Array, position: Array, rotation: Array) -> Array:
         """(k, 3) m from the eyelets to the nodes at x (n, 3), world."""

@@ -256,15 +256,15 @@ def _springs(model: ShellModel, rest: Motion, flat: Array, points: Array) -> tup
         group_name = model.groups[int(group)] if model.groups else f"springs {int(group) + 1}"
         alone = (unique[:, 0] == group).sum() == 1
         table = _toe_table(float(stiffness), float(toe)) if toe else None
-        law = SpringLaw(float(stiffness), bool(only), table)
+        law = SpringLaw(float(stiffness), bool(only) and table is None, table)
         title = group_name if alone else f"{group_name} {i + 1}"
         out.append(SpringSet(title, law, node, body, anchor, np.full(len(own), -1), length))
     return tuple(out)
 
 
 def _toe_table(stiffness: float, toe: float) -> LoadCurve:
-    """N by elongation (m) of a spring that sets in over a toe, straight beyond it."""
-    stretch = toe * np.linspace(-1.0, 1.0, TOE_POINTS)
+    """N by elongation (m) of a spring that sets in over a toe, straight beyond it: slack before."""
+    stretch = toe * np.append(-2.0, np.linspace(-1.0, 1.0, TOE_POINTS))
     force = stiffness * ramp(stretch, toe)[1]
     return LoadCurve(
         tuple(stretch.tolist()), tuple(force.tolist()), extension=Extension.EXTRAPOLATE
@@ -274,7 +274,7 @@ def _toe_table(stiffness: float, toe: float) -> LoadCurve:
 def _ropes(model: ShellModel, rest: Motion, points: Array, tension: Array) -> Iterator[SpringSet]:
     """The ropes that bear something, as springs of constant force."""
     r = model.ropes
-    for i, force in enumerate(tension @ r.share):
+    for i, force in enumerate(tension @ r.share if len(r.node) else ()):
         if force:
             there = rest.position[r.body[i]] + r.arm(rest.rotation)[i]
             length = np.array([np.linalg.norm(points[r.node[i]] - there)])

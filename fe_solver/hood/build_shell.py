@@ -211,7 +211,7 @@ def ropes_of(
     unit = np.tile(np.asarray(pull) / np.linalg.norm(pull), (len(node), 1))
     index = np.full(len(node), rest.bodies.index(body))
     length = np.linalg.norm(_local(rest, body, X[node]) - eyelet, axis=1)
-    return Ropes(node, index, eyelet, unit, length, share)
+    return Ropes(node, index, eyelet, unit, length, share, tuple(tendons))
 
 
 def _local(rest: Motion, body: str, points: Array) -> Array:

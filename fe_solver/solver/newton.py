@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
+from fe_solver.forces.springs import ROPE
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.body_coupling import common_twist, coupling, rigid_motion
 from fe_solver.solver.linear_algebra import (
@@ -49,6 +50,8 @@ NEARLY = 0.05
 """Residual over the largest force beyond which the load is too far, and no smoothing helps."""
 KEPT = 3e-3
 """Residual after over before such an iteration, where no iteration has told it yet."""
+SHORTEST = 1e-3
+"""m from a tendon's end on the hood to its eyelet, at least."""
 
 
 @dataclass(frozen=True)
@@ -146,6 +149,8 @@ def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
     for body, group in zip(p.body[acting], p.group[acting], strict=True):
         name = model.groups[group] if 0 <= group < len(model.groups) else str(group)
         what = "in contact with" if group < 0 else f"pulled by the springs {name} to"
+        if group == ROPE:
+            what = "pulled by a tendon to its eyelet in"
         place += f", {what} the body {model.bodies[body]}"
     return place
 
@@ -233,7 +238,7 @@ def _solve(
             stiffest = stiffest_entry(model, e.data)
             limit = options.tolerance * force + rounding(c, stiffest)
             if residual <= limit:
-                return _check_directors(Solution(model, c, e, tension, iteration, solves, residual))
+                return _checked(Solution(model, c, e, tension, iteration, solves, residual))
         if iteration == options.max_iterations:
             break
         # a chord iteration: the old factor, while it lowers the residual fast enough
@@ -261,12 +266,13 @@ def _solve(
             chord = _Chord(factor, data, residual / 2) if before is not None and factor else None
         elif stuck and residual <= STUCK * limit:
             e = _consistent(model, c, e, tension)
-            return _check_directors(Solution(model, c, e, tension, iteration, solves, residual))
+            return _checked(Solution(model, c, e, tension, iteration, solves, residual))
         elif stuck:
             break
         else:
             stuck, convex, chord = True, not convex, None
             e = model.evaluate(c, tension, tangent=True, convex=convex)
+    _check_ropes(model, c)
     raise _StuckError(
         f"the hood did not reach equilibrium in {iteration} iterations: the residual is "
         f"{residual:.2e} N against forces of {force:.2e} N, largest at {worst_place(model, c, e)}. "
@@ -324,11 +330,28 @@ def _crushed_place(model: ShellModel, c: Configuration) -> str:
     return f"{place}. Try smaller steps of posture or tension, or a coarser mesh."
 
 
-def _check_directors(solution: Solution) -> Solution:
-    """The solution, unless a director has turned through the plane of an element: the discrete
-    sheet has equilibria with elements folded back on their neighbours, which no sheet has.
+def _check_ropes(model: ShellModel, c: Configuration) -> None:
+    """Raises ConvergenceError for a rope that is drawn up to its eyelet: there its line has no
+    direction, and what it does to the hood jumps."""
+    r = model.ropes
+    length = np.linalg.norm(r.reach(c.x, c.position, c.rotation), axis=1)
+    if length.min(initial=np.inf) < SHORTEST:
+        rope = int(length.argmin())
+        raise ConvergenceError(
+            f"{r.name(rope)}: its end on the hood, {model.node_name(r.node[rope])}, is drawn up to "
+            f"the eyelet in the body {model.bodies[r.body[rope]]}: {1e3 * length[rope]:.3g} mm are "
+            f"left between them, expected at least {1e3 * SHORTEST:g} mm. Lower its tension, or "
+            "give it a stiffer hood"
+        )
+
+
+def _checked(solution: Solution) -> Solution:
+    """The solution, unless a tendon is drawn up to its eyelet or a director has turned through the
+    plane of an element: the discrete sheet has equilibria with elements folded back on their
+    neighbours, which no sheet has.
 
     Raises ConvergenceError naming the place."""
+    _check_ropes(solution.model, solution.configuration)
     model, facing = solution.model, director_cosines(solution.model, solution.configuration)
     if facing.min(initial=1.0) > 0:
         return solution

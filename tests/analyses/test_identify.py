@@ -216,8 +216,13 @@ def test_the_built_in_parameters_keep_fibres_smooth():
     assert [p.name for p in free.parameters] == ["c1", "toe", "c4"]
     assert [p.start for p in free.parameters] == pytest.approx([0.198137, 0.01, 400.0], rel=1e-5)
     made = load_case(LEE, free.settings({"c1": 0.5, "toe": 0.01, "c4": 150.0})).hood
-    for law, old in zip(made.regions.values(), case.hood.regions.values(), strict=True):
-        assert (law.c1, law.c4, law.c5) == (pytest.approx(5e5), 150.0, old.c5)
+    for name, law in made.regions.items():
+        old = case.hood.regions[name]
+        assert (law.c1, law.c5) == (pytest.approx(5e5), old.c5)
+        if name.startswith("oblique_fibres"):  # slack until half as long again, in any fit
+            assert (law.c4, law.lam_max, law.c3) == (old.c4, 1.5, old.c3)
+            continue
+        assert law.c4 == 150.0
         assert law.lam_max == pytest.approx(1.01)
         assert law.c3 * law.c4 * np.exp(law.c4 * 0.01) == pytest.approx(law.c5, rel=1e-9)
 

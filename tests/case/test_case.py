@@ -174,6 +174,16 @@ BAD = {
         "finger.tip.kind = 'hold'",
         "write 'point' or 'clamped' or 'free'",
     ),
+    "a head of no bone": (
+        'hood.contact.heads.knuckle={face="1 mm", sides="1 mm"}',
+        "hood.contact.heads.knuckle",
+        "unknown key; known: metacarpal, proximal, middle",
+    ),
+    "a head covered by less than nothing": (
+        "hood.contact.heads.proximal.face=-1 mm",
+        "hood.contact.heads.proximal.face = '-1 mm'",
+        "must be 0 mm or more",
+    ),
     "no table": ("hood.contact=3", "hood.contact = 3", "must be a table, [hood.contact]"),
     "truth for a number": ("hood.mesh.quads=true", "hood.mesh.quads", "integer"),
     "a missing unit in a list": ("finger.gravity=[1, 2, 3]", "finger.gravity[2] = 3", "bare"),

@@ -15,6 +15,7 @@ from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import STATIC, Motion, Response
 from fe_solver.elements.mesh_geometry import node_areas
+from fe_solver.forces.guides import Ropes
 from fe_solver.forces.springs import ROPE
 from fe_solver.hood.build_shell import ContactLaw, ShellSheet, TendonEnd, shell_hood
 from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood, _largest_turn
@@ -26,6 +27,7 @@ from meshes.hood_mesh import HoodMesh
 from meshes.skeleton import BODIES
 from tests.helpers import shells
 from tests.helpers.conformance import index_motions
+from tests.helpers.jobs import roped_hood
 
 TENSION = np.array([3.0, 1.0, 0.8, 0.5])
 HIGH_AND_STRAIGHT = (
@@ -144,6 +146,26 @@ def test_intrinsic_tendons_run_through_their_eyelets(hood, solved, motion):
     pulled = -(TENSION @ ropes.share)[:, None] * line
     own = solved.state.solution.evaluation.points
     assert own.gradient[own.group == ROPE] == pytest.approx(pulled, abs=1e-12)
+
+
+@pytest.mark.parametrize("tension", [6.0, 20.0])
+def test_a_tendon_drawn_up_to_its_eyelet_is_named(tension):
+    """At the eyelet its line has no direction: no 1 mm is left, or the solve is stuck there."""
+    hood, _ = roped_hood()
+    ropes, middle = hood.model.ropes, slice(4, 5)
+    near = hood.model.reference[ropes.node[middle]] - [1.2e-3, 0, 0]
+    one = Ropes(
+        ropes.node[middle],
+        ropes.body[middle],
+        near,
+        ropes.pull[middle],
+        np.array([1.2e-3]),
+        np.ones((1, 1)),
+        ropes.tendons,
+    )
+    hood = replace(hood, model=replace(hood.model, ropes=one))
+    with pytest.raises(ConvergenceError, match=r"EDC: its end .* up to the eyelet.*Lower its"):
+        hood.advance(hood.start(hood.rest), hood.rest, np.array([tension]), STATIC)
 
 
 def test_the_ledger_is_complete(hood, solved):

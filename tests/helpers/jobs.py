@@ -10,6 +10,8 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 from cosim.port import Motion
+from fe_solver.forces.guides import Guides, Ropes
+from fe_solver.forces.springs import Springs
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import (
@@ -165,6 +167,33 @@ def rod_hood() -> tuple[ShellHood, dict]:
     bones = {"rod": (np.array(round_.vertices), np.array(round_.faces))}
     hood = ShellHood(model, ("EDC",), rest, carriers, (), NewtonOptions(tolerance=1e-9))
     return hood, bones
+
+
+def roped_hood() -> tuple[ShellHood, dict]:
+    """The same, its tendon hung on ropes through an eyelet 12 mm off, with one-sided springs to the
+    rod that set in over a toe: two taut, two within their toe, two slack far beyond it."""
+    hood, bones = rod_hood()
+    model, end = hood.model, hood.model.guides.node
+    X, k = model.reference, len(hood.model.guides.node)
+    eyelet = np.tile([-12e-3, 2e-3, 8.4e-3], (k, 1))
+    length = np.linalg.norm(X[end] - eyelet, axis=1)
+    pull, share = np.tile([-1.0, 0, 0], (k, 1)), np.full((1, k), 1 / k)
+    first = np.zeros(k, dtype=np.intp)
+    ropes = Ropes(end, first, eyelet, pull, length, share, hood.tendons)
+    held = np.flatnonzero(np.isclose(X[:, 0], X[:, 0].max() / 2))[[0, 1, 3, 5, 7, 8]]
+    anchor = X[held] + np.array([3e-3, 0.0, 0.0])
+    slack = 3e-3 + 1e-3 * np.array([-0.8, 0.2, 2.5, 2.5, 0.2, -0.8])
+    only, toe, none = np.full(6, True), np.full(6, 0.6e-3), np.zeros(6, dtype=np.intp)
+    springs = Springs(held, none, anchor, np.full(6, 300.0), slack, only, none, toe=toe)
+    changed = replace(
+        model,
+        guides=Guides.none(),
+        share=np.zeros((1, 0)),
+        ropes=ropes,
+        springs=springs,
+        groups=("band",),
+    )
+    return replace(hood, model=changed, groups=("band",)), bones
 
 
 def run(*words: str):

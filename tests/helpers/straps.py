@@ -40,10 +40,10 @@ def springs(
 
 
 def join_springs(*parts: Springs) -> Springs:
-    names = [f.name for f in fields(Springs) if f.name != "curves"]
-    columns = [np.concatenate([getattr(s, name) for s in parts]) for name in names]
-    columns[-1] = np.repeat(np.arange(len(parts)), [len(s.node) for s in parts])
-    return Springs(*columns)
+    names = [f.name for f in fields(Springs) if f.name not in ("group", "curves", "toe")]
+    columns = {name: np.concatenate([getattr(s, name) for s in parts]) for name in names}
+    group = np.repeat(np.arange(len(parts)), [len(s.node) for s in parts])
+    return Springs(**columns, group=group)
 
 
 def strap() -> ShellModel:

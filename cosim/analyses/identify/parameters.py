@@ -106,6 +106,7 @@ def free_built_in(case: Case) -> Free:
     """What no paper gives of the case's fibrous laws, one value for all regions: of the trans iso
     Mooney-Rivlin law c1, the `toe` (lam_max - 1) and c4, with c3 = c5 / (c4 exp(c4 toe)) so that
     the modulus along the fibres is smooth; of the linear law the modulus across and in shear.
+    Fibres that are slack beyond the toe's bounds, as those beside the central slip, keep their own.
 
     Raises InputError where no region has such a law."""
     return _free(case, tuple(_built_in_parameters(case).values()))
@@ -210,8 +211,8 @@ def _stated_values(case: Case) -> dict[str, list[float]]:
     megapascal = units.parse("1 MPa", units.PRESSURE)
     found = {
         "c1": [law.c1 / megapascal for law in curved.values()],
-        "toe": [law.lam_max - 1 for law in curved.values()],
-        "c4": [law.c4 for law in curved.values()],
+        "toe": [law.lam_max - 1 for law in curved.values() if _shares_toe(law)],
+        "c4": [law.c4 for law in curved.values() if _shares_toe(law)],
         "modulus_across": [law.modulus_across / megapascal for law in straight.values()],
         "shear_modulus": [law.shear_modulus / megapascal for law in straight.values()],
     }
@@ -222,6 +223,10 @@ def _laws(
     case: Case,
 ) -> tuple[Mapping[str, FibreMooneyRivlinConfig], Mapping[str, TransverselyIsotropicConfig]]:
     return case.hood.laws("trans_iso_mooney_rivlin"), case.hood.laws("transversely_isotropic")
+
+
+def _shares_toe(law: FibreMooneyRivlinConfig) -> bool:
+    return law.lam_max - 1 <= _BOUNDS["toe"][2]
 
 
 def _free(case: Case, parameters: tuple[FitParameter, ...]) -> Free:
@@ -241,7 +246,7 @@ def _built_in_settings(case: Case, values: Values) -> Iterator[str]:
     for name, law in curved.items():
         if "c1" in values:
             yield f"hood.regions.{name}.c1={values['c1']!r} MPa"
-        if "toe" in values or "c4" in values:
+        if ("toe" in values or "c4" in values) and _shares_toe(law):
             c4, toe = values.get("c4", law.c4), values.get("toe", law.lam_max - 1)
             yield from toe_settings(name, law.c5, c4, toe)
     for name in straight:

@@ -33,7 +33,10 @@ LIGAMENTS = {
     "radial adhesion": ("ligament_radial",),
     "ulnar adhesion": ("ligament_ulnar",),
     "sagittal bands' ends": ("sagittal_radial", "sagittal_ulnar"),
+    "sagittal bands' hold sideways": ("sagittal_hold_radial", "sagittal_hold_ulnar"),
+    "interosseous hood": ("interosseous_hood_radial", "interosseous_hood_ulnar"),
     "retinacular ligaments": ("retinacular_radial", "retinacular_ulnar"),
+    "oblique retinacular ligaments": ("oblique_retinacular_radial", "oblique_retinacular_ulnar"),
 }
 MODULI = {
     "isotropic": ("modulus",),

@@ -12,6 +12,7 @@ import pytest
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
+from fe_solver.forces.springs import ROPE
 from fe_solver.hood.as_job import job_of_hood
 from fe_solver.job.febio_like import bending_notes, facet_lift, febio_patch
 from fe_solver.job.job import Body, ContactPair, NodalForce, ShellPart, SpringLaw, SpringSet, Tied
@@ -36,8 +37,10 @@ from tests.helpers.jobs import (
     one_of,
     rod_hood,
     rod_job,
+    roped_hood,
     run,
     strip,
+    total,
 )
 
 
@@ -91,6 +94,36 @@ def test_a_hood_and_its_job_agree_and_so_does_the_file(tmp_path):
     assert read.contact[0] == pytest.approx(own.contact[0], rel=1e-3, abs=1e-4)
     low = own.configuration.x[own.model.contacts[0].nodes]
     assert np.linalg.norm(low[:, 1:], axis=1).min() == pytest.approx(8e-3, abs=1e-5)
+
+
+def test_ropes_and_springs_with_a_toe_pull_the_same_in_a_file(tmp_path):
+    """A rope is a spring of constant force there, a toe a table."""
+    hood, bones = roped_hood()
+    tension, motion = np.array([4.0]), hood.rest
+    answer = hood.advance(hood.start(motion), motion, tension, np.inf)
+    c, points = answer.state.configuration, answer.state.solution.evaluation.points
+    middle = job_of_hood(hood, motion, tension, bones, on_face=False)
+    (state,) = solve_job(middle, options=COARSE).states
+    assert np.abs(state.configuration.x - c.x).max() < 0.01 * np.abs(c.x - middle.points).max()
+    of_ropes = [total(state, f"spring {i}", "rod") for i in range(1, len(middle.springs))]
+    for group, found in ((0, total(state, "spring 0", "rod")), (ROPE, np.sum(of_ropes, axis=0))):
+        own = points.gradient[points.group == group].sum(axis=0)
+        assert found == pytest.approx(own, abs=0.01 * np.abs(own).max())
+    pulled = points.force[points.group == 0]
+    assert middle.springs[0].name == "band"
+    force = state.spring_forces[0]
+    assert force == pytest.approx(pulled, abs=0.01 * pulled.max())
+    assert force.min() > -1e-12
+
+    faced = job_of_hood(hood, motion, tension, bones)
+    write_feb(faced, tmp_path / "hood.feb")
+    again = replace(read_feb(tmp_path / "hood.feb"), as_febio=False)
+    (own,), (read,) = (solve_job(j, options=COARSE).states for j in (faced, again))
+    assert np.abs(own.configuration.x - read.configuration.x).max() < 1e-6
+    forces = [np.sort(np.concatenate(s.spring_forces)) for s in (own, read)]
+    assert forces[1] == pytest.approx(forces[0], abs=1e-3)
+    for source in ("contact", "tie"):
+        assert total(read, source, "rod") == pytest.approx(total(own, source, "rod"), abs=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -155,6 +188,18 @@ def test_what_a_job_cannot_say_of_a_hood_is_refused():
     model = replace(hood.model, section=stiff)
     with pytest.raises(InputError, match="bending_stiffness"):
         job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
+
+
+def test_heads_covered_by_less_than_the_back_are_refused_with_what_to_write(tmp_path):
+    """Once as thick as the back, the next thing that the format cannot say is told."""
+    words = ("export", "isometric_edc", "--set", "hood.mesh.quads=120", "--out", tmp_path / "a.feb")
+    told = run(*words)
+    assert told.exit_code == 2
+    assert '.face and .sides to "2 mm"' in told.output
+    head = [f"hood.contact.heads.proximal.{part}=2 mm" for part in ("face", "sides")]
+    told = run(*words, "--set", head[0], "--set", head[1])
+    assert told.exit_code == 2
+    assert "hood.bending_stiffness" in told.output
 
 
 def test_on_its_mid_surface_a_sheet_is_pulled_straight_and_springs_keep_their_slack():

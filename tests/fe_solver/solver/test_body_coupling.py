@@ -9,7 +9,7 @@ import pytest
 
 from cosim.port import rotation_matrix
 from fe_solver.elements.shell import Array
-from fe_solver.forces.guides import Guides
+from fe_solver.forces.guides import Guides, Ropes
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import Solution, solve
@@ -81,7 +81,17 @@ def test_a_mirror_plane_holds_position_and_director(solved):
     assert turning.sum(axis=0) == pytest.approx(about, abs=1e-11)
 
 
-@pytest.mark.parametrize("made", [strap, mirror_strap])
+def roped_strap() -> ShellModel:
+    """The strap, its tendons' ends hung on ropes through eyelets of the hand."""
+    model = strap()
+    g, X = model.guides, model.reference
+    eyelet = X[g.node] + np.array([-6e-3, 1e-3, -2e-3])
+    length = np.linalg.norm(X[g.node] - eyelet, axis=1)
+    ropes = Ropes(g.node, g.body, eyelet, g.direction, length, model.share)
+    return replace(model, guides=Guides.none(), share=np.zeros((len(model.share), 0)), ropes=ropes)
+
+
+@pytest.mark.parametrize("made", [strap, mirror_strap, roped_strap])
 @pytest.mark.parametrize("seed", range(3))
 def test_coupling_to_the_bodies(made, seed):
     """Residual and wrenches by the bodies' twists and by the tensions, at turned bodies and away
