@@ -53,7 +53,7 @@ def test_the_generator_repeats_itself(mesh):
 @pytest.mark.parametrize("elements", ["linear", "quadratic"])
 @pytest.mark.parametrize("quads", [250, 600, 2400])
 def test_about_as_many_quads_as_asked_for(quads, elements):
-    """As whole rows and columns allow: a default of 672 or 720, others in proportion to it."""
+    """As whole rows and columns allow: a default of 606 or 640, others in proportion to it."""
     within = 0.22 if quads >= 600 else 0.35
     assert len(mesh_of(quads, elements).quads) == pytest.approx(quads, rel=within)
 
