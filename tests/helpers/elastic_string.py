@@ -62,6 +62,9 @@ class StringView:
             Field(STRAIN, ("cell",), "1", "strain", strain, False, on_mesh=True),
         )
 
+    def lines(self) -> Mapping[str, Array]:
+        return {}
+
     def coordinates(self) -> Mapping[str, Any]:
         return {"string": ["EDC"]}
 

@@ -143,7 +143,7 @@ def test_the_page_stands_alone(report):
     for address in parse(text).addresses:
         assert address.startswith(("data:", "#")), address
     own = without_scripts(text)
-    assert "http" not in own
+    assert not re.search(r"https?:", own)  # the letters alone occur in a picture by chance
     styles = "".join(re.findall(r"<style>.*?</style>", text, flags=re.DOTALL))
     assert "url(" not in styles
     assert "@import" not in styles
