@@ -114,6 +114,12 @@ class Ropes:
         """(k, 3) m from the eyelets to the nodes at x (n, 3), world."""
         return np.asarray(x[self.node] - position[self.body] - self.arm(rotation))
 
+    def lines(self, x: Array, position: Array, rotation: Array) -> tuple[Array, Array]:
+        """Lengths (k,) m and unit directions (k, 3) from the eyelets to the nodes at x (n, 3)."""
+        reach = self.reach(x, position, rotation)
+        length = np.linalg.norm(reach, axis=1)
+        return length, reach / np.where(length > 0, length, 1.0)[:, None]
+
 
 def _free_turns(count: int) -> tuple[Array, NDArray[np.bool_]]:
     return np.tile([1.0, 0.0, 0.0], (count, 1)), np.zeros((count, 2), dtype=bool)

@@ -294,7 +294,7 @@ def rope_forces(
 ) -> PointForces:
     """Forces of ropes that bear `tension` (k,) N, as those of springs whose force does not change;
     the tendons' work is counted elsewhere, so that they have no energy."""
-    length, direction = _lines(ropes.reach(x, position, rotation))
+    length, direction = ropes.lines(x, position, rotation)
     none, endless = np.zeros(len(length)), np.full(len(length), np.inf)
     return PointForces(
         ropes.node[:, None],

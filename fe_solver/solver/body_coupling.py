@@ -191,8 +191,7 @@ def rope_travel(model: ShellModel, c: Configuration) -> Array:
     """(nt, 6nb) m by m and rad, how tendons' excursions follow the bodies of their eyelets where
     the nodes stay."""
     ropes, nb = model.ropes, len(model.bodies)
-    reach = ropes.reach(c.x, c.position, c.rotation)
-    line = reach / np.linalg.norm(reach, axis=1, keepdims=True)
+    _, line = ropes.lines(c.x, c.position, c.rotation)
     moved = _about(ropes.arm(c.rotation), line)
     out = np.zeros((nb, 6, len(ropes.share)))
     add_at(out, ropes.body, moved[:, :, None] * ropes.share.T[:, None, :])
@@ -209,8 +208,7 @@ def _tension_terms(model: ShellModel, c: Configuration, A: Array) -> tuple[Array
     unit = np.concatenate([along, cross(arm, along)], axis=1)
     add_at(wrench, g.body, unit[:, :, None] * model.share.T[:, None, :])
     if len(ropes.node):
-        reach = ropes.reach(c.x, c.position, c.rotation)
-        line = reach / np.linalg.norm(reach, axis=1, keepdims=True)
+        _, line = ropes.lines(c.x, c.position, c.rotation)
         own = np.einsum("kji,kj->ki", A[ropes.node], line)
         add_at(residual[:, :3], ropes.node, own[:, :, None] * ropes.share.T[:, None, :])
         unit = _about(ropes.arm(c.rotation), line + ropes.along(c.rotation))

@@ -208,8 +208,8 @@ class ShellModel:
         """(nt,) m."""
         drawn = self.share @ self.slide(c)
         if len(self.ropes.node):
-            reach = self.ropes.reach(c.x, c.position, c.rotation)
-            drawn = drawn + self.ropes.share @ (self.ropes.length - np.linalg.norm(reach, axis=1))
+            length, _ = self.ropes.lines(c.x, c.position, c.rotation)
+            drawn = drawn + self.ropes.share @ (self.ropes.length - length)
         return drawn
 
     def pulls(self, c: Configuration, tension: Array) -> Array:

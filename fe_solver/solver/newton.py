@@ -334,7 +334,7 @@ def _check_ropes(model: ShellModel, c: Configuration) -> None:
     """Raises ConvergenceError for a rope that is drawn up to its eyelet: there its line has no
     direction, and what it does to the hood jumps."""
     r = model.ropes
-    length = np.linalg.norm(r.reach(c.x, c.position, c.rotation), axis=1)
+    length, _ = r.lines(c.x, c.position, c.rotation)
     if length.min(initial=np.inf) < SHORTEST:
         rope = int(length.argmin())
         raise ConvergenceError(

@@ -53,8 +53,8 @@ def test_a_grid_on_a_sheet_that_is_stretched_has_its_strains_in_both_directions(
         place_gauges(dots, {}, sheet, triangles), grids={"net": np.arange(12).reshape(4, 3)}
     )
     along, across = found.grid_strains(sheet * [1.1, 0.97, 1.0], sheet)["net"]
-    assert along == pytest.approx(np.full((3, 3), 10.0))
-    assert across == pytest.approx(np.full((4, 2), -3.0))
+    assert 100 * along == pytest.approx(np.full((3, 3), 10.0))
+    assert 100 * across == pytest.approx(np.full((4, 2), -3.0))
 
 
 @pytest.fixture(scope="module")

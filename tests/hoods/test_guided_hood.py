@@ -4,6 +4,7 @@ Accepted by anatomy: the straight lines between An's points (An et al. 1979, J B
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,11 +12,12 @@ import pytest
 
 from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
+from cosim.fingers.kinds import FINGERS, anatomy_of
+from cosim.hoods.shell.build import _tendons
 from cosim.pipeline import run_case
 from cosim.results.result import Result
 from meshes.bands import OVER_MCP
 from meshes.glide import crossing, sheet_edges
-from meshes.hull import along
 from meshes.skeleton import index_finger
 from rigid.fingers.index import INTRINSIC, O2O3, OFFSET, ROWS
 
@@ -115,8 +117,27 @@ def test_a_hood_at_rest_hardly_pulls_on_a_bent_finger():
         assert max(abs(torque[j]) for j in ("MCP", "PIP", "DIP")) < 3, posture
 
 
+def test_a_slack_strip_has_no_arm():
+    summary = held(0, 60, 45, "EDC.tension=3.5 N").summary
+    assert summary["slip_force_N"]["central"] < 0.02
+    assert set(summary["strip_arm_mm"]) == {"lateral_band_radial", "lateral_band_ulnar"}
+
+
 def test_a_finger_of_any_size_has_its_eyelets_in_proportion():
-    skeleton = index_finger()
-    assert 1e3 * along(skeleton, np.array([15.0])) == pytest.approx(
-        1e3 * O2O3 * (ROWS["MCP"]["UI"][1][0] + OFFSET["MCP"]), abs=0.05
+    sizes = ["finger.length_scale=1.2", "finger.width_scale=1.1"]
+    plain, larger = (
+        FINGERS["index"].eyelets(load_case("hood_rest", s).finger) for s in ([], sizes)
     )
+    for tendon, place in plain.items():
+        assert larger[tendon] == pytest.approx(np.array(place) * [1.2, 1.1, 1.1])
+
+
+def test_an_end_that_is_laid_beside_its_eyelet_slides_along_the_metacarpal():
+    case = load_case("hood_rest", [COARSE])
+    mesh, anatomy = hood_mesh(case), anatomy_of(case.finger, case.hood.left_to_finger)
+    for beyond, hangs in ((5e-3, True), (3e-3, False)):
+        points = mesh.points.copy()
+        points[mesh.ends["ulnar"], 0] = anatomy.eyelets["FPI"][0] + beyond
+        ends = _tendons(replace(mesh, points=points), anatomy)
+        assert (ends["FPI"].eyelet is not None) == hangs
+        assert ends["LUM"].eyelet is not None

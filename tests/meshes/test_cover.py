@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from cosim.case.file import load_case
 from cosim.fingers.kinds import anatomy_of
-from cosim.hoods.bone_surfaces import contact_levels
+from cosim.hoods.bone_surfaces import contact_levels, pose_surfaces
 from fe_solver.surfaces.spline_distance import SplineDistance
 from meshes.cover import FLEXION, Head, Joint, thinner
 from meshes.skeleton import index_finger
@@ -83,3 +83,13 @@ def test_a_case_lays_its_heads_under_the_hood():
     assert 1e3 * less == pytest.approx([1e3 * offset["proximal"] - 0.6, 0.0], abs=2e-3)
     for body in ("metacarpal", "middle", "distal"):
         assert covered[body] is bare[body]
+
+
+def test_a_head_is_covered_by_no_more_than_its_bone_s_back():
+    case = load_case("base/index_finger.toml", ["hood.contact.offset.proximal=0.3 mm"])
+    anatomy = anatomy_of(case.finger, case.hood.left_to_finger)
+    covered, _ = contact_levels(case.hood.contact, anatomy.bones, anatomy.skeleton)
+    bare = pose_surfaces(anatomy.bones, case.hood.contact.offset.model_dump())
+    face = Joint.of(index_finger(), "proximal").centre[None] + np.array([7e-3, 0, 0])
+    both = [surfaces["proximal"].distance(face).value for surfaces in (covered, bare)]
+    assert both[0] == pytest.approx(both[1], abs=1e-12)

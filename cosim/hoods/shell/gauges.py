@@ -58,13 +58,9 @@ class Gauges:
         return {name: 100 * (now / first[name] - 1) for name, now in self.lengths(x).items()}
 
     def grid_strains(self, x: Array, before: Array) -> dict[str, tuple[Array, Array]]:
-        """Engineering strains between neighbours of each grid, per cent, from `before`:
-        (rows - 1, columns) longitudinal and (rows, columns - 1) lateral."""
+        """Strains between neighbours of each grid from `before`, as `neighbour_strains`."""
         first, now = self.positions(before), self.positions(x)
-        return {
-            name: (_stretch(first[k], now[k], 0), _stretch(first[k], now[k], 1))
-            for name, k in self.grids.items()
-        }
+        return {name: neighbour_strains(first[k], now[k]) for name, k in self.grids.items()}
 
     def displacements(self, x: Array, before: Array) -> dict[str, dict[str, float]]:
         """mm by point, from the sheet at `before`, along the world's axes."""
@@ -99,10 +95,15 @@ def points_on(config: ShellHoodConfig, x: Array, quads: np.ndarray) -> Gauges:
     return replace(placed, grids=grids)
 
 
-def _stretch(first: Array, now: Array, axis: int) -> Array:
-    """Per cent, of the distances between neighbours along an axis of points (rows, columns, 3)."""
-    l0, l1 = (np.linalg.norm(np.diff(x, axis=axis), axis=2) for x in (first, now))
-    return np.asarray(100 * (l1 / l0 - 1))
+def neighbour_strains(first: Array, now: Array) -> tuple[Array, Array]:
+    """(rows - 1, columns) longitudinal and (rows, columns - 1) lateral engineering strains between
+    neighbours of points (rows, columns, 3), from `first` to `now`."""
+
+    def stretch(axis: int) -> Array:
+        l0, l1 = (np.linalg.norm(np.diff(x, axis=axis), axis=2) for x in (first, now))
+        return np.asarray(l1 / l0 - 1)
+
+    return stretch(0), stretch(1)
 
 
 def _lay_grid(name: str, grid: GridConfig, corners: Array) -> Array:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
-from cosim.hoods.shell.gauges import STRAIN_COMPONENTS, Gauges, strain_between
+from cosim.hoods.shell.gauges import STRAIN_COMPONENTS, Gauges, neighbour_strains, strain_between
 from cosim.hoods.shell.region_forces import (
     Crossing,
     element_forces,
@@ -221,7 +221,7 @@ def _gauge_summary(view: ShellView, before: ShellView | None) -> dict[str, Any]:
         "gauge_strain_percent": view.gauges.strain(view.points, x),
         "grid_strain_percent": {
             name: {
-                direction: _range(strain.ravel() / 100, np.ones(strain.size))
+                direction: _range(strain.ravel(), np.ones(strain.size))
                 for direction, strain in zip(DIRECTIONS, strains, strict=True)
             }
             for name, strains in view.gauges.grid_strains(view.points, x).items()
@@ -344,13 +344,7 @@ def strain_change(before: ShellView, now: ShellView) -> dict[str, object]:
 def marker_strains(before: ShellView, now: ShellView) -> tuple[Array, Array]:
     """(rows - 1, columns) longitudinal and (rows, columns - 1) lateral engineering strains between
     neighbours of the marker grid, from `before` to `now`."""
-    x0, x1 = now.markers.at(before.points), now.markers.at(now.points)
-
-    def stretch(axis: int) -> Array:
-        l0, l1 = (np.linalg.norm(np.diff(x, axis=axis), axis=2) for x in (x0, x1))
-        return np.asarray(l1 / l0 - 1)
-
-    return stretch(0), stretch(1)
+    return neighbour_strains(now.markers.at(before.points), now.markers.at(now.points))
 
 
 def gauge_strains(strain: Array, view: ShellView) -> Array:
