@@ -23,11 +23,11 @@ from cosim.arguments import (
     session_from,
     whole_number,
 )
-from cosim.build.models import build
 from cosim.case.file import packaged_cases, resolved_toml
 from cosim.case.schema import Case, check_name
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
 from cosim.errors import CosimError, InputError, Progress, quiet
+from cosim.models.build import build
 from cosim.pipeline import run_case, run_cases
 from cosim.port import AXES, Finger, Hood, Pair, PairState, Tensions
 from cosim.results.compare import as_dict, compare_with_targets, numbers_of, read_targets, unit_of
@@ -279,8 +279,8 @@ def moment_arms(case: AnyCase, steps: int = 9) -> pandas.DataFrame:
 
     Raises InputError."""
     from cosim.analyses.moment_arms import sweep
-    from cosim.build.models import tensions
     from cosim.fingers.kinds import joint_ranges
+    from cosim.models.build import tensions
 
     checked, steps = case_from(case), whole_number("steps", steps, 1, MOST_STEPS)
     models = build(checked)

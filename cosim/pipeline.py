@@ -8,10 +8,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from cosim.build.fit import check_fit
 from cosim.case.schema import Case, Task
 from cosim.errors import ConvergenceError, CosimError, Progress, listening, quiet
 from cosim.files import shown_path
+from cosim.models.fit import check_fit
 from cosim.processes import Memory, one_blas_thread, process_pool
 from cosim.results.motion import observe_motion
 from cosim.results.result import Result

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from cosim.errors import InputError
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 Triangles = tuple[Array, np.ndarray]
 """Corners (n, 3), m, and the triangles between them (m, 3)."""
 State = Any

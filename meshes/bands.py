@@ -21,16 +21,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from meshes.cable_net import CableNet
 from meshes.glide import NET, SHEET, crossing, net_edges, sheet_edges
 from meshes.hood_lines import SAGITTAL_ROWS
 from meshes.hood_mesh import HoodMesh
 from meshes.skeleton import BODIES
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 SIDES = ("radial", "ulnar")
 OVER_MCP = ("extensor_tendon_proximal", "extensor_tendon_distal", "central_band")

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array
 from meshes.skeleton import BODIES
-
-Array = NDArray[np.float64]
 
 FINEST = 20e-6
 """m, the shortest edge length that `Bone.surface` accepts (a million triangles)."""

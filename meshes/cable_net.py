@@ -20,8 +20,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from meshes.hood import (
     INTRINSIC,
     PALMAR_PLATE,
@@ -43,9 +43,6 @@ from meshes.hood_lines import (
 from meshes.hood_mesh import Attachment
 from meshes.hull import CLEARANCE, PIP, Centreline, Hull, Level, SmoothSurface, along
 from meshes.skeleton import Skeleton
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 CABLES = (
     "extensor_tendon",

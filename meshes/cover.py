@@ -14,11 +14,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array
 from meshes.skeleton import BODIES, JOINTS, Skeleton
-
-Array = NDArray[np.float64]
 
 FACE = np.deg2rad([15.0, 45.0])
 """rad about the joint's axis from the bone's back to its distal end, between which the tissue that

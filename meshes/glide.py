@@ -17,15 +17,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from meshes.cable_net import CableNet
 from meshes.hood_mesh import HoodMesh, display_quads
 from meshes.hull import PIP
 from meshes.skeleton import BODIES
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 PLACES = ("central_tendon", "lateral_band_radial", "lateral_band_ulnar", "terminal_slip")
 SHEET = {

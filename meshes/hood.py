@@ -32,6 +32,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from meshes.hood_lines import (
     CAPSULE_ROWS,
     CENTRAL_END,
@@ -57,9 +58,6 @@ from meshes.hood_lines import (
 from meshes.hood_mesh import REGIONS, Attachment, HoodMesh, has_lateral_fibres
 from meshes.hull import CLEARANCE, PIP, Centreline, Hull, Level, SmoothSurface, along
 from meshes.skeleton import BODIES, Skeleton
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 INSERTED = {True: 0.75, False: TENDON}
 """Share of the inner columns' half-angle that the central slip's insertion holds, by whether the

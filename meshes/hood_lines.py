@@ -4,11 +4,9 @@ line shares what loads it evenly.  Stations and sources as in `meshes.hood`."""
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array
 from meshes.hull import PIP
-
-Array = NDArray[np.float64]
 
 # Stations, mm.
 CENTRAL_END = -20.0  # [mi29]

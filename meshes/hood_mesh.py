@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.files import output_file
+from cosim.port import Array, Ints
 from meshes.skeleton import BODIES, JOINTS
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 FORMAT = "hood mesh 1"
 

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array
 from meshes.skeleton import BODIES, Skeleton, index_finger
-
-Array = NDArray[np.float64]
 
 BLEND = 6.0  # mm over which the sheet's frame turns from one bone's to the next one's
 CLEARANCE = 0.03  # mm between the sheet and the level of contact at rest

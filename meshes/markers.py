@@ -6,13 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array, Ints
 from meshes.hood_mesh import HoodMesh, display_quads
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 ROWS = 6
 """About 8 mm apart over the central region; an assumption."""

@@ -13,12 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array
 from meshes.bones import Bone, parse_table
 from meshes.skeleton import index_finger
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

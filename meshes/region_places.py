@@ -10,14 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from meshes.hood_mesh import REGIONS, HoodMesh, display_quads
 from meshes.hull import Centreline, along
 from meshes.skeleton import Skeleton
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 ROWS = 65
 """Lines across a region at which its edges are looked up."""

@@ -7,14 +7,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from meshes.bones import bone_surface
 from meshes.cable_net import CableNet, cable_of
 from meshes.skeleton import BODIES, Skeleton, index_finger
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 OTHERS = ("indicis_tendon", "intrinsic_tendon")
 

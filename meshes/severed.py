@@ -16,15 +16,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Ints, Mask
 from meshes.cable_net import CableNet
 from meshes.hood_lines import HOOD_END, JOIN, MERGE, SAGITTAL_ROWS, SLIP_END, SLIP_START
 from meshes.hood_mesh import REGIONS, Attachment, HoodMesh, pairs
-
-Ints = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 SLIPS = ("central_slip", "terminal_slip")
 PLACES = {

@@ -17,9 +17,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cosim.port import Array
 
 BODIES = ("metacarpal", "proximal", "middle", "distal")
 JOINTS = ("MCP", "MCP_abduction", "PIP", "DIP")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.build.models import build
+from cosim.models.build import build
 from cosim.port import AXES
 from tests.helpers.fixed_posture import HELD
 from tests.helpers.folders import ROOT

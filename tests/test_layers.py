@@ -75,7 +75,7 @@ FLOORS = (
     {"cosim.fingers"},
     {"cosim.hoods"},
     {"cosim.case"},
-    {"cosim.build"},
+    {"cosim.models"},
     {"cosim.solve"},
     {"cosim.results"},
     {"cosim.pipeline"},
@@ -96,7 +96,7 @@ USE_THE_PAPERS = ("cosim.commands.reproduce", "cosim.verification", "rigid.verif
 # A kind of finger or hood is built on a solver; the papers are about the solvers' own models.
 ROOMS_OF_SOLVERS = ("cosim.fingers", "cosim.hoods", "cosim.papers")
 # They ask live hoods behind the port, which have no tables: for their states, and for FEBio.
-LIVE = {"cosim.build.states", "cosim.commands.febio"}
+LIVE = {"cosim.models.states", "cosim.commands.febio"}
 KNOW_THE_SOLVERS = {
     "cosim.analyses.estimate.joint_motion",
     "cosim.analyses.estimate.of_case",
@@ -110,8 +110,8 @@ KNOW_THE_SOLVERS = {
     "cosim.anatomy.case_folder",
     "cosim.anatomy.feb",
     "cosim.anatomy.read",
-    "cosim.build.motion",
-    "cosim.build.states",
+    "cosim.models.motion",
+    "cosim.models.states",
     "cosim.commands.febio",
     "cosim.commands.finger",
     "cosim.commands.opensim",

@@ -14,10 +14,10 @@ import pytest
 import xarray
 from typer.testing import CliRunner
 
-from cosim.build.models import build
 from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
 from cosim.errors import ConvergenceError, quiet
+from cosim.models.build import build
 from cosim.pipeline import run_case
 from cosim.results.conventions import by_axis, vector_of
 from cosim.results.result import Result

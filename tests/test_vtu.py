@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from cosim import mesh_file
-from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.mesh_file import read_mesh_file
+from cosim.models.build import hood_mesh
 from meshes.imported.raw import RawMesh, read_raw
 from tests.helpers.own_anatomy import user_hood
 

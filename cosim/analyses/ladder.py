@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from cosim.build.fit import check_fit
-from cosim.build.models import Models
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
@@ -23,6 +21,8 @@ from cosim.errors import ConvergenceError, CosimError, InputError
 from cosim.hoods.kind import HoodConfig
 from cosim.hoods.kinds import rungs
 from cosim.json_text import json_text
+from cosim.models.build import Models
+from cosim.models.fit import check_fit
 from cosim.port import AXES, Array
 from cosim.processes import process_pool
 from cosim.results.compare import number

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build.models import Models
 from cosim.errors import ConvergenceError, Progress, quiet
+from cosim.models.build import Models
 from cosim.port import STATIC, Array, Load, Motion, State
 from cosim.results.looks import Look, look
 

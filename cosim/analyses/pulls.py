@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 
-from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, Progress, quiet
+from cosim.models.build import build
 from cosim.port import STATIC, Array, Hood, Motion, Response, State
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.build.models import Models
+from cosim.models.build import Models
 from cosim.port import Array, OpenFinger, State
 from cosim.solve.states import States
 

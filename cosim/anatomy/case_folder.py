@@ -101,8 +101,8 @@ def _case_lines(name: str, given: UserAnatomy, made: Built) -> Iterator[str]:
 
 def _check(path: Path) -> None:
     """What `cosim check` does.  Raises InputError."""
-    from cosim.build.fit import check_fit
     from cosim.case.file import load_case
+    from cosim.models.fit import check_fit
 
     case = load_case(path)
     check_fit(case)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from statistics import fmean, median
 from time import perf_counter
 
-from cosim.build.models import build
-from cosim.build.motion import moving_models
 from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.motion import motion_states
 from cosim.errors import InputError, Progress, quiet
+from cosim.models.build import build
+from cosim.models.motion import moving_models
 from cosim.solve.session import Session
 from cosim.solve.solvers import solve
 

@@ -155,8 +155,8 @@ def export(
 ) -> None:
     """Write the shell hood of a case at its posture, under its tendons' tensions, for FEBio."""
     with exit_on_error():
-        from cosim.build.models import build, tensions
         from cosim.case.file import load_case
+        from cosim.models.build import build, tensions
         from fe_solver.febio.write import write_feb
         from fe_solver.hood.as_job import job_of_hood
         from fe_solver.hood.shell_hood import ShellHood

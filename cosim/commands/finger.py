@@ -35,9 +35,9 @@ def moment_arms(
     """Moment arms of all tendons while each joint passes its range, beside published ones."""
     with exit_on_error():
         from cosim.analyses.moment_arms import beside_published, draw, published_arms, sweep
-        from cosim.build.models import build, tensions
         from cosim.case.file import load_case
         from cosim.fingers.kinds import joint_ranges
+        from cosim.models.build import build, tensions
 
         checked = load_case(case, settings or ())
         check_file(out / "moment_arms.csv")
@@ -110,8 +110,8 @@ def mjcf(
     control is the tension, and the keyframe "posture" with the resting tensions; without what holds
     the tip, and the hood."""
     with exit_on_error():
-        from cosim.build.models import mjcf_of
         from cosim.case.file import load_case
+        from cosim.models.build import mjcf_of
 
         text = mjcf_of(load_case(case, settings or ()))
         with output_file(out) as path:

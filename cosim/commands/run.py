@@ -302,8 +302,8 @@ def _show(case: Case, summary: Mapping[str, Any]) -> None:
 def check(cases: Cases, settings: Settings = None) -> None:
     """Check cases, with the mesh files that they name, and study files, with their cases; run
     nothing."""
-    from cosim.build.fit import check_fit
     from cosim.case.usual import unusual_values
+    from cosim.models.fit import check_fit
     from cosim.study.file import is_study
     from cosim.study.plan import read_plan
 

@@ -59,8 +59,8 @@ def mesh(
         check_ending(out)
     (checked,) = load_cases([case], settings)
     with exit_on_error():
-        from cosim.build.models import hood_mesh
         from cosim.fingers.kinds import skeleton_of
+        from cosim.models.build import hood_mesh
 
         check_file(out)
         typer.echo(f"{checked.name}: laying out the hood", err=True)

@@ -72,8 +72,8 @@ def _check_kept() -> None:
 
 
 def _warm_up(warmup: Warmup) -> None:
-    from cosim.build.models import build_any
     from cosim.case.file import load_case
+    from cosim.models.build import build_any
     from cosim.pipeline import run_case
 
     case = load_case(warmup.case).replace(warmup.settings)

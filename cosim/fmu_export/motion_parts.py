@@ -10,8 +10,6 @@ from math import ceil
 
 import numpy as np
 
-from cosim.build.motion import MovingModels, moving_models
-from cosim.build.states import special_states
 from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.motion import RecordedFinger
 from cosim.coupling.schemes import step
@@ -28,6 +26,8 @@ from cosim.fmu.quantity import (
     tensions_of,
 )
 from cosim.fmu_export.part import UnitPart, motion_of_input, poses
+from cosim.models.motion import MovingModels, moving_models
+from cosim.models.states import special_states
 from cosim.port import AffineLoad, Array, State
 
 ROUNDING = 1e-9

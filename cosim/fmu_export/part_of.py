@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from cosim.build.models import Models, build
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fmu_export.part import UnitPart
 from cosim.fmu_export.static_parts import CoupledPart, FingerPart, HoodPart
+from cosim.models.build import Models, build
 
 PARTS = ("hood", "finger", "coupled")
 

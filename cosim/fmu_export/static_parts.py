@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.build.models import Models, tensions
-from cosim.build.states import special_states
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.finger_equilibrium import balance_finger
@@ -29,6 +27,8 @@ from cosim.fmu.quantity import (
     tensions_of,
 )
 from cosim.fmu_export.part import loads, motion_of_input, poses
+from cosim.models.build import Models, tensions
+from cosim.models.states import special_states
 from cosim.port import STATIC, Array, Hood, Load, PairState, Response, State, Tensions
 
 

@@ -13,10 +13,10 @@ from typing import cast
 
 import numpy as np
 
-from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.hoods.lumped.table import JOINTS
 from cosim.hoods.lumped.table import NetworkHoodConfig as NetworkTable
+from cosim.models.build import build
 from cosim.pipeline import run_case
 from cosim.port import STATIC, Array, Motion
 from rigid.chain.kinematics import Chain, body_jacobian, tip_jacobian

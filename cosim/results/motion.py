@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from cosim.build.double_count import pairs
-from cosim.build.motion import MovingModels
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.coupling.checkpoint import MotionHistory
@@ -16,6 +14,8 @@ from cosim.coupling.motion import MotionFrame, MotionState
 from cosim.fingers.kinds import tip_support_kind
 from cosim.fmu.finger import OPEN
 from cosim.hoods.view import audit_of, field_of, hood_field
+from cosim.models.double_count import pairs
+from cosim.models.motion import MovingModels
 from cosim.port import AXES, Array
 from cosim.results.air import air_data, air_end
 from cosim.results.arrays import Arrays

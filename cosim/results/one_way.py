@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cosim.build.double_count import pairs
-from cosim.build.models import Models
 from cosim.case.schema import Case
+from cosim.models.build import Models
+from cosim.models.double_count import pairs
 
 if TYPE_CHECKING:
     from cosim.solve.states import States

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.build.models import Models, bone_surfaces
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.errors import InputError
 from cosim.fingers.kinds import live_finger
 from cosim.hoods.view import HoodView, hood_field
+from cosim.models.build import Models, bone_surfaces
 from cosim.port import Array, Motion, Triangles
 from cosim.results.parts import Scene
 

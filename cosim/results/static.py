@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from cosim.build.models import Models
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.fingers.kinds import joint_ranges
 from cosim.fmu.finger import OPEN
 from cosim.hoods.view import HoodView
+from cosim.models.build import Models
 from cosim.port import AXES, Array, Finger
 from cosim.results.arrays import Arrays
 from cosim.results.audit import missed_bounds

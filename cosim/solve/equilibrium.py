@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from cosim.build.models import Models
-from cosim.build.scheme import accelerator_of
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.fixed_point import fixed_point
 from cosim.errors import Progress
+from cosim.models.build import Models
+from cosim.models.scheme import accelerator_of
 from cosim.port import PairState, Response, Tensions
 
 

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.build.motion import MovingModels, moving_models
-from cosim.build.states import special_states
 from cosim.case.cache_key import code_version
 from cosim.case.file import moved_toml, resolved_toml
 from cosim.case.schema import Case, ForwardConfig
@@ -22,6 +20,8 @@ from cosim.coupling.state_arrays import Special
 from cosim.errors import ConvergenceError, InputError, Progress, StoppedError, quiet
 from cosim.files import output_file, shown_path
 from cosim.hoods.view import HoodView, arrays_of, audit_arrays, hood_field
+from cosim.models.motion import MovingModels, moving_models
+from cosim.models.states import special_states
 from cosim.port import Array, State
 from cosim.solve.session import Session
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from cosim.build.models import Models, tensions
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.one_way import FrozenHood, OneWayPass, torques
 from cosim.errors import Progress, quiet
 from cosim.fingers.kinds import live_finger
+from cosim.models.build import Models, tensions
 from cosim.port import (
     STATIC,
     Array,

@@ -9,10 +9,10 @@ from threading import RLock
 
 import numpy as np
 
-from cosim.build.models import Models, build_any, with_own_finger
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium, first_answer
 from cosim.errors import InputError, Progress
+from cosim.models.build import Models, build_any, with_own_finger
 from cosim.port import Array, Motion, PairState, Response, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
 from cosim.tendons.muscles import live_muscles

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from cosim.build.fit import check_fit
-from cosim.build.models import Models
 from cosim.case.schema import Case, Task
 from cosim.errors import Progress, quiet
+from cosim.models.build import Models
+from cosim.models.fit import check_fit
 from cosim.solve.motion import solve_motion
 from cosim.solve.one_way import solve_one_way
 from cosim.solve.session import Session

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.build.models import Models, tensions
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium, reciprocity
 from cosim.coupling.excursion import (
@@ -13,6 +12,7 @@ from cosim.coupling.excursion import (
     solve_excursions,
 )
 from cosim.errors import ConvergenceError, Progress, quiet
+from cosim.models.build import Models, tensions
 from cosim.port import Array, PairState, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
 from cosim.solve.session import Session

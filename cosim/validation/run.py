@@ -10,12 +10,12 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, Progress, nearest_names, quiet, span
 from cosim.files import output_file
 from cosim.json_text import json_text
+from cosim.models.fit import check_fit
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison, Kind, Target, as_dict, number, tally, write_json

@@ -11,8 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.build.models import Models, build, tensions
-from cosim.build.motion import MovingModels, moving_models
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.checks import Row, Study
@@ -22,6 +20,8 @@ from cosim.fmu.hood import FmuHood
 from cosim.fmu.moving_finger import FmuMovingFinger
 from cosim.fmu_export.part_of import PARTS
 from cosim.fmu_export.write import write_fmu
+from cosim.models.build import Models, build, tensions
+from cosim.models.motion import MovingModels, moving_models
 from cosim.pipeline import run_case
 from cosim.port import STATIC, AffineLoad, Array, Hood, Pair, PairState, Tensions
 from cosim.solve.solvers import solve

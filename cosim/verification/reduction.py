@@ -12,10 +12,10 @@ from cosim.analyses.reduction.errors import errors
 from cosim.analyses.reduction.reduce import reduce_case
 from cosim.analyses.reduction.samples import FREE, Walk, on_models
 from cosim.analyses.reduction.walks import GRID
-from cosim.build.models import build
 from cosim.case.file import find_case, load_case
 from cosim.checks import Row, Study
 from cosim.hoods.lumped.reduction import Sample, fit_potential, stack
+from cosim.models.build import build
 
 SPRINGS = ("edc_ulnar", "edc_slip", "edc_radial", "lum_slip", "lum_lateral", "fpi_slip")
 SOFT = [f'hood.connecting.{name}.stiffness="{1 + 0.2 * i} N/mm"' for i, name in enumerate(SPRINGS)]

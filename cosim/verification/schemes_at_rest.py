@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cosim.build.motion import moving_models
 from cosim.case.file import load_case
 from cosim.checks import Row, Study
 from cosim.coupling.motion import motion_states
 from cosim.errors import quiet
+from cosim.models.motion import moving_models
 from cosim.port import Array
 from cosim.solve.solvers import solve
 

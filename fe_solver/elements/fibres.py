@@ -10,12 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from fe_solver.elements.kinds import kind_of
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 
 def smooth_fibres(quads: Ints, fibre: Array, region: Ints | Sequence[str] | None = None) -> Array:

@@ -16,13 +16,11 @@ from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.kernels import kernel
+from cosim.port import Array, Ints
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 Function = TypeVar("Function", bound=Callable[..., None])
 
 COMPILED = kernel.HAS_NUMBA and not os.environ.get("FE_SOLVER_NO_NUMBA")

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.port import Ints
 from fe_solver.elements.mitc4 import FOUR
 from fe_solver.elements.mitc9 import NINE
 from fe_solver.elements.strain_forms import Element
-
-Ints = NDArray[np.intp]
 
 KINDS = {4: FOUR, 9: NINE}
 

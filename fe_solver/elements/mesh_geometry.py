@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from fe_solver.elements.kinds import display_quads, kind_of
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 
 def is_triangle(quads: Ints) -> NDArray[np.bool_]:

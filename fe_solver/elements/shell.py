@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.port import Array
 from fe_solver.elements import kernels
 from fe_solver.elements import mitc9 as nine_nodes
 from fe_solver.elements.kinds import KINDS, kind_of
@@ -26,8 +27,6 @@ from fe_solver.elements.mitc4 import (
 )
 from fe_solver.elements.strain_forms import Element, to_cartesian
 from fe_solver.materials.section import Section
-
-Array = NDArray[np.float64]
 
 FOLD, STEEPEST = np.cos(np.deg2rad(12)), 0.25
 """Cosines of the angles between director and element's normal: beyond the first sheets meet at an

@@ -20,7 +20,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cosim.port import Array
+
 Shape = Callable[[float, float], tuple[Array, Array, Array]]
 """Shape functions at (r, s) and their derivatives by r and by s, each (k,)."""
 

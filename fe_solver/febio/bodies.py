@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from fe_solver.febio.materials import Material, find_material
 from fe_solver.febio.mesh import SHELLS, FebMesh, rows_of
 from fe_solver.febio.parts import Parts
 from fe_solver.febio.xml import FebTag
 from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
 from fe_solver.job.job import Body
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 AXES = "xyz"
 GROUND = "ground"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from fe_solver.febio.bodies import AXES, Model, read_curve
 from fe_solver.febio.parts import FebShells
 from fe_solver.febio.xml import FebTag
@@ -17,9 +17,6 @@ from fe_solver.job.job import (
     SpringSet,
     Tied,
 )
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 SIZE_OF_FORCE = 3
 

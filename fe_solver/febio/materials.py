@@ -8,16 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array
 from fe_solver.febio.mesh import rows_of
 from fe_solver.febio.xml import FebTag
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law, Orthotropic
-
-Array = NDArray[np.float64]
 
 RIGID = "rigid body"
 IN_PLANE = 0.9

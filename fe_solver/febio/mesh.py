@@ -8,12 +8,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from fe_solver.febio.xml import FebTag
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 SHELLS = {"quad4": 4, "q4ans": 4, "q4eas": 4, "quad4eas": 4, "tri3": 3}
 SOLIDS = {"hex8": 8, "tet4": 4, "penta6": 6, "pyra5": 5, "tet10": 10, "hex20": 20, "hex27": 27}

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from fe_solver.febio.materials import Material, fibre_directions, find_material
 from fe_solver.febio.mesh import SHELLS, Block, FebMesh, rows_of
 from fe_solver.febio.xml import FebTag
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 DOMAINS = ("elastic-shell", "elastic-shell-ans", "elastic-shell-eas", "rigid-shell", "3field-shell")
 

@@ -13,16 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array, Mask
 from fe_solver.febio.read import read_feb
 from fe_solver.job.job import Body, Job, NodalForce, ShellPart, SpringLaw, SpringSet, Tied
 from fe_solver.job.solve import ShellState, solve_job
 from fe_solver.materials.linear import Isotropic
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 QUADS = 4690
 BODIES = ("Material 5", "Material 6", "Material 7", "Material 8")

@@ -12,8 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Ints
 from fe_solver.febio.bodies import (
     GROUND,
     Model,
@@ -40,8 +40,6 @@ from fe_solver.febio.xml import FebTag, read_xml
 from fe_solver.job.checks import check_mesh, within
 from fe_solver.job.febio_like import bending_notes
 from fe_solver.job.job import Body, ContactPair, Job, ShellPart, Step
-
-Ints = NDArray[np.intp]
 
 CONTACTS = ("sliding-elastic", "sliding-facet-on-facet", "sliding-node-on-facet")
 SECTIONS = (

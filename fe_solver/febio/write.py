@@ -8,19 +8,16 @@ from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.files import output_file
+from cosim.port import Array, Ints
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.bodies import Units
 from fe_solver.febio.law_write import law_line, needs_fibre
 from fe_solver.febio.write_conditions import SAME_POINT, Conditions, Lines, number, row, whole
 from fe_solver.job.job import Job
 from fe_solver.materials.linear import Law
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 HEAD = (
     '<?xml version="1.0" encoding="UTF-8"?>\n<febio_spec version="4.0">\n<Module type="solid"/>\n'

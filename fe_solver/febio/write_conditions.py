@@ -7,15 +7,13 @@ from dataclasses import dataclass, field
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array, Ints
 from fe_solver.febio.bodies import AXES, Units
 from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, SpringLaw, SpringSet
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 Lines = Iterator[str]
 
 SAME_POINT = 1e-12

@@ -21,12 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array
 from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.ramp import inverse_ramp, ramp
 from fe_solver.forces.springs import PointForces
 from fe_solver.surfaces.shapes import Surface
-
-Array = NDArray[np.float64]
 
 REACH = 1.5e-3
 """m of gap within which a point is watched for contact, and further where the smoothing is."""

@@ -13,13 +13,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.strain_forms import to_centre
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 IN_LINE = 4
 """Points in a line of an element; sixteen in all cost about a tenth of a solve's time."""

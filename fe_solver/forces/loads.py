@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cosim.port import skew
+from cosim.port import Array, skew
 from fe_solver.elements.kinds import kind_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

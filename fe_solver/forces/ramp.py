@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cosim.port import Array
 
 
 def ramp(depth: Array, smoothing: Array | float) -> tuple[Array, Array, Array]:

@@ -12,13 +12,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, PPoly
 
 from cosim.errors import InputError
+from cosim.port import Array, Ints
 from fe_solver.forces.guides import Ropes
 from fe_solver.forces.ramp import ramp
 from fe_solver.vectors import sum_at_nodes
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
-
 
 ROPE = -2
 """The group of the forces of ropes; contacts are of -1, springs of their sets' numbers."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.port import Motion
+from cosim.port import Array, Ints, Motion
 from fe_solver.elements.mesh_geometry import is_triangle, node_directors
 from fe_solver.elements.mitc4 import GAUSS, shape
 from fe_solver.forces.contact import Contact
@@ -35,8 +35,6 @@ from fe_solver.materials.in_situ import in_situ_stretch, thickness_as_laid
 from fe_solver.materials.section import Patch
 from fe_solver.solver.model import ShellModel
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 Triangles = tuple[Array, Ints]
 
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.port import Motion
+from cosim.port import Array, Ints, Motion
 from fe_solver.elements.shell import ShellTables, shell_tables
 from fe_solver.forces.cables import CableResponse, Cables, cable_state
 from fe_solver.hood.build_shell import (
@@ -28,9 +27,6 @@ from fe_solver.hood.shell_hood import HoodState, ShellHood
 from fe_solver.materials.section import Section
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 SOFTER = 0.01
 """Share of the contact's stiffness on which a large change of pose is solved first: with it a net

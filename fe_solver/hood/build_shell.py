@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.port import Motion
+from cosim.port import Array, Ints, Motion
 from fe_solver.elements.mesh_geometry import node_areas, node_directors, node_means
 from fe_solver.elements.shell import shell_tables
 from fe_solver.forces.contact import Contact
@@ -24,9 +23,6 @@ from fe_solver.solver.augmented_contact import AugmentOptions
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.surfaces.spline_distance import Surface
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 
 class Attached(Protocol):

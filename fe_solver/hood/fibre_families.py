@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from fe_solver.elements.fibres import leading
 from fe_solver.elements.kinds import kind_of
 from fe_solver.materials.crossed_fibres import CrossedLinear
@@ -13,9 +13,6 @@ from fe_solver.materials.linear import Law, Orthotropic, Real
 from fe_solver.materials.section import Patch
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.solver.model import Configuration, ShellModel
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 
 def family_angles(law: Law | TensionField) -> tuple[Real, ...]:

@@ -6,16 +6,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cosim.errors import InputError
+from cosim.port import Array, Ints
 from fe_solver.job.job import Job
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 Name = Callable[[int], str]
 
 SAME_PLACE = 1e-9

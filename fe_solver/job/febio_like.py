@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.job.job import ContactPair, Job
 from fe_solver.materials.fibres import TransIsoMooneyRivlin
@@ -23,8 +24,6 @@ from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law
 from fe_solver.materials.section import Patch
 from fe_solver.materials.tension_field import TensionField
-
-Array = NDArray[np.float64]
 
 GAUSS_SHARE = 2 / 3
 """1 - r^2 at a Gauss point: of a parabola's rise over its chord."""

@@ -9,14 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cosim.port import rotation_matrix
+from cosim.port import Array, Ints, rotation_matrix
 from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.materials.linear import Law
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 ZERO = Drive()
 STILL = (ZERO, ZERO, ZERO)

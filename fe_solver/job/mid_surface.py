@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.job.job import Job, SpringSet
 from fe_solver.job.model import corner_means
-
-Array = NDArray[np.float64]
 
 
 def move_to_mid_surface(job: Job) -> Job:

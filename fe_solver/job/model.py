@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array, Ints
 from fe_solver.elements.mesh_geometry import node_areas, node_directors
 from fe_solver.elements.mitc4 import GAUSS, shape
 from fe_solver.elements.shell import shell_tables
@@ -30,9 +31,6 @@ from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.surfaces.closing import close_surface
 from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 KINK = 0.01
 """Share of a table's interval, on either side of its points, within which the corners are

@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.files import output_folder
+from cosim.port import Array
 from fe_solver.job.job import Job
 from fe_solver.job.solve import JobResult, JobState
-
-Array = NDArray[np.float64]
 
 SUMMARY = "summary.json"
 

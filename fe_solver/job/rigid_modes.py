@@ -20,12 +20,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cosim.errors import InputError
+from cosim.port import Array, Ints
 from fe_solver.job.job import Job
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 ALLOWED = 1e-12
 """Share of a motion's squared size that ties and guides may take before they forbid it."""

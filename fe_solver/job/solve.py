@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError, InputError
+from cosim.port import Array
 from cosim.processes import one_blas_thread
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import NodeSprings, Springs, node_spring_state, spring_state
@@ -27,8 +27,6 @@ from fe_solver.solver.fields import Fields, contact_pressure, fields
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import Solution, solve
 from fe_solver.solver.relaxation import RelaxOptions, relax
-
-Array = NDArray[np.float64]
 
 NO_TENSION = np.zeros(0)
 QUICK = 12

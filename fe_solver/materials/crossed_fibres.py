@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.port import Array
 from fe_solver.materials.fibres import (
     Family,
     HolzapfelGasserOgden,
@@ -19,7 +20,7 @@ from fe_solver.materials.fibres import (
     with_family,
 )
 from fe_solver.materials.hyperelastic import Expansion, Invariants, response
-from fe_solver.materials.linear import Array, LinearLaw, Real, Stress, require, require_positive
+from fe_solver.materials.linear import LinearLaw, Real, Stress, require, require_positive
 
 
 def _check_angle(law: object, angle: Real) -> None:

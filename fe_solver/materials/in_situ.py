@@ -9,9 +9,8 @@ across bears a uniaxial tension at the stretch s.  (Maas et al. 2016, J Mech Beh
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cosim.port import Array
 
 
 def in_situ_growth(stretch: Array) -> Array:

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array, Mask
 
-Array = NDArray[np.float64]
 Real = Array | float
-Mask = NDArray[np.bool_]
 
 
 class Stress(NamedTuple):

@@ -18,13 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from fe_solver.materials.hyperelastic import Potential
 from fe_solver.materials.linear import Law, LinearLaw
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.materials.thickness import thickness_stretch
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 SHEAR_CORRECTION = 5.0 / 6.0
 LAYERS, LAYER_WEIGHTS = np.polynomial.legendre.leggauss(5)

@@ -29,7 +29,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from fe_solver.materials.linear import Array, Law, Mask, Real, Stress, require
+from cosim.port import Array, Mask
+from fe_solver.materials.linear import Law, Real, Stress, require
 
 FEW_STEPS, MOST_STEPS = 6, 20
 """From the first guess, and for each height of the barrier."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from cosim.port import Array
 from fe_solver.materials.crossed_fibres import CrossedLinear
 from fe_solver.materials.hyperelastic import Potential, volume_ratio
-from fe_solver.materials.linear import Array, Isotropic, Law, Orthotropic
+from fe_solver.materials.linear import Isotropic, Law, Orthotropic
 from fe_solver.materials.tension_field import TensionField
 
 

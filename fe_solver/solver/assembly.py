@@ -12,13 +12,11 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from fe_solver.elements.kernels import sum_entries
 from fe_solver.solver.linear_algebra import Analysis, analyse, positions
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 DOFS = 5
 
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.errors import ConvergenceError, InputError
-from fe_solver.forces.contact import Array, Contact, Grip
+from cosim.port import Array
+from fe_solver.forces.contact import Contact, Grip
 from fe_solver.forces.ramp import inverse_ramp, ramp
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve

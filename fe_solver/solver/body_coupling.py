@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from cosim.port import skew
+from cosim.port import Array, skew
 from fe_solver.forces.springs import ROPE, PointForces
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.vectors import add_at, cross
-
-Array = NDArray[np.float64]
 
 
 def wrenches(

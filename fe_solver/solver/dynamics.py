@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array
 from fe_solver.elements.mesh_geometry import corner_shares
 from fe_solver.forces.cables import cable_masses
 from fe_solver.forces.loads import Inertia
@@ -22,8 +23,6 @@ from fe_solver.materials.linear import Isotropic
 from fe_solver.materials.section import Resultants, Section, one_law
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

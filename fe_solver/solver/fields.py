@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.port import Array
 from fe_solver.forces.contact import contact_fields
 from fe_solver.solver.model import Configuration, ShellModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,9 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError, InputError
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
+from cosim.port import Array, Ints
 
 BACKENDS = {
     "pardiso": "pypardiso",

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
+from cosim.port import Array, Ints
 from fe_solver.forces.springs import PointForces
 from fe_solver.solver.body_coupling import dependent_motion
 from fe_solver.solver.linear_algebra import Factor
@@ -35,9 +36,6 @@ from fe_solver.solver.newton_step import (
 )
 from fe_solver.solver.residual import is_folded, residual_norm
 from fe_solver.vectors import cross
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 MOST_STEPS, FEW_STEPS = 40, 4
 """From afar, and from the prediction of an equilibrium that is known."""

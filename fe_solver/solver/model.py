@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from cosim.port import Array, Ints
 from fe_solver.elements import kernels
 from fe_solver.elements.shell import ElementResponse, ShellTables, element_blocks, element_response
 from fe_solver.forces.cables import Cables, cable_forces
@@ -28,9 +28,6 @@ from fe_solver.forces.springs import (
 from fe_solver.materials.section import Section
 from fe_solver.solver.assembly import DOFS, Pattern, make_pattern
 from fe_solver.vectors import cross, sum_at_nodes, tangents, turn_directors
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

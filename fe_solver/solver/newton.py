@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
+from cosim.port import Array
 from fe_solver.forces.springs import ROPE
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.body_coupling import common_twist, coupling, rigid_motion
@@ -35,8 +35,6 @@ from fe_solver.solver.residual import (
     rounding,
     stiffest_entry,
 )
-
-Array = NDArray[np.float64]
 
 STUCK = 30
 """A residual up to so many limits that no step lowers is rounding error too."""

@@ -6,14 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
+from cosim.port import Array, Ints
 from fe_solver.forces.ramp import inverse_ramp, ramp
 from fe_solver.forces.springs import PointForces
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.linear_algebra import Analysis, Factor, Nearby, NotPositiveDefiniteError
 from fe_solver.solver.model import Evaluation, ShellModel
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 MOST_FLIPS = 2
 """Rounds of the active set in one step; more cost factorisations and saved no iterations."""

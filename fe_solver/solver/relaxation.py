@@ -10,15 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
+from cosim.port import Array
 from fe_solver.solver.dynamics import Substance, advance, at_rest, kinetic_energy, masses
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.solver.residual import length_scale, residual_norm
-
-Array = NDArray[np.float64]
 
 WATER = Substance(1000.0)
 """Any density would do: the time step follows from it."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
-
-Array = NDArray[np.float64]
 
 UPRIGHT = 0.05
 """Cosine of the angle between a director and its elements' normals that no step goes below."""

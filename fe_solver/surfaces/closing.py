@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
+from cosim.port import Array, Ints
 
 MOST_CENTRES = 200
 FLAT = 1e-9

@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from cosim.errors import InputError
-from fe_solver.surfaces.shapes import Array, Distance, positive, vector
+from cosim.port import Array
+from fe_solver.surfaces.shapes import Distance, positive, vector
 
 MOST_ITERATIONS = 60
 """Most iterations for the ellipsoid's multiplier; some five are usual, and bisection alone would

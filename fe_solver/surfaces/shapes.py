@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
-
-Array = NDArray[np.float64]
+from cosim.port import Array
 
 
 class Distance(NamedTuple):

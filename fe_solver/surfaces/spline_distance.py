@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.files import atomic_path
+from cosim.port import Array
 from fe_solver.elements import kernels
 from fe_solver.surfaces.shapes import Distance, Sphere, Surface, positive
 from fe_solver.surfaces.spline_kernel import spline_at
@@ -25,7 +26,6 @@ from fe_solver.surfaces.triangle_distance import check_surface, distances_on_gri
 
 __all__ = ["Sphere", "SplineDistance", "Surface", "cache_folder"]
 
-Array = NDArray[np.float64]
 
 VERSION = 3
 """Part of the cache key: raise it when the same surface would bake to other coefficients."""

@@ -5,11 +5,9 @@ Without numba `fe_solver.surfaces.spline_distance.SplineDistance` does the same 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array
 from fe_solver.elements.kernels import compile_kernel
-
-Array = NDArray[np.float64]
 
 
 @compile_kernel

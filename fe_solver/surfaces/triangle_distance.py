@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array
 from fe_solver.elements import kernels
 from fe_solver.surfaces.triangle_kernel import lower_distances
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
 EDGE = 2.0

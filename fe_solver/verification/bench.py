@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array
 from fe_solver.elements import kernels
 from fe_solver.forces.contact import Contact
 from fe_solver.solver.linear_algebra import backend_name
@@ -23,8 +23,6 @@ from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.newton_step import factorise
 from fe_solver.surfaces.shapes import Capsule
 from fe_solver.verification import sheets
-
-Array = NDArray[np.float64]
 
 REPEATS = 5
 CHANGE = 1.05

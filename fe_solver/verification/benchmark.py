@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from cosim.checks import Row
-from fe_solver.elements.shell import Array
+from cosim.port import Array
 from fe_solver.verification.paths import halving_order
 
 Solve = Callable[[int, int], Sequence[float] | Array]

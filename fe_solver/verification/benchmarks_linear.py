@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from cosim.checks import Row
+from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_areas
-from fe_solver.elements.shell import Array
 from fe_solver.verification.paths import error_order
 from fe_solver.verification.sheets import clamp, grid, linear_response, mirror_plane, plate, sheet
 

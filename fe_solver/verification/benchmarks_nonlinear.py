@@ -16,8 +16,7 @@ from numpy.linalg import norm
 
 from cosim.checks import Row
 from cosim.errors import ConvergenceError
-from cosim.port import rotation_matrix
-from fe_solver.elements.shell import Array
+from cosim.port import Array, rotation_matrix
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton_step import factorise

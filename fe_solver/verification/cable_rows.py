@@ -10,9 +10,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cosim.checks import Row, Study
-from cosim.port import rotation_matrix
-from fe_solver.elements.shell import Array
-from fe_solver.forces.cables import Cables, Ints, cable_forces, cable_state
+from cosim.port import Array, Ints, rotation_matrix
+from fe_solver.forces.cables import Cables, cable_forces, cable_state
 from fe_solver.forces.contact import Contact, partition
 from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.springs import Springs

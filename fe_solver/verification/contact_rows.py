@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.checks import Row
-from fe_solver.elements.shell import Array
+from cosim.port import Array
 from fe_solver.forces.contact import contact_state
 from fe_solver.solver.augmented_contact import next_increment, solve_augmented
 from fe_solver.solver.body_coupling import wrenches

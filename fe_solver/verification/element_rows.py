@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cosim.checks import Row
-from cosim.port import rotation_matrix
-from fe_solver.elements.shell import Array
+from cosim.port import Array, rotation_matrix
 from fe_solver.materials.linear import Isotropic, Law
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.solver.model import Configuration, ShellModel

@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.checks import Row
-from cosim.port import HoodJacobian, Motion, rotation_matrix
-from fe_solver.elements.shell import Array
+from cosim.port import Array, HoodJacobian, Motion, rotation_matrix
 from fe_solver.forces.contact import contact_state, partition
 from fe_solver.forces.springs import Springs
 from fe_solver.hood.shell_hood import HoodState, ShellHood

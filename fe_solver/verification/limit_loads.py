@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from cosim.errors import ConvergenceError
-from fe_solver.elements.shell import Array
+from cosim.port import Array
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import solve
 from fe_solver.verification.beams import rectangle_torsion

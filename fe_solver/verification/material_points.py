@@ -7,9 +7,10 @@ import math
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
+from cosim.port import Array
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean, Potential, volume_ratio
-from fe_solver.materials.linear import Array, Law, LinearLaw
+from fe_solver.materials.linear import Law, LinearLaw
 
 
 def axes(angle: float) -> Array:

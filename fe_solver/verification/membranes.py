@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from fe_solver.elements.shell import Array
+from cosim.port import Array
 from fe_solver.materials.fibres import TransIsoMooneyRivlin
 from fe_solver.solver.newton import solve
 from fe_solver.verification.benchmark import Benchmark, Meshes

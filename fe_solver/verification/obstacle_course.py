@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from fe_solver.elements.shell import Array
+from cosim.port import Array
 from fe_solver.verification.benchmark import Benchmark, Meshes
 from fe_solver.verification.paths import watching
 from fe_solver.verification.sheets import (

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.errors import ConvergenceError
-from fe_solver.elements.shell import Array
+from cosim.port import Array
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import solve
 from fe_solver.verification.sheets import BENCHMARK, NO_TENSION, at_rest

@@ -18,7 +18,7 @@ import numpy as np
 
 from cosim.checks import Row
 from cosim.errors import ConvergenceError, CosimError
-from fe_solver.elements.shell import Array
+from cosim.port import Array
 from fe_solver.solver.linear_algebra import backend_name
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, solve

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from cosim.port import Array
 from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.mesh_geometry import node_areas, node_directors
-from fe_solver.elements.shell import Array, shell_tables
+from fe_solver.elements.shell import shell_tables
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.guides import Guides, Ties

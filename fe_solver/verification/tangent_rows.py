@@ -10,8 +10,7 @@ from functools import partial
 import numpy as np
 
 from cosim.checks import Row
-from cosim.port import rotation_matrix
-from fe_solver.elements.shell import Array
+from cosim.port import Array, rotation_matrix
 from fe_solver.forces.contact import Contact, Grip, contact_forces
 from fe_solver.forces.guides import Ropes
 from fe_solver.forces.loads import Inertia

@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from cosim.port import Array
 from fe_solver.elements.kinds import kind_of
-from fe_solver.elements.shell import Array
 from fe_solver.materials.linear import Isotropic
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.solver.model import ShellModel

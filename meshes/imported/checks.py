@@ -10,15 +10,12 @@ from dataclasses import dataclass, field
 from itertools import permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array, Ints
 from meshes.hood_lines import CENTRAL_END, INTRINSIC_END, TERMINAL_END
 from meshes.hood_mesh import are_folded
 from meshes.hull import Centreline, along
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 """m."""

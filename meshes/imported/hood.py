@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array, Ints
 from meshes.hood import STRINGS, on_bone, strings
 from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, has_lateral_fibres
 from meshes.hull import Centreline, Level, along
@@ -35,9 +35,6 @@ from meshes.imported.names import (
 )
 from meshes.imported.raw import FIBRE, RawMesh
 from meshes.skeleton import BODIES, Skeleton
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 OFF_PLACE = 15e-3
 """m, of the hood's ends from where our own hood's are: more is another origin."""

@@ -8,14 +8,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Ints
 from meshes.hood_mesh import ENDS, REGIONS, SPRINGS
 from meshes.imported.raw import RawMesh
 from meshes.skeleton import BODIES
-
-Ints = NDArray[np.intp]
 
 END, TIED, SPRING = "end_", "tied_", "spring_"
 NODE_SETS = (

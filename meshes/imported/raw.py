@@ -16,13 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.mesh_file import read_mesh_file
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
+from cosim.port import Array, Ints
 
 FORMATS = (".vtu", ".msh", ".inp")
 CORNERS = {

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.port import Ints
 from meshes.hood_mesh import REGIONS, HoodMesh, display_quads
 from meshes.imported.names import END, SPRING, TIED
 from meshes.imported.raw import FIBRE, THICKNESS, RawMesh
 from meshes.skeleton import BODIES, Skeleton
-
-Ints = NDArray[np.intp]
 
 MM = 1e3
 IN_ROW = 8

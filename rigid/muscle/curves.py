@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.errors import InputError
-from rigid.muscle.newton import Array, increasing_root
+from cosim.port import Array
+from rigid.muscle.newton import increasing_root
 
 BERNSTEIN = np.array(
     [

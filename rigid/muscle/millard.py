@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cosim.errors import ConvergenceError, InputError
-from rigid.muscle.newton import STEEP, Array, NotConverged, increasing_root
+from cosim.port import Array
+from rigid.muscle.newton import STEEP, NotConverged, increasing_root
 from rigid.muscle.parameters import Muscles
 
 TOLERANCE = 1e-13

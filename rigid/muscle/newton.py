@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
+from cosim.port import Array
 
-Array = NDArray[np.float64]
 Function = Callable[[Array], tuple[Array, Array]]
 
 LIMIT = 120

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array
 from rigid.muscle import curves
 from rigid.muscle.curves import Curve
-from rigid.muscle.newton import Array
 from rigid.muscle.table import CurveTable
 
 MAX_PENNATION = math.acos(0.1)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.port import Array
 from rigid.muscle.curves import Curve
-from rigid.muscle.newton import Array
 
 CELLS = 8192
 """A curve: within 1e-11 of the Bezier splines' values and 2e-7 of their slopes (tested)."""

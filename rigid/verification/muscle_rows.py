@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from cosim.checks import Row
+from cosim.port import Array
 from rigid.muscle.curves import Curve
 from rigid.muscle.dynamics import at_rest, fibre_velocity, step
 from rigid.muscle.millard import equilibrium, path_length
-from rigid.muscle.newton import Array
 from rigid.muscle.parameters import DAMPED
 from rigid.verification import opensim_reference
 from rigid.verification.index_muscles import index_muscles

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rigid.muscle.newton import Array
+from cosim.port import Array
 from rigid.muscle.parameters import Muscles
 from rigid.verification.index_muscles import index_muscles
 

@@ -18,11 +18,11 @@ from cosim.analyses.moment_arms import (
     published_arms,
     sweep,
 )
-from cosim.build.models import build, tensions
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError
 from cosim.fingers.kinds import joint_ranges
+from cosim.models.build import build, tensions
 from cosim.port import Motion
 
 

@@ -14,12 +14,12 @@ from cosim.analyses.reduction.case_text import case_text
 from cosim.analyses.reduction.errors import errors
 from cosim.analyses.reduction.samples import FailedSample, Walk, WalkSamples, on_models
 from cosim.analyses.reduction.tip import clamp_tip, tip_map, tip_maps
-from cosim.build.models import build
 from cosim.case.file import find_case, load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.lumped.build import potential
 from cosim.hoods.lumped.table import NetworkHoodConfig
+from cosim.models.build import build
 from rigid.hoods.reduced import ReducedPotential
 from rigid.hoods.reduction import Order, reduce_hood
 from tests.helpers.soft_network import (

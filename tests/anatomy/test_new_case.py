@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 from cosim.anatomy.bones import Bones, read_bones
 from cosim.anatomy.case_folder import write_case
 from cosim.anatomy.read import Built, UserAnatomy
-from cosim.build.models import bone_surfaces, hood_mesh, mjcf_of
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import InputError
+from cosim.models.build import bone_surfaces, hood_mesh, mjcf_of
 from cosim.pipeline import run_case
 from meshes.hood_mesh import HoodMesh, to_json
 from meshes.hull import Centreline

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from cosim.anatomy.read import read_hood
 from cosim.anatomy.write import FORMATS, write_hood
-from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
 from cosim.errors import InputError
+from cosim.models.build import hood_mesh
 from meshes.hood_mesh import HoodMesh, display_quads
 from meshes.hull import Centreline, along
 from meshes.imported.checks import (

@@ -9,9 +9,9 @@ import trimesh
 from typer.testing import CliRunner
 
 from cosim.anatomy.read import read_hood
-from cosim.build.models import bone_surfaces, hood_mesh
 from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.models.build import bone_surfaces, hood_mesh
 from meshes.bones import load_bone
 from meshes.imported.write import raw_of
 from meshes.skeleton import BODIES, index_finger

@@ -6,11 +6,11 @@ import pytest
 from typer.testing import CliRunner
 
 import cosim
-from cosim.build.models import anatomy_of
 from cosim.cli import app
 from cosim.commands import warm
 from cosim.files import shown_path
 from cosim.kernels.kernel import CompiledKernel
+from cosim.models.build import anatomy_of
 
 
 def _bones(name: str) -> str:

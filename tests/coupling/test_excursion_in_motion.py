@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build.motion import moving_models
 from cosim.case.file import load_case
 from cosim.coupling.excursion import (
     ExcursionState,
@@ -16,6 +15,7 @@ from cosim.coupling.excursion import (
     solve_excursions,
 )
 from cosim.errors import ConvergenceError, InputError, StoppedError
+from cosim.models.motion import moving_models
 from cosim.pipeline import run_case
 from cosim.results.result import Result
 from cosim.solve.session import Session

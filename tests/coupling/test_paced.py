@@ -91,7 +91,7 @@ def test_the_books_close_at_each_half():
 
 def _law_losses(result: Result) -> np.ndarray:
     """J in each half, by the case's law alone."""
-    from cosim.build.motion import moving_models
+    from cosim.models.motion import moving_models
 
     case = load_case("pulley_edc", [PLAIN, *FREE, forward("0.01 deg"), DAMPED])
     assert case.forward is not None

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
+from cosim.models.build import build, hood_mesh
 from cosim.port import STATIC, Motion, Response
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.guides import Ropes

@@ -12,12 +12,12 @@ import pytest
 
 from cosim.anatomy.case_folder import new_case
 from cosim.anatomy.read import UserAnatomy
-from cosim.build.fit import check_fit
-from cosim.build.models import mjcf_of
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.fingers.index import IndexFingerConfig
 from cosim.fingers.kinds import finger_model, live_finger, skeleton_of
+from cosim.models.build import mjcf_of
+from cosim.models.fit import check_fit
 from cosim.pipeline import run_case
 from cosim.results.conventions import vector_of
 from meshes.skeleton import JOINTS

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from cosim.build.models import Models, bone_surfaces, build
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.fingers.kinds import anatomy_of, finger_model
 from cosim.hoods.lumped.build import slip_forces
+from cosim.models.build import Models, bone_surfaces, build
 from cosim.solve.solvers import solve
 from rigid.fingers.robot_tables import LENGTHS, TABLE_III
 

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build.models import build, tensions
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
@@ -26,6 +25,7 @@ from cosim.fmu_export.run import UnitRun
 from cosim.fmu_export.state import SerialisedState
 from cosim.fmu_export.static_parts import HoodPart
 from cosim.fmu_export.write import write_fmu
+from cosim.models.build import build, tensions
 from cosim.port import STATIC, PairState, Tensions, rotation_matrix
 from cosim.solve.solvers import solve
 from tests.helpers.fmus import NEEDS_FMU, InitialUnit, places_of

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build.fit import check_fit
-from cosim.build.models import Models, build
 from cosim.case.file import json_schema, load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
@@ -18,6 +16,8 @@ from cosim.fingers.kinds import unit
 from cosim.fmu.finger import FmuFinger
 from cosim.fmu.kinematics import MOST_KEPT
 from cosim.fmu_export.write import write_fmu
+from cosim.models.build import Models, build
+from cosim.models.fit import check_fit
 from cosim.pipeline import run_case
 from cosim.results.result import Result
 from cosim.verification.fmu import in_units

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build.motion import MovingModels, moving_models
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.moving_finger import FmuMovingFinger
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.write import write_fmu
+from cosim.models.motion import MovingModels, moving_models
 from cosim.pipeline import run_case
 from cosim.port import AffineLoad, Motion
 from cosim.results.conventions import vector_of

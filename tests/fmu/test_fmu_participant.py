@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build.models import Models, build, tensions
 from cosim.case.file import load_case
 from cosim.coupling.accelerators import Aitken
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
@@ -21,6 +20,7 @@ from cosim.fmu.hood import FmuHood
 from cosim.fmu.quantity import tangent_of
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.write import write_fmu
+from cosim.models.build import Models, build, tensions
 from cosim.port import STATIC, Hood, Motion, Pair, PairState, Tensions
 from rigid.chain.joint_torques import joint_law
 from rigid.chain.moving_hinge import MovingHinge

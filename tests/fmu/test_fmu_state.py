@@ -177,7 +177,7 @@ LONG = 'forward={duration="0.08 s",must_rest=false,checkpoint=20}'
 
 
 def units_case(tmp_path: Path, fmi: int, scheme: str) -> Case:
-    from cosim.build.motion import moving_models
+    from cosim.models.motion import moving_models
 
     case = moving_case()
     assert case.forward is not None

@@ -13,8 +13,8 @@ COARSE = 'hood.mesh.spacing="3 mm"'
 @cache
 def cable_hood(*overrides: str) -> ShellHood:
     """As a case builds it."""
-    from cosim.build.models import build
     from cosim.case.file import load_case
+    from cosim.models.build import build
 
     hood = build(load_case("cable_edc", [COARSE, *overrides])).hood
     assert isinstance(hood, ShellHood)

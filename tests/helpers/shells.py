@@ -49,8 +49,8 @@ __all__ = [
 @cache
 def index_hood(*overrides: str) -> ShellHood:
     """The index finger's hood of about 250 quads, as a case builds it."""
-    from cosim.build.models import build
     from cosim.case.file import load_case
+    from cosim.models.build import build
 
     hood = build(load_case("base/one_sheet.toml", ["hood.mesh.quads=250", *overrides])).hood
     return replace(hood, options=replace(hood.options, tolerance=1e-11))

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from cosim.analyses.reduction.samples import FREE, Walk, on_models
-from cosim.build.models import Models, build
 from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import slip_forces
 from cosim.hoods.lumped.table import NetworkHoodConfig
+from cosim.models.build import Models, build
 from cosim.port import STATIC
 from cosim.verification.reduction import SOFT
 from rigid.hoods.reduced import ReducedPotential

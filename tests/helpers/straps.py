@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from fe_solver.elements.shell import Array
+from cosim.port import Array
 from fe_solver.forces.springs import NodeSprings, Springs
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions

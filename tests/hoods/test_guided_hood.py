@@ -10,10 +10,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
 from cosim.fingers.kinds import FINGERS, anatomy_of
 from cosim.hoods.shell.build import _tendons
+from cosim.models.build import hood_mesh
 from cosim.pipeline import run_case
 from cosim.results.result import Result
 from meshes.bands import OVER_MCP

@@ -32,7 +32,7 @@ WORK = """
 import json
 from cosim.cli import app
 from cosim.analyses import ladder
-from cosim.build.fit import check_fit
+from cosim.models.fit import check_fit
 from cosim.case.file import load_case
 from cosim.errors import InputError
 

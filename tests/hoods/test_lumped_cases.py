@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cosim.build.models import build
 from cosim.case.file import load_case, resolved_toml
 from cosim.errors import InputError
+from cosim.models.build import build
 from cosim.pipeline import run_case
 from cosim.port import STATIC, Hood
 from cosim.results.result import Result

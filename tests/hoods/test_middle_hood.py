@@ -8,12 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cosim.build.models import Models, bone_surfaces, build, hood_mesh
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fingers.kinds import FINGERS, skeleton_of
 from cosim.hoods.shell.build import thickness_of
+from cosim.models.build import Models, bone_surfaces, build, hood_mesh
 from cosim.pipeline import run_case
 from cosim.results.compare import Target, compare_with_targets, read_targets
 from cosim.results.conventions import vector_of

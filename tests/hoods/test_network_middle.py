@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model, live_finger
 from cosim.hoods.lumped.build import build_lumped_hood, slip_forces
 from cosim.hoods.lumped.table import NetworkHoodConfig
+from cosim.models.fit import check_fit
 from cosim.port import STATIC, Finger, Hood
 from cosim.results.conventions import vector_of
 from cosim.results.static import observe_static

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cosim.build.models import Models, hood_mesh
 from cosim.case.file import load_case
 from cosim.hoods.shell.region_forces import Crossing, crossing, crossing_force, element_forces
+from cosim.models.build import Models, hood_mesh
 from cosim.pipeline import run_case
 from cosim.solve.solvers import solve
 

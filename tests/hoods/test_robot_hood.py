@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.build.models import bone_surfaces
 from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model, skeleton_of
 from cosim.hoods.cable.build import ENDS
+from cosim.models.build import bone_surfaces
 from cosim.solve.solvers import solve
 from fe_solver.surfaces.shapes import Capsule
 from meshes.cable_net import CableNet, cable_of, lay

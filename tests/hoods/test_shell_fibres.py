@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build.models import bone_surfaces, hood_mesh, site_of
 from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
 from cosim.errors import InputError
@@ -17,6 +16,7 @@ from cosim.hoods.shell.build import shell_hood_of, thickness_of
 from cosim.hoods.shell.fibre_table import DirectionConfig
 from cosim.hoods.shell.fibres import angles_at, fibres_of
 from cosim.hoods.shell.view import _line_angle
+from cosim.models.build import bone_surfaces, hood_mesh, site_of
 from cosim.port import Motion
 from cosim.results.strokes import SPACING, carry, stroke_cells, strokes
 from fe_solver.elements.fibres import angle_between, turn_in_sheet

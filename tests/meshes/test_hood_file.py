@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
 from cosim.errors import InputError
+from cosim.models.build import hood_mesh
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.elements.shell import shell_tables
 from meshes.hood_mesh import ENDS, SPRINGS, Attachment, HoodMesh, are_folded, read, to_json, write

@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.hoods.cable.table import PARTS as OF_CABLES
 from cosim.hoods.injury import STRUT, adhesions, apply_lesion_to_mesh, apply_lesion_to_net
 from cosim.hoods.shell.table import PARTS as OF_SHELL
+from cosim.models.build import build, hood_mesh
 from cosim.port import Motion
 from fe_solver.forces.springs import spring_forces
 from fe_solver.hood.build_shell import SpringGroup, springs_of

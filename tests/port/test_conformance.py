@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.hoods.kinds import KINDS
+from cosim.models.build import build
 from cosim.port import Array, Hood, Motion
 from rigid.hoods.pulley import Cable, PulleyHood
 from tests.helpers import conformance, networks

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.models.build import build, hood_mesh
 from cosim.port import STATIC, Array, Motion, rotation_matrix
 from cosim.report.page import page
 from cosim.report.tables import tables_of

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.build.models import Models
 from cosim.errors import InputError
+from cosim.models.build import Models
 from cosim.port import STATIC, Array, Load, State
 
 NOT_MUSCLES = ("fingertip", "holder")

@@ -14,10 +14,10 @@ from cosim.analyses.estimate.demand import Demand, force_demand, torque_demand
 from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, format_components
-from cosim.build.models import Models, build
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, Progress
 from cosim.fingers.kinds import with_mass
+from cosim.models.build import Models, build
 from cosim.port import AXES, Array, PairState, Tensions
 from cosim.schema import units
 from cosim.solve.equilibrium import solve_equilibrium

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.build.fit import check_fit
 from cosim.case.file import base_name, find_case, load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.files import output_file
+from cosim.models.fit import check_fit
 from cosim.results.sto import TENSION
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.schema.types import TENDONS

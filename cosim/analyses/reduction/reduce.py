@@ -22,7 +22,6 @@ from cosim.analyses.reduction.walks import (
     held_out_walks,
     spread_walks,
 )
-from cosim.build.models import build
 from cosim.case.cache_key import address, code_version
 from cosim.case.file import load_case
 from cosim.case.schema import Case
@@ -31,6 +30,7 @@ from cosim.fingers.common import Extensor
 from cosim.fingers.kinds import anatomy_of, live_finger
 from cosim.hoods.kinds import fitting_kinds
 from cosim.hoods.lumped.reduction import Sample, fit_potential, stack
+from cosim.models.build import build
 from cosim.port import Array
 
 if TYPE_CHECKING:

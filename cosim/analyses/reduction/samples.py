@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.build.models import Models, build
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError
 from cosim.hoods.lumped.reduction import Sample
+from cosim.models.build import Models, build
 from cosim.port import STATIC, Array, Load, State
 from cosim.processes import process_pool
 

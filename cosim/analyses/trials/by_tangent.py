@@ -19,10 +19,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from cosim.build.models import Models, build, tensions
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.fingers.kinds import tip_support_kind
+from cosim.models.build import Models, build, tensions
 from cosim.port import Array
 from cosim.results.static import observe_static
 from cosim.solve.states import States

@@ -16,11 +16,11 @@ from pathlib import Path
 from cosim.analyses.trials import outcome as trials
 from cosim.analyses.trials.by_tangent import predict_summary, solve_from
 from cosim.analyses.trials.outcome import Outcome, one_line
-from cosim.build.fit import check_fit
-from cosim.build.models import Models
 from cosim.case.file import Settings, load_case
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, CosimError, InputError
+from cosim.models.build import Models
+from cosim.models.fit import check_fit
 from cosim.processes import ProcessPool, one_blas_thread
 from cosim.results.static import observe_static
 from cosim.solve.solvers import solve

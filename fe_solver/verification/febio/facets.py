@@ -14,13 +14,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from cosim.port import Array, Ints
 from fe_solver.elements.mitc4 import GAUSS, shape
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 SEARCH_TOLERANCE = 0.01
 """Share of a triangle's edges by which a point may lie beyond them (FEBio's search_tol)."""

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.port import Array
 from fe_solver.elements.mitc4 import CORNERS, GAUSS, shape
 from fe_solver.materials.linear import Law
 from fe_solver.verification.febio.solid_laws import (
@@ -38,8 +39,6 @@ from fe_solver.verification.febio.solid_laws import (
     in_situ_strain,
     solid_stress,
 )
-
-Array = NDArray[np.float64]
 
 POINTS = tuple((r, s, t) for r, s in GAUSS.tolist() for t in (-(3**-0.5), 3**-0.5))
 

@@ -19,9 +19,9 @@ from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import (
     DispersedFamily,
@@ -32,8 +32,6 @@ from fe_solver.materials.fibres import (
 )
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law, Orthotropic, Real
-
-Array = NDArray[np.float64]
 
 Fibrous = TransIsoMooneyRivlin | HolzapfelGasserOgden
 

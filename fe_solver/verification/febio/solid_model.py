@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.port import Array, Ints
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.forces.loads import pressure_forces, pressure_tangent
 from fe_solver.forces.springs import NodeSprings, Springs, node_springs, spring_forces
@@ -47,9 +48,6 @@ from fe_solver.verification.febio.q4ans import (
     solid_tables,
 )
 from fe_solver.verification.febio.solid_laws import law_obstacle, normal_modulus
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 ON_FACE = 1e-9
 """Share of the thickness by which a node may lie off the sheet's face."""

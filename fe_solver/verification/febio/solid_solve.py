@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from cosim.errors import ConvergenceError, InputError
+from cosim.port import Array
 from cosim.processes import one_blas_thread
 from fe_solver.job.febio_like import bending_notes
 from fe_solver.job.job import Job
@@ -32,8 +32,6 @@ from fe_solver.verification.febio.solid_model import (
     solid_model,
 )
 from fe_solver.verification.febio.solid_state import SolidEquilibrium, solid_state
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-7
 """Residual over the largest force at a spring, in contact or of all reactions."""

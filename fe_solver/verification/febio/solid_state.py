@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.springs import node_spring_state, spring_state
 from fe_solver.job.solve import Effort, JobState, forces_by_set
@@ -16,8 +16,6 @@ from fe_solver.vectors import cross
 from fe_solver.verification.febio.q4ans import solid_strain
 from fe_solver.verification.febio.solid_laws import solid_stress
 from fe_solver.verification.febio.solid_model import Loads, SolidModel, Source, Term
-
-Array = NDArray[np.float64]
 
 GROUND = "ground"
 """The body that bears the reactions of held displacements."""

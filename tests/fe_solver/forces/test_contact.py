@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.bone_surfaces import pose_surfaces
-from cosim.port import rotation_matrix
-from fe_solver.elements.shell import Array
+from cosim.port import Array, rotation_matrix
 from fe_solver.forces.contact import (
     REACH,
     Contact,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from cosim.errors import InputError
+from cosim.port import Array
 from fe_solver.elements import kernels
 from fe_solver.elements.kinds import KINDS
 from fe_solver.elements.mesh_geometry import element_areas, node_areas
-from fe_solver.elements.shell import Array
 from fe_solver.forces.contact import Contact, contact_fields, contact_forces, contact_state
 from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.solver.model import ShellModel

@@ -41,7 +41,6 @@ LENGTH, WIDTH = 20e-3, 5e-3
 OPTIONS = JobOptions(cached=False)
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 NO_TENSION = np.zeros(0)
-Array = NDArray[np.float64]
 
 
 def strip(nx: int = 4, ny: int = 2, **more: object) -> Job:

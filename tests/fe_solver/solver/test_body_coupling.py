@@ -7,8 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from cosim.port import rotation_matrix
-from fe_solver.elements.shell import Array
+from cosim.port import Array, rotation_matrix
 from fe_solver.forces.guides import Guides, Ropes
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.model import Configuration, ShellModel

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from cosim.errors import ConvergenceError
-from fe_solver.elements.shell import Array
+from cosim.port import Array
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.solver import mixed_steps
 from fe_solver.solver.mixed_steps import CLOSE, _predict, _reverses, _travel, take_mixed_steps

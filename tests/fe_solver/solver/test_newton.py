@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import ConvergenceError
-from fe_solver.elements.shell import Array
+from cosim.port import Array
 from fe_solver.materials.linear import Isotropic
 from fe_solver.materials.tension_field import State, TensionField
 from fe_solver.solver import linear_algebra, newton

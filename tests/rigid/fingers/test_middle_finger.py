@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cosim.analyses.moment_arms import own_arms
-from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.fingers.middle import KIND
+from cosim.models.build import build
 from cosim.port import Array
 from meshes.skeleton import JOINTS
 from rigid.fingers.middle import LENGTHS, O2O3, RADIAL_INTEROSSEOUS, finger_model

@@ -9,7 +9,6 @@ import pytest
 from scipy.special import eval_legendre
 
 from cosim.analyses.reduction.tip import tip_maps
-from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
 from cosim.fingers.common import Extensor
@@ -17,6 +16,7 @@ from cosim.fingers.index import IndexFingerConfig
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import build_reduced_hood
 from cosim.hoods.lumped.reduction import fit_potential
+from cosim.models.build import build
 from cosim.port import STATIC, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.hoods.hinge_angle import angles, flexion_angles

@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from cosim.build.models import bone_surfaces, build, mjcf_of
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.coupling.finger_equilibrium import balance_finger
+from cosim.models.build import bone_surfaces, build, mjcf_of
 from cosim.port import Array, Load
 from rigid.chain.joint_torques import JointLaw, TorqueCurve, joint_law
 from rigid.mjcf.simulation import CELL, coarse_surface, simulation_xml

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from cosim.build.fit import check_fit, check_tendons
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fingers.kinds import anatomy_of, bones_of, live_finger, mjcf, unit
 from cosim.hoods.kind import BuiltHood, Site, Slips
 from cosim.hoods.kinds import KINDS
 from cosim.hoods.view import NO_POINTS, HoodView, TrackedPoints
+from cosim.models.fit import check_fit, check_tendons
 from cosim.port import Array, Hood, Motion, OpenFinger, Pair, PairState, State, Triangles
 from cosim.tendons.muscles import CaseMuscles, live_muscles
 

@@ -9,9 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from cosim.build.fit import check_tendons
-from cosim.build.models import build, build_hood, site_of
-from cosim.build.scheme import scheme_of
 from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.excursion import PrescribedExcursions
 from cosim.coupling.motion import CoupledMotion, RecordedFinger
@@ -19,6 +16,9 @@ from cosim.coupling.schemes import Alone
 from cosim.fingers.common import CageTipConfig, ShellTipConfig
 from cosim.fingers.kinds import joint_ranges, unit
 from cosim.hoods.view import HoodView
+from cosim.models.build import build, build_hood, site_of
+from cosim.models.fit import check_tendons
+from cosim.models.scheme import scheme_of
 from cosim.port import Array, Hood, Motion, State, Triangles
 from cosim.tendons.air import cylinders, initial_air, step_cylinders
 from cosim.tendons.muscles import fibres

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.build.fit import check_fit
-from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.errors import InputError
+from cosim.models.build import build
+from cosim.models.fit import check_fit
 
 
 def test_fingers_without_bones_of_their_own_are_drawn_as_rods():

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build.models import Models, build, hood_mesh, tensions
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.hoods.shell.view import strain_summary
 from cosim.hoods.view import hood_field
+from cosim.models.build import Models, build, hood_mesh, tensions
 from cosim.port import STATIC
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean

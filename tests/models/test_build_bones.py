@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
 from cosim.errors import InputError
+from cosim.models.build import build, hood_mesh
 from meshes.bones import load_bone
 
 COARSE = "hood.mesh.quads=120"

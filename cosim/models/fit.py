@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from cosim.build.double_count import pairs_of_case, refuse
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fingers.kinds import own_tendons, tip_support_kind, with_mass
 from cosim.hoods.kinds import fitting_kinds
+from cosim.models.double_count import pairs_of_case, refuse
 from cosim.tendons.air import check_air
 from cosim.tendons.signals import factor_of
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build.double_count import double_counted_pairs, pairs_of_case
-from cosim.build.fit import check_fit
 from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
 from cosim.errors import InputError
+from cosim.models.double_count import double_counted_pairs, pairs_of_case
+from cosim.models.fit import check_fit
 from cosim.pipeline import run_case
 
 PACKAGED = sorted(packaged_cases())
