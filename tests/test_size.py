@@ -26,7 +26,7 @@ CEILINGS = {
     "cosim/models": 682,
     "cosim/papers": 3443,
     "cosim/report": 2154,
-    "cosim/results": 3934,
+    "cosim/results": 3901,
     "cosim/schema": 566,
     "cosim/solve": 739,
     "cosim/study": 2815,
