@@ -34,13 +34,7 @@ from fe_solver.job.model import (
     job_springs,
 )
 from fe_solver.materials.linear import Law
-from fe_solver.solver.linear_algebra import (
-    Analysis,
-    Factor,
-    NotPositiveDefiniteError,
-    SuperLUAnalysis,
-    analyse,
-)
+from fe_solver.solver.linear_algebra import Analysis, Factor, analyse
 from fe_solver.surfaces.closing import border_edges, merge_vertices
 from fe_solver.verification.febio.facets import Facets, Pressed, cut, find_triangles, pressures
 from fe_solver.verification.febio.q4ans import (
@@ -356,11 +350,7 @@ class SolidPattern:
 
     def factorise(self, terms: Sequence[Term]) -> Factor:
         """The tangent, which may be indefinite.  Raises ConvergenceError where it is singular."""
-        data = self.data(terms)
-        try:
-            return self.analysis.factor(data)
-        except NotPositiveDefiniteError:
-            return SuperLUAnalysis(self.slots).factor(data)
+        return self.analysis.factor(self.data(terms))
 
 
 def _pattern(groups: Sequence[Ints], free: NDArray[np.bool_]) -> SolidPattern:
