@@ -34,16 +34,16 @@ from fe_solver.job.model import (
     job_springs,
 )
 from fe_solver.materials.linear import Law
-from fe_solver.solver.linear_algebra import Analysis, Factor, analyse
-from fe_solver.surfaces.closing import border_edges, merge_vertices
-from fe_solver.verification.febio.facets import Facets, Pressed, cut, find_triangles, pressures
-from fe_solver.verification.febio.q4ans import (
+from fe_solver.q4ans.element import (
     SolidTables,
     cross_matrix,
     solid_response,
     solid_tables,
 )
-from fe_solver.verification.febio.solid_laws import law_obstacle, normal_modulus
+from fe_solver.q4ans.facets import Facets, Pressed, cut, find_triangles, pressures
+from fe_solver.q4ans.laws import law_obstacle, normal_modulus
+from fe_solver.solver.linear_algebra import Analysis, Factor, analyse
+from fe_solver.surfaces.closing import border_edges, merge_vertices
 
 ON_FACE = 1e-9
 """Share of the thickness by which a node may lie off the sheet's face."""
