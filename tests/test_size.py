@@ -14,7 +14,7 @@ CEILINGS = {
     "cases": 528,
     "cosim": 3094,
     "cosim/analyses": 6555,
-    "cosim/anatomy": 862,
+    "cosim/anatomy": 848,
     "cosim/case": 1040,
     "cosim/commands": 3978,
     "cosim/coupling": 2140,
@@ -35,7 +35,7 @@ CEILINGS = {
     "cosim/verification": 984,
     "fe_solver": 47,
     "fe_solver/elements": 1274,
-    "fe_solver/febio": 2880,
+    "fe_solver/febio": 2892,
     "fe_solver/forces": 1080,
     "fe_solver/hood": 1254,
     "fe_solver/job": 1816,
@@ -57,7 +57,7 @@ CEILINGS = {
     "rigid/opensim": 1788,
     "rigid/papers": 3426,
     "rigid/verification": 2507,
-    "tests": 40817,
+    "tests": 40664,
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,26 @@ class Units:
     def stress(self) -> float:
         """1 Pa in the file's units."""
         return self.force / self.length**2
+
+
+class Dof(NamedTuple):
+    """A degree of freedom of a rigid body: the tag that fixes it, its name and the condition that
+    prescribes it."""
+
+    fixed: str
+    name: str
+    kind: str
+
+    def unit(self, units: Units) -> float:
+        """m or rad in the file's unit of it."""
+        return 1.0 if self.kind == "rigid_rotation" else units.length
+
+
+DOFS = (
+    *(Dof(f"R{axis}_dof", axis, "rigid_displacement") for axis in AXES),
+    *(Dof(f"R{turn}_dof", f"R{turn}", "rigid_rotation") for turn in "uvw"),
+)
+"""Displacements along x, y, z, then the components of the rotation vector."""
 
 
 @dataclass(frozen=True)
@@ -198,10 +219,9 @@ def _motions(model: Model, sections: list[FebTag]) -> list[list[Drive]]:
     for t in [t for s in sections for t in s.all("rigid_bc")]:
         body, kind = model.body_of(t, t.word("rb", "")), t.attribute("type")
         if kind == "rigid_fixed":
-            names = ("Rx", "Ry", "Rz", "Ru", "Rv", "Rw")
-            fixed[body] |= {i for i, n in enumerate(names) if t.flag(f"{n}_dof")}
-        elif kind in ("rigid_displacement", "rigid_rotation"):
-            i, drive = _read_motion(model, t, kind == "rigid_rotation")
+            fixed[body] |= {i for i, d in enumerate(DOFS) if t.flag(d.fixed)}
+        elif kind in {d.kind for d in DOFS}:
+            i, drive = _read_motion(model, t)
             if i in given[body]:
                 raise t.fault(f"this motion of {model.rigid[body]!r} is prescribed twice")
             given[body][i] = drive
@@ -215,19 +235,18 @@ def _motions(model: Model, sections: list[FebTag]) -> list[list[Drive]]:
     return [[own.get(i, Drive()) for i in range(6)] for own in given]
 
 
-def _read_motion(model: Model, t: FebTag, turns: bool) -> tuple[int, Drive]:
-    names = ("Ru", "Rv", "Rw") if turns else ("x", "y", "z")
+def _read_motion(model: Model, t: FebTag) -> tuple[int, Drive]:
+    names = {d.name: i for i, d in enumerate(DOFS) if d.kind == t.attribute("type")}
     dof, value = t.word("dof", ""), t.one("value")
     if dof not in names or value is None:
         raise t.fault(f"expected <dof> with one of {', '.join(names)}, and <value>")
     t.all("relative")
-    unit = 1.0 if turns else model.units.length
-    return names.index(dof) + 3 * turns, model.drive(value, unit)
+    return names[dof], model.drive(value, DOFS[names[dof]].unit(model.units))
 
 
 def _check_motion(model: Model, name: str, given: dict[int, Drive], fixed: set[int]) -> None:
     m = next(m for m in model.materials if m.name == name)
-    free = [n for i, n in enumerate(("x", "y", "z", "Ru", "Rv", "Rw")) if i not in {*given, *fixed}]
+    free = [d.name for i, d in enumerate(DOFS) if i not in {*given, *fixed}]
     if free:
         raise m.tag.fault(
             f"the rigid body {name!r} is free in {', '.join(free)}: only bodies whose motion is "

@@ -1,11 +1,14 @@
-"""The tags of FEBio's files."""
+"""The tags of FEBio's files, read and made."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar, TypeAlias
+
+import numpy as np
+from lxml import etree
 
 from cosim import xml_tree
 from cosim.errors import InputError
@@ -86,3 +89,38 @@ class FebTag(xml_tree.Tag):
 def read_xml(path: Path, root: str) -> FebTag:
     """The tree of a file of FEBio's whose root has that name.  Raises InputError."""
     return read_tree(path, root, FebTag, LIMITS)
+
+
+Element: TypeAlias = Any
+"""A tag of lxml's, which has no types."""
+
+
+def tag(kind: str, *content: object, **attributes: object) -> Element:
+    """A tag that holds other tags, or a text: numbers as `text` says.
+
+    Raises InputError for a text with characters that XML has no place for."""
+    out = etree.Element(kind)
+    try:
+        for name, value in attributes.items():
+            out.set(name, text(value))
+        for part in content:
+            if etree.iselement(part):
+                out.append(part)
+            else:
+                out.text = text(part)
+    except ValueError as error:
+        raise InputError(f"<{kind}> cannot be written: {error}") from error
+    return out
+
+
+def text(value: Any) -> str:
+    """A text as it is, a number with all of its digits (a truth as 1 or 0), several with commas
+    between."""
+    if isinstance(value, str):
+        return value
+    return ",".join(map(repr, (np.ravel(value) * 1).tolist()))
+
+
+def write_xml(path: Path, root: Element) -> None:
+    """Write a tree as a file of FEBio's."""
+    etree.ElementTree(root).write(path, encoding="UTF-8", xml_declaration=True, pretty_print=True)
