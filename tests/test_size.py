@@ -19,8 +19,8 @@ CEILINGS = {
     "cosim/commands": 3978,
     "cosim/coupling": 2140,
     "cosim/fingers": 1249,
-    "cosim/fmu": 1544,
-    "cosim/fmu_export": 1295,
+    "cosim/fmu": 1522,
+    "cosim/fmu_export": 1271,
     "cosim/hoods": 4101,
     "cosim/kernels": 216,
     "cosim/models": 682,
@@ -32,7 +32,7 @@ CEILINGS = {
     "cosim/study": 2832,
     "cosim/tendons": 547,
     "cosim/validation": 1926,
-    "cosim/verification": 984,
+    "cosim/verification": 983,
     "fe_solver": 47,
     "fe_solver/elements": 1274,
     "fe_solver/febio": 2892,
@@ -57,7 +57,7 @@ CEILINGS = {
     "rigid/opensim": 1788,
     "rigid/papers": 3426,
     "rigid/verification": 2507,
-    "tests": 40664,
+    "tests": 40662,
 }
 
 

@@ -20,8 +20,7 @@ from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.hooks import Stateful
-from cosim.fmu_export.part_of import part_of
-from cosim.fmu_export.run import UnitRun
+from cosim.fmu_export.run import UnitRun, part_of
 from cosim.fmu_export.state import SerialisedState
 from cosim.fmu_export.static_parts import HoodPart
 from cosim.fmu_export.write import write_fmu

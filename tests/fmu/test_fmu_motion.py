@@ -10,9 +10,9 @@ import pytest
 
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
-from cosim.fmu.moving_finger import FmuMovingFinger
+from cosim.fmu.finger import FmuMovingFinger
 from cosim.fmu.unit import Unit
-from cosim.fmu_export.part_of import part_of
+from cosim.fmu_export.run import part_of
 from cosim.fmu_export.write import write_fmu
 from cosim.models.motion import MovingModels, moving_models
 from cosim.pipeline import run_case

@@ -16,7 +16,7 @@ from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.unit import Unit
-from cosim.fmu_export.part_of import part_of
+from cosim.fmu_export.run import part_of
 from cosim.verification.fmu import MOTION
 
 NEEDS_FMU = [
