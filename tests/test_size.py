@@ -35,7 +35,7 @@ CEILINGS = {
     "cosim/verification": 983,
     "fe_solver": 47,
     "fe_solver/elements": 1274,
-    "fe_solver/febio": 2892,
+    "fe_solver/febio": 2881,
     "fe_solver/forces": 1080,
     "fe_solver/hood": 1254,
     "fe_solver/job": 1816,

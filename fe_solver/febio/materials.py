@@ -144,10 +144,7 @@ def _axes(m: Material, corners: Array, given: dict[str, FebTag]) -> Array:
 
 def vector_in(tag: FebTag, name: str) -> list[float]:
     """The three numbers of the child of that name.  Raises InputError where there are none."""
-    child = tag.one(name)
-    if child is None:
-        raise tag.fault(f"<{name}> is missing: three numbers")
-    return child.numbers(3)
+    return tag.needed(name, "three numbers").numbers(3)
 
 
 def _local(tag: FebTag, count: int, default: tuple[int, ...]) -> list[int]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 from lxml import etree
@@ -61,6 +61,24 @@ class FebTag(xml_tree.Tag):
         if name not in self.attributes:
             raise self.fault(f"the attribute {name!r} is missing")
         return self.attributes[name].strip()
+
+    def known(self, what: str, kind: str, known: Collection[str]) -> str:
+        """`kind`, which must be one of those known.  Raises InputError."""
+        if kind not in known:
+            raise self.fault(f"the {what} {kind!r} is not read; known: {', '.join(known)}")
+        return kind
+
+    def kind_of(self, what: str, known: Collection[str]) -> str:
+        """The attribute `type`, which must be one of those known.  Raises InputError."""
+        return self.known(what, self.attribute("type"), known)
+
+    def needed(self, name: str, words: str = "") -> Self:
+        """The child of that name.  Raises InputError, with `words` for what it holds, where there
+        is none."""
+        child = self.one(name)
+        if child is None:
+            raise self.fault(f"<{name}> is missing" + (f": {words}" if words else ""))
+        return child
 
     def number(self) -> float:
         """A number that does not change in time or space."""
