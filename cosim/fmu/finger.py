@@ -105,14 +105,6 @@ class _UnitFinger(ABC, Generic[FingerState]):
     def _get(self, name: str) -> Array:
         return self.unit.get(self._place[name])
 
-    def _step(self, saved: SavedState, given: Mapping[str, Array], dt: float) -> None:
-        """Step from a saved state under what is given of the quantities that the unit has."""
-        self.unit.restore(saved)
-        for name, value in given.items():
-            if name in self._place:
-                self.unit.set(self._place[name], value)
-        self.unit.step(dt)
-
     def _fingertip(self, pose: FmuPose, wrench: Array) -> dict[str, Array]:
         """The ledger of what the world does to the fingertip, which does `wrench` (6,) to it about
         its point; none where that point is not known: a unit tells no other force."""
@@ -198,7 +190,7 @@ class FmuFinger(_UnitFinger[FmuFingerState]):
                 f"{self.unit.opened.path}: this FMU takes held loads only (it has no load_motion), "
                 'and this scheme gives it one that follows; write coupling.scheme = "implicit"'
             )
-        self._step(state.saved, {**given, "tension": tension}, SHORT)
+        self.unit.step_from(state.saved, self._place, {**given, "tension": tension}, SHORT)
         return self._read_state()
 
     def _read_state(self) -> FmuFingerState:
@@ -280,7 +272,7 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
                 f"no {', '.join(AFFINE_LOAD)}), and the schemes linear and newton give it one that "
                 'follows; write coupling.scheme = "explicit" or "implicit"'
             )
-        self._step(state.saved, given, dt)
+        self.unit.step_from(state.saved, self._place, given, dt)
         return self._read_state()
 
     def ledger(
@@ -296,11 +288,8 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
         return self._fingertip(self.kinematics.at(now[0]), tip)
 
     def _read_state(self) -> FmuMovingState:
-        told = {
-            name: self._get(name)
-            for name in ("angle", "rate", "tip_force", "tip_moment", "energy", "dissipation")
-            if name in self._place
-        }
+        answers = ("angle", "rate", "tip_force", "tip_moment", "energy", "dissipation")
+        told = self.unit.values(self._place, answers)
         self.kinematics.read_pose(told["angle"])
         tip = np.concatenate([told["tip_force"], told.get("tip_moment", np.zeros(3))])
         power = float(told["energy"]), float(told["dissipation"])
