@@ -27,9 +27,16 @@ def load_matplotlib() -> None:
 
 
 def as_plain_text(figure: Figure) -> Figure:
-    """The figure, with its texts as they stand: a `$` of a title begins no formula."""
+    """Return the figure with its texts as they stand: a `$` of a title begins no formula, and the
+    numbers on logarithmic axes are none."""
     from matplotlib.text import Text
+    from matplotlib.ticker import LogFormatter, LogFormatterMathtext
 
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if isinstance(axis.get_major_formatter(), LogFormatterMathtext):
+            axis.set_major_formatter("{x:g}")
+        if isinstance(axis.get_minor_formatter(), LogFormatterMathtext):
+            axis.set_minor_formatter(LogFormatter())
     for text in figure.findobj(Text):
         text.set_parse_math(False)
     return figure
