@@ -10,8 +10,12 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.case.file import json_schema, packaged_cases
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError, nearest_names
+from cosim.hoods.kinds import KINDS
+from cosim.study.file import packaged_studies
+from cosim.validation.plan import groups
 
 Schema = Mapping[str, Any]
 Rows = Sequence[tuple[str, ...]]
@@ -45,8 +49,6 @@ def explain(
 ) -> None:
     """What a key of a case file means: what it may hold, unit, range and default."""
     with exit_on_error():
-        from cosim.case.file import json_schema
-
         whole = json_schema()
         for title, text, rows in describe_key(whole, key):
             typer.echo(title)
@@ -57,14 +59,12 @@ def explain(
 
 
 def _cases() -> tuple[tuple[str, ...], Rows]:
-    from cosim.case.file import packaged_cases
 
     rows = [(name, path.parent.name, _title(path)) for name, path in packaged_cases().items()]
     return ("case", "family", ""), sorted(rows, key=lambda row: (row[1], row[0]))
 
 
 def _studies() -> tuple[tuple[str, ...], Rows]:
-    from cosim.study.file import packaged_studies
 
     return ("study", ""), [(path.stem, _title(path)) for path in packaged_studies()]
 
@@ -74,7 +74,6 @@ def _title(path: Path) -> str:
 
 
 def _trials() -> tuple[tuple[str, ...], Rows]:
-    from cosim.validation.plan import groups
 
     found: dict[tuple[str, str], list[str]] = {}
     for group in groups():
@@ -90,13 +89,11 @@ def _fingers() -> tuple[tuple[str, ...], Rows]:
 
 
 def _hoods() -> tuple[tuple[str, ...], Rows]:
-    from cosim.hoods.kinds import KINDS
 
     return ("hood.kind", ""), [(name, kind.table.title) for name, kind in KINDS.items()]
 
 
 def _materials() -> tuple[tuple[str, ...], Rows]:
-    from cosim.case.file import json_schema
 
     whole = json_schema()
     found = dict(_alternatives(whole, _at(whole, "hood.regions.central_slip")))

@@ -2,8 +2,8 @@ import json
 import shlex
 import subprocess
 import sys
-import types
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -46,8 +46,7 @@ SUMMARY = {
 @pytest.fixture
 def solver(monkeypatch, tmp_path):
     """A stand-in for the solver; `fails` maps a case to the error that it meets, `ran` records."""
-    fake = types.ModuleType("cosim.pipeline")
-    fake.fails, fake.ran, fake.summary = {}, [], SUMMARY
+    fake = SimpleNamespace(fails={}, ran=[], summary=SUMMARY)
 
     def run_case(case, session, progress):
         progress("solving")
@@ -59,8 +58,7 @@ def solver(monkeypatch, tmp_path):
         scene, text = Scene(None, (), ()), resolved_toml(case)
         return Result(told, Arrays.of({}, {}), (row,), scene, text, case.name)
 
-    fake.run_case = run_case
-    monkeypatch.setitem(sys.modules, "cosim.pipeline", fake)
+    monkeypatch.setattr("cosim.commands.run.run_case", run_case)
     monkeypatch.chdir(tmp_path)
     return fake
 
@@ -231,10 +229,10 @@ def test_schema_is_json():
 
 
 def test_bench_prints_its_figures(monkeypatch):
-    fake = types.ModuleType("cosim.commands.bench_case")
-    found = {"warm_run_s": 1.5}
-    fake.bench_case = lambda case, _: {**found, "ratio": case.hood.mesh.quads / 100}
-    monkeypatch.setitem(sys.modules, "cosim.commands.bench_case", fake)
+    monkeypatch.setattr(
+        "cosim.commands.bench.bench_case",
+        lambda case, _: {"warm_run_s": 1.5, "ratio": case.hood.mesh.quads / 100},
+    )
     assert cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=250").stdout.split() == [
         *("warm_run_s", "1.5", "ratio", "2.5")
     ]
@@ -520,7 +518,7 @@ def test_a_process_that_is_ended_is_one_message(monkeypatch, tmp_path):
         raise InputError("a process that solved was ended from outside")
 
     cosim_run = pipeline.run_case
-    monkeypatch.setattr(pipeline, "run_cases", ended)
+    monkeypatch.setattr("cosim.commands.run.run_cases", ended)
     monkeypatch.chdir(tmp_path)
     done = cosim("run", "split_edc", "split_fdp", "--workers", "2", "--no-pictures")
     assert done.exit_code == 2

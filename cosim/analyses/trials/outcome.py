@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from cosim.case.file import Settings, load_case
 from cosim.errors import CosimError, InputError
+from cosim.pipeline import run_case
 
 Status = Literal["converged", "failed", "refused"]
 
@@ -25,8 +26,6 @@ class Outcome:
 
 def outcome(source: Path, settings: Settings) -> Outcome:
     """The case at `source` with settings on top, solved."""
-    from cosim.pipeline import run_case
-
     try:
         case = load_case(source, settings)
     except InputError as error:
