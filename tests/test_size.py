@@ -24,13 +24,13 @@ CEILINGS = {
     "cosim/hoods": 4101,
     "cosim/kernels": 216,
     "cosim/models": 682,
-    "cosim/report": 2411,
-    "cosim/results": 3848,
+    "cosim/report": 2340,
+    "cosim/results": 3862,
     "cosim/schema": 566,
     "cosim/solve": 736,
-    "cosim/study": 2832,
+    "cosim/study": 2823,
     "cosim/tendons": 547,
-    "cosim/validation": 1926,
+    "cosim/validation": 1923,
     "cosim/verification": 985,
     "fe_solver": 47,
     "fe_solver/elements": 1274,
@@ -55,7 +55,7 @@ CEILINGS = {
     "rigid/opensim": 1788,
     "rigid/papers": 3397,
     "rigid/verification": 2508,
-    "tests": 40850,
+    "tests": 40718,
 }
 
 

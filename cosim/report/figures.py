@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import re
-from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +13,8 @@ import pandas as pd
 
 from cosim.errors import InputError, Progress
 from cosim.files import output_folder
-from cosim.report.templates import own_file, template
-from cosim.results.picture import write_figure
-from cosim.version import __version__
+from cosim.report.templates import template
+from cosim.results.picture import as_png, data_address
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,9 +87,11 @@ class Shown:
 
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
-        image = "" if self.picture is None else _image(_png(self.picture))
+        parts = []
+        if self.picture is not None:
+            parts.append(f'<img src="{data_address(as_png(self.picture, DPI))}">')
         first = [] if self.table is None else [self.table]
-        return image + "".join(map(_html, [*first, *self.tables.values()]))
+        return "".join([*parts, *map(_html, [*first, *self.tables.values()])])
 
 
 def show(
@@ -136,28 +135,18 @@ def _write_and_show(
     folder: Path, page: FigurePage, study: FigureStudy, figure: Figure
 ) -> dict[str, object]:
     """Write a figure's files; what the page shows of it."""
-    picture = b"" if figure.picture is None else _png(figure.picture)
+    picture = b"" if figure.picture is None else as_png(figure.picture, DPI)
     if picture:
         (folder / f"{figure.name}.png").write_bytes(picture)
     for name, table in figure.tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
     return {
         "figure": figure,
-        "image": _image(picture) if picture else "",
+        "image": data_address(picture) if picture else "",
         "width": 0 if figure.picture is None else int(96 * figure.picture.get_size_inches()[0]),
         "small": [_html(table) for table in figure.tables.values() if _is_small(table)],
         "command": f"{page.command} --only {study.name}",
     }
-
-
-def _png(picture: Picture) -> bytes:
-    out = BytesIO()
-    write_figure(picture, out, DPI)
-    return out.getvalue()
-
-
-def _image(png: bytes) -> str:
-    return f'<img alt="" src="data:image/png;base64,{b64encode(png).decode("ascii")}">'
 
 
 def _is_small(table: pd.DataFrame) -> bool:
@@ -198,8 +187,6 @@ def _page(
     return template("cosim.report", "figures.html.j2", {"code": _code}).render(
         page=page,
         shown=shown,
-        style=own_file("page.css"),
-        version=__version__,
         command=page.command + ("" if whole else "".join(f" --only {s.name}" for s in studies)),
         left_out=[s for s in page.studies if s not in studies],
     )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+from base64 import b64encode
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -57,3 +59,15 @@ def write_figure(
     figure.set_dpi(dpi)
     # of 1 to 9: half of the time of 6, which is usual, for a file a tenth larger
     FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 3})
+
+
+def as_png(figure: Figure, dpi: int) -> bytes:
+    """Return a figure as the content of a PNG file."""
+    out = BytesIO()
+    write_figure(figure, out, dpi)
+    return out.getvalue()
+
+
+def data_address(content: bytes, kind: str = "image/png") -> str:
+    """Return the address of a content that stands in the page itself."""
+    return f"data:{kind};base64,{b64encode(content).decode('ascii')}"
