@@ -12,11 +12,11 @@ from tests.helpers.folders import ROOT
 
 CEILINGS = {
     "cases": 2802,
-    "cosim": 3171,
-    "cosim/analyses": 6548,
+    "cosim": 3229,
+    "cosim/analyses": 6498,
     "cosim/anatomy": 862,
     "cosim/case": 1040,
-    "cosim/commands": 3913,
+    "cosim/commands": 3930,
     "cosim/coupling": 2140,
     "cosim/fingers": 1249,
     "cosim/fmu": 1544,
@@ -24,13 +24,13 @@ CEILINGS = {
     "cosim/hoods": 4101,
     "cosim/kernels": 216,
     "cosim/models": 682,
-    "cosim/report": 2340,
-    "cosim/results": 3862,
+    "cosim/report": 2320,
+    "cosim/results": 3922,
     "cosim/schema": 566,
-    "cosim/solve": 736,
-    "cosim/study": 2823,
+    "cosim/solve": 739,
+    "cosim/study": 2806,
     "cosim/tendons": 547,
-    "cosim/validation": 1923,
+    "cosim/validation": 1903,
     "cosim/verification": 985,
     "fe_solver": 47,
     "fe_solver/elements": 1274,
@@ -55,7 +55,7 @@ CEILINGS = {
     "rigid/opensim": 1788,
     "rigid/papers": 3397,
     "rigid/verification": 2508,
-    "tests": 40718,
+    "tests": 40734,
 }
 
 

@@ -71,10 +71,10 @@ def _solve_runs(case: Case, out: Path, workers: int) -> list[RunPair]:
         check_target(out, one.name)
     with stages(case.name, len(cases)) as told:
         told.say(f"0/{len(cases)} before and after, fingertip free and held")
-        for i, _, error in run_cases(cases, partial(_save, out=out), workers):
-            told.end(f"{cases[i].title}{'' if error is None else ': failed'}")
-            if error is not None:
-                errors[i] = error
+        for i, outcome in run_cases(cases, partial(_save, out=out), workers):
+            told.end(f"{cases[i].title}{'' if outcome.error is None else ': failed'}")
+            if outcome.error is not None:
+                errors[i] = outcome.error
     if errors:
         first = min(errors)
         raise type(errors[first])(f"{cases[first].name}: {errors[first]}") from errors[first]

@@ -14,6 +14,8 @@ from cosim.case.file import json_schema, packaged_cases
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError, nearest_names
 from cosim.hoods.kinds import KINDS
+from cosim.results.compare import unit_of
+from cosim.results.quantities import QUANTITIES, STATE
 from cosim.study.file import packaged_studies
 from cosim.validation.plan import groups
 
@@ -30,13 +32,14 @@ class Things(StrEnum):
     FINGERS = "fingers"
     HOODS = "hoods"
     MATERIALS = "materials"
+    QUANTITIES = "quantities"
 
 
 def list_things(
     what: Annotated[Things, typer.Argument(help="What to list.")] = Things.CASES,
 ) -> None:
-    """The packaged cases and studies, the trials of `cosim validate`, and the kinds of finger, hood
-    and material, with a line for each."""
+    """The packaged cases and studies, the trials of `cosim validate`, the kinds of finger, hood and
+    material, and the numbers of a run, with a line for each."""
     with exit_on_error():
         header, rows = LISTS[what]()
         print_table("", header, rows, of_words=True)
@@ -104,6 +107,15 @@ def _materials() -> tuple[tuple[str, ...], Rows]:
     return ("hood.regions.NAME.kind", ""), rows
 
 
+def _quantities() -> tuple[tuple[str, ...], Rows]:
+    rows = [
+        (q.path, unit_of(q.path), f"{q.meaning}{' (also unloaded.)' if q in STATE else ''}")
+        for q in QUANTITIES
+        if not q.path.startswith("unloaded.")
+    ]
+    return ("path in summary.json", "unit", ""), rows
+
+
 LISTS: Mapping[Things, Callable[[], tuple[tuple[str, ...], Rows]]] = {
     Things.CASES: _cases,
     Things.STUDIES: _studies,
@@ -111,6 +123,7 @@ LISTS: Mapping[Things, Callable[[], tuple[tuple[str, ...], Rows]]] = {
     Things.FINGERS: _fingers,
     Things.HOODS: _hoods,
     Things.MATERIALS: _materials,
+    Things.QUANTITIES: _quantities,
 }
 
 

@@ -27,7 +27,6 @@ from cosim.commands.terminal import (
 )
 from cosim.coupling.checkpoint import NAME
 from cosim.errors import (
-    CosimError,
     InputError,
     Progress,
     StoppedError,
@@ -37,6 +36,7 @@ from cosim.errors import (
 from cosim.files import output_file, shown_path
 from cosim.json_text import json_text
 from cosim.models.fit import check_fit
+from cosim.outcome import Outcome, outcome_of
 from cosim.pipeline import run_case, run_cases
 from cosim.processes import process_context
 from cosim.results.audit import describe_misses
@@ -124,7 +124,8 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1) -
         if workers == 1
         else _side_by_side(cases, out, voice, workers)
     )
-    for case, ended, error in ran:
+    for case, outcome in ran:
+        ended, error = outcome.value, outcome.error
         summaries[case.name] = None if ended is None else ended.summary
         lacking[case.name] = () if ended is None else ended.lacking
         if error is not None:
@@ -161,46 +162,49 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
 
 def _one_by_one(
     cases: Sequence[Case], out: Path, voice: Voice
-) -> Iterator[tuple[Case, Ended | None, CosimError | None]]:
+) -> Iterator[tuple[Case, Outcome[Ended]]]:
     """Run and write each case in this process, its stages told."""
     session = Session(checkpoints=out)
     for case in cases:
         unfinished = checkpoint_folder(case, out)
         try:
-            with _progress(case.name, voice) as say:
-                result = run_case(case, session, say)
-                say("writing the results")
-                ended = _save(result, out)
+            outcome = outcome_of(partial(_run_one, case, session, out, voice))
         except KeyboardInterrupt:
-            yield case, None, StoppedError(f"stopped before its end; {_what_stays(unfinished)}")
-        except CosimError as error:
-            yield case, None, error
-        else:
+            stopped = StoppedError(f"stopped before its end; {_what_stays(unfinished)}")
+            outcome = Outcome("failed", None, stopped)
+        if outcome.error is None:
             _forget(unfinished)
-            yield case, ended, None
+        yield case, outcome
+
+
+def _run_one(case: Case, session: Session, out: Path, voice: Voice) -> Ended:
+    with _progress(case.name, voice) as say:
+        result = run_case(case, session, say)
+        say("writing the results")
+        return _save(result, out)
 
 
 def _side_by_side(
     cases: Sequence[Case], out: Path, voice: Voice, workers: int
-) -> Iterator[tuple[Case, Ended | None, CosimError | None]]:
+) -> Iterator[tuple[Case, Outcome[Ended]]]:
     """Run and write cases in so many processes; each as it ends."""
     waiting = set(range(len(cases)))
     if voice == "plain":
         typer.echo(f"0/{len(cases)}: {min(workers, len(cases))} processes begin", err=True)
     try:
-        for i, ended, error in run_cases(cases, partial(_save, out=out), workers, checkpoints=out):
+        for i, outcome in run_cases(cases, partial(_save, out=out), workers, checkpoints=out):
             waiting.remove(i)
-            if error is None:
+            if outcome.error is None:
                 _forget(checkpoint_folder(cases[i], out))
-            yield cases[i], ended, error
+            yield cases[i], outcome
     except InputError as error:  # of the pool: a process was ended from outside
-        yield cases[min(waiting)], None, error
+        yield cases[min(waiting)], Outcome("died", None, error)
     except KeyboardInterrupt:
         begun = [checkpoint_folder(cases[i], out) for i in sorted(waiting)]
         kept = [shown_path(folder) for folder in begun if folder is not None and folder.exists()]
         words = f"; go on with: cosim resume {', '.join(kept)}" if kept else ""
         stopped = StoppedError(f"stopped with {len(waiting)} cases left{words}")
-        yield cases[min(waiting)], None, stopped
+        yield cases[min(waiting)], Outcome("failed", None, stopped)
 
 
 def _save(result: Result, out: Path) -> Ended:

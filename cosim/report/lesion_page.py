@@ -14,11 +14,12 @@ from cosim.report import drawings, words
 from cosim.report.figures import new_picture
 from cosim.report.page import cell
 from cosim.report.strengths import insertion_forces, strength_of
-from cosim.report.tables import Cell, ReportTable, key_quantities
+from cosim.report.tables import Cell, ReportTable
 from cosim.report.templates import template
 from cosim.report.views import BoneSurface, Sheet, SheetField, View, limits, view_of
 from cosim.results.compare import number, unit_of, value_of
 from cosim.results.picture import as_png, data_address
+from cosim.results.quantities import key_quantities
 from cosim.results.result import Result
 
 if TYPE_CHECKING:
