@@ -27,7 +27,7 @@ READMES = (
     "",
     "cosim",
     "cosim/study",
-    "cosim/papers",
+    "cases/papers",
     "fe_solver",
     "rigid",
     "meshes",
@@ -184,7 +184,7 @@ def test_the_catalogue_has_every_family_with_its_picture():
         assert picture.stat().st_size < 60_000
 
 
-CATALOGUE, PAPERS = TEXTS["cases"], TEXTS["cosim/papers"]
+CATALOGUE, PAPERS = TEXTS["cases"], TEXTS["cases/papers"]
 
 
 def table_under(text: str, head: str) -> list[list[str]]:

@@ -53,6 +53,8 @@ Kind = Literal[
 SECOND_HAND: Kind = "experiment at second hand"
 Verdict = Literal["inside 1 SD", "inside the band", "outside", "nothing to judge by", "no value"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+VERDICT_SHAPES: dict[Verdict, str] = dict(zip(VERDICTS, "●◆▲○–", strict=True))
+"""What a verdict looks like besides its word and colour."""
 UNITS = {
     "N": "N",
     "Nmm": "N mm",
