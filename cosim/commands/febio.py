@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.commands.options import CaseName, Settings
 from cosim.commands.terminal import console, exit_on_error, stages
 from cosim.errors import ConvergenceError, InputError
 from cosim.files import check_file, check_folder
@@ -199,10 +200,8 @@ def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
 
 
 def export(
-    case: Annotated[str, typer.Argument(help="Case file, or name of a packaged case.")],
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a value.")
-    ] = None,
+    case: CaseName,
+    settings: Settings = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="The FEBio file to write.")] = Path(
         "hood.feb"
     ),
