@@ -229,8 +229,8 @@ def _forget(unfinished: Path | None) -> None:
 
 
 def _check_unfinished(cases: Sequence[Case], out: Path, restart: bool) -> None:
-    """Raises InputError for a motion of which a part is kept, which a new run would throw away;
-    with `restart` it is thrown away."""
+    """Check that no part of a motion is kept, which a new run would throw away; with `restart` it
+    is thrown away.  Raises InputError."""
     for case in cases:
         if restart:
             _forget(checkpoint_folder(case, out))

@@ -65,7 +65,7 @@ def warm() -> None:
 
 
 def _check_kept() -> None:
-    """Raises InputError where a kernel was compiled and could not be kept."""
+    """Check that every kernel that was compiled could be kept.  Raises InputError."""
     for kernel in compiled_kernels():
         if kernel.folder is None:
             raise InputError(

@@ -53,7 +53,7 @@ def contact_levels(
 
 
 def _margin(level: float) -> float:
-    """m to bake beyond a bone that is touched at `level` m."""
+    """How far (m) to bake beyond a bone that is touched at `level` m."""
     steps = np.ceil((needed_distance(level, 0.0) - LEAST) / STEP - 1e-9)
     return LEAST + STEP * max(float(steps), 0.0)
 

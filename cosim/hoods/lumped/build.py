@@ -89,7 +89,7 @@ def build_lumped_hood(hood: NetworkHoodConfig, model: FingerModel | None, rest: 
 def slip_forces(
     hood: NetworkHoodConfig, model: FingerModel | None, state: State
 ) -> dict[str, float]:
-    """N, what bears on the middle phalanx ("central": it crosses the PIP last) and on the distal
+    """What bears (N) on the middle phalanx ("central": it crosses the PIP last) and on the distal
     one ("terminal") of a hood's connecting tendons."""
     if hood.reduced is not None:
         made = build_reduced_hood(potential(hood.reduced), model, state.motion.bodies)

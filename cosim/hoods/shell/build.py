@@ -274,7 +274,7 @@ def _bare_law(name: str, region: RegionConfig, angle: Real) -> Law:
 
 
 def thickness_of(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
-    """(ne,) m."""
+    """The thickness (ne,) m of each element."""
     out = np.full(len(mesh.quads), hood.thickness)
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], mesh.region == i
@@ -296,8 +296,8 @@ def _leave_face(mesh: HoodMesh, thickness: Array) -> Array:
 
 
 def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) -> Array:
-    """(ne, 2) growth along and across the fibres that makes a region longer than laid out by its
-    extra length.
+    """The growth (ne, 2) along and across the fibres that makes a region longer than laid out by
+    its extra length.
 
     Raises InputError for a length that the mesh or the fibres cannot have."""
     out = np.zeros((len(mesh.quads), 2))
@@ -324,7 +324,7 @@ def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) 
 
 
 def _check_one_rest(key: str, name: str, region: FibrousConfig) -> None:
-    """Raises InputError for a region whose extra length does not go with its fibres."""
+    """Check that a region's extra length goes with its fibres.  Raises InputError."""
     own = f"hood.regions.{name}"
     if region.direction is not None:
         raise InputError(
@@ -339,7 +339,7 @@ def _check_one_rest(key: str, name: str, region: FibrousConfig) -> None:
 
 
 def _in_situ(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
-    """(ne,) stretch of the fibres in the sheet as laid out."""
+    """The stretch (ne,) of the fibres in the sheet as laid out."""
     out = np.ones(len(mesh.quads))
     for i in np.unique(mesh.region):
         region = hood.regions[REGIONS[i]].fibrous
