@@ -24,7 +24,7 @@ CEILINGS = {
     "cosim/hoods": 4101,
     "cosim/kernels": 216,
     "cosim/models": 682,
-    "cosim/report": 2320,
+    "cosim/report": 2321,
     "cosim/results": 3922,
     "cosim/schema": 566,
     "cosim/solve": 739,

@@ -2,9 +2,9 @@
 
 A script of `cases/papers/` is a notebook in jupytext's percent format.  Its cells up to the first
 study load what all studies need; a study begins with a markdown line `## name: what it is about`
-and a figure of it with `### Title`.  What a code cell shows with `show` as its last line is written
-under the cell's name.  A text may hold numbers that the cells before it computed, as an f-string
-does: `{force[-1]:.2f}`.
+and a figure of it with `### Title`.  A code cell with a name, `# %% name`, ends with `show(...)`;
+what that shows is written under the name.  A text may hold numbers that the cells before it
+computed, as an f-string does: `{force[-1]:.2f}`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ class Cell:
     """A part of a script between two lines that begin with `# %%`."""
 
     name: str
-    """Of the files that are written of what it shows, without an ending."""
+    """Of the files that are written of what it shows, without an ending; "" for one that shows
+    nothing."""
     is_text: bool
     source: str
     line: int
@@ -89,7 +90,7 @@ class Script:
         for cell in self.studies[study][1]:
             if not cell.is_text:
                 shown = self._run(cell, names)
-                if isinstance(shown, Shown):
+                if cell.name:
                     _add(begun, cell.name, shown)
                 continue
             for text in _paragraphs(cell.source):
@@ -99,7 +100,7 @@ class Script:
                     begun[-1].texts.append(_fill(text, names))
         return begun
 
-    def _run(self, cell: Cell, names: dict[str, Any]) -> object:
+    def _run(self, cell: Cell, names: dict[str, Any]) -> Any:
         """What the last line of a code cell returns."""
         tree = ast.increment_lineno(ast.parse(cell.source), cell.line)
         last = tree.body[-1:]

@@ -139,7 +139,7 @@ show(picture, pd.DataFrame({"x": [MOST]}), table_2=parts)
 # ## two: a fault
 # ### Figure 2
 
-# %%
+# %% two
 show(None, pd.DataFrame({"x": [twice]}))
 """
 
