@@ -68,7 +68,7 @@ FLOORS = (
     {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels", "cosim.json_text"},
     {"cosim.port"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
-    {"cosim.processes", "cosim.xml_tree"},
+    {"cosim.processes", "cosim.xml_tree", "cosim.text_tables"},
     {"cosim.tendons"},
     {"cosim.coupling"},
     {"cosim.fmu"},

@@ -15,7 +15,7 @@ from cosim.errors import InputError
 from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.quantity import STATIC_STEP, TOLERANCE, WITH_TANGENT, hood_quantities, tangent_of
 from cosim.fmu.unit import SavedState, Unit
-from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
+from cosim.port import Array, HoodJacobian, Load, Motion, Response, check_step, skew
 
 TangentBy = Literal["outputs", "directional derivatives", "differences"]
 ANSWERS = ("force", "moment", "excursion")
@@ -66,7 +66,7 @@ class FmuHood:
         tangent = [q.name for q in tangent_of(bodies, tendons)]
         optional = (*tangent, STATIC_STEP.name, TOLERANCE.name, WITH_TANGENT.name)
         self._place = places(self.unit.opened, quantities, names or {}, optional, assume_si)
-        self._tangent = {n: self._place[n] for n in tangent if n in self._place}
+        self._tangent = [name for name in tangent if name in self._place]
         self.tangent_by: TangentBy = "differences"
         if self.unit.opened.differentiates:
             self.tangent_by = "directional derivatives"
@@ -82,7 +82,7 @@ class FmuHood:
         """Raises InputError, among others where a step must be repeated that the unit cannot
         repeat, and ConvergenceError where the unit reports an error."""
         tension = np.asarray(tension, dtype=float)
-        self._check(motion, tension, dt)
+        check_step(str(self.unit.opened.path), self, motion, tension, dt)
         load, excursion = self._do_step(state.after, motion, tension, dt)
         new = FmuState(state.after, self.unit.save(), motion, tension, dt)
         return Response(new, load, excursion)
@@ -108,7 +108,6 @@ class FmuHood:
     def _do_step(
         self, start: SavedState, motion: Motion, tension: Array, dt: float
     ) -> tuple[Load, Array]:
-        self.unit.restore(start)
         given: dict[str, Array | float] = {
             "position": motion.position,
             "rotation": motion.rotation,
@@ -117,10 +116,7 @@ class FmuHood:
             TOLERANCE.name: self._tolerance,
             WITH_TANGENT.name: float(self.tangent_by == "outputs"),
         }
-        for name, value in given.items():
-            if name in self._place:
-                self.unit.set(self._place[name], value)
-        self.unit.step(self._communication_step(dt))
+        self.unit.step_from(start, self._place, given, self._communication_step(dt))
         force, moment, excursion = self._answers()
         pull = np.hstack([self._get("pull_force"), self._get("pull_moment")])
         wrench = np.concatenate([force, moment], axis=2)
@@ -147,7 +143,7 @@ class FmuHood:
     def _read_jacobian(self, state: FmuState) -> HoodJacobian:
         self.unit.restore(state.after)
         n, nt = 6 * len(self.bodies), len(self.tendons)
-        read = {name: self.unit.get(place) for name, place in self._tangent.items()}
+        read = self.unit.values(self._place, self._tangent)
         return HoodJacobian(
             read["load_motion"].reshape(n, n),
             read["load_tension"].reshape(n, nt),
@@ -192,16 +188,6 @@ class FmuHood:
         span = 2 * step if not pull.any() else (step + min(step, float(state.tension @ pull)))
         slope: Array = (ends[0] - ends[1]) / span
         return slope
-
-    def _check(self, motion: Motion, tension: Array, dt: float) -> None:
-        if motion.bodies != self.bodies:
-            raise InputError(f"the hood shares the bodies {self.bodies}, got {motion.bodies}")
-        if tension.shape != (len(self.tendons),) or not np.isfinite(tension).all():
-            raise InputError(
-                f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
-            )
-        if not dt > 0:
-            raise InputError(f"expected a positive time step (s), got {dt}")
 
 
 def _stack(answers: list[Array]) -> Array:
