@@ -162,7 +162,6 @@ def _place(
     hood: Placing,
     chain: Centreline,
 ) -> Triangles:
-
     if frame == "body":
         return points * UNITS[unit], faces
     if frame == "myohand":

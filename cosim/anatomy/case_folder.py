@@ -41,7 +41,6 @@ def new_case(name: str, given: UserAnatomy, out: Path) -> tuple[Path, tuple[str,
 
 
 def _defaults() -> Defaults:
-
     hood = cast(ShellHoodConfig, load_case(BASE).hood)
     return Defaults(hood.thickness, hood.contact)
 

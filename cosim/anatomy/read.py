@@ -122,7 +122,6 @@ def _finger(
 
 
 def _bones(given: UserAnatomy, skeleton: Skeleton, report: list[str]) -> Bones:
-
     chain = Centreline(skeleton, *skeleton.pose(given.posture))
     bones = read_bones(given.bones, given.bone_frame, given.bone_unit, given.placing, chain)
     sizes = ", ".join(
@@ -142,7 +141,6 @@ def _with_hood(
     skeleton: Skeleton,
     report: list[str],
 ) -> Built:
-
     assert given.hood is not None
     chain = Centreline(skeleton, *skeleton.pose(given.posture))
     names = {ours: theirs for ours, theirs in given.names.items() if ours not in FINGER_NAMES}

@@ -74,7 +74,6 @@ class _frozen:
 
 @lru_cache(maxsize=32)
 def _pose_surface(body: str, vertices: _frozen, faces: _frozen, margin: float) -> SplineDistance:
-
     try:
         return SplineDistance.bake(vertices.array, faces.array, margin=margin, cache=cache_folder())
     except InputError as error:

@@ -261,7 +261,6 @@ def for_motion(
 
 
 def _required_torque(s: Setup, motion: JointMotion) -> Array:
-
     finger = cast(MujocoFinger, s.models.finger)
     if not s.case.finger.has_mass:
         raise InputError(f"--motion takes a finger with mass: {with_mass()}")

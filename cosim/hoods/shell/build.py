@@ -107,7 +107,6 @@ class _MeshInput:
 
 @lru_cache(maxsize=8)
 def _generate(laying: _MeshInput) -> HoodMesh:
-
     hood, anatomy = laying.hood, laying.anatomy
     skeleton = skeleton_of(anatomy)
     if hood.mesh.kind == "file":

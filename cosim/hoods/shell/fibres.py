@@ -84,7 +84,6 @@ class _FibreMesh:
         )
 
     def _field(self, region: int, name: str, key: str) -> Array:
-
         if name not in self.mesh.fields:
             known = ", ".join(self.mesh.fields) or "none"
             raise InputError(

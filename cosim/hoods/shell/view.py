@@ -247,7 +247,6 @@ def _view(
     gauges: Gauges,
     state: State,
 ) -> ShellView:
-
     field = fields(hood.model, state.configuration)
     energy = energy_fields(hood.model, state.configuration)
     c, quads = state.configuration, hood.model.quads
