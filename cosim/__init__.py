@@ -111,11 +111,11 @@ def _check_neighbours() -> None:
             spec = find_spec(name)
         except ValueError:  # a module that was made by hand
             continue
-        found = spec.origin if spec is not None else None
-        if found and not os.path.exists(os.path.join(os.path.dirname(found), inner)):
+        origin = spec.origin if spec is not None else None
+        if origin and not os.path.exists(os.path.join(os.path.dirname(origin), inner)):
             raise ImportError(
                 f"cosim needs the package {name} that was installed with it, but Python finds "
-                f"{found} first. Rename that file or folder, or start Python in another folder."
+                f"{origin} first. Rename that file or folder, or start Python in another folder."
             )
 
 

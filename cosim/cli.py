@@ -208,14 +208,14 @@ class _Lazily(TyperGroup):
 
 def _load(name: str, listed: Command) -> Any:
     module, _, function = listed.place.partition(".")
-    found = getattr(import_module(f"cosim.commands.{module}"), function)
-    if not isinstance(found, typer.Typer):
+    app = getattr(import_module(f"cosim.commands.{module}"), function)
+    if not isinstance(app, typer.Typer):
         alone = typer.Typer(
             add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
         )
-        alone.command(name, context_settings=HELP)(found)
-        found = alone
-    command = get_command(found)
+        alone.command(name, context_settings=HELP)(app)
+        app = alone
+    command = get_command(app)
     command.name = name
     command.epilog = f"\b\nExample:\n  {listed.example}"  # \b: as it is, not wrapped
     return command

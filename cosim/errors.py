@@ -60,12 +60,12 @@ def nearest_names(name: str, known: Iterable[str], most: int = 1, share: float =
     ['FDP']
     """
     word = name.casefold()
-    found = []
-    for other in known:
-        edits = _edits(word, other.casefold())
-        found.append((min(edits, SWAP) if other.casefold().startswith(word) else edits, other))
-    near = [(edits, other) for edits, other in found if edits <= share * max(len(word), len(other))]
-    return [other for _, other in sorted(near, key=lambda pair: pair[0])[:most]]
+    costs = []
+    for term in known:
+        edits = _edits(word, term.casefold())
+        costs.append((min(edits, SWAP) if term.casefold().startswith(word) else edits, term))
+    near = [(edits, term) for edits, term in costs if edits <= share * max(len(word), len(term))]
+    return [term for _, term in sorted(near, key=lambda pair: pair[0])[:most]]
 
 
 def _edits(a: str, b: str) -> float:
@@ -75,9 +75,9 @@ def _edits(a: str, b: str) -> float:
     row: list[float] = list(range(len(b) + 1))
     for i, letter in enumerate(a):
         above, last, row = row, above, [float(i + 1)]
-        for j, other in enumerate(b):
-            edits = min(above[j + 1] + 1, row[j] + 1, above[j] + (letter != other))
-            if i and j and letter == b[j - 1] and a[i - 1] == other:
+        for j, other_letter in enumerate(b):
+            edits = min(above[j + 1] + 1, row[j] + 1, above[j] + (letter != other_letter))
+            if i and j and letter == b[j - 1] and a[i - 1] == other_letter:
                 edits = min(edits, last[j - 1] + SWAP)
             row.append(edits)
     return row[-1]
@@ -113,9 +113,9 @@ class Fault:
     """What is wrong, and what was expected."""
 
     def __str__(self) -> str:
-        found = f" = {self.found}" if self.found else ""
+        value = f" = {self.found}" if self.found else ""
         source = f" ({self.source})" if self.source else ""
-        return f"{self.place}{found}{source}: {self.message}"
+        return f"{self.place}{value}{source}: {self.message}"
 
 
 class InputError(CosimError):

@@ -234,9 +234,9 @@ def couple(
     ]
     most = whole_number("max_iterations", max_iterations, 1, 10_000)
     options = CouplingOptions(fraction("tolerance", tolerance), most)
-    found = equilibrium(pair, initial, Tensions(*asked), options, progress)
-    forces = {} if slips is None else dict(slips(found.response.state))
-    return CoupledResult(**vars(found), pair=pair, slips=forces)
+    solved = equilibrium(pair, initial, Tensions(*asked), options, progress)
+    forces = {} if slips is None else dict(slips(solved.response.state))
+    return CoupledResult(**vars(solved), pair=pair, slips=forces)
 
 
 def _pair_from(finger: object, hood: object) -> tuple[Pair, Mapping[str, float], Any]:
@@ -245,8 +245,8 @@ def _pair_from(finger: object, hood: object) -> tuple[Pair, Mapping[str, float],
     of_finger = None if _offers(finger, Finger) else case_from(finger, place="finger")
     of_hood = None if _offers(hood, Hood) else case_from(hood, place="hood")
     if of_finger is not None and of_hood is not None:
-        own = {"hood": of_hood.hood, "lesion": of_hood.lesion}
-        models = build(of_finger.model_copy(update=own))
+        tables = {"hood": of_hood.hood, "lesion": of_hood.lesion}
+        models = build(of_finger.model_copy(update=tables))
         return models.pair, models.posture, models.slips
     if of_finger is not None:
         models = build(of_finger)
@@ -322,13 +322,13 @@ def estimate(
         raise InputError("force: every component is left open; ask for one at least")
     asked = {} if torques is None else by_name("torques", torques, '{"PIP": 0.05}')
     values = {j: quantity_in_si(f"torques.{j}", v, units.TORQUE) for j, v in asked.items()}
-    made = setup(checked, "pcsa", 2, {}, {})
+    problem = setup(checked, "pcsa", 2, {}, {})
     answer = (
-        for_force(made, (x, y, z), progress)
+        for_force(problem, (x, y, z), progress)
         if torques is None
-        else for_torques(made, values, progress)
+        else for_torques(problem, values, progress)
     )
-    table = muscle_table(made.capacity, answer.estimate.tension)
+    table = muscle_table(problem.capacity, answer.estimate.tension)
     names, unit = answer.demand.names, answer.demand.unit
     table.attrs = {
         "unit": unit,

@@ -76,7 +76,7 @@ def _read_inp(path: Path) -> Mesh:
 
     text = path.read_text(encoding="utf-8", errors="replace")
     cards = [card[0] for card in ELEMENT_CARD.finditer(text)]
-    names = [found[1].strip() if (found := ELSET.search(card)) else "" for card in cards]
+    names = [named[1].strip() if (named := ELSET.search(card)) else "" for card in cards]
     if not any(names) or ("" not in names and len(set(names)) == len(names)):
         return meshio.read(path)
     number = count()

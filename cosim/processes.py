@@ -367,9 +367,9 @@ def process_context(environment: Mapping[str, str] | None = None) -> BaseContext
         return get_context("spawn")
     from multiprocessing import forkserver, resource_tracker
 
-    own = os.environ if environment is None else environment
+    inherited = os.environ if environment is None else environment
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-    variables = {**MALLOC_SETTINGS, **own, **dict.fromkeys(BLAS_THREADS, "1")}
+    variables = {**MALLOC_SETTINGS, **inherited, **dict.fromkeys(BLAS_THREADS, "1")}
     variables.update(PYTHONPATH=paths, PYTHONSAFEPATH="1")  # it imports what this process would
     with _starting:
         forkserver.set_forkserver_preload(list(PRELOADED))
@@ -386,12 +386,12 @@ def process_context(environment: Mapping[str, str] | None = None) -> BaseContext
 @contextmanager
 def _variables(values: Mapping[str, str]) -> Iterator[None]:
     """Environment variables for a block."""
-    before = {name: os.environ.get(name) for name in values}
+    saved = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:
         yield
     finally:
-        for name, value in before.items():
+        for name, value in saved.items():
             if value is None:
                 del os.environ[name]
             else:

@@ -22,15 +22,15 @@ from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 def main(source: str, target: str) -> None:
     """Write the mesh of `source` to `target`.  Raises SystemExit with VTK's reason where it
     cannot be read."""
-    said = vtkStringOutputWindow()
-    vtkOutputWindow.SetInstance(said)
+    messages = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(messages)
     reader = vtkXMLUnstructuredGridReader()
     if not reader.CanReadFile(source):
         sys.exit("it is no XML file of VTK's type UnstructuredGrid")
     reader.SetFileName(source)
     reader.Update()
-    if reader.GetErrorCode() or said.GetOutput():
-        sys.exit(_reason(said.GetOutput()))
+    if reader.GetErrorCode() or messages.GetOutput():
+        sys.exit(_reason(messages.GetOutput()))
     grid = reader.GetOutput()
     arrays: dict[str, Any] = {"points": np.zeros((0, 3)), "nodes": [], "types": [], "ends": []}
     if grid.GetNumberOfPoints():

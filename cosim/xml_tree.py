@@ -85,17 +85,17 @@ class Tag:
 
     def all(self, kind: str) -> list[Self]:
         """The children of that kind."""
-        found = [c for c in self.children if c.kind == kind]
-        for c in found:
+        tags = [c for c in self.children if c.kind == kind]
+        for c in tags:
             c.used = True
-        return found
+        return tags
 
     def one(self, kind: str) -> Self | None:
         """The only child of that kind, or none.  Raises InputError where there are more."""
-        found = self.all(kind)
-        if len(found) > 1:
-            raise found[1].fault(f"<{kind}> comes twice; the first is in line {found[0].line}")
-        return found[0] if found else None
+        tags = self.all(kind)
+        if len(tags) > 1:
+            raise tags[1].fault(f"<{kind}> comes twice; the first is in line {tags[0].line}")
+        return tags[0] if tags else None
 
     def numbers(self, count: int | None = None) -> list[float]:
         """The text's finite numbers.  Raises InputError where it holds anything else."""

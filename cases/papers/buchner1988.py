@@ -270,12 +270,12 @@ over_time(lines, "excursion, mm")
 
 # %% beside_the_paper
 f = closed_loop()
-ours, other = findings(f), findings(flexion(replace(f.loop, course=cosine)))
+ours, with_cosine = findings(f), findings(flexion(replace(f.loop, course=cosine)))
 shown = [x for x in read_printed("buchner1988") if x.values[0]]
 figure, rank = new_picture(8.5, 5.0), np.arange(len(shown))[::-1]
 axes = figure.subplots()
 axes.axvline(1.0, color="0.4", lw=1)
-crosses, circles = ([n[x.ours] / x.values[0] for x in shown] for n in (other, ours))
+crosses, circles = ([n[x.ours] / x.values[0] for x in shown] for n in (with_cosine, ours))
 axes.plot(crosses, rank, "x", color="0.5", label="half a cosine in time")
 axes.plot(circles, rank, "o", color="#0b5394", label="fifth order")
 axes.set_yticks(
@@ -290,7 +290,7 @@ rows = [
         "unit": x.unit,
         "paper": x.values[0],
         "ours": ours[x.ours],
-        "ours, cosine in time": other[x.ours],
+        "ours, cosine in time": with_cosine[x.ours],
         "paper says about": "yes" if x.about else "no",
         "figure": x.place.removeprefix("figure "),
     }

@@ -609,8 +609,8 @@ show_maps("figure_3_4_fibres", "strain_lee2008_{}_ti")
 # %% unprinted
 strains = {"thesis": {d: [PRINTED[f"strain.soft.{d}.{s}"] for s in STATISTICS] for d in DIRECTIONS}}
 for name, settings in variants().items():
-    found = hood_run("thesis_strain_soft", *settings).summary["strain_percent"]
-    strains[name] = {d: [found[d][s] for s in STATISTICS] for d in DIRECTIONS}
+    percent = hood_run("thesis_strain_soft", *settings).summary["strain_percent"]
+    strains[name] = {d: [percent[d][s] for s in STATISTICS] for d in DIRECTIONS}
 rows = [(name, d, *strain[d]) for name, strain in strains.items() for d in DIRECTIONS]
 columns = ["sheet", "direction", *(f"{s}_percent" for s in STATISTICS)]
 figure, place = new_picture(9.0, 3.2), np.arange(len(strains))

@@ -229,9 +229,9 @@ for axes in (whole, near):
 near.set(xlim=(81, 91), ylim=(-5.2, -1.0), title="at the switch (d)")
 whole.set(xlim=(0, 110), ylim=(-5.2, 0.0), title="DIP 45 deg (c)")
 legend_below(figure, 5, whole)
-found = {name: switch(network, k, section, 10.0) for name, k in column.items()}
+spans = {name: switch(network, k, section, 10.0) for name, k in column.items()}
 ends = "; ".join(
-    f"{name} {np.degrees(s.begin):.2f} to {np.degrees(s.end):.2f} deg" for name, s in found.items()
+    f"{name} {np.degrees(s.begin):.2f} to {np.degrees(s.end):.2f} deg" for name, s in spans.items()
 )
 columns = {f"{name}_mm": at_pip[:, k] for name, k in column.items()}
 show(figure, pd.DataFrame({"PIP_deg": pip, **columns}))
@@ -246,9 +246,9 @@ show(figure, pd.DataFrame({"PIP_deg": pip, **columns}))
 forces = np.geomspace(0.01, 100.0, 33)
 
 
-def widths(made, muscle, operating):
+def widths(network, muscle, operating):
     """deg."""
-    return np.degrees([switch(made, muscle, section, float(f)).width for f in operating])
+    return np.degrees([switch(network, muscle, section, float(f)).width for f in operating])
 
 
 slope = float(widths(network, 0, [1e-3])[0] / 1e-3)
@@ -607,9 +607,9 @@ show(figure, table, testbed_errors_by_seed=pd.DataFrame(by_seed))
 # ### Hysteresis of the fingertip force (virtual testbed)
 
 # %% testbed_hysteresis
-found = hysteresis(virtual_bed())
-along = (found.force - found.force[0]) @ found.direction
-off = found.force - 0.5 * (found.force[along.argmin()] + found.force[along.argmax()])
+loop = hysteresis(virtual_bed())
+along = (loop.force - loop.force[0]) @ loop.direction
+off = loop.force - 0.5 * (loop.force[along.argmin()] + loop.force[along.argmax()])
 turn = np.linspace(0.0, 2 * np.pi, 100)
 figure = new_picture(5.5, 5.5)
 axes = figure.subplots()
@@ -621,13 +621,13 @@ axes.set_aspect("equal")
 style_axes(axes, "distal (x), N", "dorsal, N")
 legend_below(figure, 3, fontsize=8)
 posture = in_degrees(POSTURE)
-turns, (x, y) = ", ".join(f"{x:g}" for x in np.degrees(TURNS)), found.direction
-show(figure, hysteresis=pd.DataFrame(found.force, columns=["distal_N", "dorsal_N"]))
+turns, (x, y) = ", ".join(f"{x:g}" for x in np.degrees(TURNS)), loop.direction
+show(figure, hysteresis=pd.DataFrame(loop.force, columns=["distal_N", "dorsal_N"]))
 
 # %% [markdown]
 # Sizing of the friction of the VIRTUAL TESTBED. EDC and LUM at 5 N; PIP and DIP are turned by
 # {turns} deg either way and let go. With mu = {FRICTION} at all routing points the fingertip forces
-# at rest differ by +-{found.half:.3f} N (the paper: up to +-0.5 N), along ({x:+.2f}, {y:+.2f}),
+# at rest differ by +-{loop.half:.3f} N (the paper: up to +-0.5 N), along ({x:+.2f}, {y:+.2f}),
 # mostly x as the paper says. The posture ({posture}), which the paper does not print, was chosen
 # for it.
 # ### Errors against friction (virtual testbed)

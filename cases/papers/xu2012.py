@@ -155,7 +155,7 @@ show(
 # %% figure_9_excursions
 e, finger = checks.excursions(), MujocoFinger(robot_finger())
 measured, predicted = 1e3 * e.found.measured_excursions, 1e3 * e.found.predicted_excursions(finger)
-before, after = 1e3 * checks.rms(e.meant), 1e3 * checks.rms(e.found)
+rms_meant, rms_found = 1e3 * checks.rms(e.meant), 1e3 * checks.rms(e.found)
 figure = new_picture(8.5, 5.6)
 *panels, last = figure.subplots(2, 3).ravel()
 for k, (axes, name) in enumerate(zip(panels, TENDONS, strict=True)):
@@ -163,7 +163,7 @@ for k, (axes, name) in enumerate(zip(panels, TENDONS, strict=True)):
     axes.plot(ends, ends, color="0.6", lw=1)
     axes.plot(predicted[:, k], measured[:, k], ".", color=COLOURS[k], ms=3)
     style_axes(axes, "predicted, mm", "measured, mm")
-    axes.set_title(f"{name}: RMS {after[k]:.2f} mm", fontsize=10)
+    axes.set_title(f"{name}: RMS {rms_found[k]:.2f} mm", fontsize=10)
 last.hist(1e3 * e.meant.residual, bins=25, color="0.75", label="as meant")
 last.hist(1e3 * e.found.residual, bins=25, color="#7a9cc6", alpha=0.7, label="as found")
 last.axvline(1e3 * MOST_RESIDUAL, color="#b45309", lw=1.2)
@@ -172,8 +172,8 @@ last.legend(frameon=False, fontsize=8)
 columns = [f"{j}_deg" for j in JOINTS]
 columns += [f"{t}_{kind}_mm" for kind in ("measured", "predicted") for t in TENDONS]
 poses = np.hstack([np.degrees(e.found.angle), measured, predicted])
-as_meant = ", ".join(f"{x:.2f}" for x in before)
-rms = {"tendon": TENDONS, "rms_meant_mm": before, "rms_found_mm": after}
+as_meant = ", ".join(f"{x:.2f}" for x in rms_meant)
+rms = {"tendon": TENDONS, "rms_meant_mm": rms_meant, "rms_found_mm": rms_found}
 show(
     figure,
     figure_9_poses=pd.DataFrame(poses, columns=columns),
@@ -265,15 +265,15 @@ table = [
     for name, each in kinds.items()
     for i, s in enumerate(each)
 ]
-found = checks.quality(joint)
-median = found.median_settling
+answer = checks.quality(joint)
+median = answer.median_settling
 show(figure, steps=pd.DataFrame(table))
 
 # %% [markdown]
 # Of {checks.POSES} random poses one after another those {SHOWN}, from step {first} on, among which
 # tendon space fails most often; six tendons on the air itself. Joint space, one set of gains:
-# {found.unstable} unstable, each joint within 2 deg after at most
-# {found.longest_settling.max():.2f} s (medians {median.min():.2f} to {median.max():.2f}). Tendon
+# {answer.unstable} unstable, each joint within 2 deg after at most
+# {answer.longest_settling.max():.2f} s (medians {median.min():.2f} to {median.max():.2f}). Tendon
 # space, with the gains of figure 10: {sum(s.unstable for s in tendon)} unstable, the same finger,
 # air and noise. Unstable: a joint still swings by more than 5 deg in the last 0.3 s of a step of
 # 1.5 s.
@@ -325,10 +325,10 @@ show(figure, pd.concat(parts, ignore_index=True))
 # ### Figure 6: flow rate of the plant and of the polynomial model
 
 # %% figure_6_flow_rate
-found = air_identification(Pneumatics())
-model, still = found.model, identify(found.training, 0)
-whole, each = r_squared(model, found.unseen)
-without = r_squared(still, found.unseen)[0]
+air = air_identification(Pneumatics())
+model, still = air.model, identify(air.training, 0)
+whole, each = r_squared(model, air.unseen)
+without = r_squared(still, air.unseen)[0]
 heard = ", ".join(f"{f:g}" for f in TRAINING)
 by_frequency = ", ".join(f"{r2:.3f} at {f:g} Hz" for f, r2 in zip(UNSEEN, each, strict=True))
 curves = {
@@ -339,10 +339,10 @@ curves = {
 figure, parts = new_picture(7.0, 7.0), []
 panels = figure.subplots(len(UNSEEN), 1)
 for k, (axes, frequency) in enumerate(zip(panels, UNSEEN, strict=True)):
-    voltage, pressure, rate = (a[:, k] for a in pair_rows(found.unseen, model.lag))
-    now = pair_rows(found.unseen, 0)[0][-len(rate) :, k]
-    rates = (rate, model.rate(pressure, voltage), still.rate(pressure, now))
-    data = pd.DataFrame({"time_s": found.unseen.time[-1 - len(rate) : -1]})
+    voltage, pressure, rate = (a[:, k] for a in pair_rows(air.unseen, model.lag))
+    undelayed = pair_rows(air.unseen, 0)[0][-len(rate) :, k]
+    rates = (rate, model.rate(pressure, voltage), still.rate(pressure, undelayed))
+    data = pd.DataFrame({"time_s": air.unseen.time[-1 - len(rate) : -1]})
     for kind, values in zip(curves, rates, strict=True):
         data[f"{kind}_{UNIT}"] = 1e-3 * values
     parts.append(data.assign(frequency_Hz=frequency))
@@ -379,13 +379,13 @@ sides = {
     "from an empty chamber (0 V)": (0.0, STEPPED_UP),
     "from a full chamber (10 V)": (10.0, STEPPED_DOWN),
 }
-figure, parts, found = new_picture(7.5, 6.5), [], []
+figure, parts, delays = new_picture(7.5, 6.5), [], []
 for axes, (name, (begin, ends)) in zip(
     figure.subplots(2, 1, sharex=True), sides.items(), strict=True
 ):
     record = steps(Pneumatics(), begin, ends, 0.4)
     late, since = 1e3 * latency(record), 1e3 * (record.time[1:-1] - AT)
-    found.extend(late)
+    delays.extend(late)
     shades = colormaps["viridis"](np.linspace(0.0, 0.85, len(ends)))
     for rate, end, delay, shade in zip(record.rate.T, ends, late, shades, strict=True):
         axes.plot(since, 1e-6 * rate, ".-", color=shade, lw=1.4, ms=3.5, label=f"to {end:g} V")
@@ -401,7 +401,7 @@ show(figure, pd.concat(parts, ignore_index=True))
 
 # %% [markdown]
 # dP/dt after steps of the voltage from an extreme; pistons fixed. The largest effect comes
-# {np.median(found):.0f} ms after the step (from {min(found):.0f} to {max(found):.0f}, to the 10 ms
+# {np.median(delays):.0f} ms after the step ({min(delays):.0f} to {max(delays):.0f}, to the 10 ms
 # of the samples); the paper says {PAPER["latency"]}. That is a fit and no prediction: the plant's
 # dead time was sized to it; spool, average and difference make the rest.
 
@@ -418,17 +418,17 @@ variants = {
     "no delay in plant": identification(Pneumatics(Valve(delay=0.0))),
 }
 rows = []
-for name, found in variants.items():
-    whole, each = r_squared(found.model, found.unseen)
-    still, full = identify(found.training, 0), identify(found.training, None, FULL_TERMS)
+for name, air in variants.items():
+    whole, each = r_squared(air.model, air.unseen)
+    still, full = identify(air.training, 0), identify(air.training, None, FULL_TERMS)
     rows.append(
         {
             "variant": name,
             "R2": whole,
             "R2_of_the_worst_frequency": each.min(),
-            "R2_without_delay": r_squared(still, found.unseen)[0],
-            "R2_with_a1": r_squared(full, found.unseen)[0],
-            "delay_identified_ms": 1e3 * SAMPLE * found.model.lag,
+            "R2_without_delay": r_squared(still, air.unseen)[0],
+            "R2_with_a1": r_squared(full, air.unseen)[0],
+            "delay_identified_ms": 1e3 * SAMPLE * air.model.lag,
         }
     )
 data, at = pd.DataFrame(rows), np.arange(len(rows))[::-1]

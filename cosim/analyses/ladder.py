@@ -82,8 +82,8 @@ def _check(case: Case) -> None:
 
 def rungs_of(case: Case) -> list[str]:
     """The ladder's, and before them the case's own where it is none of them."""
-    own = case.hood.rung()
-    return [*RUNGS] if own in RUNGS else [own, *RUNGS]
+    rung = case.hood.rung()
+    return [*RUNGS] if rung in RUNGS else [rung, *RUNGS]
 
 
 def on_rung(case: Case, name: str) -> Case:
@@ -175,12 +175,12 @@ def heading(rung: Rung) -> str:
 
 def side_by_side(rungs: Sequence[Rung]) -> list[tuple[str, ...]]:
     """A row for each figure that any rung has, a column for each rung; last the audits."""
-    found = [figures(rung) for rung in rungs]
-    names = dict.fromkeys(name for each in found for name in each)
+    columns = [figures(rung) for rung in rungs]
+    names = dict.fromkeys(name for each in columns for name in each)
     rows = [
-        (name, *(number(each.get(name)) for each in found))
+        (name, *(number(each.get(name)) for each in columns))
         for name in names
-        if any(each.get(name) is not None for each in found)
+        if any(each.get(name) is not None for each in columns)
     ]
     return [*rows, ("audits", *(_audits(rung) for rung in rungs))]
 
@@ -204,12 +204,12 @@ def reasons(rungs: Sequence[Rung]) -> Iterator[str]:
 
 def to_csv(rungs: Sequence[Rung]) -> str:
     """A row for each rung."""
-    found = [figures(rung) for rung in rungs]
-    names = list(dict.fromkeys(name for each in found for name in each))
+    columns = [figures(rung) for rung in rungs]
+    names = list(dict.fromkeys(name for each in columns for name in each))
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(["rung", "own", "status", "reason", *names, "audits"])
-    for rung, each in zip(rungs, found, strict=True):
+    for rung, each in zip(rungs, columns, strict=True):
         values = ["" if (v := each.get(name)) is None else f"{v:.9g}" for name in names]
         head = [rung.name, rung.is_own, rung.status, rung.reason]
         writer.writerow([*head, *values, _audits(rung)])
@@ -276,7 +276,7 @@ def _bars(
     """A group for each name, a bar in it for each rung; none where a hood does not say."""
     width = 0.8 / max(len(rungs), 1)
     for i, rung in enumerate(rungs):
-        values = [told if (told := figures(rung).get(n)) is not None else np.nan for n in names]
+        values = [value if (value := figures(rung).get(n)) is not None else np.nan for n in names]
         place = np.arange(len(names)) + (i - (len(rungs) - 1) / 2) * width
         axes.bar(place, values, width, **looks[rung.name].bar)
     axes.axhline(0, color="0.7", lw=0.8)

@@ -163,13 +163,13 @@ def resistance(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
         held = [*settings, f'finger.posture.PIP="{pip} deg"']
         return _resistance(summary("lengths_dip_resistance", hood, held, injured=injured))
 
-    found = {angle: torque(angle, injured=False) for angle in PIP_ANGLES}
-    listed = ", ".join(f"{each:.2g}" for each in found.values())
-    shown = f" ({listed} N mm at PIP {', '.join(map(str, found))} deg)"
-    yield Value("resistance_most", "", max(found, key=lambda a: found[a]), shown)
-    yield Value("resistance_least", "", min(found, key=lambda a: found[a]), shown)
+    torques = {angle: torque(angle, injured=False) for angle in PIP_ANGLES}
+    listed = ", ".join(f"{each:.2g}" for each in torques.values())
+    shown = f" ({listed} N mm at PIP {', '.join(map(str, torques))} deg)"
+    yield Value("resistance_most", "", max(torques, key=lambda a: torques[a]), shown)
+    yield Value("resistance_least", "", min(torques, key=lambda a: torques[a]), shown)
     if hood == "shell":
-        yield Value("oblique_share", "", 100 * (1 - torque(0, injured=True) / found[0]))
+        yield Value("oblique_share", "", 100 * (1 - torque(0, injured=True) / torques[0]))
 
 
 def _resistance(of: Summary) -> float:

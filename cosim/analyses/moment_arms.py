@@ -46,11 +46,11 @@ def sweep(
     for joint, bounds in ranges.items():
         j = models.finger.joints.index(joint)
         angles = np.linspace(*bounds, steps)
-        found = _own(models, joint, angles)
+        native = _own(models, joint, angles)
         pulled, why = _hood(models, tension, joint, angles, progress)
         lost += why
         for k, angle in enumerate(np.degrees(angles)):
-            for tendon, arm in {**pulled.get(k, {}), **found[k]}.items():
+            for tendon, arm in {**pulled.get(k, {}), **native[k]}.items():
                 rows.append((joint, float(angle), tendon, 1e3 * arm[j]))
     return pandas.DataFrame(rows, columns=["joint", "angle_deg", "tendon", "arm_mm"]), lost
 
@@ -58,10 +58,10 @@ def sweep(
 def own_arms(models: Models, posture: Mapping[str, float]) -> dict[str, Array]:
     """Moment arms (nq,) m of the finger's own tendons at joint angles `posture` (rad)."""
     finger = models.finger
-    bodies, own = finger.bodies, finger.tendons
+    bodies, names = finger.bodies, finger.tendons
     idle = Load(bodies, ("hood",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
-    torque = finger.balance(finger.start(posture), idle, np.ones(len(own))).torque
-    return {name: torque[name] for name in own}
+    torque = finger.balance(finger.start(posture), idle, np.ones(len(names))).torque
+    return {name: torque[name] for name in names}
 
 
 def _own(models: Models, joint: str, angles: Array) -> list[dict[str, Array]]:
@@ -123,8 +123,8 @@ def beside_published(models: Models, known: pandas.DataFrame) -> pandas.DataFram
     """Published arms (as of `published_arms`) beside those of the finger's own tendons in the
     source's posture, or, where the source averages over a range, beside the mean from the straight
     joint to its full flexion in the case's posture of the others."""
-    here = known.tendon.isin(models.finger.tendons) & known.joint.isin(models.finger.joints)
-    known = known[here].copy()
+    in_finger = known.tendon.isin(models.finger.tendons) & known.joint.isin(models.finger.joints)
+    known = known[in_finger].copy()
     known["model_mm"] = [
         1e3 * _arm(models, row.tendon, row.joint, row.posture_deg) for row in known.itertuples()
     ]
@@ -191,12 +191,12 @@ def draw(
     figure = Figure(figsize=(max(6.0, 4.2 * len(joints)), 4.6), layout="constrained")
     panels = figure.subplots(1, len(joints), squeeze=False).ravel()
     for axes, joint in zip(panels, joints, strict=True):
-        here = table[table.joint == joint]
-        for tendon, line in here.groupby("tendon", sort=False):
+        of_joint = table[table.joint == joint]
+        for tendon, line in of_joint.groupby("tendon", sort=False):
             if not line.arm_mm.abs().max() < 1e3 * ACTION:
                 axes.plot(line.angle_deg, line.arm_mm, **looks[str(tendon)].line)
         seen = known[(known.joint == joint) & known.tendon.isin(tendons)]
-        _draw_known(axes, seen, looks, posture, float(here.angle_deg.max()))
+        _draw_known(axes, seen, looks, posture, float(of_joint.angle_deg.max()))
         axes.axhline(0.0, color="0.7", lw=0.8, zorder=0)
         axes.set(title=joint.replace("_", " "), xlabel="angle, deg")
         axes.grid(alpha=0.3)
@@ -223,5 +223,5 @@ def _draw_known(
             continue
         stands = {"MCP_abduction": 0.0, **_posture(str(row.posture_deg))}
         angle = np.degrees(stands.pop(str(row.joint)))
-        if all(abs(rad - posture.get(other, 0.0)) < NEAR for other, rad in stands.items()):
+        if all(abs(rad - posture.get(joint, 0.0)) < NEAR for joint, rad in stands.items()):
             axes.plot(angle, row.arm_mm, "o", color=tendon, ms=4)

@@ -144,7 +144,7 @@ class _CountedHood:
     def advance(
         self, pull: Pull, state: State, motion: Motion, tension: Array
     ) -> tuple[MeasuredPull, Response | None]:
-        before, start = sum(c.solves for c in self.counters), process_time()
+        solves_before, start = sum(c.solves for c in self.counters), process_time()
         response, failure, iterations = None, "", 0
         try:
             response = self.hood.advance(state, motion, tension, STATIC)
@@ -152,5 +152,5 @@ class _CountedHood:
         except ConvergenceError as error:
             failure = str(error)
         cpu_s, unknowns = process_time() - start, self.counters[0].analysis.slots.shape[0]
-        solves = sum(c.solves for c in self.counters) - before
+        solves = sum(c.solves for c in self.counters) - solves_before
         return MeasuredPull(pull, unknowns, iterations, solves, cpu_s, failure), response

@@ -33,11 +33,11 @@ def new_case(name: str, given: UserAnatomy, out: Path) -> tuple[Path, tuple[str,
         raise InputError(f"{name!r}: a case's name is made of letters, digits, _ and -")
 
     check_folder(out, REPORT)
-    made = read_anatomy(given, _defaults())
+    built = read_anatomy(given, _defaults())
     with output_folder(out, REPORT) as part:
-        write_case(part, name, given, made)
+        write_case(part, name, given, built)
         _check(part / f"{name}.toml")
-    return out / f"{name}.toml", made.report
+    return out / f"{name}.toml", built.report
 
 
 def _defaults() -> Defaults:
@@ -45,19 +45,19 @@ def _defaults() -> Defaults:
     return Defaults(hood.thickness, hood.contact)
 
 
-def write_case(part: Path, name: str, given: UserAnatomy, made: Built) -> None:
+def write_case(part: Path, name: str, given: UserAnatomy, built: Built) -> None:
     """The files of a case into the folder `part`."""
-    if made.hood is not None:
-        write(made.hood, part / "hood.json")
-    if made.model is not None:
-        (part / "finger.xml").write_text(mjcf_xml(made.model) + "\n", encoding="utf-8")
-    scale = 1.0 if made.model is not None else given.length_scale
-    for body, (points, faces) in (made.bones.surfaces if made.bones else {}).items():
+    if built.hood is not None:
+        write(built.hood, part / "hood.json")
+    if built.model is not None:
+        (part / "finger.xml").write_text(mjcf_xml(built.model) + "\n", encoding="utf-8")
+    scale = 1.0 if built.model is not None else given.length_scale
+    for body, (points, faces) in (built.bones.surfaces if built.bones else {}).items():
         text = _obj(points / [scale, 1.0, 1.0], faces)
         (part / f"{body}.obj").write_text(text, encoding="utf-8")
     (part / CASE_SCHEMA).write_text(json.dumps(json_schema(), ensure_ascii=False), encoding="utf-8")
-    (part / f"{name}.toml").write_text(_case_text(name, given, made), encoding="utf-8")
-    (part / REPORT).write_text("\n".join(made.report) + "\n", encoding="utf-8")
+    (part / f"{name}.toml").write_text(_case_text(name, given, built), encoding="utf-8")
+    (part / REPORT).write_text("\n".join(built.report) + "\n", encoding="utf-8")
 
 
 def _obj(points: np.ndarray, faces: np.ndarray) -> str:
@@ -67,39 +67,39 @@ def _obj(points: np.ndarray, faces: np.ndarray) -> str:
     return "\n".join(rows) + "\n"
 
 
-def _case_text(name: str, given: UserAnatomy, made: Built) -> str:
-    said = [
+def _case_text(name: str, given: UserAnatomy, built: Built) -> str:
+    remarks = [
         f"Written by `cosim new`; {REPORT} says what was read, assumed, repaired and dropped.",
         "Materials, springs, passive joints, posture: the base case's until you state yours.",
         "Tendons pull by a tension, or by an activation of the greatest force: "
         "EDC = { activation = 0.1 }.",
     ]
     finger: dict[str, Any] = {}
-    if made.model is not None:
+    if built.model is not None:
         finger["path"] = "finger.xml"
     elif given.length_scale != 1.0:
         finger["length_scale"] = given.length_scale
-        said.append("Bones are stored for a finger of length 1, which the scale lengthens.")
-    if made.bones:
+        remarks.append("Bones are stored for a finger of length 1, which the scale lengthens.")
+    if built.bones:
         finger["bones"] = {
             body: {"surface": f"{body}.obj", "unit": "m", "frame": "ours"}
-            for body in made.bones.surfaces
+            for body in built.bones.surfaces
         }
     values: dict[str, Any] = {
-        "extends": BASE if made.hood is not None else BARE,
+        "extends": BASE if built.hood is not None else BARE,
         "title": f"{name}: own anatomy",
         "finger": finger,
         "tendons": {
-            tendon: {"max_force": f"{force:.6g} N"} for tendon, force in made.max_force.items()
+            tendon: {"max_force": f"{force:.6g} N"} for tendon, force in built.max_force.items()
         },
     }
-    if made.hood is not None:
+    if built.hood is not None:
         values["hood"] = {
-            "thickness": f"{1e3 * made.hood.thickness:.6g} mm",
+            "thickness": f"{1e3 * built.hood.thickness:.6g} mm",
             "mesh": {"kind": "file", "path": "hood.json"},
-            "contact": {"offset": {body: f"{1e3 * mm:.6g} mm" for body, mm in made.offset.items()}},
+            "contact": {"offset": {body: f"{1e3 * m:.6g} mm" for body, m in built.offset.items()}},
         }
-    return f"{schema_line(CASE_SCHEMA)}\n{notes(said)}{toml_text(values)}"
+    return f"{schema_line(CASE_SCHEMA)}\n{notes(remarks)}{toml_text(values)}"
 
 
 def _check(path: Path) -> None:

@@ -53,7 +53,7 @@ def read_feb_mesh(path: Path) -> RawMesh:
     return RawMesh(
         _mid_surface(mesh.points, quads, h),
         quads,
-        {name: found for name, found in cells.items() if len(found)},
+        {name: of_set for name, of_set in cells.items() if len(of_set)},
         {**_nodes_of(mesh.discrete), **_nodes_of(mesh.surfaces), **mesh.node_sets},
         mesh.discrete,
         tuple(dropped),
@@ -63,17 +63,17 @@ def read_feb_mesh(path: Path) -> RawMesh:
 
 
 def _nodes_of(sets: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {name: np.unique(found) for name, found in sets.items() if len(found)}
+    return {name: np.unique(of_set) for name, of_set in sets.items() if len(of_set)}
 
 
 def _mid_surface(points: Array, quads: np.ndarray, thickness: Array) -> Array:
     """Half a mean thickness against the normal."""
     out = points.copy()
     used = np.unique(quads)
-    own = np.searchsorted(used, quads)
-    total = np.bincount(own.ravel(), weights=np.repeat(thickness, 4), minlength=len(used))
-    mean = total / np.bincount(own.ravel(), minlength=len(used))
-    out[used] -= mean[:, None] / 2 * node_directors(points[used], own)
+    corners = np.searchsorted(used, quads)
+    total = np.bincount(corners.ravel(), weights=np.repeat(thickness, 4), minlength=len(used))
+    mean = total / np.bincount(corners.ravel(), minlength=len(used))
+    out[used] -= mean[:, None] / 2 * node_directors(points[used], corners)
     return out
 
 
@@ -90,8 +90,8 @@ def _thicknesses(root: FebTag, mesh: FebMesh, dropped: list[str]) -> dict[str, f
         elif block.kind not in SHELLS:
             dropped.append(f"{what}: they are no shells")
         else:
-            own = tag.value("shell_thickness", 0.0) if tag is not None else 0.0
-            out[name] = by_element.get(name, own)
+            thickness = tag.value("shell_thickness", 0.0) if tag is not None else 0.0
+            out[name] = by_element.get(name, thickness)
             if not out[name]:
                 dropped.append(
                     f"{what}: it states no thickness; its nodes are taken to lie on the mid-surface"

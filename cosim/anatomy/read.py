@@ -216,11 +216,11 @@ def _clearance(
 
 def _gaps(mesh: HoodMesh, level: Level) -> dict[str, Array]:
     """The gaps (n,) m of the nodes over each body's surface."""
-    here = (
+    local_points = (
         (mesh.points - position) @ rotation
         for position, rotation in zip(level.position, level.rotation, strict=True)
     )
-    bodies = zip(BODIES, here, strict=True)
+    bodies = zip(BODIES, local_points, strict=True)
     return {body: level.surfaces[body].distance(local)[0] for body, local in bodies}
 
 

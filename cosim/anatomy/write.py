@@ -43,11 +43,11 @@ def _lost(mesh: HoodMesh, ending: str) -> list[str]:
     if ending == ".stl":
         return ["all but the surface: regions, sets, thickness, fibres"]
     shared = any(held.shares is not None for held in mesh.springs.values())
-    told = (
+    losses = (
         (mesh.quadratic, "elements of nine nodes (four quads each)"),
         (ending in (".inp", ".msh"), "directions of the fibres"),
         (ending == ".msh", "the thickness (cosim new --thickness)"),
         (mesh.lift is not None, "lifts of nodes over the bones"),
         (shared, "shares of springs"),
     )
-    return [what for there, what in told if there]
+    return [what for applies, what in losses if applies]

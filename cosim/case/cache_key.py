@@ -73,8 +73,8 @@ def address(case: Case, code: str) -> str:
 
     Raises InputError where a file cannot be read."""
     files = {str(path): _content(path) for path in _paths(case.model_dump(mode="python"))}
-    said = {key: value for key, value in case_table(case).items() if key not in WORDS}
-    text = json.dumps([_with(said, files), code], sort_keys=True)
+    table = {key: value for key, value in case_table(case).items() if key not in WORDS}
+    text = json.dumps([_with(table, files), code], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -48,9 +48,9 @@ def _stated_place(place: Place, layers: Sequence[tuple[str, Mapping]], missing: 
         return place
     every = (*place[:2], ALL, *place[3:])
     for _, values in reversed(layers):
-        for found in (place, every):
-            if _lookup(values, (*found[:-1], "kind") if missing else found) is not None:
-                return found
+        for candidate in (place, every):
+            if _lookup(values, (*candidate[:-1], "kind") if missing else candidate) is not None:
+                return candidate
     return place
 
 

@@ -106,16 +106,16 @@ def _layers_of(
     values: dict[str, Any], where: str, source: Path, above: tuple[Path, ...]
 ) -> list[Layer]:
     base = values.pop("extends", None)
-    here: Layer = (where, _anchor_paths(values, source.parent))
+    layer: Layer = (where, _anchor_paths(values, source.parent))
     if base is None:
-        return [here]
+        return [layer]
     if not isinstance(base, str):
         raise InputError(f"{where}: extends = {base!r}: write the path of a case file")
     try:
-        found = find_case(base, source.parent)
+        base_file = find_case(base, source.parent)
     except InputError as error:
         raise InputError(f"{where}: extends {error}") from None
-    return [*_read_layers(found, (*above, source)), here]
+    return [*_read_layers(base_file, (*above, source)), layer]
 
 
 def _anchor_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]:

@@ -71,5 +71,5 @@ def nested(key: str, value: Any) -> dict[str, Any]:
     """The tables that a dotted key names, the value innermost."""
     for name in reversed(key.split(".")):
         value = {name: value}
-    found: dict[str, Any] = value
-    return found
+    tables: dict[str, Any] = value
+    return tables

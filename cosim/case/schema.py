@@ -255,14 +255,14 @@ class Case(CaseFile):
                 f"not {ascii(values)[:60]}"
             )
         more = [("replace", nested(key, as_stated(value))) for key, value in values.items()]
-        found = self.with_layers(more)
-        return found if name is None else found.model_copy(update={"name": check_name(name)})
+        changed = self.with_layers(more)
+        return changed if name is None else changed.model_copy(update={"name": check_name(name)})
 
     def with_layers(self, layers: Sequence[Layer]) -> Case:
         """The case with layers on top.  Raises InputError."""
-        own = self.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
-        found = Case.from_layers([(self.name, own), *layers], self.source)
-        return found.model_copy(update={"name": self.name})
+        values = self.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
+        changed = Case.from_layers([(self.name, values), *layers], self.source)
+        return changed.model_copy(update={"name": self.name})
 
     @property
     def task(self) -> Task:

@@ -35,8 +35,8 @@ def _quantities(
 ) -> Iterator[tuple[str, float, units.Kind]]:
     match value:
         case BaseModel():
-            for key, found in _fields(type(value)).items():
-                yield from _quantities(getattr(value, key), f"{place}.{key}".lstrip("."), found)
+            for key, of_field in _fields(type(value)).items():
+                yield from _quantities(getattr(value, key), f"{place}.{key}".lstrip("."), of_field)
         case dict():
             for key, one in value.items():
                 yield from _quantities(one, f"{place}.{key}", kinds)

@@ -148,11 +148,11 @@ def _measure(name: str, options: Options) -> dict[str, Ratios]:
         return {name: BENCHES[name].measure(options)}
     if name != ALL:
         return {name: bench_one_case(name, options.settings)}
-    found = {}
+    ratios = {}
     for one, measure in OF_ALL.items():
         typer.echo(f"\n{one}")
-        found[one] = measure()
-    return found
+        ratios[one] = measure()
+    return ratios
 
 
 def bench_one_case(name: str, settings: Settings) -> Ratios:
@@ -164,7 +164,7 @@ def bench_one_case(name: str, settings: Settings) -> Ratios:
         raise InputError(f"{error}; or the bench {near[0]}?") if near else error from None
 
     with stages(case.name) as shown:
-        found = bench_case(case, shown.say)
-    for figure, value in found.items():
+        figures = bench_case(case, shown.say)
+    for figure, value in figures.items():
         typer.echo(f"{figure:<20} {value:.4g}")
-    return {key: value for key, value in found.items() if key.endswith("ratio")}
+    return {key: value for key, value in figures.items() if key.endswith("ratio")}

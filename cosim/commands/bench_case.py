@@ -65,10 +65,10 @@ def bench_motion(
     begun = moves.begin(both.initial_state)
     steps, floors = [], []
     start = perf_counter()
-    for now in motion_states(moves, begun, round(forward.duration / forward.step), progress):
+    for state in motion_states(moves, begun, round(forward.duration / forward.step), progress):
         steps.append(perf_counter() - start)
         if len(steps) % EVERY == 1:
-            floors.append(tangent(now.coupled.hood))  # once, with its caches as a step finds them
+            floors.append(tangent(state.coupled.hood))  # once, with its caches as a step finds them
         start = perf_counter()
     assembly, factorisation = (fmean(column) for column in zip(*floors, strict=True))
     return {

@@ -12,8 +12,8 @@ def bench_pulls() -> dict[str, float]:
     """Solve, print the table and return the totals.  Raises InputError."""
     pulls = read_pulls()
     settings = list(dict.fromkeys((p.case, p.settings) for p in pulls))
-    with stages("bench", len(settings)) as told:
-        measured = list(measure_pulls(pulls, told.begin))
+    with stages("bench", len(settings)) as progress:
+        measured = list(measure_pulls(pulls, progress.begin))
     table = Table("hood", "tendon")
     for name in ("N", "linear solves", "before", "CPU s"):
         table.add_column(name, justify="right")
@@ -40,10 +40,10 @@ def bench_pulls() -> dict[str, float]:
 
 
 def _total(what: str, some: list[MeasuredPull]) -> str:
-    solves, before = _solves(some)
+    solves, earlier = _solves(some)
     failures = sum(bool(m.failure) for m in some)
     return (
-        f"{len(some)} {what}: {solves / len(some):.1f} linear solves each, {solves / before:.2f} "
+        f"{len(some)} {what}: {solves / len(some):.1f} linear solves each, {solves / earlier:.2f} "
         f"of before; {sum(m.cpu_s for m in some) / len(some):.2f} s CPU each; {failures} failed"
     )
 

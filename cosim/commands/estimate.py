@@ -127,7 +127,7 @@ def estimate(
         folder = out / checked.name
         check_folder(folder, "estimate.json")
         _say("building the models")
-        made = setup(
+        problem = setup(
             checked,
             weights.value,
             POWER[cost],
@@ -135,17 +135,17 @@ def estimate(
             quantities("--most", most, units.FORCE),
         )
         if motion is not None:
-            asked = _read_motion(made, motion, samples, cutoff)
+            asked = _read_motion(problem, motion, samples, cutoff)
             lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
-            estimated = for_motion(made, asked, _say, lacking)
-            write_motion(folder, made, estimated, time.perf_counter() - started)
-            _show_motion(made, estimated)
+            estimated = for_motion(problem, asked, _say, lacking)
+            write_motion(folder, problem, estimated, time.perf_counter() - started)
+            _show_motion(problem, estimated)
         else:
-            answer = _answer(made, force, torque)
-            forces = _forces(made, answer)
-            write_answer(folder, made, answer, forces, time.perf_counter() - started)
+            answer = _answer(problem, force, torque)
+            forces = _forces(problem, answer)
+            write_answer(folder, problem, answer, forces, time.perf_counter() - started)
             if answer is not None:
-                _show(made, answer)
+                _show(problem, answer)
         typer.echo(f"results in {folder}")
 
 
@@ -177,7 +177,7 @@ def _forces(s: Setup, answer: EstimateAnswer | None) -> ForceSet | None:
             tension = s.capacity.least
         else:
             demand, at, tension = answer.demand, answer.estimate.at, answer.estimate.tension
-        found = force_set(demand, tension, at, s.bounds)
+        forces = force_set(demand, tension, at, s.bounds)
     except InputError as error:
         if answer is None:
             raise
@@ -185,7 +185,7 @@ def _forces(s: Setup, answer: EstimateAnswer | None) -> ForceSet | None:
         return None
     if not s.case.hood.shares_fixed:
         typer.echo("feasible forces: linearised at the tensions in this posture", err=True)
-    return found
+    return forces
 
 
 def _show(s: Setup, answer: EstimateAnswer) -> None:
@@ -199,24 +199,24 @@ def _show(s: Setup, answer: EstimateAnswer) -> None:
     ]
     header = ("muscle", "tension, N", "greatest, N", "activation", "stress, N/cm2")
     print_table("Tensions", header, rows)
-    found = answer.estimate
+    result = answer.estimate
     typer.echo(forward_run_text(answer))
     typer.echo(
-        f"{found.rounds} hood solves; equations missed by {found.gap:.1e}, optimality by "
-        f"{found.optimum.miss:.1e} (relative)"
+        f"{result.rounds} hood solves; equations missed by {result.gap:.1e}, optimality by "
+        f"{result.optimum.miss:.1e} (relative)"
     )
 
 
-def _show_motion(s: Setup, found: MotionEstimate) -> None:
+def _show_motion(s: Setup, result: MotionEstimate) -> None:
     rows = [
         (name, f"{low:.4g}", f"{high:.4g}")
         for name, low, high in zip(
-            s.capacity.names, found.tension.min(axis=0), found.tension.max(axis=0), strict=True
+            s.capacity.names, result.tension.min(axis=0), result.tension.max(axis=0), strict=True
         )
     ]
     print_table("Tensions over the motion, N", ("muscle", "least", "most"), rows)
-    lacking = 1e3 * float(abs(found.torque - found.required_torque).max())
+    lacking = 1e3 * float(abs(result.torque - result.required_torque).max())
     typer.echo(
-        f"{found.rounds} hood solves; conditions missed by at most {found.worst:.1e}, torques lack "
-        f"at most {lacking:.3g} N mm"
+        f"{result.rounds} hood solves; conditions missed by at most {result.worst:.1e}, "
+        f"torques lack at most {lacking:.3g} N mm"
     )

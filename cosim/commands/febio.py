@@ -109,8 +109,8 @@ def solve(
         if mid_surface:
             job = move_to_mid_surface(job)
         result: JobResult | None = None
-        with stages(model.name) as told:
-            told.say(f"solving {len(job.quads)} elements")
+        with stages(model.name) as progress:
+            progress.say(f"solving {len(job.quads)} elements")
             options = JobOptions(penetration=limit, spacing=grid)
             if not is_own:
                 try:
@@ -250,10 +250,10 @@ def bench_fe(quads: Sequence[int] = QUADS) -> dict[str, float]:
     table = Table("quads", "case", "iterations", "linear solves", "floor ms")
     table.add_column("iteration / floor", justify="right")
     table.add_column("linear solve / floor", justify="right")
-    with stages("bench", len(quads)) as told:
+    with stages("bench", len(quads)) as progress:
         speeds = []
         for count in quads:
-            told.begin(f"{count} quads")
+            progress.begin(f"{count} quads")
             speeds += list(speed(count))
     for s in speeds:
         row = [s.quads, s.case, s.iterations, s.solves, f"{1e3 * s.floor_s:.3g}"]
@@ -286,8 +286,8 @@ def bench_febio(folder: Path | None, spacing: str) -> dict[str, float]:
     screen = console()
     typer.echo("bench: solving each model in two ways; many minutes", err=True)
     ratios: dict[str, float] = {}
-    for found in compare(folder, grid):
-        ratios |= _print_comparison(screen, found)
+    for result in compare(folder, grid):
+        ratios |= _print_comparison(screen, result)
     screen.print(f"FEBio's figures: {SOURCE}.")
     screen.print(
         "In brackets: differences from FEBio's figure, or where there is none from q4ans; of "
@@ -298,29 +298,29 @@ def bench_febio(folder: Path | None, spacing: str) -> dict[str, float]:
     return ratios
 
 
-def _print_comparison(screen: Console, found: ModelComparison) -> dict[str, float]:
+def _print_comparison(screen: Console, result: ModelComparison) -> dict[str, float]:
     """Print a model's figures and costs; the CPU times over FEBio's by name."""
     from rich.table import Table
 
     from fe_solver.verification.febio.compare import Formulation
 
-    table = Table(title=found.model, title_justify="left")
+    table = Table(title=result.model, title_justify="left")
     for name in ("quantity", *(e.value for e in Formulation), "FEBio"):
         table.add_column(name, justify="left" if name == "quantity" else "right")
     table.add_column("verdict")
-    for r in found.rows:
+    for r in result.rows:
         values = (_beside(r, v) for v in (r.own, r.q4ans, r.febio))
         table.add_row(r.quantity, *values, r.verdict)
     screen.print(table)
     costs = {
-        f"{found.model} {element.value}: CPU time / FEBio's": _print_cost(
-            screen, element.value, solved, found.febio_s
+        f"{result.model} {element.value}: CPU time / FEBio's": _print_cost(
+            screen, element.value, solved, result.febio_s
         )
-        for element, solved in found.solved.items()
+        for element, solved in result.solved.items()
     }
-    theirs = found.published
+    theirs = result.published
     if theirs is not None:
-        scaled = "" if found.febio_s is None else f"CPU {found.febio_s:.2f} s on this machine; "
+        scaled = "" if result.febio_s is None else f"CPU {result.febio_s:.2f} s on this machine; "
         depth = f"deepest penetration {theirs.penetration:.1f} um"
         screen.print(f"FEBio: {scaled}{depth}; peak memory {theirs.peak_mb:.0f} MB")
     return {name: cost for name, cost in costs.items() if cost is not None}
@@ -343,11 +343,11 @@ def _print_cost(
         return None
     ratio = None if febio_s is None else solved.solve_s / febio_s
     share = "" if ratio is None else f", {ratio:.2f} of FEBio's"
-    own = solved.peak_mb - solved.import_mb
+    solve_mb = solved.peak_mb - solved.import_mb
     screen.print(
         f"{name}: CPU {solved.solve_s:.2f} s{share} ({solved.iterations} iterations, "
         f"{solved.linear_solver}), set-up {solved.setup_s:.2f} s; deepest penetration "
         f"{solved.penetration:.1f} um; peak memory {solved.peak_mb:.0f} MB, of which the solve "
-        f"{own:.0f}"
+        f"{solve_mb:.0f}"
     )
     return ratio

@@ -46,12 +46,12 @@ def moment_arms(
     with exit_on_error():
         checked = load_case(case, settings or ())
         check_file(out / "moment_arms.csv")
-        with stages(checked.name) as told:
-            told.say("building the models")
+        with stages(checked.name) as progress:
+            progress.say("building the models")
             models = build(checked)
             tension, _ = tensions(checked, models)
             ranges = joint_ranges(models.finger)
-            table, lost = sweep(models, tension, ranges, steps, told.say)
+            table, lost = sweep(models, tension, ranges, steps, progress.say)
         known = published_arms(checked.finger.kind)
         compared = None if known.empty else beside_published(models, known)
         _write(out, table, compared, draw(table, checked.title, known, models.posture))
@@ -77,10 +77,10 @@ def _write(
 
 def _show(table: pandas.DataFrame) -> None:
     """A line for each tendon and joint that it acts on, a column for each posture."""
-    for joint, here in table.groupby("joint", sort=False):
-        wide = here.pivot(index="tendon", columns="angle_deg", values="arm_mm")
+    for joint, of_joint in table.groupby("joint", sort=False):
+        wide = of_joint.pivot(index="tendon", columns="angle_deg", values="arm_mm")
         wide = wide.loc[
-            [t for t in dict.fromkeys(here.tendon) if wide.loc[t].abs().max() >= 1e3 * ACTION]
+            [t for t in dict.fromkeys(of_joint.tendon) if wide.loc[t].abs().max() >= 1e3 * ACTION]
         ]
         rows = [
             (str(tendon), *(f"{arm:.2f}" if isfinite(arm) else "-" for arm in arms))
@@ -144,11 +144,11 @@ def bench_robotic_finger() -> dict[str, float]:
     paper = {"loop_s": PAPER_LOOP, "qp_s": PAPER_QP}
     with stages("bench") as shown:
         shown.say("running the control loop many times")
-        found = bench_robot()
-    for name, value in found.items():
+        figures = bench_robot()
+    for name, value in figures.items():
         beside = f"   (paper: {paper[name]:.4g})" if name in paper else ""
         typer.echo(f"{name:<20} {value:.4g}{beside}")
-    return {f"{name} / loop_s": value / found["loop_s"] for name, value in found.items()}
+    return {f"{name} / loop_s": value / figures["loop_s"] for name, value in figures.items()}
 
 
 def _print_figures(figures: dict[str, float], ratio: str) -> dict[str, float]:

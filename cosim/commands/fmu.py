@@ -46,7 +46,7 @@ def fmu(
         checked = load_case(case, settings or ())
         path = out or Path(f"{checked.name}_{part.value}_fmi{fmi}.fmu")
         check_file(path)
-        with stages(checked.name) as told:
-            told.say(f"building and describing its {part.value}")
+        with stages(checked.name) as progress:
+            progress.say(f"building and describing its {part.value}")
             write_fmu(checked, part.value, fmi, path, tangent=tangent)
         typer.echo(f"{part.value} in {path}, FMI {fmi}")

@@ -48,11 +48,11 @@ def show_hood(
     about 12 minutes on one core with --set hood.mesh.quads=400.  A pose without equilibrium is
     shown as such."""
     with exit_on_error():
-        own = tuple(settings or ())
-        checked = load_case(case, own)
+        chosen = tuple(settings or ())
+        checked = load_case(case, chosen)
         if moduli is not None:
-            own = (*own, *KINDS[checked.hood.kind].scaled_moduli(checked.hood, moduli))
-            checked = load_case(case, own)
+            chosen = (*chosen, *KINDS[checked.hood.kind].scaled_moduli(checked.hood, moduli))
+            checked = load_case(case, chosen)
         options = [f"--set '{text}'" for text in settings or ()]
         options += [] if moduli is None else [f"--moduli {moduli:g}"]
         studies = HoodStudies(checked, say := lambda text: typer.echo(text, err=True))

@@ -63,17 +63,17 @@ def sensitivity(
     """How a case's results answer to what it assumes: moduli, thickness, rest lengths, ligaments,
     fibres, contact, joints, posture, mesh; a tornado chart for each quantity, and a table."""
     with exit_on_error():
-        own = tuple(settings or ())
-        checked = load_case(case, own)
+        all_settings = tuple(settings or ())
+        checked = load_case(case, all_settings)
         folder = out / checked.name
         check_file(folder / "sensitivity.csv")
         varied = _choose(variations(checked), only or ())
         targets = [t for t in read_targets(data) if t.case in ("", checked.name)] if data else []
         also = [t.quantity for t in targets]
         with _run_counter(checked.name) as progress:
-            found = study(
+            result = study(
                 checked.source,
-                own,
+                all_settings,
                 varied,
                 quantity or (),
                 also,
@@ -81,27 +81,27 @@ def sensitivity(
                 progress=progress,
             )
         for name, text in (
-            ("sensitivity.csv", to_csv(found)),
-            ("sensitivity.json", to_json(found)),
+            ("sensitivity.csv", to_csv(result)),
+            ("sensitivity.json", to_json(result)),
         ):
             with output_file(folder / name) as part:
                 part.write_text(text, encoding="utf-8")
         typer.echo(f"{checked.name}: drawing the charts", err=True)
-        charts = _write_charts(folder, found, targets)
-        _show_sensitivity(found)
+        charts = _write_charts(folder, result, targets)
+        _show_sensitivity(result)
         typer.echo(f"table and {charts} charts in {folder}")
 
 
 def _choose(every: Sequence[Variation], only: Sequence[str]) -> list[Variation]:
     if not only:
         return list(every)
-    found = [v for v in every if any(word.casefold() in v.name.casefold() for word in only)]
-    if not found:
+    chosen = [v for v in every if any(word.casefold() in v.name.casefold() for word in only)]
+    if not chosen:
         raise InputError(
             f"--only {', '.join(only)}: nothing of that name; there are "
             + "; ".join(v.name for v in every)
         )
-    return found
+    return chosen
 
 
 @contextmanager
@@ -118,28 +118,28 @@ def _run_counter(name: str) -> Iterator[Callable[[int, int, str], None]]:
         )
 
 
-def _write_charts(folder: Path, found: Sensitivity, targets: Sequence[Target]) -> int:
+def _write_charts(folder: Path, result: Sensitivity, targets: Sequence[Target]) -> int:
     """A chart for each quantity that answers to anything; how many."""
     target = {t.quantity: t for t in targets}
-    drawn = [q for q in found.base if any(bar.swing > 0 for bar in bars(found, q))]
+    drawn = [q for q in result.base if any(bar.swing > 0 for bar in bars(result, q))]
     for quantity in drawn:
         name = re.sub(r"[^\w.-]+", "_over_", quantity)
         with output_file(folder / f"{name}.png") as part:
-            figure = draw_tornado(found, quantity, target.get(quantity))
+            figure = draw_tornado(result, quantity, target.get(quantity))
             write_figure(figure, part, 130, bbox_inches="tight")
     return len(drawn)
 
 
-def _show_sensitivity(found: Sensitivity) -> None:
+def _show_sensitivity(result: Sensitivity) -> None:
     """The strongest answers of each quantity, and the runs that have none."""
-    for quantity, base in found.base.items():
+    for quantity, base in result.base.items():
         rows = [
             (
                 bar.variation,
                 *(bar.low.set_to, number(bar.low.values.get(quantity))),
                 *(bar.high.set_to, number(bar.high.values.get(quantity))),
             )
-            for bar in bars(found, quantity)[:STRONGEST]
+            for bar in bars(result, quantity)[:STRONGEST]
             if bar.swing > 0
         ]
         of = "" if unit_of(quantity) == "1" else f" {unit_of(quantity)}"
@@ -148,7 +148,7 @@ def _show_sensitivity(found: Sensitivity) -> None:
             print_table(title, ("", "low", "then", "high", "then"), rows)
         else:
             typer.echo(f"{title}, answers to nothing that was varied\n")
-    for run in found.runs:
+    for run in result.runs:
         if run.status != "converged" or run.reason:
             what = f"{run.variation}, {run.side}" + (f" ({run.set_to})" if run.set_to else "")
             typer.echo(f"{what}: {run.status}: {run.reason}")
@@ -214,53 +214,53 @@ def identify(
         if out is not None:
             check_file(out)
             check_same_settings(chosen)
-        found = fit_all(chosen, workers, most, lambda text: typer.echo(text, err=True))
-        _show_fit(found, len(chosen) > 1)
+        fit = fit_all(chosen, workers, most, lambda text: typer.echo(text, err=True))
+        _show_fit(fit, len(chosen) > 1)
         if out is not None:
-            _write_found(out, found, chosen, tuple(settings or ()), targets.name)
+            _write_found(out, fit, chosen, tuple(settings or ()), targets.name)
         else:
             typer.echo("nothing was written: --out CASE.toml keeps what was found as a case")
 
 
 def _write_found(
-    out: Path, found: Fit, cases: Sequence[FitCase], own: tuple[str, ...], targets: str
+    out: Path, fit: Fit, cases: Sequence[FitCase], settings: tuple[str, ...], targets: str
 ) -> None:
     """The case that all cases are made of, or, where they are made of several, the settings."""
     stated = [case.stated for case in cases]
     source = stated[0].source
     of_one = all(case.source == source for case in stated)
     base = base_name(source, out.parent) if of_one else None
-    title = f"{load_case(source, own).title}, identified"
+    title = f"{load_case(source, settings).title}, identified"
     with output_file(out) as part:
-        text = case_text(found, title, base, own, targets, stated)
+        text = case_text(fit, title, base, settings, targets, stated)
         part.write_text(text, encoding="utf-8")
         if of_one:
             check_loads(part)
     typer.echo(f"{'case' if of_one else 'settings'} in {out}")
 
 
-def _show_fit(found: Fit, several: bool) -> None:
+def _show_fit(fit: Fit, several: bool) -> None:
     """Parameters, misses, correlations, singular values."""
     rows = []
-    for p in found.parameters:
-        value, bounds = number(found.values[p.name]), f"{p.low:g} to {p.high:g}"
-        told = "{:.3g} to {:.3g}".format(*interval(found, p.name)) if p in found.within else "-"
+    for p in fit.parameters:
+        value, bounds = number(fit.values[p.name]), f"{p.low:g} to {p.high:g}"
+        limits = "{:.3g} to {:.3g}".format(*interval(fit, p.name)) if p in fit.within else "-"
         rows.append(
             (
                 f"{p.name} {p.unit}",
                 number(p.start),
                 value,
-                told,
+                limits,
                 bounds,
-                identifiability(found, p.name),
+                identifiability(fit, p.name),
             )
         )
     header = ("", "start", "fitted", "95 % interval", "bounds", "")
     print_table("Parameters", header, rows)
-    pairs = list(zip(found.start, found.rows, strict=True))
+    pairs = list(zip(fit.start, fit.rows, strict=True))
     measured = [pair for pair in pairs if pair[1].target.kind != "requirement"]
     required = [pair for pair in pairs if pair[1].target.kind == "requirement"]
-    held_out = list(zip(found.held_out_start, found.held_out, strict=True))
+    held_out = list(zip(fit.held_out_start, fit.held_out, strict=True))
     for title, shown in (
         ("Targets", measured),
         ("Requirements, which nobody measured", required),
@@ -271,15 +271,15 @@ def _show_fit(found: Fit, several: bool) -> None:
         if shown:
             before, after = (_squares(rows) for rows in zip(*shown, strict=True))
             typer.echo(f"{title}: sum of squared misses {before:.4g} before, {after:.4g} after")
-    _show_confidence(found)
-    by = f"the tangent of the hood in {', '.join(found.by_tangent)}" if found.by_tangent else ""
+    _show_confidence(fit)
+    by = f"the tangent of the hood in {', '.join(fit.by_tangent)}" if fit.by_tangent else ""
     typer.echo(
-        f"{found.evaluations} evaluations, {found.solves} solves, {len(found.failures)} of which "
-        f"did not converge; {found.stop_reason}; gradients by {by or 'differences of solves'}"
+        f"{fit.evaluations} evaluations, {fit.solves} solves, {len(fit.failures)} of which "
+        f"did not converge; {fit.stop_reason}; gradients by {by or 'differences of solves'}"
     )
-    for failure in found.failures:
+    for failure in fit.failures:
         typer.echo(f"did not converge: {failure}")
-    for note in found.notes:
+    for note in fit.notes:
         typer.echo(f"note: {note}")
 
 
@@ -293,28 +293,28 @@ def _show_rows(title: str, pairs: Sequence[tuple[Comparison, Comparison]], sever
         (
             *([row.target.case] if several else []),
             f"{row.target.name}, {row.target.unit}",
-            *(number(before.model), number(row.model), reference_text(row.target)),
+            *(number(at_start.model), number(row.model), reference_text(row.target)),
             *(f"{miss(row.target, row.model or 0.0):+.3g}", row.target.kind),
         )
-        for before, row in pairs
+        for at_start, row in pairs
     ]
     head = ("", "before", "after", "target", "miss, SDs", "kind")
     if rows:
         print_table(title, ("case", *head) if several else head, rows)
 
 
-def _show_confidence(found: Fit) -> None:
+def _show_confidence(fit: Fit) -> None:
     """Show what the rows that pull tell of the parameters, and what every row would tell if it were
     a point and no band."""
-    every = [p.name for p in found.parameters]
-    names, pulling = [p.name for p in found.within], found.confidence
+    every = [p.name for p in fit.parameters]
+    names, pulling = [p.name for p in fit.within], fit.confidence
     rows = [
         (name, *("-" if np.isnan(r) else f"{r:+.2f}" for r in line))
         for name, line in zip(names, pulling.correlation, strict=True)
     ]
     if len(names) > 1:
         print_table("Correlations", ("", *names), rows)
-    points = confidence(found.slopes, found.misses)
+    points = confidence(fit.slopes, fit.misses)
     for title, header, seen in (
         ("the rows that pull (parameters at bounds held)", names, pulling),
         ("all rows as if points (all parameters)", every, points),

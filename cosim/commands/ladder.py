@@ -45,17 +45,17 @@ def ladder(
         if workers > 1:
             process_context()  # imports while the case is read
 
-        own = tuple(settings or ())
-        checked = load_case(case, own)
+        all_settings = tuple(settings or ())
+        checked = load_case(case, all_settings)
         target = out / checked.name
         check_folder(target, MARK)
         names, rungs = rungs_of(checked), []
-        with stages(checked.name, len(names)) as told:
-            told.say(f"0/{len(names)}, from {names[0]} to {names[-1]}")
-            for rung in solve_rungs(checked.source, own, workers):
+        with stages(checked.name, len(names)) as progress:
+            progress.say(f"0/{len(names)}, from {names[0]} to {names[-1]}")
+            for rung in solve_rungs(checked.source, all_settings, workers):
                 rungs.append(rung)
                 how = rung.status if rung.status != "converged" else f"{rung.wall:.1f} s"
-                told.end(f"{rung.name}: {how}")
+                progress.end(f"{rung.name}: {how}")
         with output_folder(target, MARK) as folder:
             _write(folder, rungs, checked.title)
     _show(rungs, checked.title)

@@ -66,10 +66,10 @@ def _solve_runs(case: Case, out: Path, workers: int) -> list[RunPair]:
     keys, cases, errors = list(four), list(four.values()), {}
     for one in cases:
         check_target(out, one.name)
-    with stages(case.name, len(cases)) as told:
-        told.say(f"0/{len(cases)} before and after, fingertip free and held")
+    with stages(case.name, len(cases)) as progress:
+        progress.say(f"0/{len(cases)} before and after, fingertip free and held")
         for i, outcome in run_cases(cases, partial(_save, out=out), workers):
-            told.end(f"{cases[i].title}{'' if outcome.error is None else ': failed'}")
+            progress.end(f"{cases[i].title}{'' if outcome.error is None else ': failed'}")
             if outcome.error is not None:
                 errors[i] = outcome.error
     if errors:

@@ -75,11 +75,11 @@ def _title(path: Path) -> str:
 
 
 def _trials() -> tuple[tuple[str, ...], Rows]:
-    found: dict[tuple[str, str], list[str]] = {}
+    group_names: dict[tuple[str, str], list[str]] = {}
     for group in groups():
         for trial in group.trials:
-            found.setdefault((trial.name, trial.case), []).append(group.name)
-    return ("trial", "case", "groups"), [(*key, ", ".join(of)) for key, of in found.items()]
+            group_names.setdefault((trial.name, trial.case), []).append(group.name)
+    return ("trial", "case", "groups"), [(*key, ", ".join(of)) for key, of in group_names.items()]
 
 
 def _fingers() -> tuple[tuple[str, ...], Rows]:
@@ -94,10 +94,10 @@ def _hoods() -> tuple[tuple[str, ...], Rows]:
 
 def _materials() -> tuple[tuple[str, ...], Rows]:
     whole = json_schema()
-    found = dict(_alternatives(whole, _at(whole, "hood.regions.central_slip")))
+    materials = dict(_alternatives(whole, _at(whole, "hood.regions.central_slip")))
     rows = [
         (_kind(one).partition('"')[2].rstrip('"'), " ".join(str(one["description"]).split()))
-        for one in found.values()
+        for one in materials.values()
     ]
     return ("hood.regions.NAME.kind", ""), rows
 
@@ -144,19 +144,19 @@ def _at(whole: Schema, key: str) -> Schema:
     """The schema of a key, its parts joined by dots.  Raises InputError."""
     node = whole
     for place, part in enumerate(parts := key.split(".")):
-        found, known = None, []
+        child, known = None, []
         for _, one in _alternatives(whole, node):
             known += [*one.get("properties", ()), *one.get("propertyNames", {}).get("enum", ())]
-            found = found or one.get("properties", {}).get(part)
+            child = child or one.get("properties", {}).get(part)
             if part in one.get("propertyNames", {}).get("enum", (part,)):
-                found = found or one.get("additionalProperties") or None
-        if found is None:
+                child = child or one.get("additionalProperties") or None
+        if child is None:
             above = ".".join(parts[:place]) or "a case file"
             near = nearest_names(part, known)
             hint = f"; did you mean {'.'.join([*parts[:place], near[0]])}?" if near else "."
             listed = ", ".join(dict.fromkeys(known)) or "nothing"
             raise InputError(f"{key}: no key {part!r} in {above}{hint} There are {listed}")
-        node = found
+        node = child
     return node
 
 

@@ -44,9 +44,9 @@ def import_model(
         written = write_import(imported, out or Path(f"{model.stem}.xml"))
         for line in report(imported.losses):
             typer.echo(line)
-        made = ", ".join(str(path) for path in written)
+        files = ", ".join(str(path) for path in written)
         muscles = f"{len(imported.muscles)} of {imported.path_actuators} muscles"
-        typer.echo(f"{len(imported.coordinates)} coordinates and {muscles} in {made}")
+        typer.echo(f"{len(imported.coordinates)} coordinates and {muscles} in {files}")
         if imported.path_actuators and not imported.muscles:
             raise InputError(f"{model}: {muscles} imported; {written[2]} says why of each")
 
@@ -204,21 +204,21 @@ def _bodies(texts: Sequence[str]) -> dict[int, str]:
 
 def _points(names: Sequence[str], model: Path | None, texts: Sequence[str]) -> dict[str, Array]:
     """The point (3,) m at which each body's force acts."""
-    there = {} if model is None else mass_centres(model)
+    centres = {} if model is None else mass_centres(model)
     stated = {}
     for name, text in (_split_point(text) for text in texts):
         if name not in names:
             raise InputError(f"--point {name}={text}: {name!r} is no body named with --body")
         stated[name] = np.array(three_numbers(f"--point {name}", text, "0.02 0 0"))
     for name in names:
-        if model is not None and name not in there:
-            raise InputError(f"{model}: has no body {name!r}; it has {', '.join(there)}")
-        if name not in stated and name not in there:
+        if model is not None and name not in centres:
+            raise InputError(f"{model}: has no body {name!r}; it has {', '.join(centres)}")
+        if name not in stated and name not in centres:
             raise InputError(
                 f"{name}: say where its force acts: --model MODEL.osim, whose centres of mass are "
                 f'taken, or --point {name}="X Y Z"'
             )
-    return {name: stated[name] if name in stated else there[name] for name in names}
+    return {name: stated[name] if name in stated else centres[name] for name in names}
 
 
 def _split_point(text: str) -> tuple[str, str]:

@@ -36,8 +36,8 @@ def report(
     ] = None,
 ) -> None:
     """Show runs, and what they are compared with, in one HTML page that needs nothing else."""
-    with exit_on_error(), stages("report") as told:
-        told.say(f"reading and drawing {len(runs)} run{'s' if len(runs) > 1 else ''}")
+    with exit_on_error(), stages("report") as progress:
+        progress.say(f"reading and drawing {len(runs)} run{'s' if len(runs) > 1 else ''}")
         notes: list[str] = []
         written = write_report(runs, out, form, against, data, notes.append)
     for note in notes:

@@ -265,8 +265,8 @@ def _progress(name: str, voice: Voice) -> Iterator[Progress]:
     if voice == "json":
         yield lambda stage: typer.echo(json.dumps({"case": name, "stage": stage}))
         return
-    with stages(name) as told:
-        yield told.say
+    with stages(name) as progress:
+        yield progress.say
 
 
 def _show(case: Case, summary: Mapping[str, Any]) -> None:
@@ -318,5 +318,5 @@ def schema(
 
 
 def _schema_text(what: str) -> str:
-    made = json_schema() if what == "case" else study_schema()
-    return json.dumps(made, indent=2, ensure_ascii=False)
+    whole = json_schema() if what == "case" else study_schema()
+    return json.dumps(whole, indent=2, ensure_ascii=False)

@@ -83,10 +83,10 @@ def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve
     return engine.local(workers) if workers else nullcontext(engine.in_this_process)
 
 
-def _show(plan: StudyPlan, done: StudyOutcome, found: StudyResults, folder: Path) -> None:
+def _show(plan: StudyPlan, done: StudyOutcome, results: StudyResults, folder: Path) -> None:
     rows = []
-    for name in found.outputs:
-        band, unit = found.band(name), found.units[name]
+    for name in results.outputs:
+        band, unit = results.band(name), results.units[name]
         if band is not None:
             low, _, middle, _, high = map(number, band.quantiles)
             label = name if unit == "1" else f"{name}, {unit}"
@@ -94,7 +94,7 @@ def _show(plan: StudyPlan, done: StudyOutcome, found: StudyResults, folder: Path
     header = ("", "mean", "SD", "2.5 %", "median", "97.5 %")
     if rows:
         print_table(f"{plan.title}: {len(plan.points)} runs", header, rows)
-    _show_fits(found)
+    _show_fits(results)
     count = done.count
     for reason, times in count.reasons.most_common(REASONS):
         typer.echo(f"{times} without an answer: {reason}")
@@ -111,14 +111,14 @@ def _show(plan: StudyPlan, done: StudyOutcome, found: StudyResults, folder: Path
     )
 
 
-def _show_fits(found: StudyResults) -> None:
+def _show_fits(results: StudyResults) -> None:
     """How much of each output a sum of straight lines explains, and a quadratic."""
     rows = []
-    for name in found.outputs:
-        line, surface = found.slopes(name), found.surface(name)
+    for name in results.outputs:
+        line, surface = results.slopes(name), results.surface(name)
         if line is not None and surface is not None:
             fits = [number(x, 3) for x in (line.r2, line.rms, surface.r2, surface.rms)]
-            pair, change = next(iter(found.pairs(name).items()), ((), 0.0))
+            pair, change = next(iter(results.pairs(name).items()), ((), 0.0))
             strongest = f"{' x '.join(pair)} {number(change, 3)}" if pair else ""
             rows.append((name, *fits, strongest))
     header = ("", "R2 linear", "RMS left", "R2 with products", "RMS left", "strongest pair")
@@ -131,13 +131,13 @@ def status(
 ) -> None:
     """How far the studies of a store are."""
     with exit_on_error():
-        found = notes(store)
-        if not found:
+        studies = notes(store)
+        if not studies:
             typer.echo(f"{store}: no study has begun")
             return
         header = ("study", "done", "failed", "handed out", "waiting", "rate", "left", "")
         table = Table(*header, box=box.SIMPLE, pad_edge=False)
-        for n in found:
+        for n in studies:
             rate = "-" if n.rate is None else f"{n.rate:.3g}/s"
             left = "-" if n.remaining is None else span(n.remaining)
             waiting = n.total - n.done - n.handed_out
@@ -149,9 +149,9 @@ def status(
 def bench_studies(runs: int | None = None) -> dict[str, float]:
     """Print what it costs to hand out runs, what a second worker gains and how many runs an hour
     more would solve; the ratios by name."""
-    found = dict(figures(lambda text: typer.echo(text, err=True), runs or RUNS))
-    for name, value in found.items():
+    measured = dict(figures(lambda text: typer.echo(text, err=True), runs or RUNS))
+    for name, value in measured.items():
         typer.echo(f"{name:<58} {value:.4g}")
     typer.echo(PLAN)
     times = (SECONDS, PER_HOUR)
-    return {name: value for name, value in found.items() if not name.startswith(times)}
+    return {name: value for name, value in measured.items() if not name.startswith(times)}

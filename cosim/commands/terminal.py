@@ -45,8 +45,8 @@ def warn_of_audits(missed: Mapping[str, Sequence[str]]) -> int:
 def warn(warnings: Mapping[str, Sequence[str]]) -> None:
     """Say on the error stream what to know of runs before their results are used, by the run's
     name; the exit code stays."""
-    for name, found in warnings.items():
-        for text in found:
+    for name, texts in warnings.items():
+        for text in texts:
             typer.echo(f"cosim: {name}: WARNING: {text}", err=True)
 
 

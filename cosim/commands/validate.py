@@ -64,8 +64,8 @@ def validate(
     """Run the validations; print the tally by what references rest on, the skill over null models,
     and every compared number, misses first."""
     with exit_on_error():
-        hoods, own = _hoods(settings or [])
-        if update and (only or own):
+        hoods, other_settings = _hoods(settings or [])
+        if update and (only or other_settings):
             raise InputError("--update takes all trials as they are: leave out --only and --set")
         if update and not PLACE.parent.is_dir():
             raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
@@ -74,19 +74,19 @@ def validate(
             _list(groups)
             return
         check_file(out / "scoreboard.json")
-        finer_groups = [] if finer is None else on_finer_meshes(groups, finer, own)
-        boards = run_validation(groups, out, own, workers, _progress)
+        finer_groups = [] if finer is None else on_finer_meshes(groups, finer, other_settings)
+        boards = run_validation(groups, out, other_settings, workers, _progress)
         again = run_validation(finer_groups, out / "finer", (), workers, _progress)
-        found = changes(boards, again)
+        mesh_changes = changes(boards, again)
         places = [out / "scoreboard.json", *([PLACE] if update else [])]
         for place in places:
             write_scoreboard(place, boards)
             if finer is not None:
-                write_changes(place.with_name(CHANGES), finer, again, found)
-        write_page(out / "scoreboard.html", boards, found)
+                write_changes(place.with_name(CHANGES), finer, again, mesh_changes)
+        write_page(out / "scoreboard.html", boards, mesh_changes)
     _print(boards)
     if finer is not None:
-        _print_changes(again, found)
+        _print_changes(again, mesh_changes)
     typer.echo(f"scoreboard in {out / 'scoreboard.html'} and {' and '.join(map(str, places))}")
     every = (*boards, *again)
     missed = warn_of_audits(
@@ -128,12 +128,12 @@ def _print(boards: list[Board]) -> None:
 def _print_tallies(board: Board) -> None:
     variant = " (variant)" if board.variant else ""
     console().print(f"\n{board.group}{variant}: {board.headline}")
-    for answer, found in board.tallies().items():
-        console().print(f"  {answer}: {_summary_sentence(found) or 'nothing counts'}")
+    for answer, counts in board.tallies().items():
+        console().print(f"  {answer}: {_summary_sentence(counts) or 'nothing counts'}")
 
 
-def _summary_sentence(found: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} {word}" for word, count in found.items())
+def _summary_sentence(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {word}" for word, count in counts.items())
 
 
 def _print_rows(board: Board) -> None:
@@ -148,17 +148,17 @@ def _print_rows(board: Board) -> None:
     console().print(table)
 
 
-def _print_changes(again: list[Board], found: list[Change]) -> None:
+def _print_changes(again: list[Board], mesh_changes: list[Change]) -> None:
     screen = console()
     table = Table(title="mesh: what more quads change", title_justify="left")
     for name in ("what", "model", "finer", "change", "at most", "verdict"):
         table.add_column(name)
-    for c in found:
+    for c in mesh_changes:
         model = f"{number(c.model, 3)} {c.unit}"
         numbers = (number(value, 3) for value in (c.finer, c.change, c.bound))
         table.add_row(f"{c.name} [{c.case or c.group}]", model, *numbers, c.verdict)
     screen.print(table)
-    screen.print(", ".join(f"{count} {word}" for word, count in tally(found).items()))
+    screen.print(", ".join(f"{count} {word}" for word, count in tally(mesh_changes).items()))
     for board in again:
         _print_failures(board)
 

@@ -64,9 +64,9 @@ def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: boo
     with exit_on_error():
         studies = select_studies(only, slow, studies)
     rows: list[Row] = []
-    with stages("verify", len(studies)) as told:
+    with stages("verify", len(studies)) as progress:
         for study in studies:
-            told.begin(study.name)
+            progress.begin(study.name)
             rows += list(study.rows())
     _print(rows, as_json)
     raise typer.Exit(0 if all(row.passed for row in rows) else 1)
@@ -100,8 +100,8 @@ def coupling(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> 
     from cosim.verification import thesis as verification_thesis
     from cosim.verification.fmu import studies
 
-    here = (verification_coupling, verification_rest, verification_thesis)
-    all_studies = [study for module in here for study in module.STUDIES]
+    modules = (verification_coupling, verification_rest, verification_thesis)
+    all_studies = [study for module in modules for study in module.STUDIES]
     _verify((*all_studies, *studies()), as_json, only, slow)
 
 
@@ -128,9 +128,9 @@ def studies(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> N
 def info() -> None:
     """What is installed and in use, and what would be faster."""
     with exit_on_error():
-        found = dict(facts()) | dict(_for_purposes())
-    wide = max(map(len, found))
-    for name, value in found.items():
+        installed = dict(facts()) | dict(_for_purposes())
+    wide = max(map(len, installed))
+    for name, value in installed.items():
         typer.echo(f"{name:{wide}}  {value}")
 
 

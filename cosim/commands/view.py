@@ -35,8 +35,8 @@ def view(
             raise InputError(f"{folder}: this run has no deformable hood to show")
         if not _has_display():
             picture = folder / "picture.png"
-            there = f"the picture is {picture}" if picture.is_file() else "nor was a picture made"
-            typer.echo(f"there is no display here; {there}")
+            instead = f"the picture is {picture}" if picture.is_file() else "nor was a picture made"
+            typer.echo(f"there is no display here; {instead}")
             return
 
         cosim.open_run(folder).view().show()
@@ -63,11 +63,11 @@ def mesh(
     with exit_on_error():
         check_file(out)
         typer.echo(f"{checked.name}: laying out the hood", err=True)
-        made = hood_mesh(checked)
-        lost = write_hood(made, skeleton_of(checked.native_finger()), out)
-        typer.echo(f"{len(made.quads)} quads in {shown_path(out)}")
+        generated = hood_mesh(checked)
+        lost = write_hood(generated, skeleton_of(checked.native_finger()), out)
+        typer.echo(f"{len(generated.quads)} quads in {shown_path(out)}")
         if lost:
             typer.echo(f"not in the file: {lost}")
-        if any(made.rest_posture.values()):
-            angles = ", ".join(f"{j} {degrees(a):g}" for j, a in made.rest_posture.items())
+        if any(generated.rest_posture.values()):
+            angles = ", ".join(f"{j} {degrees(a):g}" for j, a in generated.rest_posture.items())
             typer.echo(f"laid at {angles} deg (cosim new --posture)")

@@ -47,18 +47,18 @@ def warm() -> None:
     """Compile the kernels and bake the distances of the bones that the shipped cases need, so that
     no later run waits for it: after an installation, or while an image of a container is built."""
     started = time.perf_counter()
-    with exit_on_error(), stages("warm", len(WARMUPS) + 1) as told:
-        told.begin("distances of a surface")
+    with exit_on_error(), stages("warm", len(WARMUPS) + 1) as progress:
+        progress.begin("distances of a surface")
         _bake_tetrahedron()
         _check_kept()
         for warmup in WARMUPS:
-            told.begin(warmup.what)
+            progress.begin(warmup.what)
             _warm_up(warmup)
         _check_kept()
     kernels = list(compiled_kernels())
-    made, found = sum(k.compiled for k in kernels), sum(k.loaded for k in kernels)
+    compiled, loaded = sum(k.compiled for k in kernels), sum(k.loaded for k in kernels)
     seconds = time.perf_counter() - started
-    typer.echo(f"{made} kernels compiled and {found} found compiled, in {seconds:.0f} s")
+    typer.echo(f"{compiled} kernels compiled and {loaded} found compiled, in {seconds:.0f} s")
     for folder in sorted({k.folder for k in kernels if k.folder is not None}):
         typer.echo(f"kernels are kept in {shown_path(folder)}")
     typer.echo(f"distances of bones are kept {_bones_folder()}")

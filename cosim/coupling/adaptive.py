@@ -67,11 +67,11 @@ def adaptive_step(
     Raises ConvergenceError where a step of the floor's length misses the tolerance, or fails."""
     h, rejected, more = min(dt, control.ceiling), 0, 0
     while True:
-        found = _try_step(scheme, finger, hood, state, tension, h)
-        if isinstance(found, ConvergenceError):
+        outcome = _try_step(scheme, finger, hood, state, tension, h)
+        if isinstance(outcome, ConvergenceError):
             error, proposed = np.nan, 0.5 * h
         else:
-            half, halves, error, solves = found
+            half, halves, error, solves = outcome
             proposed = h * _step_growth(control.tolerance, error)
             more += solves
             if error <= control.tolerance:
@@ -80,7 +80,7 @@ def adaptive_step(
             more += halves.solves - state.solves
         if h <= control.floor:
             raise _step_error(state.time, h, error, control) from (
-                found if isinstance(found, ConvergenceError) else None
+                outcome if isinstance(outcome, ConvergenceError) else None
             )
         h, rejected = max(min(proposed, 0.9 * h), control.floor), rejected + 1
 

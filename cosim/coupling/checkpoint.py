@@ -69,10 +69,10 @@ def read_checkpoint(
     stated, code = (str(arrays.pop(key, "")) for key in ("case", "code"))
     if stated != case:
         raise InputError(f"{path}: belongs to another case than {folder / 'case.toml'} says")
-    own, seen = (_under(arrays, start) for start in (FRAMES, SHAPES))
+    frame_arrays, seen = (_under(arrays, start) for start in (FRAMES, SHAPES))
     try:
         moment = rebuild(template.moment, arrays, special)
-        frames, tips = _unstack_frames(own)
+        frames, tips = _unstack_frames(frame_arrays)
         shapes = tuple({k: v[i] for k, v in seen.items()} for i in range(len(seen.get("time", ()))))
     except (KeyError, ValueError, TypeError, IndexError) as error:
         raise InputError(f"{path}: is no whole checkpoint ({error}); run the case anew") from error
@@ -81,8 +81,8 @@ def read_checkpoint(
 
 def _under(arrays: dict[str, Any], start: str) -> dict[str, Any]:
     """The arrays whose paths begin so, by the rest of their paths; they are taken out."""
-    own = [name for name in arrays if name.startswith(f"{start}/")]
-    return {name.partition("/")[2]: arrays.pop(name) for name in own}
+    names = [name for name in arrays if name.startswith(f"{start}/")]
+    return {name.partition("/")[2]: arrays.pop(name) for name in names}
 
 
 FIELDS = (

@@ -118,8 +118,8 @@ def equilibrium(
         solver = hood if exact else hood.with_tolerance(LOOSE)
         response, first = first or solver.advance(state, motion, tensions.hood, STATIC), None
         jacobian = solver.jacobian(response.state)
-        now = finger.balance(finger_state, response.load, tensions.finger)
-        interface = np.nan if now is None else now.relative
+        balance = finger.balance(finger_state, response.load, tensions.finger)
+        interface = np.nan if balance is None else balance.relative
         progress(f"coupling round {iteration}: {_progress_text(interface, turn)}")
         is_late = iteration > PATIENCE and part > LEAST_PART
         if is_late and way is not None and interface > max(way.interface, options.tolerance):
@@ -136,10 +136,10 @@ def equilibrium(
         turn = float(np.abs(finger.angles(aim) - finger.angles(finger_state)).max())
         if exact and _is_at_rest(interface, turn, options.tolerance):
             return Equilibrium(
-                aim if now is None else finger_state,
+                aim if balance is None else finger_state,
                 motion,
                 response,
-                now,
+                balance,
                 jacobian,
                 *tensions,
                 finger_residual,
@@ -147,7 +147,7 @@ def equilibrium(
                 iteration,
                 turn,
             )
-        exact = turn <= AT_REST if now is None else interface <= NEAR
+        exact = turn <= AT_REST if balance is None else interface <= NEAR
         way, part = _CouplingStep(finger_state, response.state, aim, interface), 1.0
         finger_state, state = aim, response.state
     raise ConvergenceError(
@@ -219,8 +219,8 @@ def reciprocity(
         move = np.zeros(len(finger.unknowns(e.finger_state)))
         move[: len(way)] = sign * step * way
         motion = finger.motion(finger.displace(e.finger_state, move))
-        there = hood.advance(e.response.state, motion, e.hood_tension, STATIC)
-        excursion.append(there.excursion)
+        turned = hood.advance(e.response.state, motion, e.hood_tension, STATIC)
+        excursion.append(turned.excursion)
     by_excursion = (excursion[0] - excursion[1]) / (2 * step)
     along = way @ by_force
     return float(np.abs(by_excursion - along).max() / np.abs(along).max())

@@ -67,17 +67,17 @@ def solve_excursions(
     """What comes of the tensions with which the tendons have the excursions of `time` s, or are
     slack.  Raises ConvergenceError."""
     aim, tension = at.start + prescribed.excursion(time), at.tension
-    result, found = trial(tension)
-    slope = at.slope if at.slope.size else _first_slope(trial, tension, found)
+    result, excursion = trial(tension)
+    slope = at.slope if at.slope.size else _first_slope(trial, tension, excursion)
     for _ in range(MOST_TRIALS):
-        gap = aim - found
+        gap = aim - excursion
         taut = (tension > 0) | (gap > 0)
         if np.abs(gap[taut]).max(initial=0.0) <= TOLERANCE:
-            return result, ExcursionState(tension, found, at.start, slope)
+            return result, ExcursionState(tension, excursion, at.start, slope)
         after = _next_tensions(tension, gap, taut, slope)
-        result, now = trial(after)
-        slope = _broyden_update(slope, after - tension, now - found)
-        tension, found = after, now
+        result, new_excursion = trial(after)
+        slope = _broyden_update(slope, after - tension, new_excursion - excursion)
+        tension, excursion = after, new_excursion
     off = np.where(taut, np.abs(gap), 0.0)
     raise ConvergenceError(
         f"tendons.{prescribed.names[int(np.argmax(off))]}.excursion: in {MOST_TRIALS} trials no "
@@ -87,9 +87,9 @@ def solve_excursions(
     )
 
 
-def _first_slope(trial: Trial[T], tension: Array, found: Array) -> Array:
+def _first_slope(trial: Trial[T], tension: Array, start: Array) -> Array:
     columns = [
-        (trial(tension + pull)[1] - found) / FIRST_PULL for pull in FIRST_PULL * np.eye(len(found))
+        (trial(tension + pull)[1] - start) / FIRST_PULL for pull in FIRST_PULL * np.eye(len(start))
     ]
     return np.stack(columns, axis=1)
 

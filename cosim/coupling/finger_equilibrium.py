@@ -99,21 +99,21 @@ class _Root(NamedTuple):
 
 
 def _newton(
-    there: Callable[[Array], tuple[State, Balance]],
+    balance_at: Callable[[Array], tuple[State, Balance]],
     slope: Callable[[Array], Array],
     step: Array,
     enough: float,
 ) -> _Root | None:
     """A root near `step` by plain Newton, down to a relative residual of `enough` or to rounding
     error; None where a step does not lower the residual."""
-    state, balance = there(step)
+    state, balance = balance_at(step)
     for _ in range(MOST_STEPS):
         tangent = slope(step)
         try:
             trial = step - np.linalg.solve(tangent, balance.residual)
         except np.linalg.LinAlgError:
             return None
-        moved, after = there(trial)
+        moved, after = balance_at(trial)
         if not _size(after) < _size(balance):
             break
         step, state, balance = trial, moved, after

@@ -36,20 +36,20 @@ def fixed_point(
     for iteration in range(1, options.max_iterations + 1):
         motion = finger.motion(at)
         response = hood.advance(state, motion, tensions.hood, STATIC)
-        now = finger.balance(at, response.load, tensions.finger)
+        balance = finger.balance(at, response.load, tensions.finger)
         aim, finger_residual = finger.settle(
             at, response.load, held, tensions.finger, options.tolerance
         )
         angles, image = finger.angles(at), finger.angles(aim)
         turned = float(np.abs(image - angles).max())
-        interface = np.nan if now is None else now.relative
+        interface = np.nan if balance is None else balance.relative
         progress(f"fixed point, round {iteration}: a joint turns by {turned:.1e} rad")
-        if turned <= turn and (now is None or interface <= options.tolerance):
+        if turned <= turn and (balance is None or interface <= options.tolerance):
             return Equilibrium(
-                aim if now is None else at,
+                aim if balance is None else at,
                 motion,
                 response,
-                now,
+                balance,
                 hood.jacobian(response.state),
                 *tensions,
                 finger_residual,

@@ -205,10 +205,10 @@ class CoupledMotion:
         The hood solves of all trials are counted."""
         index, c, solves = self.prescribed.index, at.coupled, 0
 
-        def trial(found: Array) -> tuple[CoupledState, Array]:
+        def trial(displaced: Array) -> tuple[CoupledState, Array]:
             nonlocal solves
             pulls = tension.copy()
-            pulls[index] = found
+            pulls[index] = displaced
             after = self._step_under(c, pulls)
             solves += after.solves - c.solves
             return after, self._excursions(after)[index]

@@ -124,8 +124,8 @@ class FrozenHood:
         `at`."""
         out = self.by_tension.copy()
         for column in out.T:
-            own = column.reshape(-1, 6).copy()
-            for force, point, taken in self._added_forces(own):
+            wrench = column.reshape(-1, 6).copy()
+            for force, point, taken in self._added_forces(wrench):
                 arm = np.einsum("bij,bj->bi", self.at.rotation, point)
                 column += (at_points(force, arm) - taken).ravel()
         return out

@@ -47,10 +47,10 @@ def take_step(
         return pulls[:split], pulls[split:]
 
     dt = _first_try(until - c.time, at.pace.proposed)
-    found = adaptive_step(moves.scheme, moves.finger, moves.hood, c, tension, dt, control)
-    half = _state_after(moves, at, at, found.half, 0.5 * found.taken)
-    whole = _state_after(moves, at, half, found.state, 0.5 * found.taken)
-    return half, replace(whole, pace=_next_pace(at.pace, found))
+    step = adaptive_step(moves.scheme, moves.finger, moves.hood, c, tension, dt, control)
+    half = _state_after(moves, at, at, step.half, 0.5 * step.taken)
+    whole = _state_after(moves, at, half, step.state, 0.5 * step.taken)
+    return half, replace(whole, pace=_next_pace(at.pace, step))
 
 
 def _first_try(left: float, proposed: float) -> float:
@@ -62,18 +62,18 @@ def _first_try(left: float, proposed: float) -> float:
 
 
 def _state_after(
-    moves: CoupledMotion, at: MotionState, before: MotionState, c: CoupledState, dt: float
+    moves: CoupledMotion, at: MotionState, last: MotionState, c: CoupledState, dt: float
 ) -> MotionState:
-    """The state `c`, `dt` s after `before`, in the step that began at `at`."""
-    lost = before.dissipated + dt * moves.finger.dissipation(c.finger)
-    slipped = before.slipped + moves.finger.device_loss(c.finger)
+    """The state `c`, `dt` s after `last`, in the step that began at `at`."""
+    lost = last.dissipated + dt * moves.finger.dissipation(c.finger)
+    slipped = last.slipped + moves.finger.device_loss(c.finger)
     return MotionState(c, moves.tendon_pull(at, c.time).state, lost, slipped, at.pace, at.draw)
 
 
-def _next_pace(before: Pace, found: AdaptiveStep) -> Pace:
+def _next_pace(last: Pace, step: AdaptiveStep) -> Pace:
     return Pace(
-        found.proposed,
-        before.accepted + 1,
-        before.rejected + found.rejected,
-        max(before.error, found.error),
+        step.proposed,
+        last.accepted + 1,
+        last.rejected + step.rejected,
+        max(last.error, step.error),
     )

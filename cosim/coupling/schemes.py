@@ -174,8 +174,8 @@ def _alone(finger: MovingFinger, state: CoupledState, tension: Pulls, dt: float)
 def _with_own_work(
     finger: MovingFinger, state: CoupledState, moved: State, tension: Array
 ) -> Energy:
-    then, now = (finger.path_lengths(finger.angles(at)) for at in (state.finger, moved))
-    work, e = 0.5 * (state.tension[1] + tension) * (then - now), state.energy
+    old, new = (finger.path_lengths(finger.angles(at)) for at in (state.finger, moved))
+    work, e = 0.5 * (state.tension[1] + tension) * (old - new), state.energy
     effort = e.effort + float(np.abs(work).sum())
     return replace(e, own=e.own + float(work.sum()), effort=effort)
 
@@ -203,7 +203,7 @@ def _implicit(
     dt: float,
 ) -> CoupledState:
     pulls, accelerator = tension(state.time + dt), _accelerator(scheme)
-    before, history = state.answer, start_step(accelerator, state.history)
+    last_answer, history = state.answer, start_step(accelerator, state.history)
     last, angles, same_set = finger.angles(state.finger), _predict_angles(finger, state, dt), True
     for solves in range(1, scheme.most_solves + 1):
         answer = _ask_hood(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
@@ -211,18 +211,18 @@ def _implicit(
             # Once a step: an iteration that hops to and fro would never learn.
             same_set, history = False, reset_history(accelerator, history)
         moved = finger.step(state.finger, answer.load(), pulls[1], dt)
-        there = finger.angles(moved)
-        turn = float(np.abs(there - angles).max())
+        moved_angles = finger.angles(moved)
+        turn = float(np.abs(moved_angles - angles).max())
         if turn <= scheme.tolerance:
-            predicted = before.predict(answer.motion, pulls[0])
+            predicted = last_answer.predict(answer.motion, pulls[0])
             gap = interface_residual(predicted, answer, scheme.length)
             residual = gap * min(1.0, turn / (np.abs(angles - last).max() or turn or 1.0))
-            point = hood_point(answer, finger.motion(there))
+            point = hood_point(answer, finger.motion(moved_angles))
             after = advance_state(finger, state, moved, answer, point, point.wrench, pulls, dt)
             solves += state.solves
             return replace(after, residual=residual, solves=solves, history=history)
-        before, last = answer, angles
-        aim, history = accelerate(accelerator, history, angles, there)
+        last_answer, last = answer, angles
+        aim, history = accelerate(accelerator, history, angles, moved_angles)
         angles = last + (aim - last) * min(1.0, MOST_TURN / (np.abs(aim - last).max() or 1.0))
     raise ConvergenceError(
         f"hood and finger did not agree in the step from t = {state.time:.6g} s to "
@@ -294,12 +294,12 @@ def explicit_limit(finger: MovingFinger, hood: Hood, state: CoupledState, dt: fl
     the hood's Jacobian K and the finger's answers h^2 I^-1 K dq to the load of small turns dq;
     infinite where the hood does not push back."""
     q = finger.angles(state.finger)
-    load, own = state.answer.held_load(), state.tension[1]
+    load, native = state.answer.held_load(), state.tension[1]
     slope = hood.jacobian(state.hood).load_motion @ finger.jacobian(q)
-    still = finger.angles(finger.step(state.finger, load, own, dt))
+    still = finger.angles(finger.step(state.finger, load, native, dt))
     turn, answers = 1e-5, []
     for change in slope.T:
         pushed = replace(load, wrench=load.wrench + turn * change.reshape(-1, 6))
-        answers.append(finger.angles(finger.step(state.finger, pushed, own, dt)) - still)
+        answers.append(finger.angles(finger.step(state.finger, pushed, native, dt)) - still)
     most = float(np.linalg.eigvals(-np.array(answers).T / turn).real.max())
     return 2 * dt / np.sqrt(most) if most > 0 else np.inf

@@ -186,20 +186,20 @@ def _update_energy(
     applied: Array,
     pulls: tuple[Array, Array],
 ) -> Energy:
-    e, before, last = state.energy, state.answer, state.point
+    e, last_answer, last = state.energy, state.answer, state.point
     q, then = finger.angles(moved), finger.angles(state.finger)
     turned = finger.motion(then).twist_to(finger.motion(q))
     tendons = 0.5 * (state.tension[0] + pulls[0]) * (point.excursion - last.excursion)
     shorter = finger.path_lengths(then) - finger.path_lengths(q)
-    own = 0.5 * (state.tension[1] + pulls[1]) * shorter
+    native_work = 0.5 * (state.tension[1] + pulls[1]) * shorter
     passed = 0.5 * (last.wrench + point.wrench) * last.motion.twist_to(point.motion)
-    asked = before.motion.twist_to(answer.motion)
-    beyond = before.predict_from_twist(asked, answer.tension) - answer.response.load.total()
+    asked = last_answer.motion.twist_to(answer.motion)
+    beyond = last_answer.predict_from_twist(asked, answer.tension) - answer.response.load.total()
     hood = e.hood + float(passed.sum())
     return Energy(
         tendons=e.tendons + float(tendons.sum()),
-        own=e.own + float(own.sum()),
-        effort=e.effort + float(np.abs(tendons).sum() + np.abs(own).sum()),
+        own=e.own + float(native_work.sum()),
+        effort=e.effort + float(np.abs(tendons).sum() + np.abs(native_work).sum()),
         load=e.load + float((applied * turned).sum()),
         hood=hood,
         most=max(e.most, hood),

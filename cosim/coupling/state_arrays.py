@@ -69,8 +69,8 @@ def _plain_leaves(value: Any, path: str, special: Special) -> Iterator[tuple[str
 def _build(template: Any, arrays: Arrays, path: str, special: Special) -> Any:
     if type(template) in special:
         start = f"{path}/"
-        own = {k[len(start) :]: arrays.pop(k) for k in list(arrays) if k.startswith(start)}
-        return special[type(template)][1](template, own)
+        inner = {k[len(start) :]: arrays.pop(k) for k in list(arrays) if k.startswith(start)}
+        return special[type(template)][1](template, inner)
     if path in arrays and arrays[path].shape == () and str(arrays[path]) == NONE:
         arrays.pop(path)
         return None

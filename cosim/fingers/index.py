@@ -133,9 +133,9 @@ def model(finger: IndexFingerConfig, extensor: Extensor) -> FingerModel:
     from rigid.fingers import index
 
     if finger.path is not None:
-        made = _in_file(finger.path)
+        whole = _in_file(finger.path)
         hooded = index.hood_strands() if extensor.central is None else ()
-        return made.with_only(*(m for m in made.muscles if m not in hooded))
+        return whole.with_only(*(m for m in whole.muscles if m not in hooded))
     return _model_of_size(finger.length_scale, extensor.central)
 
 

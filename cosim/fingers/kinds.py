@@ -66,17 +66,17 @@ def live_finger(finger: NativeFinger, extensor: Extensor) -> ChainFinger:
     Raises InputError for one that cannot be held where the case holds it."""
     build = FINGERS[finger.kind].build
     assert build is not None
-    made = build(finger, extensor)
+    live = build(finger, extensor)
     if finger.tip.kind not in ("point", "clamped"):
-        return made
-    if made.support_arm(made.start(finger.posture.angles())) < LEAST_ARM:
+        return live
+    if live.support_arm(live.start(finger.posture.angles())) < LEAST_ARM:
         # Its fingertip force would be as large as rounding and the hood's slightest pull make it.
         raise InputError(
             "finger.posture: a straight finger cannot be held at its tip (finger.tip.kind = "
             f'"{finger.tip.kind}"): no joint torque balances a force along it. Bend PIP or DIP by '
             'some degrees, or write finger.tip.kind = "free"'
         )
-    return made
+    return live
 
 
 def finger_model(finger: NativeFinger, extensor: Extensor) -> FingerModel:

@@ -71,10 +71,10 @@ def model(finger: RobotFingerConfig, extensor: Extensor) -> FingerModel:
     from rigid.fingers.robot import robot_finger
     from rigid.fingers.robot_tables import TENDONS
 
-    made = robot_finger(finger.second_extensor)
+    whole = robot_finger(finger.second_extensor)
     if extensor.central is not None:
-        return made
-    return made.with_only(*(m for m in made.muscles if m != TENDONS[0]))
+        return whole
+    return whole.with_only(*(m for m in whole.muscles if m != TENDONS[0]))
 
 
 def build(finger: RobotFingerConfig, extensor: Extensor) -> ChainFinger:

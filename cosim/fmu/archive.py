@@ -135,11 +135,11 @@ def _read_description(path: Path, folder: Path) -> ModelDescription:
     from fmpy import read_model_description
 
     try:
-        found: ModelDescription = read_model_description(str(folder), validate=True)
+        description: ModelDescription = read_model_description(str(folder), validate=True)
     except Exception as error:  # FMPy raises Exception itself for what it does not understand
         lines = " ".join(str(error).split())[:300]
         raise InputError(f"{path}: {DESCRIPTION} is not valid: {lines}") from error
-    return found
+    return description
 
 
 def _unfit(described: Any, folder: Path) -> str:
@@ -151,9 +151,9 @@ def _unfit(described: Any, folder: Path) -> str:
         return f"modelIdentifier {identifier!r} is no name in the sense of C"
     import fmpy
 
-    here = fmpy.platform if described.fmiVersion == "2.0" else fmpy.platform_tuple
-    binary = folder / "binaries" / here / f"{identifier}{fmpy.sharedLibraryExtension}"
+    platform = fmpy.platform if described.fmiVersion == "2.0" else fmpy.platform_tuple
+    binary = folder / "binaries" / platform / f"{identifier}{fmpy.sharedLibraryExtension}"
     if binary.is_file():
         return ""
-    there = sorted(p.name for p in (folder / "binaries").glob("*")) or ["none"]
-    return f"has no binary for this machine, {here}; it has {', '.join(there)}"
+    platforms = sorted(p.name for p in (folder / "binaries").glob("*")) or ["none"]
+    return f"has no binary for this machine, {platform}; it has {', '.join(platforms)}"

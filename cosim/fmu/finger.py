@@ -293,8 +293,8 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
 
     def _read_state(self) -> FmuMovingState:
         answers = ("angle", "rate", "tip_force", "tip_moment", "energy", "dissipation")
-        told = self.unit.values(self._place, answers)
-        self.kinematics.read_pose(told["angle"])
-        tip = np.concatenate([told["tip_force"], told.get("tip_moment", np.zeros(3))])
-        power = float(told["energy"]), float(told["dissipation"])
-        return FmuMovingState(self.unit.save(), told["angle"], told["rate"], tip, *power)
+        values = self.unit.values(self._place, answers)
+        self.kinematics.read_pose(values["angle"])
+        tip = np.concatenate([values["tip_force"], values.get("tip_moment", np.zeros(3))])
+        power = float(values["energy"]), float(values["dissipation"])
+        return FmuMovingState(self.unit.save(), values["angle"], values["rate"], tip, *power)

@@ -90,9 +90,9 @@ class FmuKinematics:
         return self._keep(angles, self._read())
 
     def _read(self) -> FmuPose:
-        told = self._unit.values(self._place, ("position", "rotation", "tip", "path"))
-        motion = Motion(self._bodies, told["position"], told["rotation"])
-        return FmuPose(motion, told.get("tip"), told.get("path", np.zeros(0)))
+        values = self._unit.values(self._place, ("position", "rotation", "tip", "path"))
+        motion = Motion(self._bodies, values["position"], values["rotation"])
+        return FmuPose(motion, values.get("tip"), values.get("path", np.zeros(0)))
 
     def _keep(self, angles: Array, pose: FmuPose) -> FmuPose:
         self._kept[np.asarray(angles).tobytes()] = pose

@@ -58,7 +58,7 @@ def places(
     ]
     variables = {v.name: v for v in opened.description.modelVariables}
     is_scalar = opened.description.fmiVersion == "2.0"
-    found = {}
+    located = {}
     for q in quantities:
         template = names.get(q.name, q.template if is_scalar else q.name)
         try:
@@ -73,11 +73,11 @@ def places(
         if missing:
             faults.append(_absent(q, missing, variables))
             continue
-        here = [variables[name] for name in entries]
-        faults += _misfits(q, here, len(entries), _units(opened), assume_si)
-        found[q.name] = VariablePlace(tuple(v.valueReference for v in here), q.shape, q.switch)
+        matched = [variables[name] for name in entries]
+        faults += _misfits(q, matched, len(entries), _units(opened), assume_si)
+        located[q.name] = VariablePlace(tuple(v.valueReference for v in matched), q.shape, q.switch)
     _refuse(opened.path, faults)
-    return found
+    return located
 
 
 def _absent(quantity: Quantity, missing: Sequence[str], variables: Mapping[str, Any]) -> str:
@@ -124,8 +124,8 @@ def _wrong_unit(q: Quantity, variable: Any, units: Mapping[str, Any], assume_si:
     if base is None:
         return "" if name == q.unit else f"{variable.name}: is in {name!r}, expected {q.unit}"
     powers = {b: int(getattr(base, b)) for b in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")}
-    here = {b: power for b, power in powers.items() if power}
-    if here == UNITS[q.unit] and float(base.factor) == 1.0 and float(base.offset) == 0.0:
+    stated = {b: power for b, power in powers.items() if power}
+    if stated == UNITS[q.unit] and float(base.factor) == 1.0 and float(base.offset) == 0.0:
         return ""
     scale = "" if float(base.factor) == 1.0 else f" ({base.factor} SI units)"
     return f"{variable.name}: is in {name}{scale}, expected {q.unit}"

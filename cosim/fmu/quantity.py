@@ -137,12 +137,12 @@ def tangent_of(bodies: tuple[str, ...], tendons: tuple[str, ...]) -> list[Quanti
     load: tuple[Axis, ...] = (("body", bodies), ("load", WRENCH))
     twist: tuple[Axis, ...] = (("moved", bodies), ("twist", TWIST))
     pulled: Axis = ("tendon", tendons)
-    other: Axis = ("pulled", tendons)
+    pulls: Axis = ("pulled", tendons)
     return [
         Quantity("load_motion", "output", "", "d wrench / d twist, SI.", (*load, *twist)),
         Quantity("load_tension", "output", "", "d wrench / d tension, SI.", (*load, pulled)),
         Quantity("excursion_motion", "output", "", "d excursion / d twist, SI.", (pulled, *twist)),
-        Quantity("excursion_tension", "output", "m/N", "d excursion / d tension.", (pulled, other)),
+        Quantity("excursion_tension", "output", "m/N", "d excursion / d tension.", (pulled, pulls)),
     ]
 
 

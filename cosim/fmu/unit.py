@@ -199,12 +199,12 @@ class Unit:
             unzipDirectory=str(self.opened.folder),
         )
         with chdir("."):  # FMPy changes the folder and stays there where a library does not load
-            made = self._call(load, InputError, "cannot be loaded")
+            slave = self._call(load, InputError, "cannot be loaded")
         log = self._log
         logger = {"callbacks": _listening()} if self.is_fmi2 else {"logMessage": _logger(log)}
-        instantiate = partial(made.instantiate, loggingOn=True, **logger)
+        instantiate = partial(slave.instantiate, loggingOn=True, **logger)
         self._call(instantiate, InputError, "cannot be instantiated")
-        return made
+        return slave
 
     def _initialise(self) -> None:
         if self.is_fmi2:
@@ -220,8 +220,8 @@ class Unit:
         try:
             return call()
         except Exception as failure:  # FMPy raises Exception itself
-            said = "; ".join(self._log[-MOST_LOGGED:])
-            reason = said or str(failure)
+            logged = "; ".join(self._log[-MOST_LOGGED:])
+            reason = logged or str(failure)
             raise error(f"{self.opened.path}: {what}: {reason}") from failure
 
 

@@ -45,9 +45,9 @@ def _repeat_outputs(root: Element) -> None:
 
 
 def _find(root: Element, path: str) -> Element:
-    found = root.find(path)
-    assert found is not None
-    return found
+    element = root.find(path)
+    assert element is not None
+    return element
 
 
 def _finish_arrays(root: Element, run: UnitRun) -> None:

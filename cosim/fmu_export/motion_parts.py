@@ -122,9 +122,9 @@ class MovingFingerPart(UnitPart):
         if "load_motion" not in given:
             at = self.finger.motion(self.finger.angles(state))
             return AffineLoad(at, wrench, np.zeros((n, n)))
-        there = {"position": given["load_position"], "rotation": given["load_rotation"]}
+        pose = {"position": given["load_position"], "rotation": given["load_rotation"]}
         slope = given["load_motion"].reshape(n, n)
-        return AffineLoad(motion_of_input(bodies, there), wrench, slope)
+        return AffineLoad(motion_of_input(bodies, pose), wrench, slope)
 
     def _outputs(self, state: State) -> Values:
         return {

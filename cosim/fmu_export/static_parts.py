@@ -147,8 +147,8 @@ class FingerPart(UnitPart):
         return self.finger.displace(start, step)
 
     def _outputs(self, state: State, tip_force: Array) -> dict[str, Array]:
-        found = {"angle": self.finger.angles(state), "tip_force": tip_force}
-        return {**found, **self._places(state)}
+        outputs = {"angle": self.finger.angles(state), "tip_force": tip_force}
+        return {**outputs, **self._places(state)}
 
     def _places(self, state: State) -> dict[str, Array]:
         f = self.finger
@@ -192,8 +192,8 @@ class CoupledPart(UnitPart):
         """`dt` plays no part: nothing here moves in time."""
         if state is None:
             state = self._rest()
-        now = self._solve(state.now, given["tension"])
-        state = _CoupledPartState(now, state.rest_excursion, state.rest_path)
+        solved = self._solve(state.now, given["tension"])
+        state = _CoupledPartState(solved, state.rest_excursion, state.rest_path)
         return state, self._outputs(state)
 
     def template(self) -> State:
@@ -211,16 +211,16 @@ class CoupledPart(UnitPart):
         )
         return _CoupledPartState(rest, rest.excursion, finger.path_lengths(rest.finger_state))
 
-    def _solve(self, before: Equilibrium, tension: Array) -> Equilibrium:
+    def _solve(self, last: Equilibrium, tension: Array) -> Equilibrium:
         """The equilibrium under other tensions: a hood whose tensions change is carried to its
         bodies anew.  Under the tensions that it balances an equilibrium stays as it is."""
-        if np.array_equal(tension, [*before.hood_tension, *before.finger_tension]):
-            return before
+        if np.array_equal(tension, [*last.hood_tension, *last.finger_tension]):
+            return last
         hood, finger = np.split(tension, [len(self.models.hood.tendons)])
-        state = before.response.state
-        if not np.array_equal(hood, before.hood_tension):
-            state = self.models.hood.start(before.motion)
-        start = PairState(before.finger_state, state)
+        state = last.response.state
+        if not np.array_equal(hood, last.hood_tension):
+            state = self.models.hood.start(last.motion)
+        start = PairState(last.finger_state, state)
         return equilibrium(self.models.pair, start, Tensions(hood, finger), self.options)
 
     def _slips(self) -> list[Quantity]:
@@ -230,14 +230,14 @@ class CoupledPart(UnitPart):
         return [Quantity("slip_force", "output", "N", "Force in the hood's slip.", over)]
 
     def _outputs(self, state: _CoupledPartState) -> Values:
-        now, finger = state.now, self.models.finger
-        own = state.rest_path - finger.path_lengths(now.finger_state)
+        solved, finger = state.now, self.models.finger
+        of_native = state.rest_path - finger.path_lengths(solved.finger_state)
         out = {
-            "angle": finger.angles(now.finger_state),
-            "tip_force": now.known_balance.tip_force,
-            "excursion": np.concatenate([now.excursion - state.rest_excursion, own]),
+            "angle": finger.angles(solved.finger_state),
+            "tip_force": solved.known_balance.tip_force,
+            "excursion": np.concatenate([solved.excursion - state.rest_excursion, of_native]),
         }
         if self.models.slips is not None:
-            slips = self.models.slips(now.response.state)
+            slips = self.models.slips(solved.response.state)
             out["slip_force"] = np.array([slips["central"], slips["terminal"]])
         return out

@@ -156,8 +156,8 @@ def rope_lines(hood: FeHood, state: State) -> dict[str, Array]:
         return {}
     at = c.position[ropes.body] + ropes.arm(c.rotation)
     places = np.stack([c.x[ropes.node], at, at + MUSCLE * ropes.along(c.rotation)], axis=1)
-    own = zip(hood.tendons, ropes.share, strict=True)
-    return {t: np.tensordot(share, places, 1) for t, share in own if share.any()}
+    shares = zip(hood.tendons, ropes.share, strict=True)
+    return {t: np.tensordot(share, places, 1) for t, share in shares if share.any()}
 
 
 def slip_forces(hood: FeHood, state: State) -> dict[str, float]:
@@ -182,14 +182,14 @@ def guide_depth(hood: FeHood) -> float:
     start = (model.reference[model.guides.node] - hood.rest.position[0]) @ hood.rest.rotation[0]
     dorsal = start[:, 2] > 0
     way = lines_to_joint(start[dorsal])
-    own = model.guides.node[dorsal]
+    nodes = model.guides.node[dorsal]
     deepest = 0.0
     for contact in model.contacts:
         if contact.body != 0:
             continue
-        apart = model.reference[own][:, None] - model.reference[contact.nodes]
+        apart = model.reference[nodes][:, None] - model.reference[contact.nodes]
         next_to = np.linalg.norm(apart, axis=2).argmin(axis=1)
-        level = (contact.offset - lift[contact.nodes])[next_to] + lift[own]
+        level = (contact.offset - lift[contact.nodes])[next_to] + lift[nodes]
         depth = np.repeat(level, way.shape[1]) - contact.surface.distance(way.reshape(-1, 3)).value
         deepest = max(deepest, float(depth.max(initial=0.0)))
     return deepest

@@ -57,11 +57,11 @@ def adhesions(
         nodes = _nodes(hood, part)
         beneath = _bone_beneath(hood.station[nodes])
         for i in np.unique(beneath):
-            body, own = rest.bodies[i], nodes[beneath == i]
-            local = (points[own] - rest.position[i]) @ rest.rotation[i]
+            body, on_body = rest.bodies[i], nodes[beneath == i]
+            local = (points[on_body] - rest.position[i]) @ rest.rotation[i]
             anchors = (local[:, None] + STRUT * np.eye(3)).reshape(-1, 3)
-            stiffness = 3 * lesion.adhesion * len(own) / len(nodes) if lesion else 0.0
-            held = Attachment(body, np.repeat(own, 3), anchors)
+            stiffness = 3 * lesion.adhesion * len(on_body) / len(nodes) if lesion else 0.0
+            held = Attachment(body, np.repeat(on_body, 3), anchors)
             out[f"adhesion_{part}_{body}"] = Adhesion(held, stiffness)
     return out
 

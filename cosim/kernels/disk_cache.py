@@ -83,10 +83,10 @@ class KernelCache(caching.NullCache):
         """The code for a signature, None where there is none that can be used."""
         for place in self._places:
             with suppress(Exception):  # whatever a pickle or LLVM raises of a file that is no good
-                found = place.load_overload(sig, target_context)
-                if found is not None:
+                overload = place.load_overload(sig, target_context)
+                if overload is not None:
                     self._path = place.cache_path
-                    return found
+                    return overload
         return None
 
     def save_overload(self, sig: Any, cres: Any) -> None:

@@ -35,14 +35,14 @@ def double_counted_pairs(
 ) -> tuple[DoubleCount, ...]:
     """The pairs among the sources and tendons of a hood and what a finger with these tendons makes
     itself.  A source is taken by its first word: "joint_contact", "joint reaction" are "joint"."""
-    found = []
+    counted = []
     for source in sources:
         first = source.replace("_", " ").split(" ")[0]
-        own = first if first in finger_tendons else first.lower()
-        if own in OF_FINGER or own in finger_tendons:
-            found.append(DoubleCount(source, own))
+        native = first if first in finger_tendons else first.lower()
+        if native in OF_FINGER or native in finger_tendons:
+            counted.append(DoubleCount(source, native))
     both = [f"tendon {name}" for name in hood_tendons if name in finger_tendons]
-    return (*found, *(DoubleCount(name, name) for name in both))
+    return (*counted, *(DoubleCount(name, name) for name in both))
 
 
 def pairs_of_case(case: Case, finger_tendons: Sequence[str]) -> tuple[DoubleCount, ...]:
@@ -63,13 +63,13 @@ def pairs(case: Case, hood: Hood, finger: Finger | MovingFinger) -> tuple[Double
     return double_counted_pairs(tuple(sources), hood.tendons, finger.tendons)
 
 
-def refuse(case: Case, found: Sequence[DoubleCount]) -> None:
+def refuse(case: Case, counted: Sequence[DoubleCount]) -> None:
     """Refuse pairs that count a force twice, unless the case says that it means them.  Raises
     InputError that names them."""
-    if not found or case.coupling.allow_double_counting:
+    if not counted or case.coupling.allow_double_counting:
         return
-    each = "; ".join(f'"hood {p.hood}" and the finger\'s own "{p.finger}"' for p in found)
-    ways = ", ".join(dict.fromkeys(_remedy(case, p) for p in found))
+    each = "; ".join(f'"hood {p.hood}" and the finger\'s own "{p.finger}"' for p in counted)
+    ways = ", ".join(dict.fromkeys(_remedy(case, p) for p in counted))
     raise InputError(
         f"coupling: a force would be counted twice: {each}. Either {ways}, or, to see what that "
         "does, write coupling.allow_double_counting = true"

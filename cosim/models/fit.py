@@ -36,10 +36,10 @@ def check_fit(case: Case) -> None:
     _check_tip(case)
     _check_unit(case)
     _check_scheme(case)
-    own, of_hood = own_tendons(case.finger, case.hood.left_to_finger), case.hood.tendon_names()
-    refuse(case, pairs_of_case(case, own))
+    native, of_hood = own_tendons(case.finger, case.hood.left_to_finger), case.hood.tendon_names()
+    refuse(case, pairs_of_case(case, native))
     if of_hood is not None:
-        check_tendons(case, of_hood + own)
+        check_tendons(case, of_hood + native)
 
 
 def _check_excursions(case: Case) -> None:

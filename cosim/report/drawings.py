@@ -59,13 +59,13 @@ class Arrow:
 
 def arrows_of(runs: Sequence[Result]) -> list[Arrow]:
     """The model's forces, then those that they are compared with; none where all are zero."""
-    found = list(_of_one(runs[0])) if len(runs) == 1 else list(_of_many(runs))
+    forces = list(_of_one(runs[0])) if len(runs) == 1 else list(_of_many(runs))
     given = [vector for run in runs for vector in force_vectors(run.comparison)]
     references = {(v.label, v.reference, v.sd): v for v in given}.values()
     arrows = [
         Arrow(letter(i), label, tip, ink, dashes, sd)
         for i, (label, tip, ink, dashes, sd) in enumerate(
-            [*found, *(_reference(vector) for vector in references)]
+            [*forces, *(_reference(vector) for vector in references)]
         )
     ]
     return arrows if any(arrow.magnitude > LEAST for arrow in arrows) else []
@@ -91,10 +91,10 @@ def _of_many(runs: Sequence[Result]) -> Iterator[Drawn]:
     compared = any(row.target.quantity.startswith(LESS) for run in runs for row in run.comparison)
     for i, run in enumerate(runs):
         one = look(i, INKS)
-        own = {"": (), REST: DOTTED, LESS: DASHED}
+        dashes = {"": (), REST: DOTTED, LESS: DASHED}
         for place, label, tip in states_of(run):
             if place != LESS or compared:
-                yield f"{run.name}, {label}", tip, one.colour, (*own[place], *one.dashes), None
+                yield f"{run.name}, {label}", tip, one.colour, (*dashes[place], *one.dashes), None
 
 
 def states_of(run: Result) -> Iterator[tuple[str, str, tuple[float, float]]]:

@@ -85,8 +85,8 @@ def _as_rigid_as_possible(flat: Array, faces: np.ndarray, local: Array) -> Array
     laplacian = across - sp.diags(np.asarray(across.sum(axis=1)).ravel())
     solve = factorized(laplacian.tocsc()[1:, 1:])
     for _ in range(ROUNDS):
-        now = (flat[end] - flat[start]).reshape(edge.shape)
-        turn = np.sum(weight.reshape(edge.shape) * now * np.conj(edge), axis=1)
+        current = (flat[end] - flat[start]).reshape(edge.shape)
+        turn = np.sum(weight.reshape(edge.shape) * current * np.conj(edge), axis=1)
         turned = weight * (turn / np.maximum(np.abs(turn), 1e-300)).repeat(3) * edge.ravel()
         right = np.zeros(n, dtype=complex)
         np.add.at(right, end, turned)

@@ -80,19 +80,19 @@ def _rows(pair: RunPair) -> list[tuple[Cell, ...]]:
 
 def _more(pair: RunPair) -> list[tuple[str, str]]:
     """Label and quantity of excursions, springs, strains of regions and tensions of cables."""
-    found: dict[str, str] = {}
+    quantities: dict[str, str] = {}
     for run in (pair.before, pair.after):
         s = run.summary
         pulled = [t for t, v in s.get("difference", {}).get("moment_arm_mm", {}).items() if v]
-        found |= {f"excursion of {t}": f"excursion_mm.{t}" for t in pulled}
+        quantities |= {f"excursion of {t}": f"excursion_mm.{t}" for t in pulled}
         for name in s.get("spring_force_N", ()):
-            found[f"force of springs: {name.replace('_', ' ')}"] = f"spring_force_N.{name}"
+            quantities[f"force of springs: {name.replace('_', ' ')}"] = f"spring_force_N.{name}"
         for name in s.get("region_strain_percent", ()):
             where = f"region_strain_percent.{name}.longitudinal.mean"
-            found[f"mean strain along, {name.replace('_', ' ')}"] = where
+            quantities[f"mean strain along, {name.replace('_', ' ')}"] = where
         for name in s.get("cable", ()):
-            found[f"tension of {name.replace('_', ' ')}"] = f"cable.{name}.tension_N"
-    return list(found.items())
+            quantities[f"tension of {name.replace('_', ' ')}"] = f"cable.{name}.tension_N"
+    return list(quantities.items())
 
 
 def lesion_sentences(pairs: Sequence[RunPair]) -> list[str]:
@@ -100,8 +100,8 @@ def lesion_sentences(pairs: Sequence[RunPair]) -> list[str]:
     out = []
     for pair in pairs:
         parts = [*_angles(pair), *_forces(pair)]
-        said = "; ".join(parts) if parts else "nothing changes that is worth telling"
-        out.append(f"Fingertip {pair.tip}: {said}.".replace("-", "−"))
+        changes = "; ".join(parts) if parts else "nothing changes that is worth telling"
+        out.append(f"Fingertip {pair.tip}: {changes}.".replace("-", "−"))
     return out
 
 
@@ -174,13 +174,13 @@ def lesion_page(
 def _arrows(pair: RunPair) -> list[drawings.Arrow]:
     """The fingertip's forces in the sagittal plane, in the postures' colours."""
     sides = (("before", pair.before, BEFORE), ("after", pair.after, AFTER))
-    found = [
+    forces = [
         (f"{side}, {label}", tip, ink, drawings.DOTTED if place == drawings.REST else ())
         for side, run, ink in sides
         for place, label, tip in drawings.states_of(run)
         if place != drawings.LESS
     ]
-    arrows = [drawings.Arrow(drawings.letter(i), *one) for i, one in enumerate(found)]
+    arrows = [drawings.Arrow(drawings.letter(i), *one) for i, one in enumerate(forces)]
     return arrows if any(arrow.magnitude > drawings.LEAST for arrow in arrows) else []
 
 
@@ -224,10 +224,10 @@ def outline(bone: BoneSurface, frame: int) -> Array:
     which = np.clip(np.searchsorted(edges, v[:, 0], side="right") - 1, 0, SLICES - 1)
     upper, lower = [], []
     for i in range(SLICES):
-        here = v[which == i]
-        if len(here):
-            upper.append(here[here[:, 2].argmax()])
-            lower.append(here[here[:, 2].argmin()])
+        strip = v[which == i]
+        if len(strip):
+            upper.append(strip[strip[:, 2].argmax()])
+            lower.append(strip[strip[:, 2].argmin()])
     ends = v[v[:, 0].argmax()], v[v[:, 0].argmin()]
     local = np.array([*upper, ends[0], *reversed(lower), ends[1]]) * [1.0, 0.0, 1.0]
     placed = local @ bone.rotation[frame].T + bone.position[frame]
@@ -269,13 +269,13 @@ def _hood(view: View) -> list[Array]:
     return [np.asarray(path)[:, [0, 2]] for path in view.tendons[-1].values()]
 
 
-def same_layout(sheet: Sheet, reference: Array, other: Sheet, theirs: Array) -> Array:
+def same_layout(sheet: Sheet, reference: Array, whole: Sheet, places: Array) -> Array:
     """The flat places (n, 2) m of `sheet`, whose nodes lie at `reference` (n, 3) as laid, taken
-    from a sheet of which it is a part, with nodes `theirs`; its own where it is no part of it."""
+    from a sheet of which it is a part, with nodes `places`; its own where it is no part of it."""
     from scipy.spatial import cKDTree
 
-    far, which = cKDTree(theirs).query(reference)
-    return other.flat[which] if far.max() < SAME_PLACE else sheet.flat
+    far, which = cKDTree(places).query(reference)
+    return whole.flat[which] if far.max() < SAME_PLACE else sheet.flat
 
 
 @dataclass(frozen=True)
@@ -340,5 +340,5 @@ def _rim(sheet: Sheet, marked: Collection[str]) -> np.ndarray:
     """The edges (k, 2) that only one of the marked quads has."""
     quads = sheet.quads[np.isin(sheet.region, list(marked))]
     edges = np.sort(np.concatenate([quads[:, [a, (a + 1) % 4]] for a in range(4)]), axis=1)
-    found, count = np.unique(edges.reshape(-1, 2), axis=0, return_counts=True)
-    return found[count == 1]
+    distinct, count = np.unique(edges.reshape(-1, 2), axis=0, return_counts=True)
+    return distinct[count == 1]

@@ -27,16 +27,16 @@ class Strength:
 @cache
 def strengths() -> Mapping[str, Strength]:
     """By the quantity of a summary that the part carries."""
-    found: dict[str, list[Mapping[str, str]]] = {}
+    by_quantity: dict[str, list[Mapping[str, str]]] = {}
     for row in packaged_rows("hood_strengths"):
-        found.setdefault(row.cells["quantity"], []).append(row.cells)
-    return {quantity: _strength(rows) for quantity, rows in found.items()}
+        by_quantity.setdefault(row.cells["quantity"], []).append(row.cells)
+    return {quantity: _strength(rows) for quantity, rows in by_quantity.items()}
 
 
 def _strength(rows: list[Mapping[str, str]]) -> Strength:
     least = [float(row["bears_N"]) for row in rows if row["bears_N"]]
-    said = (f"{row['says']} ({row['source']}, {row['read']}{_count(row['n'])})" for row in rows)
-    return Strength(max(least, default=None), "; ".join(said))
+    texts = (f"{row['says']} ({row['source']}, {row['read']}{_count(row['n'])})" for row in rows)
+    return Strength(max(least, default=None), "; ".join(texts))
 
 
 def _count(n: str) -> str:

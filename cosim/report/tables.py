@@ -57,12 +57,12 @@ class ReportTable:
 def tables_of(runs: Sequence[Result], against: Result | None) -> list[ReportTable]:
     """All tables, those without rows left out."""
     every = [*runs, against] if against is not None else [*runs]
-    found = [_outcome(runs[0]) if len(every) == 1 else _side_by_side(runs, against)]
-    found.append(_differences(runs, against))
+    tables = [_outcome(runs[0]) if len(every) == 1 else _side_by_side(runs, against)]
+    tables.append(_differences(runs, against))
     for i, run in enumerate(every):
-        found += [_tendons(run, i), _comparison(run, i), _ledger(run, i), _audit(run, i)]
-    found.append(_numbers(runs, against))
-    return [table for table in found if table.rows]
+        tables += [_tendons(run, i), _comparison(run, i), _ledger(run, i), _audit(run, i)]
+    tables.append(_numbers(runs, against))
+    return [table for table in tables if table.rows]
 
 
 def _outcome(run: Result) -> ReportTable:

@@ -123,8 +123,8 @@ def view_of(run: Result) -> View:
     try:
         return _with_finger(view, load_case(run.folder / "case.toml"))
     except InputError as error:
-        told = f"Bones and tendons are not shown: the case cannot be built again here ({error})"
-        return replace(view, notes=(*notes, told))
+        note = f"Bones and tendons are not shown: the case cannot be built again here ({error})"
+        return replace(view, notes=(*notes, note))
 
 
 def _choose(count: int) -> np.ndarray:
@@ -290,10 +290,10 @@ def box(view: View) -> Array | None:
 
 def limits(views: Sequence[View]) -> dict[str, tuple[float, float]]:
     """A colour scale for each field that all views share; a few extreme quads do not set it."""
-    found: dict[str, list[Array]] = {}
+    by_field: dict[str, list[Array]] = {}
     for field in (f for view in views if view.sheet is not None for f in view.sheet.fields):
-        found.setdefault(field.key, []).append(field.values.ravel())
-    return {key: _limits(np.concatenate(values)) for key, values in found.items()}
+        by_field.setdefault(field.key, []).append(field.values.ravel())
+    return {key: _limits(np.concatenate(values)) for key, values in by_field.items()}
 
 
 def _limits(values: Array) -> tuple[float, float]:

@@ -97,13 +97,13 @@ def tendon_pulls(run: Result) -> str:
         for name, tendon in _table(run.case_table, "tendons").items()
         if PULLS & set(tendon) and name in tensions
     ]
-    said = ", ".join(f"{name} with {number(tensions[name])} N" for name in named)
-    return f"{said} at the end" if said and run.axis == "time" else said
+    pulls = ", ".join(f"{name} with {number(tensions[name])} N" for name in named)
+    return f"{pulls} at the end" if pulls and run.axis == "time" else pulls
 
 
 def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    found = table.get(key, {})
-    return found if isinstance(found, Mapping) else {}
+    value = table.get(key, {})
+    return value if isinstance(value, Mapping) else {}
 
 
 def answer(run: Result) -> str:
@@ -127,11 +127,11 @@ def answer(run: Result) -> str:
             parts.append("The fingertip pushes on nothing.")
     slips = run.summary.get("slip_force_N", {})
     if slips:
-        said = "; ".join(
+        carried = "; ".join(
             f"the {slip} slip carries {value:.2f} N{_at_rest(run, f'slip_force_N.{slip}')}"
             for slip, value in slips.items()
         )
-        parts.append(said[0].upper() + said[1:] + ".")
+        parts.append(carried[0].upper() + carried[1:] + ".")
     strain = run.summary.get("strain_percent", {}).get("longitudinal")
     if strain:
         parts.append(
@@ -159,8 +159,8 @@ def trust(run: Result) -> str:
     if missed is None:
         return "This run kept no audit."
     if missed:
-        said = ", ".join(name.replace("_", " ") for name in missed)
-        return f"The audit was missed in: {said}."
+        names = ", ".join(name.replace("_", " ") for name in missed)
+        return f"The audit was missed in: {names}."
     count = len(run.summary.get("audit", {}))
     return f"All {count} checks of the audit were kept." if count > 1 else "The audit was kept."
 
@@ -204,9 +204,9 @@ def score(rows: Sequence[Comparison]) -> str:
     if not rows:
         return ""
     count = tally(rows)
-    said = ", ".join(f"{n} {name}" for name, n in count.items())
+    counts = ", ".join(f"{n} {name}" for name, n in count.items())
     word = "row" if len(rows) == 1 else "rows"
-    return f"{len(rows)} {word}: {said}"
+    return f"{len(rows)} {word}: {counts}"
 
 
 def commands(runs: Sequence[Result], against: Result | None) -> str:

@@ -37,14 +37,14 @@ def write_report(
     others = Counter(t.case for t in targets if t.case not in ("", *(run.case for run in every)))
     for case, count in others.items():
         note(f"{data}: rows for the case {case}, of which no run is reported: {count}")
-    runs, other = every[: len(folders)], None
+    runs, reference = every[: len(folders)], None
     if at is not None:
-        other = every[places.index(at)] if at in places else every[-1]
-    tables = tables_of(runs, other)
+        reference = every[places.index(at)] if at in places else every[-1]
+    tables = tables_of(runs, reference)
     if form == "html":
         from cosim.report.page import page
 
-        text = page(runs, other, tables)
+        text = page(runs, reference, tables)
         out = Path("report.html") if out is None else out
     else:
         one = {"csv": as_csv, "md": as_markdown}

@@ -139,16 +139,16 @@ class Arrays:
                         file.dimensions[dim] = size
             for name, (dims, values, attributes) in {**self.variables, **self.coordinates}.items():
                 if values.dtype.kind == "U":
-                    made = file.create_variable(name, dims, h5py.string_dtype())
+                    written = file.create_variable(name, dims, h5py.string_dtype())
                     values = values.astype(object)
                 else:
                     fill = np.nan if values.dtype.kind == "f" else None
-                    made = file.create_variable(name, dims, values.dtype, fillvalue=fill)
-                made[...] = values
+                    written = file.create_variable(name, dims, values.dtype, fillvalue=fill)
+                written[...] = values
                 of_this = sorted(k for k, along in beside.items() if along <= set(dims))
                 if name in self.variables and of_this:
                     attributes = {**attributes, "coordinates": " ".join(of_this)}
                     named.update(of_this)
-                made.attrs.update(attributes)
+                written.attrs.update(attributes)
             rest = " ".join(sorted(beside.keys() - named))
             file.attrs.update({**self.attributes, **({"coordinates": rest} if rest else {})})

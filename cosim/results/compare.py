@@ -163,9 +163,9 @@ def compare_with_targets(
     Raises InputError where a target's unit is not that of its quantity."""
     chosen = [t for t in targets if t.case in ("", case)]
     for target in chosen:
-        if target.unit != (said := unit_of(target.quantity)):
+        if target.unit != (unit := unit_of(target.quantity)):
             raise InputError(
-                f"{target.name}: {target.quantity} is in {said}, the row in {target.unit}"
+                f"{target.name}: {target.quantity} is in {unit}, the row in {target.unit}"
             )
     return tuple(Comparison(t, value_of(summary, t.quantity)) for t in chosen)
 
@@ -249,8 +249,8 @@ def misses_first(rows: Sequence[Comparison]) -> list[Comparison]:
 def as_dict(row: Comparison) -> dict[str, Any]:
     """The row with its difference and verdict, by COLUMNS."""
     target = row.target
-    found = {"model": row.model, "difference": row.difference, "verdict": row.verdict}
-    return {c: found[c] if c in found else getattr(target, c) for c in COLUMNS}
+    derived = {"model": row.model, "difference": row.difference, "verdict": row.verdict}
+    return {c: derived[c] if c in derived else getattr(target, c) for c in COLUMNS}
 
 
 def marks(target: Target) -> list[str]:
@@ -413,15 +413,15 @@ def read_targets(path: Path) -> tuple[Target, ...]:
 def _target_of(row: CsvRow, file: str) -> Target:
     quantity = row.cells["quantity"]
     beside = {"name": quantity, "unit": unit_of(quantity), "source": file, "kind": "experiment"}
-    said = {c: text for c, text in row.cells.items() if text or c not in beside}
+    filled = {c: text for c, text in row.cells.items() if text or c not in beside}
     numbers = {column: row.number(column) for column in ("reference", "sd", "low", "high")}
-    if "value" in said:
+    if "value" in filled:
         numbers["reference"] = row.number("value")
-        del said["value"]
-    fitted = said.get("fitted", "").lower()
+        del filled["value"]
+    fitted = filled.get("fitted", "").lower()
     if fitted not in YES:
         raise InputError(f"{row.place}: fitted is {fitted!r}; expected yes or no")
-    return _target(row.place, {**beside, **said, **numbers, "fitted": YES[fitted]})
+    return _target(row.place, {**beside, **filled, **numbers, "fitted": YES[fitted]})
 
 
 def _target(place: str, values: Mapping[str, Any]) -> Target:

@@ -79,8 +79,8 @@ class CoupledResult(Equilibrium):
 
         joint = self._books.get("joint")
         bodies, joints = self.load.bodies, self.pair.finger.joints
-        found = {} if joint is None else joint_forces(joint, bodies, joints)
-        return pandas.DataFrame(found).T
+        forces = {} if joint is None else joint_forces(joint, bodies, joints)
+        return pandas.DataFrame(forces).T
 
     @cached_property
     def audit(self) -> Audit:

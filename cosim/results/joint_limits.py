@@ -63,10 +63,10 @@ def joints_at_limit(
 ) -> dict[str, dict[str, float]]:
     """The block `joints_at_limit` of an equilibrium, empty where no joint stands at a limit: by
     joint the limit, the angle, and the torque of the limit on it; angles rad, torques N m."""
-    found = {j: limit_at(angles[j], ends) for j, ends in limits.items() if j in angles}
+    met = {j: limit_at(angles[j], ends) for j, ends in limits.items() if j in angles}
     return {
         joint: _entry(at[0], angles[joint], torque.get(joint, 0.0))
-        for joint, at in found.items()
+        for joint, at in met.items()
         if at is not None
     }
 
@@ -85,7 +85,7 @@ def joints_ever_at_limit(
     out = {}
     for j, joint in enumerate(joints):
         at = [limit_at(angle, limits.get(joint, ())) for angle in angles[:, j].tolist()]
-        reached = [(i, *found) for i, found in enumerate(at) if found is not None]
+        reached = [(i, *at_limit) for i, at_limit in enumerate(at) if at_limit is not None]
         if reached:
             first, limit, _ = reached[0]
             _, far = max((beyond, i) for i, end, beyond in reached if end == limit)

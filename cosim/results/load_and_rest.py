@@ -62,8 +62,8 @@ def rest_block(loaded: Block, unloaded: Block, tendons: Sequence[str]) -> dict[s
     largest of the unloaded state, `change` the largest change from there to the loaded state.  What
     is zero in both states is left out.  `exempt` says why no warning can follow, where none can."""
     out: dict[str, Any] = {}
-    for key, now, before in _figures(loaded, unloaded):
-        at_rest, change = _largest(key, before), _largest(key, now - before)
+    for key, with_load, without_load in _figures(loaded, unloaded):
+        at_rest, change = _largest(key, without_load), _largest(key, with_load - without_load)
         if at_rest > 0 or change > 0:
             out[key] = {"at_rest": at_rest, "change": change}
     if reason := _exemption(loaded, unloaded, tendons):
@@ -74,14 +74,14 @@ def rest_block(loaded: Block, unloaded: Block, tendons: Sequence[str]) -> dict[s
 def _figures(loaded: Block, unloaded: Block) -> Iterator[tuple[str, Array, Array]]:
     """Key of a quantity, and its values (n,) in the two states."""
     states = (loaded, unloaded)
-    now, before = (vector_of(state["fingertip_force_N"]) for state in states)
-    yield "fingertip_force_N", now, before
+    with_load, without_load = (vector_of(state["fingertip_force_N"]) for state in states)
+    yield "fingertip_force_N", with_load, without_load
     torques = [state.get("joint_torque_Nmm", {}).get("hood", {}) for state in states]
     slips = [state.get("slip_force_N", {}) for state in states]
     for key, tables in (("hood_torque_Nmm", torques), ("slip_force_N", slips)):
-        now, before = (np.array(list(table.values()), dtype=float) for table in tables)
-        if len(now):
-            yield key, now, before
+        with_load, without_load = (np.array(list(table.values()), dtype=float) for table in tables)
+        if len(with_load):
+            yield key, with_load, without_load
 
 
 def _largest(key: str, values: Array) -> float:
@@ -95,12 +95,12 @@ def _exemption(loaded: Block, unloaded: Block, tendons: Sequence[str]) -> str:
     """Why the load is not judged by what there is at rest; empty where it is."""
     if not tendons:
         return NO_TENDONS
-    now, before = (
+    pull, rest = (
         np.array([state["tension_N"][name] for name in tendons]) for state in (loaded, unloaded)
     )
-    if now.sum() < LEAST_TENSION:
-        return f"the hood's tendons bear {now.sum():.2g} N under load, less than {LEAST_TENSION:g}"
-    return "" if (now > before).any() else NOT_PULLED
+    if pull.sum() < LEAST_TENSION:
+        return f"the hood's tendons bear {pull.sum():.2g} N under load, less than {LEAST_TENSION:g}"
+    return "" if (pull > rest).any() else NOT_PULLED
 
 
 def little_beyond_rest(rest: Block) -> list[str]:
@@ -124,14 +124,14 @@ def rest_warnings(rest: Block, unloaded: Block, is_laid: bool) -> list[str]:
     little = little_beyond_rest(rest)
     if not little:
         return []
-    found = "; ".join(f"{NAMES[key]} {describe_figures(rest, key)}" for key in little)
+    figures = "; ".join(f"{NAMES[key]} {describe_figures(rest, key)}" for key in little)
     meaning = LAID if is_laid else LUMPED
     if little == ["fingertip_force_N"]:
         torque = unloaded.get("joint_torque_Nmm")
         meaning = UNKNOWN if torque is None else meaning if _is_the_hoods(torque) else NOT_THE_HOOD
     return [
         f"the load adds little to what is there at rest (less than {LEAST_RATIO:g} times as much): "
-        f"{found}. {meaning}"
+        f"{figures}. {meaning}"
     ]
 
 

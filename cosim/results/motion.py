@@ -214,14 +214,14 @@ def _balance_at_rest(moved: SolvedMotion) -> dict[str, float]:
     }
 
 
-def _books(t: MovingModels, before: MotionFrame, now: MotionFrame, tip: Array) -> dict[str, Array]:
+def _books(t: MovingModels, start: MotionFrame, end: MotionFrame, tip: Array) -> dict[str, Array]:
     """Wrenches (nb, 6) on each body by source of the finger, at the end of a step."""
     return t.finger.ledger(
-        (before.angles, before.rates),
-        (now.angles, now.rates),
-        now.time - before.time,
-        now.total,
-        now.tension[len(t.hood.tendons) :],
+        (start.angles, start.rates),
+        (end.angles, end.rates),
+        end.time - start.time,
+        end.total,
+        end.tension[len(t.hood.tendons) :],
         tip,
     )
 
@@ -288,11 +288,11 @@ def _ledger(t: MovingModels, kept: MotionHistory) -> Iterator[LedgerRow]:
     steps = len(frames) - 1
     times = np.unique(np.linspace(1, steps, min(steps, MOST_TIMES)).round().astype(int))
     for k in times:
-        now = frames[k]
-        by_source = {f"hood {s}": now.wrench[:, i] for i, s in enumerate(t.hood.sources)}
-        off = {"hood linearisation": now.total - now.wrench.sum(axis=1)}
-        every = {**by_source, **off, **_books(t, frames[k - 1], now, kept.tips[k])}
-        yield from ledger_rows(f"{now.time:.9g} s", bodies, every)
+        frame = frames[k]
+        by_source = {f"hood {s}": frame.wrench[:, i] for i, s in enumerate(t.hood.sources)}
+        off = {"hood linearisation": frame.total - frame.wrench.sum(axis=1)}
+        every = {**by_source, **off, **_books(t, frames[k - 1], frame, kept.tips[k])}
+        yield from ledger_rows(f"{frame.time:.9g} s", bodies, every)
 
 
 def _scene(t: MovingModels, kept: MotionHistory) -> Scene:

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 def one_way_summary(case: Case, models: Models, states: States) -> dict[str, Any]:
     """What a one-way pass handed over, and what is counted twice in it."""
-    found = pairs(case, models.hood, models.finger)
-    out: dict[str, Any] = {"double_counted": [str(pair) for pair in found]} if found else {}
+    counted = pairs(case, models.hood, models.finger)
+    out: dict[str, Any] = {"double_counted": [str(pair) for pair in counted]} if counted else {}
     if states.one_way is not None:
         force, moment = states.loaded.load.imbalance(states.loaded.motion)
         out["one_way"] = {

@@ -324,8 +324,8 @@ def _begins(pattern: Keys, keys: Keys, summaries: Summaries) -> bool:
 
 def _choices(part: str, summaries: Summaries) -> tuple[str, ...]:
     """The keys that a part of a pattern stands for; a finger in an FMU names its own joints."""
-    own = _present(["posture_deg"], summaries) if part == "<joint>" else ()
-    return (*NAMES.get(part, (part,)), *own)
+    joints = _present(["posture_deg"], summaries) if part == "<joint>" else ()
+    return (*NAMES.get(part, (part,)), *joints)
 
 
 def _present(keys: Keys, summaries: Summaries) -> list[str]:

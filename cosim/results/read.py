@@ -44,7 +44,7 @@ def _read_run(folder: Path) -> Result:
         )
     summary = _read(folder / "summary.json", _summary)
     check_converged(summary, str(folder))
-    own = folder / "comparison.json"
+    comparison = folder / "comparison.json"
     hood = _read(folder / "hood.vtu", _hood) if (folder / "hood.vtu").is_file() else None
     return Result(
         summary,
@@ -54,7 +54,7 @@ def _read_run(folder: Path) -> Result:
         _read(folder / "case.toml", _case),
         folder.resolve().name,
         folder,
-        read_json(own) if own.is_file() else (),
+        read_json(comparison) if comparison.is_file() else (),
     )
 
 

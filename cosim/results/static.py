@@ -68,8 +68,8 @@ def summary(
     if views:
         head |= views["loaded"].size()
     limits = {} if loaded.balance is None else limits_of(case, joint_ranges(models.finger))
-    before = _state(models, unloaded, books["unloaded"], views.get("unloaded"), limits)
-    now = _state(models, loaded, books["loaded"], views.get("loaded"), limits)
+    at_rest = _state(models, unloaded, books["unloaded"], views.get("unloaded"), limits)
+    at_load = _state(models, loaded, books["loaded"], views.get("loaded"), limits)
     passed = states.one_way
     load, motion = (loaded.load, loaded.motion) if passed is None else (passed.answer, passed.at)
     force, moment = load.imbalance(motion)
@@ -83,17 +83,17 @@ def summary(
     if states.reciprocity is not None:
         audit["reciprocity"] = states.reciprocity
     missed = missed_bounds(
-        {**now, "audit": audit},
+        {**at_load, "audit": audit},
         posture_in_range=loaded.balance is None or _is_in_range(models, loaded),
     )
     newton = getattr(loaded.response.state, "iterations", 0)
     iterations = {"coupling": loaded.iterations, "newton": newton}
-    rest = rest_block(now, before, models.hood.tendons)
+    rest = rest_block(at_load, at_rest, models.hood.tendons)
     beside = {
-        "unloaded": before,
+        "unloaded": at_rest,
         "rest": rest,
-        "warnings": rest_warnings(rest, before, is_laid=case.hood.lies_on_bones),
-        "difference": _difference(models, unloaded, loaded, before, now, views)
+        "warnings": rest_warnings(rest, at_rest, is_laid=case.hood.lies_on_bones),
+        "difference": _difference(models, unloaded, loaded, at_rest, at_load, views)
         | _clamped_arms(case, models, unloaded, loaded),
         "audit": audit,
         "audit_missed": missed,
@@ -102,7 +102,7 @@ def summary(
         **one_way_summary(case, models, states),
         "iterations": iterations,
     }
-    return {**head, **now, **beside}
+    return {**head, **at_load, **beside}
 
 
 def _is_in_range(models: Models, e: Equilibrium) -> bool:
@@ -202,26 +202,26 @@ def _difference(
     models: Models,
     unloaded: Equilibrium,
     loaded: Equilibrium,
-    before: Mapping[str, Any],
-    now: Mapping[str, Any],
+    rest: Mapping[str, Any],
+    at_load: Mapping[str, Any],
     views: Mapping[str, HoodView],
 ) -> dict[str, Any]:
     """Loaded less unloaded: forces, joint angles, strains, and per tendon that was pulled its
     effective moment arms, change of the hood's joint torques over change of tension."""
 
     def change(key: str) -> Array:
-        return vector_of(now[key]) - vector_of(before[key])
+        return vector_of(at_load[key]) - vector_of(rest[key])
 
     force = change("fingertip_force_N")
     out: dict[str, Any] = {
         "fingertip_force_N": by_axis(force),
         "fingertip_force_in_phalanx_N": by_axis(change("fingertip_force_in_phalanx_N")),
         "fingertip_magnitude_N": float(np.linalg.norm(force)),
-        "posture_deg": {j: now["posture_deg"][j] - a for j, a in before["posture_deg"].items()},
+        "posture_deg": {j: at_load["posture_deg"][j] - a for j, a in rest["posture_deg"].items()},
     }
-    if "slip_force_N" in now:
-        slips = now["slip_force_N"]
-        out["slip_force_N"] = {k: slips[k] - before["slip_force_N"][k] for k in slips}
+    if "slip_force_N" in at_load:
+        slips = at_load["slip_force_N"]
+        out["slip_force_N"] = {k: slips[k] - rest["slip_force_N"][k] for k in slips}
     first, last = views.get("unloaded"), views.get("loaded")
     if first is not None and last is not None:
         out |= last.change(first)

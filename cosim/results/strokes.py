@@ -32,8 +32,8 @@ def stroke_cells(points: Array, quads: np.ndarray) -> np.ndarray:
 def strokes(points: Array, quads: np.ndarray, direction: Array) -> Array:
     """The ends (k, 2, 3) m of a stroke over each of the quads (m, 4) that has a direction (m,
     3)."""
-    own = np.linalg.norm(direction, axis=1) > 0
-    corners, along = points[quads[own]], direction[own]
+    is_directed = np.linalg.norm(direction, axis=1) > 0
+    corners, along = points[quads[is_directed]], direction[is_directed]
     normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     middle = corners.mean(axis=1) + LIFT * normal

@@ -33,12 +33,12 @@ def rows_of(summary: Mapping[str, Any]) -> list[tuple[Row, list[Row]]]:
     state = ("", "loaded", "at rest")
     arms = [f"arm {joint} mm" for joint in _joints(summary)]
     tendon = ("tendon", "tension N", "excursion mm", *arms)
-    found = [
+    blocks = [
         (state, [row for row in _states(summary) if any(row[1:])]),
         (tendon, [row for row in _tendons(summary) if any(row[1:])]),
         (("", ""), [row for row in _checks(summary) if row[1]]),
     ]
-    return [_drop_empty_columns(header, rows) for header, rows in found if rows]
+    return [_drop_empty_columns(header, rows) for header, rows in blocks if rows]
 
 
 def batch_table(names: Sequence[str], summaries: Mapping[str, Mapping[str, Any] | None]) -> Table:
@@ -133,11 +133,11 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
         yield "joint at its limit", text
     yield from describe_rest(summary)
     for name, muscle in (_at(summary, "muscle") or {}).items():
-        now, then = (
+        loaded, then = (
             _number(_at(muscle, key))
             for key in ("normalised_fibre_length", "assumed_normalised_fibre_length_unloaded")
         )
-        yield f"fibre length of {name} over its optimum", f"{now}, assumed {then} when unloaded"
+        yield f"fibre length of {name} over its optimum", f"{loaded}, assumed {then} when unloaded"
     for name, air in (_at(summary, "air") or {}).items():
         volts, pressure = (_number(_at(air, key)) for key in ("command_V", "pressure_kPa"))
         yield f"cylinder of {name} at the end", f"{volts} V, {pressure} kPa above the atmosphere"

@@ -40,12 +40,12 @@ class _Generator(GenerateJsonSchema):
 
     def default_schema(self, schema: Any) -> Node:
         """With the default as a file would state it."""
-        made = super().default_schema(schema)
+        generated = super().default_schema(schema)
         if schema["schema"]["type"] in ("function-plain", "tuple"):
-            made["default"] = SchemaSerializer(schema["schema"]).to_python(
+            generated["default"] = SchemaSerializer(schema["schema"]).to_python(
                 schema["default"], mode="json"
             )
-        return made
+        return generated
 
 
 def editor_schema(table: Any, partial: bool = False) -> Node:
@@ -90,8 +90,8 @@ def _finish(node: Any, defs: Node) -> Any:
         case list() | tuple():
             return [_finish(item, defs) for item in node]
         case dict():
-            made = _without_null({key: _finish(value, defs) for key, value in node.items()})
-            return _described(_by_word(made, defs) if "discriminator" in made else made)
+            finished = _without_null({key: _finish(value, defs) for key, value in node.items()})
+            return _described(_by_word(finished, defs) if "discriminator" in finished else finished)
     return node
 
 
@@ -136,6 +136,6 @@ def _described(node: Node) -> Node:
         case {"const": str(), **rest} if "description" not in rest:
             return {**node, "description": "The word that chooses this table."}
         case {"title": str(form), "type": "string" | ["string", "array"], **rest}:
-            said = str(rest.get("description", "")).removesuffix(".")
-            return {**node, "description": f"{said}: {form}" if said else form}
+            text = str(rest.get("description", "")).removesuffix(".")
+            return {**node, "description": f"{text}: {form}" if text else form}
     return node

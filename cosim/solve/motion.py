@@ -93,12 +93,12 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
     frames, tips, shapes = list(kept.frames), list(kept.tips), list(kept.shapes)
     failure = None
     try:
-        for done, now in _on(both.moves, forward, kept, progress):
-            frames += [both.moves.frame(at) for at in now]
-            tips += [both.finger.tip_wrench(at.coupled.finger) for at in now]
-            for at in now:
+        for done, new_states in _on(both.moves, forward, kept, progress):
+            frames += [both.moves.frame(at) for at in new_states]
+            tips += [both.finger.tip_wrench(at.coupled.finger) for at in new_states]
+            for at in new_states:
                 shapes += recorder.next(at, shapes)
-            kept = MotionHistory(now[-1], frames, tips, shapes)
+            kept = MotionHistory(new_states[-1], frames, tips, shapes)
             if keeper is not None and keeper.is_due(done):
                 keeper.write(kept)
     except ConvergenceError as error:
@@ -132,10 +132,10 @@ class ShapeRecorder:
         return [] if self.view is None or self.count == 0 else [self._shape(at)]
 
     def next(
-        self, at: MotionState, before: Sequence[Mapping[str, Array]]
+        self, at: MotionState, shapes: Sequence[Mapping[str, Array]]
     ) -> list[Mapping[str, Array]]:
-        """The shape of a state, if one is due after those `before`."""
-        if not before or self._number(at.coupled.time) == self._number(float(before[-1]["time"])):
+        """The shape of a state, if one is due after those `shapes`."""
+        if not shapes or self._number(at.coupled.time) == self._number(float(shapes[-1]["time"])):
             return []
         return [self._shape(at)]
 
@@ -250,8 +250,8 @@ def _on(
         return
     done = len(kept.frames) - 1
     left = round(forward.duration / forward.step) - done
-    for k, now in enumerate(motion_states(moves, kept.moment, left, progress), done + 1):
-        yield k, (now,)
+    for k, state in enumerate(motion_states(moves, kept.moment, left, progress), done + 1):
+        yield k, (state,)
 
 
 def _rest(kept: MotionHistory) -> RestCheck:

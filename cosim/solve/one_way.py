@@ -68,10 +68,10 @@ def hood_pass(case: Case, session: Session, progress: Progress) -> HoodPass:
     models = session.models(case, progress)
     start = models.finger.start(models.posture)
     at = models.finger.motion(start)
-    hood, own, pull = _tensions(case, models)
-    resting = np.full(len(hood), models.resting), np.full(len(own), models.resting)
+    hood, native, pull = _tensions(case, models)
+    resting = np.full(len(hood), models.resting), np.full(len(native), models.resting)
     state, answers = models.hood.start(at), []
-    for tensions_ in (resting, (hood, own)):
+    for tensions_ in (resting, (hood, native)):
         progress(f"one way: hood solved in the posture, {tensions_[0].max(initial=0.0):.3g} N")
         response = models.hood.advance(state, at, tensions_[0], STATIC)
         by_tension = models.hood.jacobian(response.state).load_tension
@@ -84,7 +84,7 @@ def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models
     """The finger's part: what the case hands over of the hood's answers, and what comes of it."""
     models = replace(given.models, finger=_second(case, given.models.finger))
     centre = _centres(given.models.finger, given.start) if _lumps(case) else None
-    found = []
+    balanced = []
     for answer in given.answers:
         handed = FrozenHood(
             models.hood.tendons,
@@ -94,9 +94,9 @@ def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models
             centre,
             case.coupling.one_way.joint_contact,
         )
-        found.append(_balance(case, models.finger, handed, given.start, answer))
-        progress(f"one way: finger balanced to {found[-1].finger_residual:.1e}")
-    unloaded, loaded = found
+        balanced.append(_balance(case, models.finger, handed, given.start, answer))
+        progress(f"one way: finger balanced to {balanced[-1].finger_residual:.1e}")
+    unloaded, loaded = balanced
     passed = OneWayPass(handed, *_interface_residual(models.hood, models.finger, loaded))
     return replace(models, hood=handed), States(unloaded, loaded, None, given.pull, passed)
 
@@ -105,10 +105,10 @@ def _balance(
     case: Case, finger: OpenFinger, handed: FrozenHood, start: State, answer: PassAnswer
 ) -> Equilibrium:
     """The finger's equilibrium under what was handed over."""
-    own = answer.own if case.coupling.one_way.muscles else np.zeros(len(answer.own))
+    native = answer.own if case.coupling.one_way.muscles else np.zeros(len(answer.own))
     options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
     state = answer.response.state
-    tensions = Tensions(answer.hood, own)
+    tensions = Tensions(answer.hood, native)
     return equilibrium(Pair(finger, handed), PairState(start, state), tensions, options)
 
 
@@ -135,14 +135,14 @@ def _centres(finger: OpenFinger, at: State) -> Array:
 
 def _tensions(case: Case, models: Models) -> tuple[Array, Array, MusclePull]:
     """Tensions (N) of the hood's and of the finger's own tendons, in the posture."""
-    hood, own = tensions(case, models)
+    hood, native = tensions(case, models)
     pull = models.muscles.pull(np.zeros(len(models.muscles.names)))
     for name, force in zip(models.muscles.names, pull.tension, strict=True):
         names, values = (models.hood.tendons, hood)
         if name not in names:
-            names, values = (models.finger.tendons, own)
+            names, values = (models.finger.tendons, native)
         values[names.index(name)] = force
-    return hood, own, pull
+    return hood, native, pull
 
 
 def _interface_residual(

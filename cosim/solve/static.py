@@ -45,18 +45,18 @@ def _loaded_equilibrium(
     """The equilibrium, reached from the unloaded one, in which every muscle pulls as its fibre does
     at that length, and every tendon whose excursion is stated has it."""
     names = (*models.hood.tendons, *models.finger.tendons)
-    own = np.array([names.index(name) for name in models.muscles.names], dtype=int)
+    of_muscles = np.array([names.index(name) for name in models.muscles.names], dtype=int)
     prescribed = _prescribed_excursions(case, names)
     index, tension = prescribed.index, np.concatenate(tensions(case, models))
     split, loaded = len(models.hood.tendons), unloaded
-    pull = models.muscles.pull(np.zeros(len(own)))
+    pull = models.muscles.pull(np.zeros(len(of_muscles)))
 
-    def solve_with(found: Array) -> tuple[tuple[Equilibrium, MusclePull], Array]:
+    def solve_with(displaced: Array) -> tuple[tuple[Equilibrium, MusclePull], Array]:
         """The equilibrium from the last one, with tensions (nd,) N of displaced tendons."""
         nonlocal loaded, pull
-        tension[index] = found
+        tension[index] = displaced
         for _ in range(MOST_PULLS):
-            tension[own] = pull.tension
+            tension[of_muscles] = pull.tension
             loaded = solve_equilibrium(
                 case,
                 models,
@@ -64,11 +64,11 @@ def _loaded_equilibrium(
                 Tensions(tension[:split].copy(), tension[split:].copy()),
                 lambda text: progress(f"loaded: {text}"),
             )
-            if not len(own) and not len(index):
+            if not len(of_muscles) and not len(index):
                 return (loaded, pull), np.zeros(0)
             shortening = _shortening(models, unloaded, loaded)
-            pull = models.muscles.pull(shortening[own])
-            miss = np.abs(pull.tension - tension[own]).max(initial=0.0)
+            pull = models.muscles.pull(shortening[of_muscles])
+            miss = np.abs(pull.tension - tension[of_muscles]).max(initial=0.0)
             if miss <= PULL_TOLERANCE * max(1.0, tension.max(initial=0.0)):
                 return (loaded, pull), shortening[index]
             progress(f"tensions: off by {miss:.1e} N")
@@ -80,7 +80,7 @@ def _loaded_equilibrium(
     start = tension[index]
     if not prescribed.names:
         return solve_with(start)[0]
-    found, end = solve_excursions(
+    solved, end = solve_excursions(
         prescribed, initial_excursions(start, np.zeros(len(start))), 0.0, solve_with
     )
     if (slack := end.tension <= 0).any():
@@ -89,7 +89,7 @@ def _loaded_equilibrium(
             f"tendons.{prescribed.names[i]}.excursion: {1e3 * prescribed.excursion(0.0)[i]:.4g} mm "
             "would slacken the tendon; draw it further, or leave it at the resting tension"
         )
-    return found
+    return solved
 
 
 def _prescribed_excursions(case: Case, names: tuple[str, ...]) -> PrescribedExcursions:
@@ -98,7 +98,7 @@ def _prescribed_excursions(case: Case, names: tuple[str, ...]) -> PrescribedExcu
     return PrescribedExcursions(tuple(stated), index, lambda time: np.array(list(stated.values())))
 
 
-def _shortening(models: Models, before: Equilibrium, now: Equilibrium) -> Array:
+def _shortening(models: Models, unloaded: Equilibrium, loaded: Equilibrium) -> Array:
     """The shortening (nt,) m of all tendons' paths, the hood's first."""
-    lengths = [models.finger.path_lengths(e.finger_state) for e in (before, now)]
-    return np.concatenate([now.excursion - before.excursion, lengths[0] - lengths[1]])
+    lengths = [models.finger.path_lengths(e.finger_state) for e in (unloaded, loaded)]
+    return np.concatenate([loaded.excursion - unloaded.excursion, lengths[0] - lengths[1]])

@@ -82,7 +82,7 @@ def indices(values: Array, dimensions: int, second_order: bool) -> Indices | str
 def _indices(kept: Array, planned: int, dimensions: int, second_order: bool) -> Indices:
     from SALib.analyze.sobol import analyze
 
-    found = analyze(
+    sobol = analyze(
         problem(dimensions),
         kept.ravel(),
         calc_second_order=second_order,
@@ -90,9 +90,9 @@ def _indices(kept: Array, planned: int, dimensions: int, second_order: bool) -> 
         conf_level=CONFIDENCE,
         seed=SEED,
     )
-    second = np.asarray(found["S2"]) if second_order else None
+    second = np.asarray(sobol["S2"]) if second_order else None
     first, first_conf, total, total_conf = (
-        np.asarray(found[name], dtype=float) for name in ("S1", "S1_conf", "ST", "ST_conf")
+        np.asarray(sobol[name], dtype=float) for name in ("S1", "S1_conf", "ST", "ST_conf")
     )
     return Indices(first, first_conf, total, total_conf, second, len(kept), planned)
 
@@ -120,16 +120,16 @@ def slopes(inputs: Array, values: Array) -> Slopes | None:
     x, y = _standard(x), _standard(y[:, None])[:, 0]
     if np.linalg.matrix_rank(x) < d:
         return None
-    found = _least_squares(x, y)
-    left = float(((y - x @ found) ** 2).sum())
+    coefficients = _least_squares(x, y)
+    left = float(((y - x @ coefficients) ** 2).sum())
     error = np.sqrt(left / (n - d - 1) * np.diag(np.linalg.inv(x.T @ x)))
     r2 = 1 - left / float((y**2).sum())
-    return Slopes(found, error, r2, sd * float(np.sqrt(left / n)))
+    return Slopes(coefficients, error, r2, sd * float(np.sqrt(left / n)))
 
 
 def _significant(inputs: Array, values: Array) -> tuple[Array, Array]:
-    there = np.isfinite(values)
-    return inputs[there], values[there]
+    finite = np.isfinite(values)
+    return inputs[finite], values[finite]
 
 
 def _standard(x: Array) -> Array:
@@ -159,12 +159,12 @@ class ResponseSurface:
         d = len(self.mean)
         places = combinations_with_replacement(range(-1, d), 2)
         scale = self.span / self.sd
-        found = {
+        changes = {
             (i, j): float(c * scale[i] * scale[j])
             for (i, j), c in zip(places, self.coefficients, strict=True)
             if 0 <= i < j
         }
-        return dict(sorted(found.items(), key=lambda pair: -abs(pair[1])))
+        return dict(sorted(changes.items(), key=lambda pair: -abs(pair[1])))
 
     def __call__(self, inputs: Array) -> Array:
         """The surface's answers (n,) at inputs (n, d)."""
@@ -188,16 +188,16 @@ def surface(inputs: Array, values: Array, together: int = 1) -> ResponseSurface 
     basis = _quadratic((x - mean) / sd)
     if np.linalg.matrix_rank(basis) < terms:  # an axis with two values has no curvature
         return None
-    found = _least_squares(basis, y)
+    coefficients = _least_squares(basis, y)
     predicted = np.empty(n)
     fold = (np.random.default_rng(SEED).permutation(groups.max() + 1) % FOLDS)[groups]
     for i in range(FOLDS):
         out = fold == i
         predicted[out] = basis[out] @ _least_squares(basis[~out], y[~out])
-    fitted = basis @ found
+    fitted = basis @ coefficients
     rms = float(np.sqrt(np.mean((y - fitted) ** 2)))
     r2, held_out = _r2(y, fitted), _r2(y, predicted)
-    return ResponseSurface(mean, sd, np.ptp(x, axis=0), found, r2, held_out, rms, n)
+    return ResponseSurface(mean, sd, np.ptp(x, axis=0), coefficients, r2, held_out, rms, n)
 
 
 def _least_squares(basis: Array, values: Array) -> Array:

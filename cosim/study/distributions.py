@@ -111,8 +111,8 @@ def axis(first: float, last: float, count: int, spacing: Literal["linear", "log"
     """So many values from first to last, both in it.  Raises InputError."""
     if spacing == "log" and not (first > 0 and last > 0):
         raise InputError('spacing: "log" needs from and to above 0')
-    made = (np.geomspace if spacing == "log" else np.linspace)(first, last, count)
-    return GridAxis(tuple(map(float, made)))
+    values = (np.geomspace if spacing == "log" else np.linspace)(first, last, count)
+    return GridAxis(tuple(map(float, values)))
 
 
 def middle(law: Law) -> Word:

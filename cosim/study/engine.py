@@ -105,8 +105,8 @@ def _verdict(future: Future, task: Task) -> Verdict:
     from distributed import KilledWorker
 
     if future.status == "finished":
-        found: Verdict = future.result()
-        return found
+        verdict: Verdict = future.result()
+        return verdict
     error = future.exception() if future.status == "error" else None
     if isinstance(error, KilledWorker):
         reason = "workers were ended while they had it, more often than Dask allows"

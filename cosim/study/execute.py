@@ -92,9 +92,9 @@ def execute_study(
                 note(Verdict("", "refused", done.refused[point], 0.0, solved=False))
                 continue
             done.keys[point] = task.key
-            found = stored_outcome(task, store)
-            if found is not None:
-                note(found)
+            stored = stored_outcome(task, store)
+            if stored is not None:
+                note(stored)
                 continue
             count.handed_out += 1
             yield task

@@ -28,8 +28,8 @@ def faults_of(
         value = values
         for part in place:
             value = at(value, part)
-        found = value_text(value)
-        where = place_text((*above, *place)) + (f" = {found}" if found else "")
+        shown = value_text(value)
+        where = place_text((*above, *place)) + (f" = {shown}" if shown else "")
         yield f"{where}: {_message(item, place, values, model)}"
 
 

@@ -42,14 +42,14 @@ class Measure(NamedTuple):
 
 def _measure(value: Any) -> Measure:
     if is_number(value):
-        found = Measure(_float(value), "")
+        measure = Measure(_float(value), "")
     elif isinstance(value, str) and (parts := FORM.fullmatch(value)):
-        found = Measure(float(parts[1]), parts[2] or "")
+        measure = Measure(float(parts[1]), parts[2] or "")
     else:
         raise fault('is no number; write one, with its unit where the case has one: "100 MPa"')
-    if not isfinite(found.number):
+    if not isfinite(measure.number):
         raise fault("is not finite")
-    return found
+    return measure
 
 
 def _float(value: float) -> float:
@@ -208,10 +208,10 @@ def study_schema() -> dict[str, Any]:
     ]
     defs = schema.setdefault("$defs", {})
     for form in (ListConfig, RangeConfig, by_word):
-        made = editor_schema(form)
-        del made["$schema"]
-        defs |= made.pop("$defs", {})
-        defs[made.get("title", "DistributionConfig")] = made
+        form_schema = editor_schema(form)
+        del form_schema["$schema"]
+        defs |= form_schema.pop("$defs", {})
+        defs[form_schema.get("title", "DistributionConfig")] = form_schema
     names = ("DistributionConfig", "ListConfig", "RangeConfig")
     distribution, values, bounds = [{"$ref": f"#/$defs/{name}"} for name in names]
     tests = [(has("distribution"), distribution), (has("values"), values)]
@@ -275,21 +275,21 @@ def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:
         lines += faults_of(error, values, (), StudyFile)
     except RecursionError:
         raise InputError(f"{source}: tables are nested too deeply") from None
-    found = []
+    parameters = []
     tables = values.get("parameters")
     for name, table in tables.items() if isinstance(tables, dict) else ():
         if isinstance(table, dict):
             try:
-                found.append(_parameter(name, table))
+                parameters.append(_parameter(name, table))
             except ValidationError as error:
                 lines += faults_of(error, table, ("parameters", name), _model(table))
             except InputError as error:
                 lines.append(f"{place_text(('parameters', name))}: {error}")
     if checked is not None:
-        lines += _sampling_faults(checked, found)
+        lines += _sampling_faults(checked, parameters)
     if lines or checked is None:
         raise InputError(listing(source, lines))
-    return checked, tuple(found)
+    return checked, tuple(parameters)
 
 
 def _model(table: Mapping[str, Any]) -> type[ParameterConfig]:
@@ -352,19 +352,19 @@ def _law_of(read: ParameterConfig) -> Law:
     raise AssertionError(read)
 
 
-def _sampling_faults(study: StudyFile, found: list[Parameter]) -> Iterator[str]:
+def _sampling_faults(study: StudyFile, parameters: list[Parameter]) -> Iterator[str]:
     """What goes together."""
-    axes = [p.name for p in found if is_axis(p.law)]
-    drawn = [p.name for p in found if not is_axis(p.law)]
+    axes = [p.name for p in parameters if is_axis(p.law)]
+    drawn = [p.name for p in parameters if not is_axis(p.law)]
     if drawn and study.sampling is None:
         kinds = ", ".join(KINDS)
         example = '{ kind = "latin_hypercube", n = 64, seed = 1 }'
         yield f"sampling: is missing; write {example} ({kinds})"
-    if not drawn and found and study.sampling is not None:
+    if not drawn and parameters and study.sampling is not None:
         yield "sampling: no parameter has a distribution to sample; leave it out"
     if axes and study.sampling is not None and study.sampling.kind == "saltelli":
         yield f"parameters: saltelli's scheme samples all of them; {', '.join(axes)} has values"
     reserved = {"run", "status", "reason", "key"}
-    both = {p.name for p in found} & set(study.outputs)
-    for name in sorted(both | reserved & (set(study.outputs) | {p.name for p in found})):
+    both = {p.name for p in parameters} & set(study.outputs)
+    for name in sorted(both | reserved & (set(study.outputs) | {p.name for p in parameters})):
         yield f"{name!r}: names a column twice; choose another name for the parameter or output"

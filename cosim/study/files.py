@@ -23,13 +23,13 @@ def write_study(plan: StudyPlan, done: StudyOutcome, store: Store, folder: Path)
     write_table(table_of(plan, done, store), folder)
     _write(folder / "study.toml", with_schema(plan.text, f"../{STUDY_SCHEMA}"))
     _write(folder / MARK, _json(facts_of(plan, store, folder)))
-    found = read_study(folder)
-    _write(folder / "answers.json", _json(answers_of(found)))
-    _write(folder / "indices.csv", "\n".join(_index_lines(found)) + "\n")
+    study = read_study(folder)
+    _write(folder / "answers.json", _json(answers_of(study)))
+    _write(folder / "indices.csv", "\n".join(_index_lines(study)) + "\n")
     from cosim.study.page import page
 
-    _write(folder / "index.html", page(found, plan))
-    return found
+    _write(folder / "index.html", page(study, plan))
+    return study
 
 
 def facts_of(plan: StudyPlan, store: Store, folder: Path) -> dict[str, Any]:
@@ -49,32 +49,32 @@ def facts_of(plan: StudyPlan, store: Store, folder: Path) -> dict[str, Any]:
     }
 
 
-def answers_of(found: StudyResults) -> dict[str, Any]:
+def answers_of(study: StudyResults) -> dict[str, Any]:
     """The answers of every output, for machines: what `answers.json` holds."""
     return {
         "quantiles": list(QUANTILES),
         "confidence": CONFIDENCE,
         "failures": [
             {"status": status, "reason": reason, "runs": runs}
-            for (status, reason), runs in found.failures.items()
+            for (status, reason), runs in study.failures.items()
         ],
-        "outputs": {name: _answers(found, name) for name in found.outputs},
+        "outputs": {name: _answers(study, name) for name in study.outputs},
     }
 
 
-def _answers(found: StudyResults, output: str) -> dict[str, Any]:
-    band, indices = found.band(output), found.indices(output)
-    slopes, surface = found.slopes(output), found.surface(output)
+def _answers(study: StudyResults, output: str) -> dict[str, Any]:
+    band, indices = study.band(output), study.indices(output)
+    slopes, surface = study.slopes(output), study.surface(output)
     return {
-        "unit": found.units[output],
+        "unit": study.units[output],
         "band": None if band is None else band._asdict(),
-        "sobol": indices if isinstance(indices, str) else _indices(found, indices),
+        "sobol": indices if isinstance(indices, str) else _indices(study, indices),
         "slopes": None
         if slopes is None
         else {
             "r2": slopes.r2,
             "rms": slopes.rms,
-            "slope": dict(zip(found.numeric, finite(slopes.slope), strict=True)),
+            "slope": dict(zip(study.numeric, finite(slopes.slope), strict=True)),
         },
         "surface": None
         if surface is None
@@ -83,27 +83,27 @@ def _answers(found: StudyResults, output: str) -> dict[str, Any]:
             "r2_held_out": surface.held_out,
             "rms": surface.rms,
             "runs": surface.runs,
-            "pairs": {" x ".join(pair): change for pair, change in found.pairs(output).items()},
+            "pairs": {" x ".join(pair): change for pair, change in study.pairs(output).items()},
         },
     }
 
 
-def _indices(found: StudyResults, indices: Indices) -> dict[str, Any]:
+def _indices(study: StudyResults, indices: Indices) -> dict[str, Any]:
     named = {
-        name: dict(zip(found.parameters, finite(values), strict=True))
+        name: dict(zip(study.parameters, finite(values), strict=True))
         for name, values in asdict(indices).items()
         if name not in ("second", "blocks", "planned")
     }
     return named | {"blocks": indices.blocks, "planned": indices.planned}
 
 
-def _index_lines(found: StudyResults) -> Iterator[str]:
+def _index_lines(study: StudyResults) -> Iterator[str]:
     """What there is not is empty."""
     yield "output,parameter,slope,first,first_conf,total,total_conf"
-    for output in found.outputs:
-        indices, slopes = found.indices(output), found.slopes(output)
-        each = {} if slopes is None else dict(zip(found.numeric, slopes.slope, strict=True))
-        for i, name in enumerate(found.parameters):
+    for output in study.outputs:
+        indices, slopes = study.indices(output), study.slopes(output)
+        each = {} if slopes is None else dict(zip(study.numeric, slopes.slope, strict=True))
+        for i, name in enumerate(study.parameters):
             parts = [""] * 4
             if isinstance(indices, Indices):
                 four = (indices.first, indices.first_conf, indices.total, indices.total_conf)

@@ -22,25 +22,25 @@ MOST_RUNS = 12
 """Named of a failure's."""
 
 
-def page(found: StudyResults, plan: StudyPlan) -> str:
+def page(study: StudyResults, plan: StudyPlan) -> str:
     """The whole page."""
-    counts = found.table.status.value_counts().to_dict()
+    counts = study.table.status.value_counts().to_dict()
     return template("cosim.study").render(
-        study=found,
+        study=study,
         plan=plan,
-        runs=len(found.table),
+        runs=len(study.table),
         converged=counts.get("converged", 0),
         waiting=counts.get("waiting", 0),
-        audit=sum(found.table.reason.str.startswith("audit missed")),
-        failures=list(_failures(found)),
+        audit=sum(study.table.reason.str.startswith("audit missed")),
+        failures=list(_failures(study)),
         parameters=list(_parameters(plan)),
         sampled=_sampling_text(plan),
-        outputs=[_output(found, plan, name) for name in found.outputs],
+        outputs=[_output(study, plan, name) for name in study.outputs],
     )
 
 
-def _failures(found: StudyResults) -> Iterator[dict[str, Any]]:
-    for (status, reason), runs in found.failures.items():
+def _failures(study: StudyResults) -> Iterator[dict[str, Any]]:
+    for (status, reason), runs in study.failures.items():
         if status != "waiting":
             more = len(runs) - MOST_RUNS
             named = ", ".join(map(str, runs[:MOST_RUNS])) + (
@@ -53,8 +53,8 @@ def _parameters(plan: StudyPlan) -> Iterator[dict[str, str]]:
     for p in plan.parameters:
         sets = ", ".join(text.partition("=")[0] for text in p.settings)
         scales = ", ".join(p.scale)
-        said = f"sets {sets}" if sets else f"scales {scales}"
-        yield {"label": p.label, "law": f"{_law(p.law)} {p.unit}".rstrip(), "sets": said}
+        effect = f"sets {sets}" if sets else f"scales {scales}"
+        yield {"label": p.label, "law": f"{_law(p.law)} {p.unit}".rstrip(), "sets": effect}
 
 
 def _law(law: Law) -> str:
@@ -84,29 +84,29 @@ def _sampling_text(plan: StudyPlan) -> str:
     return f"{names.get(s.kind, 'Latin hypercube')}, {s.n} points, seed {s.seed}"
 
 
-def _output(found: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
-    here = [t for t in plan.targets if t.case in ("", plan.case.stem)]
-    targets = [t for t in here if t.quantity == plan.outputs[name]]
-    band, indices, surface = found.band(name), found.indices(name), found.surface(name)
-    pairs = found.pairs(name)
+def _output(study: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
+    of_case = [t for t in plan.targets if t.case in ("", plan.case.stem)]
+    targets = [t for t in of_case if t.quantity == plan.outputs[name]]
+    band, indices, surface = study.band(name), study.indices(name), study.surface(name)
+    pairs = study.pairs(name)
     figures: dict[str, Figure | None] = {"band": None, "influence": None, "scatter": None}
     if band is not None:
-        figures["band"] = pictures.draw_band(found, name, targets)
-        figures["influence"] = pictures.draw_influence(found, name)
-        figures["scatter"] = pictures.draw_scatter(found, name)
-    drawn = None if surface is None else pictures.draw_surface(found, name, surface)
+        figures["band"] = pictures.draw_band(study, name, targets)
+        figures["influence"] = pictures.draw_influence(study, name)
+        figures["scatter"] = pictures.draw_scatter(study, name)
+    drawn = None if surface is None else pictures.draw_surface(study, name, surface)
     return {
         "name": name,
         "path": plan.outputs[name],
-        "unit": "" if found.units[name] == "1" else found.units[name],
+        "unit": "" if study.units[name] == "1" else study.units[name],
         "band": band,
         "numbers": {} if band is None else _numbers(band),
         "targets": [_target(t, band) for t in targets],
         "why_not": indices if isinstance(indices, str) and _wants_indices(plan) else "",
-        "indices": _index_rows(found, indices) if isinstance(indices, Indices) else [],
-        "slopes": found.slopes(name),
+        "indices": _index_rows(study, indices) if isinstance(indices, Indices) else [],
+        "slopes": study.slopes(name),
         "surface": surface,
-        "pairs": [(" × ".join(map(found.label, p)), number(x, 3)) for p, x in pairs.items()],
+        "pairs": [(" × ".join(map(study.label, p)), number(x, 3)) for p, x in pairs.items()],
         "pictures": {key: _picture(f) for key, f in {**figures, "surface": drawn}.items()},
     }
 
@@ -150,14 +150,14 @@ def _ends(target: Target) -> tuple[float, float]:
     return low, float("inf") if target.high is None else target.high
 
 
-def _index_rows(found: StudyResults, indices: Indices) -> list[tuple[str, str, str]]:
+def _index_rows(study: StudyResults, indices: Indices) -> list[tuple[str, str, str]]:
     order = [
-        found.parameters.index(n)
-        for n in sorted(found.parameters, key=lambda n: -indices.total[found.parameters.index(n)])
+        study.parameters.index(n)
+        for n in sorted(study.parameters, key=lambda n: -indices.total[study.parameters.index(n)])
     ]
     return [
         (
-            found.label(found.parameters[i]),
+            study.label(study.parameters[i]),
             f"{indices.first[i]:.3f} ± {indices.first_conf[i]:.3f}",
             f"{indices.total[i]:.3f} ± {indices.total_conf[i]:.3f}",
         )

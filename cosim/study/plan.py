@@ -145,10 +145,10 @@ def scale_setting(base: Mapping[str, Any], key: str, factor: float) -> Iterator[
     """KEY=VALUE with what `base` has at the key (a `*` stands for every name) times the factor.
 
     Raises InputError where no number is there."""
-    found = list(_find_values(base, key.split("."), ()))
-    if not found:
+    numbers = list(_find_values(base, key.split("."), ()))
+    if not numbers:
         raise InputError(f"scale: the case has no number at {key}")
-    for path, value in found:
+    for path, value in numbers:
         yield f"{'.'.join(path)}={_times(value, factor, key)}"
 
 

@@ -26,22 +26,22 @@ GRID = 60
 BINS = 8
 
 
-def axis_label(found: StudyResults, name: str) -> str:
+def axis_label(study: StudyResults, name: str) -> str:
     """A parameter or output with its unit, as an axis says it."""
-    unit = found.units[name]
-    return found.label(name) + ("" if unit == "1" else f" ({unit})")
+    unit = study.units[name]
+    return study.label(name) + ("" if unit == "1" else f" ({unit})")
 
 
-def draw_band(found: StudyResults, output: str, targets: Sequence[Target]) -> Figure:
+def draw_band(study: StudyResults, output: str, targets: Sequence[Target]) -> Figure:
     """The distribution over the runs, its middle 50 and 95 %, and measured values on its scale."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.4, 2.6 + 0.28 * len(targets)), layout="constrained")
     axes = figure.subplots()
-    values = found.values(output)
+    values = study.values(output)
     values = values[np.isfinite(values)]
     axes.hist(values, bins=min(40, max(8, len(values) // 12)), color=BLUE, alpha=0.75)
-    if (band := found.band(output)) is not None:
+    if (band := study.band(output)) is not None:
         low, quarter, middle, upper, high = band.quantiles
         axes.axvspan(low, high, color="0.6", alpha=0.18, lw=0, label="95 % of the runs")
         axes.axvspan(quarter, upper, color="0.6", alpha=0.3, lw=0, label="50 % of the runs")
@@ -50,7 +50,7 @@ def draw_band(found: StudyResults, output: str, targets: Sequence[Target]) -> Fi
     for i, target in enumerate(targets):
         _draw_target(axes, target, top * (1.1 + 0.16 * i))
     axes.set_ylim(0, top * (1.05 + 0.16 * len(targets)))
-    axes.set_xlabel(axis_label(found, output))
+    axes.set_xlabel(axis_label(study, output))
     axes.set_ylabel("runs")
     figure.legend(loc="outside right upper", fontsize=8, frameon=False)
     return figure
@@ -67,46 +67,46 @@ def _draw_target(axes: Axes, target: Target, height: float) -> None:
     axes.plot(ends, [height] * len(ends), marker="|", ms=11, lw=2.5, **look)
 
 
-def draw_influence(found: StudyResults, output: str) -> Figure | None:
+def draw_influence(study: StudyResults, output: str) -> Figure | None:
     """Tornado of the slopes, and Sobol's indices with their intervals where there are any."""
     from matplotlib.figure import Figure
 
-    slopes, indices = found.slopes(output), found.indices(output)
+    slopes, indices = study.slopes(output), study.indices(output)
     has_indices = isinstance(indices, Indices)
     if slopes is None and not has_indices:
         return None
-    names = strongest(found, output)
+    names = strongest(study, output)
     panels = (slopes is not None) + has_indices
     size = (4.6 * panels + 1.6, 1.3 + 0.34 * len(names))
     figure = Figure(figsize=size, layout="constrained")
     every = list(np.atleast_1d(figure.subplots(1, panels, sharey=True)))
-    every[0].set_yticks(range(len(names)), [fill(found.label(n), 30) for n in names], fontsize=9)
+    every[0].set_yticks(range(len(names)), [fill(study.label(n), 30) for n in names], fontsize=9)
     every[0].set_ylim(len(names) - 0.4, -0.6)
     if slopes is not None:
-        _draw_slopes(every[0], found, slopes, names)
+        _draw_slopes(every[0], study, slopes, names)
     if isinstance(indices, Indices):
-        _draw_indices(every[-1], found, indices, names)
+        _draw_indices(every[-1], study, indices, names)
     for axes in every:
         axes.grid(axis="x", alpha=0.3)
         axes.set_axisbelow(True)
     return figure
 
 
-def strongest(found: StudyResults, output: str) -> list[str]:
+def strongest(study: StudyResults, output: str) -> list[str]:
     """The numeric parameters, the strongest first: by total index, else by slope."""
-    indices, slopes = found.indices(output), found.slopes(output)
+    indices, slopes = study.indices(output), study.slopes(output)
     if isinstance(indices, Indices):
-        weight = dict(zip(found.parameters, indices.total, strict=True))
+        weight = dict(zip(study.parameters, indices.total, strict=True))
     elif slopes is not None:
-        weight = dict(zip(found.numeric, np.abs(slopes.slope), strict=True))
+        weight = dict(zip(study.numeric, np.abs(slopes.slope), strict=True))
     else:
         weight = {}
-    return sorted(found.numeric, key=lambda name: -weight.get(name, 0.0))
+    return sorted(study.numeric, key=lambda name: -weight.get(name, 0.0))
 
 
-def _draw_slopes(axes: Axes, found: StudyResults, slopes: Slopes, names: Sequence[str]) -> None:
+def _draw_slopes(axes: Axes, study: StudyResults, slopes: Slopes, names: Sequence[str]) -> None:
     for place, name in enumerate(names):
-        i = found.numeric.index(name)
+        i = study.numeric.index(name)
         value, colour = slopes.slope[i], BLUE if slopes.slope[i] >= 0 else ORANGE
         hatch = "" if value >= 0 else "////"
         axes.barh(place, value, 0.62, color=colour, hatch=hatch, edgecolor="white", lw=0)
@@ -118,8 +118,8 @@ def _draw_slopes(axes: Axes, found: StudyResults, slopes: Slopes, names: Sequenc
     axes.set_title(f"Tornado; a straight line explains {max(slopes.r2, 0):.0%}", fontsize=10)
 
 
-def _draw_indices(axes: Axes, found: StudyResults, indices: Indices, names: Sequence[str]) -> None:
-    at = [found.parameters.index(name) for name in names]
+def _draw_indices(axes: Axes, study: StudyResults, indices: Indices, names: Sequence[str]) -> None:
+    at = [study.parameters.index(name) for name in names]
     places = np.arange(len(names))
     parts = (
         (indices.first, indices.first_conf, -0.17, BLUE, "", "first order"),
@@ -139,30 +139,30 @@ def _draw_indices(axes: Axes, found: StudyResults, indices: Indices, names: Sequ
     axes.legend(fontsize=8, frameon=False, loc="lower right")
 
 
-def draw_scatter(found: StudyResults, output: str) -> Figure | None:
+def draw_scatter(study: StudyResults, output: str) -> Figure | None:
     """The output against each numeric parameter, with the means of equal parts of the runs."""
     from matplotlib.figure import Figure
 
-    names = strongest(found, output)
+    names = strongest(study, output)
     if not names:
         return None
-    values = found.values(output)
-    there = np.flatnonzero(np.isfinite(values))
-    shown = there[:: max(1, -(-len(there) // MOST_POINTS))]
+    values = study.values(output)
+    finite = np.flatnonzero(np.isfinite(values))
+    shown = finite[:: max(1, -(-len(finite) // MOST_POINTS))]
     rows = -(-len(names) // ACROSS)
     width = min(len(names), ACROSS)
     figure = Figure(figsize=(2.75 * width + 0.7, 2.4 * rows), layout="constrained")
     every = np.atleast_1d(figure.subplots(rows, width, sharey=True, squeeze=False)).ravel()
     for axes, name in zip(every, names, strict=False):
-        x = found.table[name].to_numpy(float)
+        x = study.table[name].to_numpy(float)
         axes.plot(x[shown], values[shown], ".", color=BLUE, ms=4, alpha=0.6, mew=0)
-        axes.plot(*_means(x[there], values[there]), color="black", lw=1.4)
-        axes.set_xlabel(fill(axis_label(found, name), 34), fontsize=8)
+        axes.plot(*_means(x[finite], values[finite]), color="black", lw=1.4)
+        axes.set_xlabel(fill(axis_label(study, name), 34), fontsize=8)
         axes.tick_params(labelsize=8)
         axes.grid(alpha=0.25)
     for axes in every[len(names) :]:
         axes.set_visible(False)
-    figure.supylabel(axis_label(found, output), fontsize=9)
+    figure.supylabel(axis_label(study, output), fontsize=9)
     return figure
 
 
@@ -175,17 +175,17 @@ def _means(x: Array, y: Array) -> tuple[Array, Array]:
     return np.array([x[p].mean() for p in parts]), np.array([y[p].mean() for p in parts])
 
 
-def draw_surface(found: StudyResults, output: str, fit: ResponseSurface) -> Figure | None:
+def draw_surface(study: StudyResults, output: str, fit: ResponseSurface) -> Figure | None:
     """The quadratic over the two strongest parameters, the others at their means."""
     from matplotlib.figure import Figure
 
-    names = strongest(found, output)[:2]
+    names = strongest(study, output)[:2]
     if len(names) < 2:
         return None
     figure = Figure(figsize=(5.6, 4.2), layout="constrained")
     axes = figure.subplots()
-    at = [found.numeric.index(name) for name in names]
-    inputs = found.inputs
+    at = [study.numeric.index(name) for name in names]
+    inputs = study.inputs
     ends = [np.linspace(inputs[:, i].min(), inputs[:, i].max(), GRID) for i in at]
     across, along = np.meshgrid(*ends)
     x = np.tile(fit.mean, (across.size, 1))
@@ -195,8 +195,8 @@ def draw_surface(found: StudyResults, output: str, fit: ResponseSurface) -> Figu
         across, along, fit(x).reshape(across.shape), 7, colors="white", linewidths=0.6
     )
     axes.clabel(lines, fontsize=7)
-    figure.colorbar(drawn, label=axis_label(found, output))
+    figure.colorbar(drawn, label=axis_label(study, output))
     axes.plot(inputs[:MOST_POINTS, at[0]], inputs[:MOST_POINTS, at[1]], ".", color="black", ms=1.5)
-    axes.set_xlabel(axis_label(found, names[0]))
-    axes.set_ylabel(axis_label(found, names[1]))
+    axes.set_xlabel(axis_label(study, names[0]))
+    axes.set_ylabel(axis_label(study, names[1]))
     return figure

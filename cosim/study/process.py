@@ -76,11 +76,11 @@ def solve(task: Task) -> Verdict:
 
 def _process() -> WorkerProcess:
     """That of this thread."""
-    found: WorkerProcess | None = getattr(_here, "process", None)
-    if found is None:
+    process: WorkerProcess | None = getattr(_here, "process", None)
+    if process is None:
         current_process().daemon = False  # under a nanny it is, and could start no process
-        found = _here.process = WorkerProcess({**os.environ, **ENVIRONMENT})
-    return found
+        process = _here.process = WorkerProcess({**os.environ, **ENVIRONMENT})
+    return process
 
 
 def close() -> None:

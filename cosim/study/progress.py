@@ -60,24 +60,24 @@ class Note:
 @contextmanager
 def progress(name: str, store: Store) -> Iterator[Callable[[Count], None]]:
     """A function to call at the end of every run, which shows and stores how far the study is."""
-    begun, told, last = time.monotonic(), [0.0], [Count(0)]
+    begun, shown_at, last = time.monotonic(), [0.0], [Count(0)]
 
     def note(count: Count, ended: bool) -> Note:
-        made = Note(
+        content = Note(
             *(name, count.total, count.done, count.failed, count.handed_out, count.solved),
             *(time.monotonic() - begun, time.time(), socket.gethostname(), os.getpid(), ended),
         )
         path = store.root / "studies" / f"{name}.json"
-        store.write(path, json.dumps(vars(made)).encode())
-        return made
+        store.write(path, json.dumps(vars(content)).encode())
+        return content
 
     with _progress_display(name) as show:
 
         def tell(count: Count) -> None:
             last[0] = count
             now = time.monotonic()
-            if now - told[0] >= EVERY or count.done == count.total:
-                told[0] = now
+            if now - shown_at[0] >= EVERY or count.done == count.total:
+                shown_at[0] = now
                 show(note(count, ended=False))
 
         try:
@@ -103,12 +103,12 @@ def _progress_display(name: str) -> Iterator[Callable[[Note], None]]:
 
 
 def _lines() -> Callable[[Note], None]:
-    told = [-LINES]
+    shown_at = [-LINES]
 
     def show(note: Note) -> None:
         now = time.monotonic()
-        if now - told[0] >= LINES or note.done == note.total:
-            told[0] = now
+        if now - shown_at[0] >= LINES or note.done == note.total:
+            shown_at[0] = now
             typer.echo(f"{note.name}: {note.done}/{note.total}, {_rest(note)}", err=True)
 
     return show

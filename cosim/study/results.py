@@ -63,14 +63,14 @@ class StudyResults:
 
     def label(self, name: str) -> str:
         """The name of a parameter or output for people."""
-        said: str = self.facts["parameters"].get(name, name)
-        return said
+        label: str = self.facts["parameters"].get(name, name)
+        return label
 
     @property
     def numeric(self) -> tuple[str, ...]:
         """The parameters that are numbers and differ from run to run."""
-        found = self.table[list(self.parameters)].select_dtypes("float")
-        return tuple(name for name in found if found[name].nunique() > 1)
+        numbers = self.table[list(self.parameters)].select_dtypes("float")
+        return tuple(name for name in numbers if numbers[name].nunique() > 1)
 
     @property
     def inputs(self) -> Array:
@@ -102,8 +102,8 @@ class StudyResults:
 
     def pairs(self, output: str) -> dict[tuple[str, str], float]:
         """`ResponseSurface.pairs` by the parameters' names; empty without a surface."""
-        found = self.surface(output)
-        each = {} if found is None else found.pairs
+        surface = self.surface(output)
+        each = {} if surface is None else surface.pairs
         return {(self.numeric[i], self.numeric[j]): change for (i, j), change in each.items()}
 
     def _answers(self, output: str) -> _Answers:
@@ -113,15 +113,15 @@ class StudyResults:
 
     def _answers_to(self, values: Array) -> _Answers:
         sampling, count = self.facts["sampling"] or {}, len(self.parameters)
-        found: Indices | str = 'no indices: sampling.kind = "saltelli" gives them'
+        indices: Indices | str = 'no indices: sampling.kind = "saltelli" gives them'
         together = 1
         if sampling.get("kind") == "saltelli":
-            found = answers.indices(values, count, sampling["second_order"])
+            indices = answers.indices(values, count, sampling["second_order"])
             together = answers.block(count, sampling["second_order"])
         if not self.numeric:
-            return _Answers(found, None, None)
+            return _Answers(indices, None, None)
         x = self.inputs
-        return _Answers(found, answers.slopes(x, values), answers.surface(x, values, together))
+        return _Answers(indices, answers.slopes(x, values), answers.surface(x, values, together))
 
     def dataset(self) -> xarray.Dataset:
         """Outputs by parameters where all of these are axes, else by run."""
@@ -150,11 +150,11 @@ class StudyResults:
     def failures(self) -> dict[tuple[str, str], list[int]]:
         """Runs by status and reason, the most frequent first."""
         bad = self.table[self.table.status != "converged"]
-        found = {
+        by_reason = {
             (str(status), str(reason)): rows.run.tolist()
             for (status, reason), rows in bad.groupby(["status", "reason"], sort=True)
         }
-        return dict(sorted(found.items(), key=lambda item: -len(item[1])))
+        return dict(sorted(by_reason.items(), key=lambda item: -len(item[1])))
 
 
 def read_study(folder: Path) -> StudyResults:

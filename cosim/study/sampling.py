@@ -32,9 +32,9 @@ def unit_points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bo
         raise InputError(
             f"sampling.n = {n}: {kind} needs a power of 2, for example {below} or {2 * below}"
         )
-    found = _points(kind, dimensions, n, seed, second_order)
+    sampled = _points(kind, dimensions, n, seed, second_order)
     tiny = np.finfo(float).eps
-    return np.clip(found, tiny, 1 - tiny)
+    return np.clip(sampled, tiny, 1 - tiny)
 
 
 def _points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bool) -> Array:
@@ -48,8 +48,8 @@ def _points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bool) 
         return np.asarray(qmc.Sobol(dimensions, seed=seed).random(n))
     from SALib.sample.sobol import sample
 
-    found = sample(problem(dimensions), n, calc_second_order=second_order, seed=seed)
-    return np.asarray(found)
+    sampled = sample(problem(dimensions), n, calc_second_order=second_order, seed=seed)
+    return np.asarray(sampled)
 
 
 def problem(dimensions: int) -> dict[str, object]:

@@ -67,10 +67,10 @@ class Store:
                 raise InputError(f"{self.root}: is no store of studies; choose another folder")
             if not mark.is_file():
                 self.write(mark, json.dumps(FORMAT).encode())
-            found = json.loads(mark.read_bytes())
+            stored = json.loads(mark.read_bytes())
         except (OSError, ValueError) as error:
             raise InputError(f"{self.root}: cannot be used as a store ({error})") from error
-        if found != FORMAT:
+        if stored != FORMAT:
             raise InputError(f"{mark}: expected {FORMAT['format']!r}; choose another folder")
         return self
 
@@ -157,27 +157,27 @@ class Store:
                 yield row
         self._read_parts()
         for name, held in self._parts.items():
-            here = wanted & held
-            if here:
-                wanted -= here
-                yield from (row for row in _read(self.root / "parts" / name) if row.key in here)
+            in_part = wanted & held
+            if in_part:
+                wanted -= in_part
+                yield from (row for row in _read(self.root / "parts" / name) if row.key in in_part)
 
     def pack(self) -> int:
         """Put the loose rows that converged into a part; how many.  Raises StoreError."""
         loose = sorted((self.root / "rows").glob("*/*.json"))
-        found = [row for path in loose if (row := self._loose(path.stem)) is not None]
-        found = [row for row in found if row.status == "converged"]
-        if not found:
+        rows = [row for path in loose if (row := self._loose(path.stem)) is not None]
+        rows = [row for row in rows if row.status == "converged"]
+        if not rows:
             return 0
-        digest = hashlib.sha256("".join(row.key for row in found).encode()).hexdigest()
+        digest = hashlib.sha256("".join(row.key for row in rows).encode()).hexdigest()
         self.write_by(
-            self.root / "parts" / f"{digest}.parquet", lambda part: _write_part(part, found)
+            self.root / "parts" / f"{digest}.parquet", lambda part: _write_part(part, rows)
         )
         self._read_parts()
-        for row in found:
+        for row in rows:
             with suppress(OSError):
                 self._path(row.key).unlink(missing_ok=True)
-        return len(found)
+        return len(rows)
 
 
 def _sync(path: Path, content: bytes) -> None:

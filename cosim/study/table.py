@@ -25,7 +25,7 @@ def table_of(plan: StudyPlan, done: StudyOutcome, store: Store) -> pd.DataFrame:
     value is text."""
     import pandas as pd
 
-    found = {
+    stored = {
         row.key: (row.status, row.reason, *_values(row.summary, plan.outputs))
         for row in store.rows(set(done.keys.values()))
     }
@@ -34,10 +34,10 @@ def table_of(plan: StudyPlan, done: StudyOutcome, store: Store) -> pd.DataFrame:
     for run, point in enumerate(plan.points):
         key = done.keys.get(point, "")
         if point in done.refused:
-            told: tuple[Any, ...] = ("refused", done.refused[point], *absent)
+            cells: tuple[Any, ...] = ("refused", done.refused[point], *absent)
         else:
-            told = found.get(key, ("waiting", "", *absent))
-        records.append((run, *point, *told, key))
+            cells = stored.get(key, ("waiting", "", *absent))
+        records.append((run, *point, *cells, key))
     names = [p.name for p in plan.parameters]
     columns = ["run", *names, *STATUS, *plan.outputs, KEY]
     table = pd.DataFrame.from_records(records, columns=columns)

@@ -64,8 +64,8 @@ def stored_outcome(task: Task, store: Store) -> Verdict | None:
     return Verdict(row.key, row.status, row.reason, row.seconds, solved=False)
 
 
-def _longer(limit: float | None, before: float | None) -> bool:
-    return limit is None or before is None or limit > before
+def _longer(limit: float | None, last: float | None) -> bool:
+    return limit is None or last is None or limit > last
 
 
 def run_task(task: Task, store: Store, session: Session | None = None) -> Verdict:
@@ -73,9 +73,9 @@ def run_task(task: Task, store: Store, session: Session | None = None) -> Verdic
     Runs of one `session` that differ in their tendons alone share models and unloaded equilibrium.
 
     Raises StoreError."""
-    found = stored_outcome(task, store)
-    if found is not None:
-        return found
+    stored = stored_outcome(task, store)
+    if stored is not None:
+        return stored
     store.log("begun", task.key)
     row = _solve(task, store, session)
     store.put(row)
@@ -113,8 +113,8 @@ def _solve(task: Task, store: Store, session: Session | None) -> StoreRow:
 
 def _numbers(summary: Mapping[str, Any]) -> dict[str, Any]:
     kept = {key: value for key, value in summary.items() if key not in NOT_NUMBERS}
-    found: dict[str, Any] = json.loads(json_text(kept))
-    return found
+    numbers: dict[str, Any] = json.loads(json_text(kept))
+    return numbers
 
 
 def _keep(dataset: Any, task: Task, store: Store) -> None:

@@ -86,11 +86,11 @@ def parts(table: PneumaticConfig) -> Pneumatics:
     """Valve and cylinder of a table.  Raises InputError."""
     from rigid.air.plant import ATMOSPHERE, PneumaticCylinder, Pneumatics, Valve
 
-    said = {name: value for name, value in table if value is not None}
+    stated = {name: value for name, value in table if value is not None}
     if table.supply is not None:
-        said["supply"] = ATMOSPHERE + table.supply
-    valve = {f.name: said[f.name] for f in fields(Valve) if f.name in said}
-    cylinder = {f.name: said[f.name] for f in fields(PneumaticCylinder) if f.name in said}
+        stated["supply"] = ATMOSPHERE + table.supply
+    valve = {f.name: stated[f.name] for f in fields(Valve) if f.name in stated}
+    cylinder = {f.name: stated[f.name] for f in fields(PneumaticCylinder) if f.name in stated}
     return Pneumatics(Valve(**valve), PneumaticCylinder(**cylinder))
 
 

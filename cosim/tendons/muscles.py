@@ -49,9 +49,9 @@ def live_muscles(tendons: Mapping[str, TendonConfig]) -> CaseMuscles:
 
         out, first = np.zeros((3, len(names))), 0
         for muscles, activation, home in groups:
-            here = slice(first, first + len(home))
-            at = equilibrium(muscles, activation, home - shortening[here])
-            out[:, here] = at.force, at.normalised_length, at.pennation
+            span = slice(first, first + len(home))
+            at = equilibrium(muscles, activation, home - shortening[span])
+            out[:, span] = at.force, at.normalised_length, at.pennation
             first += len(home)
         return MusclePull(*out)
 

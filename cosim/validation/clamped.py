@@ -108,11 +108,11 @@ def _qiu_targets(trial: Trial) -> Iterator[Target]:
 def measured_differences(muscle: str, posture: str) -> tuple[float, float]:
     """Differences of moment arms (mm), flexion positive: of Qiu's arms, which count extension
     positive, or of his forces."""
-    found = values_by("qiu2017", posture)
-    if f"arm.{muscle}.MCP" in found:
-        mcp, pip, dip = (-found[f"arm.{muscle}.{j}"] for j in ("MCP", "PIP", "DIP"))
+    values = values_by("qiu2017", posture)
+    if f"arm.{muscle}.MCP" in values:
+        mcp, pip, dip = (-values[f"arm.{muscle}.{j}"] for j in ("MCP", "PIP", "DIP"))
         return mcp - pip, pip - dip
-    distal, dorsal = (found[f"force.{muscle}.{a}"] for a in SIDES)
+    distal, dorsal = (values[f"force.{muscle}.{a}"] for a in SIDES)
     force = to_world(np.array([distal, 0.0, dorsal]), _angles(posture))
     arms = arm_differences(_qiu_points(posture), force, 100.0)["arm_difference_mm"]
     return arms["MCP_PIP"], arms["PIP_DIP"]
@@ -136,8 +136,8 @@ def qiu_forces(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Compar
         *_, muscle, posture = trial.name.split()
         measured = qiu_force(posture, measured_differences(muscle, posture))
         summary = summaries.get(trial.name, {})
-        said = [v for q in DIFFERENCES.values() if (v := value_of(summary, q)) is not None]
-        ours = qiu_force(posture, said) if said else None
+        differences = [v for q in DIFFERENCES.values() if (v := value_of(summary, q)) is not None]
+        ours = qiu_force(posture, differences) if differences else None
         for i, side in enumerate(SIDES):
             name = f"{muscle} {posture}: {side} force over tension, lengths of Qiu's hands"
             quantity = f"force_over_tension_percent.{side}"
@@ -170,10 +170,10 @@ def cadaver_arm_group(forces: TrialGroup) -> TrialGroup:
     """The arms that the forces of a group say, hand by hand and their means, told beside."""
     arms = {hand: _arms_of_hand(forces.trials, each) for hand, each in forces.hands.items()}
     hands = {
-        hand: tuple(_arm_targets(forces.trials, {k: (v, None) for k, v in found.items()}, hand))
-        for hand, found in arms.items()
+        hand: tuple(_arm_targets(forces.trials, {k: (v, None) for k, v in of_hand.items()}, hand))
+        for hand, of_hand in arms.items()
     }
-    every = {key: [found[key] for found in arms.values()] for key in next(iter(arms.values()))}
+    every = {key: [of_hand[key] for of_hand in arms.values()] for key in next(iter(arms.values()))}
     means = {k: (float(np.mean(v)), float(np.std(v, ddof=1))) for k, v in every.items()}
     return replace(
         forces,
@@ -190,7 +190,7 @@ def _arms_of_hand(
 ) -> dict[tuple[str, str], float]:
     """Differences of arms (mm) by trial and quantity; forces: the components of one hand, distal
     phalanx's axes."""
-    found: dict[tuple[str, str], float] = {}
+    differences: dict[tuple[str, str], float] = {}
     for trial in trials:
         case = load_case(trial.case)
         mine = [t for t in forces if t.case == trial.name]
@@ -202,8 +202,8 @@ def _arms_of_hand(
         points = chain_points(skeleton_of(finger).length[1:], posture)
         tension = sum(t.tension for t in case.tendons.values() if t.tension)
         arms = arm_differences(points, to_world(on_phalanx, posture), tension)
-        found |= {(trial.name, q): v for q, v in numbers_of({"difference": arms}).items()}
-    return found
+        differences |= {(trial.name, q): v for q, v in numbers_of({"difference": arms}).items()}
+    return differences
 
 
 def _arm_targets(

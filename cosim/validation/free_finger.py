@@ -51,9 +51,9 @@ def needed_stiffness(targets: Sequence[Target], summaries: Summaries) -> Iterato
     """The stiffness of ours beside the one that is needed, for each joint that turned; they judge
     nothing, and are left out where the held finger found no equilibrium."""
     for case in dict.fromkeys(t.case for t in targets):
-        if (said := summaries.get(held_name(case))) is None:
+        if (summary := summaries.get(held_name(case))) is None:
             continue
-        torque = said["joint_torque_Nmm"]
+        torque = summary["joint_torque_Nmm"]
         for joint, turn in _turns(case, targets).items():
             if turn:
                 ours = torque["passive"][joint]
@@ -63,7 +63,7 @@ def needed_stiffness(targets: Sequence[Target], summaries: Summaries) -> Iterato
 
 def _row(case: str, joint: str, turn: float, ours: float, needed: float) -> Comparison:
     """turn: deg; ours, needed: N mm that the joint bears there, against the turn."""
-    own, wanted = (-1e-3 * torque / np.radians(turn) for torque in (ours, needed))
+    modelled, wanted = (-1e-3 * torque / np.radians(turn) for torque in (ours, needed))
     muscle = case.rpartition("_")[2].upper()
     target = Target(
         f"{muscle}: stiffness that the {joint} would need",
@@ -76,6 +76,6 @@ def _row(case: str, joint: str, turn: float, ours: float, needed: float) -> Comp
         SOURCE,
         "requirement",
         held_name(case),
-        note=f"{wanted / own:.1f} times ours: {abs(needed):.1f} N mm at {abs(turn):g} deg",
+        note=f"{wanted / modelled:.1f} times ours: {abs(needed):.1f} N mm at {abs(turn):g} deg",
     )
-    return Comparison(target, float(own))
+    return Comparison(target, float(modelled))

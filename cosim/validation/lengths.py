@@ -35,8 +35,8 @@ def length_groups() -> tuple[TrialGroup, TrialGroup]:
 
 
 def _targets(trial: Trial, which: slice) -> Iterator[Target]:
-    made = EXPERIMENT_MODELS[trial.study]
-    for name, where in itertools.product(made.experiments, made.assumptions[which]):
+    model = EXPERIMENT_MODELS[trial.study]
+    for name, where in itertools.product(model.experiments, model.assumptions[which]):
         e = experiments()[name]
         none = e.mean is not None and e.sd is not None and abs(e.mean) <= e.sd
         note = "; ".join(filter(None, (f"n {e.n}", e.read, OWN_ZERO if none else "")))
@@ -60,13 +60,13 @@ def measure_lengths(study: str, settings: Sequence[str]) -> Outcome[Mapping[str,
     as far as it comes where it ends before its last value.
 
     Raises InputError."""
-    found: dict[str, float] = {}
+    measured: dict[str, float] = {}
     try:
         for v in EXPERIMENT_MODELS[study].values(SHELL, settings):
-            found[_key(v.experiment, v.where)] = float(v.value)
+            measured[_key(v.experiment, v.where)] = float(v.value)
     except ConvergenceError as error:
-        return Outcome("failed", {"measured": found}, error)
-    return Outcome("converged", {"measured": found})
+        return Outcome("failed", {"measured": measured}, error)
+    return Outcome("converged", {"measured": measured})
 
 
 def _key(experiment: str, where: str) -> str:

@@ -60,38 +60,38 @@ def on_finer_meshes(
 ) -> list[TrialGroup]:
     """The groups with `settings`, and with every hood that is generated laid out in about so many
     `quads`; without the trials on a published hood, whose mesh is its own.  Raises InputError."""
-    own = [(g, [t for t in g.trials if not t.is_published]) for g in chosen]
-    return [replace(g, trials=tuple(_finer(t, quads, settings) for t in ts)) for g, ts in own if ts]
+    kept = [(g, [t for t in g.trials if not t.is_published]) for g in chosen]
+    return [replace(g, trials=tuple(_finer(t, quads, settings) for t in s)) for g, s in kept if s]
 
 
 def _finer(trial: Trial, quads: int, settings: Sequence[str]) -> Trial:
-    own = (*trial.settings, *settings)
-    hood = load_case(trial.case, own).hood
+    all_settings = (*trial.settings, *settings)
+    hood = load_case(trial.case, all_settings).hood
     finer = (f"hood.mesh.quads={quads}",) if hood.is_meshed_by_quads else ()
-    return replace(trial, settings=(*own, *finer))
+    return replace(trial, settings=(*all_settings, *finer))
 
 
 def changes(boards: Sequence[Board], finer: Sequence[Board]) -> list[Change]:
     """The change of every number that the mesh touches, once for all the references that it is
     compared with, those beyond their bound first."""
     after = {b.group: b for b in finer}
-    found = [c for b in boards if b.group in after for c in _of_group(b, after[b.group])]
-    return sorted(found, key=lambda c: VERDICTS.index(c.verdict))
+    rows = [c for b in boards if b.group in after for c in _of_group(b, after[b.group])]
+    return sorted(rows, key=lambda c: VERDICTS.index(c.verdict))
 
 
 def _of_group(board: Board, finer: Board) -> Iterator[Change]:
     forces, after = _forces(board.rows), {_key(row): row.model for row in finer.rows}
     seen = set()
     for row in board.rows:
-        t, other = row.target, after.get(_key(row))
+        t, refined = row.target, after.get(_key(row))
         number = (t.case or t.name, t.quantity, row.model)
-        if row.model is None or number in seen or six_digits(other) == six_digits(row.model):
+        if row.model is None or number in seen or six_digits(refined) == six_digits(row.model):
             continue
         seen.add(number)
         size = forces.get((t.case, t.quantity.rpartition(".")[0]), abs(row.model))
         bound = POINTS if t.unit == "%" else np.degrees(SHARE) if t.unit == "deg" else SHARE * size
         place = (board.group, t.case, t.name, t.quantity, t.unit)
-        yield Change(*place, row.model, other, float(bound))
+        yield Change(*place, row.model, refined, float(bound))
 
 
 def _key(row: Comparison) -> tuple[str, ...]:
@@ -106,29 +106,29 @@ def _forces(rows: Sequence[Comparison]) -> dict[tuple[str, str], float]:
         name, _, item = row.target.quantity.rpartition(".")
         if item in (*AXES, *OPPOSITE) and row.model is not None:
             parts.setdefault((row.target.case, name), {})[item] = row.model
-    return {key: float(np.linalg.norm(list(found.values()))) for key, found in parts.items()}
+    return {key: float(np.linalg.norm(list(vector.values()))) for key, vector in parts.items()}
 
 
-def tally(found: Sequence[Change]) -> dict[str, int]:
+def tally(rows: Sequence[Change]) -> dict[str, int]:
     """How many numbers of each verdict."""
-    return {v: sum(c.verdict == v for c in found) for v in VERDICTS}
+    return {v: sum(c.verdict == v for c in rows) for v in VERDICTS}
 
 
-def as_row(found: Change) -> dict[str, Any]:
+def as_row(change: Change) -> dict[str, Any]:
     """Its fields, change and verdict, to six digits."""
-    numbers = {**asdict(found), "change": found.change, "verdict": found.verdict}
+    numbers = {**asdict(change), "change": change.change, "verdict": change.verdict}
     return {key: six_digits(value) for key, value in numbers.items()}
 
 
-def write_changes(path: Path, quads: int, finer: Sequence[Board], found: Sequence[Change]) -> None:
+def write_changes(path: Path, quads: int, finer: Sequence[Board], rows: Sequence[Change]) -> None:
     """Write the changes by a finer mesh.  Raises InputError where the file cannot be written."""
     content = {
         "format": FORMAT,
         "version": __version__,
         "quads": quads,
-        "tally": tally(found),
+        "tally": tally(rows),
         "failed": {name: why for b in finer for name, why in b.failures.items()},
-        "rows": [as_row(c) for c in found],
+        "rows": [as_row(c) for c in rows],
     }
     with output_file(path) as part:
         part.write_text(json_text(content, ensure_ascii=True) + "\n", encoding="utf-8")

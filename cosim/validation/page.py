@@ -52,17 +52,17 @@ def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = 
 def _nulls(board: Board) -> list[dict[str, str]]:
     """The tally of the model and of each null model, with the skill over it."""
     skills = {s.null: s for s in board.skills}
-    found = []
+    rows = []
     for name, verdicts in board.tallies().items():
         s = skills.get(name)
         beaten = "" if s is None else s.fault or "beaten"
         row = {"name": name, "tally": _sentence(verdicts), "skill": "" if s is None else str(s)}
-        found.append(row | {"beaten": beaten})
-    return found
+        rows.append(row | {"beaten": beaten})
+    return rows
 
 
-def _sentence(found: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} {word}" for word, count in found.items())
+def _sentence(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {word}" for word, count in counts.items())
 
 
 def _cells(row: Comparison) -> dict[str, Any]:
@@ -82,15 +82,15 @@ def _cells(row: Comparison) -> dict[str, Any]:
     }
 
 
-def _changes(found: Change) -> dict[str, str]:
-    numbers = {k: number(getattr(found, k)) for k in ("model", "finer", "change", "bound")}
-    shape = {"beyond": "▲", "within": "●", "no value": "✕"}[found.verdict]
-    unit = found.unit if found.unit != "1" else ""
-    where = found.case or found.group
+def _changes(change: Change) -> dict[str, str]:
+    numbers = {k: number(getattr(change, k)) for k in ("model", "finer", "change", "bound")}
+    shape = {"beyond": "▲", "within": "●", "no value": "✕"}[change.verdict]
+    unit = change.unit if change.unit != "1" else ""
+    where = change.case or change.group
     return numbers | {
-        "name": found.name,
+        "name": change.name,
         "where": where,
         "unit": unit,
-        "verdict": found.verdict,
+        "verdict": change.verdict,
         "shape": shape,
     }

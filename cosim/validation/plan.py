@@ -56,12 +56,12 @@ def groups(published: Path | None = None) -> tuple[TrialGroup, ...]:
     cohn, cohn_past, *cohn_variants = cohn_groups()
     free, free_split = free_groups()
     strains, slips, slip_strain, laws = lee_groups()
-    other = (published_group(published),) if published is not None else ()
+    published_groups = (published_group(published),) if published is not None else ()
     experiments = (cadaver, flexors, qiu, qiu_flexor, cohn, cohn_past)
     second_hand = (strains, slips, free, lengths, share_group())
     arms = (cadaver_arm_group(g) for g in (cadaver, flexors, split))
     clamped = (*arms, *qiu_variants, *cohn_variants, metacarpal_group())
-    variants = (split, *clamped, free_split, laws, other_lengths, *other_models, *other)
+    variants = (split, *clamped, free_split, laws, other_lengths, *other_models, *published_groups)
     return (*experiments, *second_hand, two_models, past, slip_strain, fitted_group(), *variants)
 
 
@@ -86,9 +86,9 @@ def split_answers(
     group: TrialGroup, rows: Sequence[Comparison], summaries: Summaries
 ) -> dict[Target, float | None]:
     """What the fixed split says of the rows whose trial has a partner that gave an answer."""
-    said = {t: summaries[p] for t, p in group.partners.items() if p in summaries}
-    answers = {(r.target.case, r.target.name): r.model for r in rows_of(group, said)}
-    mine = (r.target for r in rows if r.target.case in said)
+    partners = {t: summaries[p] for t, p in group.partners.items() if p in summaries}
+    answers = {(r.target.case, r.target.name): r.model for r in rows_of(group, partners)}
+    mine = (r.target for r in rows if r.target.case in partners)
     return {t: answers[t.case, t.name] for t in mine}
 
 
@@ -158,17 +158,17 @@ def losses(trials: set[str], summaries: Summaries) -> Iterator[Comparison]:
     with_ip, with_mcp = FALLS
     bent = [((mcp, *ip), (mcp, 0, 0), with_ip) for mcp, ip in itertools.product(MCP, IP[1:])]
     pairs = [*bent, ((MCP[-1], 0, 0), (0, 0, 0), with_mcp)]
-    for slip, (now, then, joints) in itertools.product(("central", "terminal"), pairs):
-        names = trial_name(*now), trial_name(*then)
+    for slip, (flexed, start, joints) in itertools.product(("central", "terminal"), pairs):
+        names = trial_name(*flexed), trial_name(*start)
         if not trials.issuperset(names):
             continue
-        found = [
+        forces = [
             summaries.get(name, {}).get("difference", {}).get("slip_force_N") for name in names
         ]
         value = None
-        if all(found) and not is_slack(found[1], slip):
-            value = 1 - found[0][slip] / found[1][slip]
-        words = ["/".join(map(str, posture)) for posture in (then, now)]
+        if all(forces) and not is_slack(forces[1], slip):
+            value = 1 - forces[0][slip] / forces[1][slip]
+        words = ["/".join(map(str, posture)) for posture in (start, flexed)]
         yield Comparison(
             Target(
                 f"{slip} slip: force lost as the {joints}, {words[0]} to {words[1]}",

@@ -46,15 +46,15 @@ def cohn_groups() -> tuple[TrialGroup, ...]:
 
 
 def _cohn(name: str, trials: Sequence[Trial], derived: Any, **more: Any) -> TrialGroup:
-    made = partial(derived, trials)
-    return TrialGroup(name, "experiment", tuple(trials), (), derived=made, **more)
+    derived_rows = partial(derived, trials)
+    return TrialGroup(name, "experiment", tuple(trials), (), derived=derived_rows, **more)
 
 
 def sizes(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]:
     """Magnitude of the tip's force over the rise of the muscle's tension."""
-    for trial, said in _said(trials, summaries):
+    for trial, summary in _said(trials, summaries):
         muscle = _muscle(trial)
-        size = None if said is None else float(np.linalg.norm(_force(said)) / _rise(said))
+        size = None if summary is None else float(np.linalg.norm(_force(summary)) / _rise(summary))
         name = f"{muscle} {POSTURE}: force over tension"
         value = values_by("cohn2017", POSTURE)[f"size.{muscle}"], None
         row = target(trial, name, "size_over_tension", "1", value, COHN, "experiment", NOTE)
@@ -64,9 +64,9 @@ def sizes(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]
 def angles(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]:
     """Angles (deg) between each muscle's force and EDC's, the first trial's."""
     (_, edc), *others = _said(trials, summaries)
-    for trial, said in others:
+    for trial, summary in others:
         muscle = _muscle(trial)
-        angle = None if said is None or edc is None else _angle(_force(said), _force(edc))
+        angle = None if summary is None or edc is None else _angle(_force(summary), _force(edc))
         name = f"{muscle} {POSTURE}: angle to EDC's force"
         value = values_by("cohn2017", POSTURE)[f"angle_to_EDC.{muscle}"], None
         row = target(trial, name, "angle_to_EDC_deg", "deg", value, COHN, "experiment", NOTE)
@@ -117,11 +117,11 @@ def share_group() -> TrialGroup:
 
 def shares(trial: Trial, summaries: Summaries) -> Iterator[Comparison]:
     """%, of intrinsics and lumbrical, by a run's arms at rest and the strengths of its case."""
-    said = summaries.get(trial.name)
+    summary = summaries.get(trial.name)
     moment: dict[str, float] = {}
-    if said is not None:
+    if summary is not None:
         strength = load_case(trial.case).tendons
-        arms = said["unloaded"]["moment_arm_mm"]
+        arms = summary["unloaded"]["moment_arm_mm"]
         moment = {m: arms[m]["MCP"] * strength[m].max_force for m in (*INTRINSICS, *FLEXORS)}
     for what, muscles in (("intrinsics", INTRINSICS), ("LUM", ("LUM",))):
         value = values_by("buford2005", "not printed")[f"flexion_moment_share.{what}"]

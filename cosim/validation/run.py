@@ -84,24 +84,24 @@ class Board:
     def tallies(self) -> dict[str, dict[str, int]]:
         """The tally of the rows that count, of the model and of each null model."""
         rows = judging_rows(self.rows)
-        found = {"model": tally(rows)}
-        found |= {null: tally(scale_rows(rows, factor)) for null, factor in FACTORS.items()}
+        tallies = {"model": tally(rows)}
+        tallies |= {null: tally(scale_rows(rows, factor)) for null, factor in FACTORS.items()}
         if self.split:
             mine = [r.target for r in rows if r.target in self.split]
-            found[SPLIT] = tally([Comparison(t, self.split[t]) for t in mine])
-        return found
+            tallies[SPLIT] = tally([Comparison(t, self.split[t]) for t in mine])
+        return tallies
 
 
 def by_kind(boards: Sequence[Board]) -> list[Board]:
     """A board of each kind of reference that has rows which count, variants left out."""
-    found = []
+    whole = []
     for kind in dict.fromkeys(b.kind for b in boards):
         mine = [b for b in boards if b.kind == kind and not b.variant]
         rows = tuple(judging_rows([row for b in mine for row in b.rows]))
         split = {t: value for b in mine for t, value in b.split.items()}
         if rows:
-            found.append(Board(kind, rows, {}, kind=kind, skills=_skills(rows, split), split=split))
-    return found
+            whole.append(Board(kind, rows, {}, kind=kind, skills=_skills(rows, split), split=split))
+    return whole
 
 
 def choose_groups(only: str | None, published: Path | None = None) -> list[TrialGroup]:
@@ -130,24 +130,24 @@ def run_validation(
     folder: Path,
     settings: Sequence[str] = (),
     workers: int = 2,
-    told: Progress = quiet,
+    progress: Progress = quiet,
 ) -> list[Board]:
     """Run the trials of the groups, each once, leave a run folder of each in `folder` with its
     comparison, and compare.  Raises InputError."""
     trials = {t.name: t for g in chosen_groups for t in g.trials}
     outcomes: dict[str, Outcome[Summary]] = {}
     started = time.perf_counter()
-    told(f"0 of {len(trials)}, in {min(workers, len(trials))} processes")
+    progress(f"0 of {len(trials)}, in {min(workers, len(trials))} processes")
     for name, outcome in _outcomes(list(trials.values()), settings, folder, workers):
         outcomes[name] = outcome
         done, word = len(outcomes), f": {outcome.reason}" if outcome.error else ""
         left = (time.perf_counter() - started) / done * (len(trials) - done)
-        told(f"{done} of {len(trials)}, about {span(left)} left: {name}{word}")
+        progress(f"{done} of {len(trials)}, about {span(left)} left: {name}{word}")
     boards = [_board(group, outcomes) for group in chosen_groups]
     for name in trials:
-        own = [row for b in boards for row in b.rows if row.target.case == name]
-        if own and (folder / folder_name(name)).is_dir():
-            write_json(folder / folder_name(name) / "comparison.json", own)
+        rows = [row for b in boards for row in b.rows if row.target.case == name]
+        if rows and (folder / folder_name(name)).is_dir():
+            write_json(folder / folder_name(name) / "comparison.json", rows)
     return boards
 
 
@@ -220,18 +220,18 @@ def _by_hand(
     group: TrialGroup, summaries: Summaries
 ) -> tuple[tuple[HandGains, ...], dict[str, Noise]]:
     """The gains over each null model, and the noise; none where hands are not known."""
-    own = {h: replace(group, targets=tuple(t), derived=None) for h, t in group.hands.items()}
-    data = hand_data({hand: list(rows_of(of_hand, summaries)) for hand, of_hand in own.items()})
+    by_hand = {h: replace(group, targets=tuple(t), derived=None) for h, t in group.hands.items()}
+    data = hand_data({hand: list(rows_of(of_hand, summaries)) for hand, of_hand in by_hand.items()})
     if data is None:
         return (), {}
-    split = split_answers(own[data.names[0]], data.rows, summaries)
-    found = [*(data.gains(null) for null in FACTORS), data.gains(SPLIT, split) if split else None]
-    return tuple(gains for gains in found if gains is not None), data.noise
+    split = split_answers(by_hand[data.names[0]], data.rows, summaries)
+    every = [*(data.gains(null) for null in FACTORS), data.gains(SPLIT, split) if split else None]
+    return tuple(gains for gains in every if gains is not None), data.noise
 
 
 def _skills(rows: Sequence[Comparison], split: Mapping[Target, float | None]) -> tuple[Skill, ...]:
-    found = [*against_factors(rows), skill(rows, SPLIT, split) if split else None]
-    return tuple(s for s in found if s is not None)
+    skills = [*against_factors(rows), skill(rows, SPLIT, split) if split else None]
+    return tuple(s for s in skills if s is not None)
 
 
 def scoreboard(boards: Sequence[Board]) -> str:
@@ -259,23 +259,23 @@ def _judge(board: Board) -> dict[str, Any]:
     }
 
 
-def _skill(found: Skill) -> dict[str, Any]:
+def _skill(of_null: Skill) -> dict[str, Any]:
     """Skill to four decimals: a ratio of sums, near 1 at best; null where it is minus infinity."""
-    values = {"skill": found.value, "low": found.low, "high": found.high}
+    values = {"skill": of_null.value, "low": of_null.low, "high": of_null.high}
     numbers = {k: round(v, 4) if v is not None and isfinite(v) else None for k, v in values.items()}
-    counts = {"rows": found.rows, "trials": found.trials}
-    return {"null": found.null, **numbers, "fault": found.fault, **counts}
+    counts = {"rows": of_null.rows, "trials": of_null.trials}
+    return {"null": of_null.null, **numbers, "fault": of_null.fault, **counts}
 
 
-def _hand_gains(found: HandGains) -> dict[str, Any]:
-    resamples = {f"{' '.join(r.hands)} ({r.ways})": r.gain for r in found.resamples}
+def _hand_gains(of_null: HandGains) -> dict[str, Any]:
+    resamples = {f"{' '.join(r.hands)} ({r.ways})": r.gain for r in of_null.resamples}
     return {
-        "null": found.null,
-        "verdict": found.verdict,
-        "gain": _rounded(found.gains),
-        "without": _rounded(found.without),
+        "null": of_null.null,
+        "verdict": of_null.verdict,
+        "gain": _rounded(of_null.gains),
+        "without": _rounded(of_null.without),
         "resamples": _rounded(resamples),
-        "perfect_skill": round(found.perfect, 4),
+        "perfect_skill": round(of_null.perfect, 4),
     }
 
 
@@ -287,8 +287,8 @@ def _round_digits(row: Comparison) -> dict[str, Any]:
     """Six digits are more than the models are good for, and hide the last bits of a machine, which
     a difference of almost equal numbers would show: it is that of the numbers as they are told."""
     numbers = {k: six_digits(getattr(row.target, k)) for k in ("reference", "sd", "low", "high")}
-    told = Comparison(replace(row.target, **numbers), six_digits(row.model))
-    return {k: six_digits(v) for k, v in as_dict(told).items()}
+    rounded = Comparison(replace(row.target, **numbers), six_digits(row.model))
+    return {k: six_digits(v) for k, v in as_dict(rounded).items()}
 
 
 def six_digits(value: Any) -> Any:

@@ -61,14 +61,14 @@ def judging_rows(rows: Sequence[Comparison]) -> list[Comparison]:
     """The rows that judge: neither fitted nor required, and each distinct number once.
 
     Two rows are one number where the same model's number stands beside the same reference."""
-    found: dict[Any, Comparison] = {}
+    distinct: dict[Any, Comparison] = {}
     for i, row in enumerate(rows):
         t = row.target
         if t.fitted or t.kind == "requirement":
             continue
         same = (t.quantity, t.unit, t.reference, t.sd, t.low, t.high, t.source, row.model)
-        found.setdefault(i if row.model is None else same, row)
-    return list(found.values())
+        distinct.setdefault(i if row.model is None else same, row)
+    return list(distinct.values())
 
 
 def scale_rows(rows: Sequence[Comparison], factor: float) -> list[Comparison]:
@@ -89,9 +89,9 @@ def skill(
         judged = [row for row in judged if row.target in answers]
     if not judged:
         return None
-    own = [row.model or 0.0 for row in judged]
+    modelled = [row.model or 0.0 for row in judged]
     others = (
-        [FACTORS[null] * m for m in own]
+        [FACTORS[null] * m for m in modelled]
         if answers is None
         else [answers[row.target] or 0.0 for row in judged]
     )
@@ -100,7 +100,7 @@ def skill(
     trials = sorted({t.case for t in targets})
     place = [trials.index(t.case) for t in targets]
     errors = np.zeros((2, len(trials)))
-    for side, models in enumerate((own, others)):
+    for side, models in enumerate((modelled, others)):
         gaps = np.array([difference(t, m) for t, m in zip(targets, models, strict=True)])
         np.add.at(errors[side], place, weights * gaps**2)
     total, worst = errors.sum(axis=1)
@@ -134,8 +134,8 @@ def _interval(errors: Array) -> tuple[float | None, float | None]:
         return None, None
     drawn = np.random.default_rng(SEED).integers(0, n, (RESAMPLES, n))
     model, null = errors[:, drawn].sum(axis=2)
-    found = 1 - model[null > 0] / null[null > 0]
-    low, high = np.quantile(found, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    skills = 1 - model[null > 0] / null[null > 0]
+    low, high = np.quantile(skills, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return float(low), float(high)
 
 
@@ -165,11 +165,11 @@ class HandGains:
     def resamples(self) -> list[Resample]:
         """All distinct ones: ten of three hands, in 27 ways."""
         n = len(self.gains)
-        found = []
+        resamples = []
         for hands in combinations_with_replacement(self.gains, n):
             ways = factorial(n) // prod(factorial(hands.count(hand)) for hand in self.gains)
-            found.append(Resample(hands, ways, sum(self.gains[hand] for hand in hands) / n))
-        return found
+            resamples.append(Resample(hands, ways, sum(self.gains[hand] for hand in hands) / n))
+        return resamples
 
     @property
     def without(self) -> dict[str, float]:
@@ -238,17 +238,17 @@ class HandData:
         """As `skill` takes null models; None where it misses nothing beside the mean."""
         at = [i for i, r in enumerate(self.rows) if answers is None or r.target in answers]
         rows = [self.rows[i] for i in at]
-        own = np.array([row.model or 0.0 for row in rows])
-        other = (
-            FACTORS[null] * own
+        modelled = np.array([row.model or 0.0 for row in rows])
+        null_values = (
+            FACTORS[null] * modelled
             if answers is None
             else np.array([answers[row.target] or 0.0 for row in rows])
         )
         measured, weights = self.measured[:, at], self.weights[at]
-        worst = weights @ (other - measured.mean(axis=0)) ** 2
+        worst = weights @ (null_values - measured.mean(axis=0)) ** 2
         if worst <= 0:
             return None
-        gains = ((other - measured) ** 2 - (own - measured) ** 2) @ weights / len(rows)
+        gains = ((null_values - measured) ** 2 - (modelled - measured) ** 2) @ weights / len(rows)
         error = weights @ measured.var(axis=0, ddof=1) / len(self.names)
         named = dict(zip(self.names, gains.tolist(), strict=True))
         return HandGains(null, named, float(1 - error / worst))
@@ -279,10 +279,10 @@ def _is_measured(row: Comparison | None) -> bool:
     return row is not None and row.target.reference is not None
 
 
-def hands_headline(found: Sequence[HandGains]) -> str:
+def hands_headline(every: Sequence[HandGains]) -> str:
     """Which null models the model is better and worse than hand by hand, in one line."""
     words: dict[str, list[str]] = {}
-    for gains in found:
+    for gains in every:
         words.setdefault(gains.verdict, []).append(gains.null)
     order = [word for word in ("worse", "not decided", "equal", "better") if word in words]
     return "; ".join(f"{word}: {', '.join(words[word])}" for word in order)

@@ -136,8 +136,8 @@ def order_row(name: str, scheme: Scheme, order: Literal[1, 2], dt: float) -> Row
     errors = []
     for h in (dt, dt / 2):
         steps = round(0.04 / h)
-        found = soft_angles(scheme, h, steps, order)
-        errors.append(np.abs(found - soft_truth(times(h, steps))).max())
+        angles = soft_angles(scheme, h, steps, order)
+        errors.append(np.abs(angles - soft_truth(times(h, steps))).max())
     measured = float(np.log2(errors[0] / errors[1]))
     what = f"order (error {errors[0]:.1e}, {errors[1]:.1e} rad)"
     return Row(f"{CABLES}, {name}", what, order, measured, 0.15, EXACT, "absolute", measured)

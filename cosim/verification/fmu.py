@@ -101,9 +101,9 @@ def solve_coupled(case: Case, models: Models, hood: Hood) -> Equilibrium:
     """The case's equilibrium with `hood` in its hood's place."""
     start = models.finger.start(models.posture)
     options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
-    before = PairState(start, hood.start(models.finger.motion(start)))
+    initial = PairState(start, hood.start(models.finger.motion(start)))
     pulls = Tensions(*tensions(case, models))
-    return equilibrium(Pair(models.finger, hood), before, pulls, options)
+    return equilibrium(Pair(models.finger, hood), initial, pulls, options)
 
 
 def _accepting_row(name: str, path: Path) -> Iterator[Row]:
@@ -124,8 +124,8 @@ def _solve_coupled(
     native: Equilibrium,
     paths: dict[str, Path],
 ) -> Iterator[Row]:
-    own = models.hood
-    hood = FmuHood(paths["hood"], own.bodies, own.tendons, own.sources)
+    native_hood = models.hood
+    hood = FmuHood(paths["hood"], native_hood.bodies, native_hood.tendons, native_hood.sources)
     force = solve_coupled(case, models, hood).known_balance.tip_force
     yield _force_row(name, "hood in an FMU", force, native)
     hood.tangent_by = "differences"
@@ -138,7 +138,7 @@ def _solve_coupled(
         force = units.finger.tip_force(states.loaded.finger_state)
         yield _force_row(name, f"hood and finger in FMUs, {scheme}", force, native)
     yield _rollback(name, hood, native)
-    yield time_row(name, "hood", *[_time_of_answer(h, native) for h in (own, hood)])
+    yield time_row(name, "hood", *[_time_of_answer(h, native) for h in (native_hood, hood)])
     yield time_row(name, "finger", *_times_of_rest(case, models, paths["finger"], native))
 
 
@@ -197,22 +197,22 @@ def _times_of_rest(case: Case, models: Models, path: Path, at: Equilibrium) -> t
     f, load, pulls = models.finger, at.load, at.finger_tension
     slope, tolerance = at.jacobian.load_motion, case.solve.tolerance
     unit = FmuFinger(path, f.bodies, f.joints, f.tendons)
-    there, _ = unit.settle(unit.start({}), load, slope, pulls, tolerance)
+    settled, _ = unit.settle(unit.start({}), load, slope, pulls, tolerance)
     return (
         _median(lambda: f.settle(at.finger_state, load, slope, pulls, tolerance)),
-        _median(lambda: unit.settle(there, load, slope, pulls, tolerance)),
+        _median(lambda: unit.settle(settled, load, slope, pulls, tolerance)),
     )
 
 
 def _times_of_motion(models: MovingModels, paths: Mapping[str, Path]) -> tuple[float, float]:
     """The times (s) of a finger's step under a held load: native, and in a unit."""
-    own, f = models.finger, models.finger
+    native, f = models.finger, models.finger
     unit = FmuMovingFinger(paths["finger"], f.bodies, f.joints, f.tendons)
-    start, pulls = own.begin(models.posture), np.ones(len(f.tendons))
+    start, pulls = native.begin(models.posture), np.ones(len(f.tendons))
     n = 6 * len(f.bodies)
-    load = AffineLoad(own.motion(own.angles(start)), np.zeros((n // 6, 6)), np.zeros((n, n)))
+    load = AffineLoad(native.motion(native.angles(start)), np.zeros((n // 6, 6)), np.zeros((n, n)))
     return (
-        _median(lambda: own.step(start, load, pulls, models.moves.dt)),
+        _median(lambda: native.step(start, load, pulls, models.moves.dt)),
         _median(lambda: unit.step(unit.begin({}), load, pulls, models.moves.dt)),
     )
 

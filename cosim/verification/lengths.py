@@ -19,6 +19,6 @@ def rows(what: str, hood: str) -> Iterator[Row]:
 
 STUDIES = tuple(
     Study(f"lengths and cuts: {what}, {hood}", partial(rows, what, hood), slow=True)
-    for what, made in EXPERIMENT_MODELS.items()
-    for hood in made.hoods
+    for what, study in EXPERIMENT_MODELS.items()
+    for hood in study.hoods
 )

@@ -53,11 +53,11 @@ def sign_rows() -> Iterator[Row]:
     for injury, part in CUTS.items():
         for hood, name in HOODS.items():
             cut = f'lesion.cut=["{part}"]'
-            found = changes(load_case(name, [*FREE, *EXTENDING, cut]))
+            turns = changes(load_case(name, [*FREE, *EXTENDING, cut]))
             for joint, sign in SIGNS[injury].items():
                 what = f"{joint}, deg of {'extension' if sign > 0 else 'flexion'} gained"
                 is_known = (injury, hood, joint) in KNOWN_MISSES
-                yield sign_row(f"{injury}, {hood}", what, -sign * found[joint], is_known)
+                yield sign_row(f"{injury}, {hood}", what, -sign * turns[joint], is_known)
 
 
 def sign_row(name: str, what: str, gained: float, is_known_miss: bool) -> Row:
@@ -71,12 +71,12 @@ def sign_row(name: str, what: str, gained: float, is_known_miss: bool) -> Row:
 
 def repair_rows() -> Iterator[Row]:
     """A slip too short and a band that sticks cost flexion; a retracted slip makes a swan neck."""
-    found = changes(load_case("lesion_terminal_shortened"))
+    turns = changes(load_case("lesion_terminal_shortened"))
     what = "DIP, deg of flexion gained by 1 mm"
-    yield Row("terminal slip too short", what, -LEAST, found["DIP"], 0.0, CLINIC, "bound")
-    found = changes(load_case("lesion_adhesion"))
+    yield Row("terminal slip too short", what, -LEAST, turns["DIP"], 0.0, CLINIC, "bound")
+    turns = changes(load_case("lesion_adhesion"))
     what = "PIP, deg of flexion gained"
-    yield Row("central band on the bone", what, -LEAST, found["PIP"], 0.0, CLINIC, "bound")
+    yield Row("central band on the bone", what, -LEAST, turns["PIP"], 0.0, CLINIC, "bound")
     neck, mallet = (changes(load_case(f"lesion_{name}"))["PIP"] for name in ("swan_neck", "mallet"))
     what = "PIP, deg of flexion gained over the mallet finger"
     yield Row("swan neck", what, -LEAST, neck - mallet, 0.0, CLINIC, "bound")
@@ -85,13 +85,13 @@ def repair_rows() -> Iterator[Row]:
 def doubtful_rows() -> Iterator[Row]:
     """What the default hood does not show, and why, beside hoods that do."""
     for hood, name in HOODS.items():
-        found = changes(load_case(name, [*FREE, *EVEN, 'lesion.cut=["terminal_slip"]']))["PIP"]
+        turn = changes(load_case(name, [*FREE, *EVEN, 'lesion.cut=["terminal_slip"]']))["PIP"]
         what = "PIP change deg under EDC 3 N, FDP 3 N; extends below 0"
-        yield Row(f"mallet, {hood}", what, min(found, 0.0), found, 0.0, CLINIC, "comparison")
-    found = changes(load_case("lesion_sagittal_band_radial"))["MCP_abduction"]
+        yield Row(f"mallet, {hood}", what, min(turn, 0.0), turn, 0.0, CLINIC, "comparison")
+    turn = changes(load_case("lesion_sagittal_band_radial"))["MCP_abduction"]
     why = "the extensor's end slides on a line of the metacarpal: it cannot slip off its head"
     what = "abduction change deg; the tendon would slip ulnar"
-    yield Row("sagittal band cut", what, min(found, -LEAST), found, 0.0, why, "comparison")
+    yield Row("sagittal band cut", what, min(turn, -LEAST), turn, 0.0, why, "comparison")
 
 
 STUDIES = (

@@ -116,8 +116,8 @@ def stiff_truth(times: Array) -> Array:
 def integrate(slope: Callable[..., object], start: Array, times: Array) -> Array:
     """The solution (n, len(start)) at increasing times from the first on, to 1e-11."""
     span = (times[0], times[-1])
-    found = solve_ivp(slope, span, start, "DOP853", times, rtol=1e-11, atol=1e-13)
-    return np.asarray(found.y.T)
+    solution = solve_ivp(slope, span, start, "DOP853", times, rtol=1e-11, atol=1e-13)
+    return np.asarray(solution.y.T)
 
 
 def stiff_by_backward_euler(dt: float, steps: int) -> Array:

@@ -39,23 +39,23 @@ def network_rows() -> Iterator[Row]:
     angle, load = random.uniform(low, high, (40, 4)), random.uniform(7.0, 12.0, (7, 3))
     states = [s for s in on_models(models, Walk(angle, load)) if isinstance(s, Sample)]
     fit, held = stack(states[:-40]), stack(states[-40:])
-    made = fit_potential(fit, models.finger.joints, models.hood.tendons)
-    for name, value in made.derivatives(held.angle, held.tension)._asdict().items():
-        told = getattr(held, name)
-        off = float(np.abs(value - told).max() / np.abs(told).max())
+    fitted = fit_potential(fit, models.finger.joints, models.hood.tendons)
+    for name, value in fitted.derivatives(held.angle, held.tension)._asdict().items():
+        exact = getattr(held, name)
+        off = float(np.abs(value - exact).max() / np.abs(exact).max())
         yield Row("network from a network", f"{name}, relative", 0.0, off, ROUNDING, KNOWN, "bound")
 
 
 def shell_rows() -> Iterator[Row]:
     """The calibrated shell."""
-    found = reduce_case(find_case(CASE), (), GRID, 2, partial(print, file=sys.stderr, flush=True))
-    for e in errors(found):
+    result = reduce_case(find_case(CASE), (), GRID, 2, partial(print, file=sys.stderr, flush=True))
+    for e in errors(result):
         if e.mark is not None:
             for word, value in (("median", e.median), ("most", e.most)):
                 what = f"{e.quantity}, {word}, relative"
                 yield Row("network from the shell", what, e.mark, value, 0.0, MARK, "bound")
-    for word, seconds in (("one by one", found.rate.one), ("in a batch", found.rate.batched)):
-        part = seconds / found.seconds
+    for word, seconds in (("one by one", result.rate.one), ("in a batch", result.rate.batched)):
+        part = seconds / result.seconds
         yield Row(
             "network from the shell", f"time, {word}, of it", FASTER, part, 0.0, MARK, "shown"
         )

@@ -438,7 +438,7 @@ def test_a_process_that_is_killed_is_told_in_one_message(tmp_path: Path):
             process.kill()
 
     with pytest.raises(InputError, match="one worker needs the least"):
-        run_validation([some_of_the_split("fdp", "fds", "lum")], tmp_path, told=kill)
+        run_validation([some_of_the_split("fdp", "fds", "lum")], tmp_path, progress=kill)
 
 
 def some_of_the_split(*muscles: str) -> TrialGroup:

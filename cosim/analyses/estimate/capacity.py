@@ -54,13 +54,13 @@ def capacity(
                     f"{option} {name}: this finger and hood have no such tendon; they have "
                     + ", ".join(names)
                 )
-    found = [_area(case, name, names, areas) for name in names]
-    area = np.array([a for a, _ in found])
+    with_sources = [_area(case, name, names, areas) for name in names]
+    area = np.array([a for a, _ in with_sources])
     limits = [_most(case, name, a, most) for name, a in zip(names, area, strict=True)]
     rest = 0.0 if case.hood.needs_no_tension else case.solve.resting_tension
     least = np.full(len(names), rest)
     force = np.array([m for m, _ in limits])
-    sources = tuple((a, m) for (_, a), (_, m) in zip(found, limits, strict=True))
+    sources = tuple((a, m) for (_, a), (_, m) in zip(with_sources, limits, strict=True))
     return Capacity(names, area, np.minimum(least, force), force, sources)
 
 

@@ -96,16 +96,16 @@ def _inside(halfspaces: Array) -> Array | None:
     normals = halfspaces[:, :-1]
     size = np.linalg.norm(normals, axis=1, keepdims=True)
     free = [(None, None)] * normals.shape[1]
-    found = linprog(
+    solution = linprog(
         np.append(np.zeros(normals.shape[1]), -1.0),
         A_ub=np.hstack([normals, size]),
         b_ub=-halfspaces[:, -1],
         bounds=[*free, (0.0, 1e6)],
         method="highs",
     )
-    if not found.success or found.x[-1] < THIN:
+    if not solution.success or solution.x[-1] < THIN:
         return None
-    return np.array(found.x[:-1])
+    return np.array(solution.x[:-1])
 
 
 def _around(points: Array) -> Array:

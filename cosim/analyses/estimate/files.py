@@ -65,25 +65,25 @@ def write_answer(
         write_figure(sheet, part / "estimate.png", DPI)
 
 
-def write_motion(folder: Path, s: Setup, found: MotionEstimate, wall: float) -> None:
+def write_motion(folder: Path, s: Setup, result: MotionEstimate, wall: float) -> None:
     """Tensions along a motion.  Raises InputError."""
     joints = s.models.finger.joints
-    table = {"time_s": found.motion.time}
-    table |= {f"{j}_deg": np.degrees(found.motion.angle[:, k]) for k, j in enumerate(joints)}
-    table |= {f"{j}_torque_Nmm": 1e3 * found.required_torque[:, k] for k, j in enumerate(joints)}
-    table |= {f"{j}_made_Nmm": 1e3 * found.torque[:, k] for k, j in enumerate(joints)}
-    table |= {f"{n}_N": found.tension[:, k] for k, n in enumerate(s.capacity.names)}
+    table = {"time_s": result.motion.time}
+    table |= {f"{j}_deg": np.degrees(result.motion.angle[:, k]) for k, j in enumerate(joints)}
+    table |= {f"{j}_torque_Nmm": 1e3 * result.required_torque[:, k] for k, j in enumerate(joints)}
+    table |= {f"{j}_made_Nmm": 1e3 * result.torque[:, k] for k, j in enumerate(joints)}
+    table |= {f"{n}_N": result.tension[:, k] for k, n in enumerate(s.capacity.names)}
     with output_folder(folder, MARK) as part:
         audit = {
-            "worst_miss": found.worst,
+            "worst_miss": result.worst,
             "largest_torque_lacking_Nmm": 1e3
-            * float(np.abs(found.torque - found.required_torque).max()),
-            "hood_solves": found.rounds,
+            * float(np.abs(result.torque - result.required_torque).max()),
+            "hood_solves": result.rounds,
         }
-        most = dict(zip(s.capacity.names, found.tension.max(axis=0), strict=True))
+        most = dict(zip(s.capacity.names, result.tension.max(axis=0), strict=True))
         _json(part / MARK, {**_head(s, wall), "largest_tension_N": most, "audit": audit})
         _csv(part / "estimate.csv", pd.DataFrame(table))
-        sheet = draw_motion(s.capacity.names, joints, found, s.case.name)
+        sheet = draw_motion(s.capacity.names, joints, result, s.case.name)
         write_figure(sheet, part / "estimate.png", DPI)
 
 

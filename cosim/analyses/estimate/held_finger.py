@@ -59,13 +59,13 @@ class HeldFinger:
         tangent, twist = hood.jacobian(response.state), finger.jacobian(at)
         ones = np.ones(len(finger.tendons))
         each = finger.balance(at, response.load, ones).torque
-        own = (
+        native_arms = (
             np.array([each[name] for name in finger.tendons])
             .reshape(len(ones), len(finger.joints))
             .T
         )
-        torque = twist.T @ response.load.total().ravel() + own @ tension[split:]
-        by_tension = np.hstack([twist.T @ tangent.load_tension, own])
+        torque = twist.T @ response.load.total().ravel() + native_arms @ tension[split:]
+        by_tension = np.hstack([twist.T @ tangent.load_tension, native_arms])
         return Torques(torque, by_tension, response.state, response.load, tangent.load_motion)
 
     def beside(self) -> Array:
@@ -74,8 +74,8 @@ class HeldFinger:
         finger, bodies = self.models.finger, self.models.finger.bodies
         none = Load(bodies, ("none",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
         torque = finger.balance(self.finger_state, none, np.zeros(len(finger.tendons))).torque
-        found = [t for source, t in torque.items() if source not in NOT_MUSCLES]
-        total: Array = np.sum(found, axis=0)
+        passive = [t for source, t in torque.items() if source not in NOT_MUSCLES]
+        total: Array = np.sum(passive, axis=0)
         return total
 
     def support(self, at: Torques) -> tuple[Array, Array]:

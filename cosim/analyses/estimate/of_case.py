@@ -134,9 +134,9 @@ def for_force(
             f"force: this finger's tip bears no force along {', '.join(across)}; write 0 N there"
         )
     wanted = np.array([stated[name] or 0.0 for name in demand.names])
-    found = _approach_demand(s, held, demand, wanted, first, progress)
+    estimated = _approach_demand(s, held, demand, wanted, first, progress)
     progress("running the case forward")
-    return EstimateAnswer(demand, wanted, found, _forward(s, held, demand, found, progress))
+    return EstimateAnswer(demand, wanted, estimated, _forward(s, held, demand, estimated, progress))
 
 
 def _approach_demand(
@@ -161,19 +161,19 @@ def _approach_demand(
         progress(f"out of reach at once; {part:.0%} of the way")
         aim = begun + part * (wanted - begun)
         try:
-            found = estimate(held, demand, aim, s.bounds, s.cost, start, progress)
+            estimated = estimate(held, demand, aim, s.bounds, s.cost, start, progress)
         except InputError:
             raise InputError(
                 f"{at_once}. The hood's shares vary with tension: that is said of where the search "
                 f"ended. In stages from the unloaded finger, {reached:.0%} of the way was reached, "
                 f"{part:.0%} was not"
             ) from at_once
-        start, reached = (found.tension, found.at.state), part
-    return found
+        start, reached = (estimated.tension, estimated.at.state), part
+    return estimated
 
 
 def _forward(
-    s: Setup, held: HeldFinger, demand: Demand, found: Estimate, progress: Progress
+    s: Setup, held: HeldFinger, demand: Demand, estimated: Estimate, progress: Progress
 ) -> EstimateAudit:
     finger, hood = s.models.finger, s.models.hood
     split = len(hood.tendons)
@@ -182,7 +182,7 @@ def _forward(
             s.case,
             s.models,
             PairState(held.finger_state, held.begin()),
-            Tensions(found.tension[:split], found.tension[split:]),
+            Tensions(estimated.tension[:split], estimated.tension[split:]),
             progress,
         )
     except ConvergenceError as error:
@@ -204,12 +204,12 @@ def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> Est
     demand = torque_demand(held)
     wanted = target_torques(s.models.finger.joints, given)
     first = held.at(s.capacity.least, held.begin())
-    found = _approach_demand(s, held, demand, wanted, first, progress)
-    anew = held.at(found.tension, held.begin())
+    estimated = _approach_demand(s, held, demand, wanted, first, progress)
+    anew = held.at(estimated.tension, held.begin())
     return EstimateAnswer(
         demand,
         wanted,
-        found,
+        estimated,
         EstimateAudit(demand.component_values(anew.torque), np.zeros(len(wanted))),
     )
 
@@ -244,7 +244,7 @@ def for_motion(
     for k, time in enumerate(motion.time):
         held = s.hold_finger(dict(zip(joints, motion.angle[k], strict=True)))
         try:
-            found = estimate(
+            estimated = estimate(
                 held, torque_demand(held), needed[k], s.bounds, s.cost, start, reserve=reserve
             )
         except (InputError, ConvergenceError) as error:
@@ -252,12 +252,12 @@ def for_motion(
                 f"at {time:.4g} s of the motion: {error}. Of a motion, --reserve says how much "
                 "torque may lack"
             ) from error
-        progress(f"{k + 1}/{len(motion.time)}, {time:.3g} s: {found.rounds} rounds")
-        start = found.tension, found.at.state
-        tensions.append(found.tension)
-        torque.append(found.components)
-        worst = max(worst, found.optimum.miss, found.gap)
-        rounds += found.rounds
+        progress(f"{k + 1}/{len(motion.time)}, {time:.3g} s: {estimated.rounds} rounds")
+        start = estimated.tension, estimated.at.state
+        tensions.append(estimated.tension)
+        torque.append(estimated.components)
+        worst = max(worst, estimated.optimum.miss, estimated.gap)
+        rounds += estimated.rounds
     return MotionEstimate(motion, needed, np.array(torque), np.array(tensions), worst, rounds)
 
 

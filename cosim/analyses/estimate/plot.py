@@ -77,7 +77,7 @@ def _set(axes: Axes, forces: ForceSet, wanted: Array | None, exact: bool) -> Non
 
 
 def draw_motion(
-    names: tuple[str, ...], joints: tuple[str, ...], found: MotionEstimate, title: str
+    names: tuple[str, ...], joints: tuple[str, ...], result: MotionEstimate, title: str
 ) -> Figure:
     """Joint angles, needed torques and tensions over time."""
     from matplotlib.figure import Figure
@@ -85,13 +85,13 @@ def draw_motion(
     sheet = Figure(figsize=(7.5, 8.0), layout="constrained")
     panels = sheet.subplots(3, 1, sharex=True)
     shown = (
-        (np.degrees(found.motion.angle), joints, "angle, deg"),
-        (1e3 * found.required_torque, joints, "torque of muscles, N mm"),
-        (found.tension, names, "tension, N"),
+        (np.degrees(result.motion.angle), joints, "angle, deg"),
+        (1e3 * result.required_torque, joints, "torque of muscles, N mm"),
+        (result.tension, names, "tension, N"),
     )
     for axes, (values, labels, unit) in zip(panels, shown, strict=True):
         for k, label in enumerate(labels):
-            axes.plot(found.motion.time, values[:, k], label=label, lw=1.5, **look(k).line)
+            axes.plot(result.motion.time, values[:, k], label=label, lw=1.5, **look(k).line)
         axes.set_ylabel(unit)
         axes.grid(color="0.9")
         axes.legend(

@@ -89,22 +89,22 @@ def estimate(
     aim, part, last = tension, 1.0, np.inf
     for rounds in range(1, MOST_ROUNDS + 1):
         programme = linearise(demand, wanted, tension, at, bounds)
-        found = least(programme, cost.factors, cost.power)
-        asked = wanted if found is not None else nearest(demand, wanted, tension, at, bounds)
-        if found is None:
+        solution = least(programme, cost.factors, cost.power)
+        asked = wanted if solution is not None else nearest(demand, wanted, tension, at, bounds)
+        if solution is None:
             programme = linearise(demand, asked, tension, at, bounds)
-            found = least(programme, cost.factors, cost.power)
-        if found is None:
+            solution = least(programme, cost.factors, cost.power)
+        if solution is None:
             raise _not_converged(rounds, last)
-        gap, moved = _gap(demand, asked, at), _relative_change(tension, found.x)
+        gap, moved = _gap(demand, asked, at), _relative_change(tension, solution.x)
         progress(f"round {rounds}: torques off by {gap:.1e}, tensions by {moved:.1e}")
         if gap <= AGREED and moved <= AGREED:
             if np.abs(asked - wanted).max() > max(SHORT * np.abs(wanted).max(), reserve, 1e-12):
                 raise _out_of_reach(demand, wanted, asked, programme, tension, bounds, held)
-            return Estimate(tension, demand.component_values(at.torque), at, found, gap, rounds)
+            return Estimate(tension, demand.component_values(at.torque), at, solution, gap, rounds)
         if rounds > PATIENCE and gap + moved >= last:
             part = max(0.5 * part, LEAST_PART)
-        last, aim = gap + moved, found.x
+        last, aim = gap + moved, solution.x
         tension, at = _take_step(held, tension, at, aim, part)
     raise _not_converged(MOST_ROUNDS, last)
 
@@ -130,15 +130,15 @@ def nearest(demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: 
         np.append(-free, bounds.least),
         np.append(free, bounds.most),
     )
-    found = least(wider, np.append(np.ones(d), np.zeros(n)), 2)
-    if found is None:
+    solution = least(wider, np.append(np.ones(d), np.zeros(n)), 2)
+    if solution is None:
         raise InputError(
             "no tensions within their bounds balance this posture, whatever the fingertip's force: "
             "some joint is left with a torque. Try another posture, wider bounds (max_force of a "
             'tendon), or a clamped fingertip (finger.tip.kind = "clamped")'
         )
-    made: Array = wanted + found.x[:d]
-    return made
+    components: Array = wanted + solution.x[:d]
+    return components
 
 
 def reach(demand: Demand, wanted: Array, programme: Programme) -> tuple[float, float] | None:
@@ -152,10 +152,10 @@ def reach(demand: Demand, wanted: Array, programme: Programme) -> tuple[float, f
     ends = []
     for sign in (1.0, -1.0):
         cost = np.append(sign, np.zeros(len(programme.lower)))
-        found = linprog(cost, A_eq=A, b_eq=programme.b - way, bounds=bounds, method="highs")
-        if not found.success:
+        solution = linprog(cost, A_eq=A, b_eq=programme.b - way, bounds=bounds, method="highs")
+        if not solution.success:
             return None
-        ends.append(float(found.x[0]))
+        ends.append(float(solution.x[0]))
     return ends[0], ends[1]
 
 
@@ -165,10 +165,10 @@ def _take_step(
     """The tensions a part of the way on, and the hood there; less of it where the hood's own solve
     fails, from its last state or from its start."""
     while True:
-        there = tension + part * (aim - tension)
+        trial = tension + part * (aim - tension)
         for state in (at.state, None):
             try:
-                return there, held.at(there, held.begin() if state is None else state)
+                return trial, held.at(trial, held.begin() if state is None else state)
             except ConvergenceError as error:
                 why = error
         part *= 0.5
@@ -178,14 +178,14 @@ def _take_step(
 
 def _gap(demand: Demand, asked: Array, at: Torques) -> float:
     """The torques' miss, relative to the largest torque in play."""
-    made, need = demand.rows @ (at.torque + demand.beside), demand.spread @ asked
+    torque, need = demand.rows @ (at.torque + demand.beside), demand.spread @ asked
     scale = max(float(np.abs(at.torque).max()), float(np.abs(need).max()), 1e-6)
-    return float(np.abs(made - need).max() / scale)
+    return float(np.abs(torque - need).max() / scale)
 
 
-def _relative_change(before: Array, now: Array) -> float:
+def _relative_change(last: Array, new: Array) -> float:
     """The tensions' change, relative to the largest tension, or to 1 N."""
-    return float(np.abs(now - before).max() / max(1.0, float(now.max())))
+    return float(np.abs(new - last).max() / max(1.0, float(new.max())))
 
 
 def _out_of_reach(

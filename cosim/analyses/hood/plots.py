@@ -195,8 +195,8 @@ def draw_bands(heights: pd.DataFrame, glides: pd.DataFrame) -> Sheet:
         handles, names = axes.get_legend_handles_labels()
         low, high = axes.get_ylim()
         axes.set_ylim(low - 0.06 * (high - low), high + 0.34 * (high - low))
-        told: dict[str, Any] = {"ncols": 2, "frameon": False, "fontsize": 7.5, "handlelength": 2.8}
-        axes.legend(handles, names, loc="upper left", columnspacing=0.8, **told)
+        form: dict[str, Any] = {"ncols": 2, "frameon": False, "fontsize": 7.5, "handlelength": 2.8}
+        axes.legend(handles, names, loc="upper left", columnspacing=0.8, **form)
     return sheet
 
 

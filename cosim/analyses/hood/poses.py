@@ -122,22 +122,22 @@ class HoodPoses:
         if all(key in self.known for key in keys):
             yield from (self.known[key] for key in keys)
             return
-        before = self._last.get(REST)
+        last_state = self._last.get(REST)
         for key in keys:
-            pose, state = self._solve(*key, before)
+            pose, state = self._solve(*key, last_state)
             if state is not None:
-                before = self._last[key[1]] = state
+                last_state = self._last[key[1]] = state
             self.known[key] = pose
             yield pose
 
     def _solve(
-        self, posture: Posture, pull: Pull, way: str, before: State
+        self, posture: Posture, pull: Pull, way: str, last_state: State
     ) -> tuple[SolvedPose, State]:
         """The pose, and the hood's state in it, None without equilibrium."""
         finger, hood = self.models.finger, self.models.hood
         at = finger.start(dict(zip(JOINTS, np.radians(posture), strict=True)))
         motion, tension = finger.motion(at), self._tension(pull)
-        starts = [before, self._last.get(pull) if pull else hood.start(motion)]
+        starts = [last_state, self._last.get(pull) if pull else hood.start(motion)]
         reason = "nothing to begin from"
         for start in (state for state in starts if state is not None):
             try:
@@ -180,8 +180,8 @@ class HoodPoses:
         out |= {f"glide_{place}_mm": 1e3 * way for place, way in view.glide.items()}
         out |= {f"lateral_band_height_{s}_mm": 1e3 * z for s, z in view.band_height.items()}
         if self._sagittal is not None:
-            told = sagittal_angles(self._sagittal, c.x, c.position, c.rotation)
-            for side, lines in told.items():
+            angles = sagittal_angles(self._sagittal, c.x, c.position, c.rotation)
+            for side, lines in angles.items():
                 for line, angle in lines.items():
                     out[f"sagittal_{side}_{line}_deg"] = float(np.degrees(angle))
         force, moment = load.imbalance(finger.motion(at))

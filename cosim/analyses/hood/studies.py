@@ -348,8 +348,8 @@ def _table(
     whole["fitted"] = [pose.posture in fitted for pose in poses]
     kept = [name for name in whole if str(name).startswith(begins)]
     where = [*WHERE, "way"] if way else list(WHERE)
-    told = [*where, *kept, *(["fitted"] if fitted else []), *AUDIT]
-    return whole.reindex(columns=told).reset_index(drop=True)
+    columns = [*where, *kept, *(["fitted"] if fitted else []), *AUDIT]
+    return whole.reindex(columns=columns).reset_index(drop=True)
 
 
 def _number(pose: SolvedPose, name: str) -> float:
@@ -366,13 +366,13 @@ def rest_summary(poses: Sequence[SolvedPose]) -> pd.DataFrame:
 
 def _extreme(poses: Sequence[SolvedPose], name: str, bound: float) -> dict[str, object]:
     values = np.array([_number(pose, name) for pose in poses])
-    there = np.isfinite(values)
+    finite = np.isfinite(values)
     row: dict[str, object] = {"quantity": name, "largest": float("nan"), "at": "-"}
-    if there.any():
+    if finite.any():
         i = int(np.nanargmax(np.abs(values)))
         row |= {"largest": values[i], "at": "/".join(f"{a:g}" for a in poses[i].posture)}
-    within = int((np.abs(values[there]) <= bound).sum())
-    counts = {"within": within, "solved": int(there.sum()), "poses": len(poses)}
+    within = int((np.abs(values[finite]) <= bound).sum())
+    counts = {"within": within, "solved": int(finite.sum()), "poses": len(poses)}
     return {**row, "bound": bound, **counts}
 
 

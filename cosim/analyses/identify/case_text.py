@@ -37,10 +37,10 @@ def check_same_settings(cases: Sequence[FitCase]) -> None:
     InputError."""
     first = cases[0].free
     start = {p.name: p.start for p in first.parameters}
-    other = [c.name for c in cases if c.free.settings(start) != first.settings(start)]
-    if other:
+    differing = [c.name for c in cases if c.free.settings(start) != first.settings(start)]
+    if differing:
         raise InputError(
-            f"--out: the parameters set other keys or values in {', '.join(other)} than in "
+            f"--out: the parameters set other keys or values in {', '.join(differing)} than in "
             f"{cases[0].name}, so that one file cannot say them; leave --out away, or give the "
             "parameters settings in --free"
         )
@@ -56,9 +56,9 @@ def _provenance(fit: Fit, targets: str, cases: Sequence[StatedCase]) -> Iterator
         yield ""
     yield "Fitted (95 % interval, linearised, of the rows that pull; bounds; start):"
     for p in fit.parameters:
-        told = "{:.3g} to {:.3g}; ".format(*interval(fit, p.name)) if p in fit.within else ""
+        limits = "{:.3g} to {:.3g}; ".format(*interval(fit, p.name)) if p in fit.within else ""
         yield (
-            f"  {p.name} = {p.format_value(fit.values[p.name])} ({told}{p.low:g} to {p.high:g}; "
+            f"  {p.name} = {p.format_value(fit.values[p.name])} ({limits}{p.low:g} to {p.high:g}; "
             f"{p.start:.4g}): {identifiability(fit, p.name)}"
         )
     yield ""
@@ -90,15 +90,15 @@ def _rows(
     if not rows:
         return
     yield title
-    for before, row in zip(start, rows, strict=True):
-        yield f"  {f'{row.target.case}: ' if several else ''}{_row(before, row)}"
+    for first, row in zip(start, rows, strict=True):
+        yield f"  {f'{row.target.case}: ' if several else ''}{_row(first, row)}"
     yield ""
 
 
-def _row(before: Comparison, row: Comparison) -> str:
+def _row(first: Comparison, row: Comparison) -> str:
     t = row.target
     return (
-        f"{t.name}: {reference_text(t)} {t.unit} ({t.kind}; {t.source}); {number(before.model)}, "
+        f"{t.name}: {reference_text(t)} {t.unit} ({t.kind}; {t.source}); {number(first.model)}, "
         f"{number(row.model)}"
     )
 

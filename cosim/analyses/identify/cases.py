@@ -40,8 +40,8 @@ class StatedCase:
         try:
             return load_case(self.source, self.settings)
         except InputError as error:
-            own = self.name == self.source.stem
-            raise InputError(str(error) if own else f"{CASES}.{self.name}: {error}") from None
+            is_stem = self.name == self.source.stem
+            raise InputError(str(error) if is_stem else f"{CASES}.{self.name}: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -74,26 +74,26 @@ def stated_cases(
                 f"of, not {', '.join(map(str, names))}; a table says with `from` if it is another"
             )
         return _of_tables(Path(str(path)), tables, find_case(names[0]), settings)
-    found = tuple(StatedCase(s.stem, s, settings) for s in map(find_case, names))
-    twice = sorted({c.name for i, c in enumerate(found) if c.name in [d.name for d in found[:i]]})
+    cases = tuple(StatedCase(s.stem, s, settings) for s in map(find_case, names))
+    twice = sorted({c.name for i, c in enumerate(cases) if c.name in [d.name for d in cases[:i]]})
     if twice:
         raise InputError(
             f"more than one case is called {', '.join(twice)}; rows could not say which"
         )
-    return found
+    return cases
 
 
 def _of_tables(
     path: Path, tables: dict[str, Any], base: Path, settings: Settings
 ) -> tuple[StatedCase, ...]:
-    found, faults = [], []
+    cases, faults = [], []
     for name, table in tables.items():
         try:
-            found.append(_of_table(f"{path}: {CASES}.{name}", name, table, path, base, settings))
+            cases.append(_of_table(f"{path}: {CASES}.{name}", name, table, path, base, settings))
         except InputError as error:
             faults.append(str(error))
     raise_faults(faults)
-    return tuple(found)
+    return tuple(cases)
 
 
 def _of_table(
@@ -104,15 +104,15 @@ def _of_table(
             f"{place}: expected a table of `set` and, if wanted, `from`, for example "
             "set = ['finger.posture.PIP=45 deg']"
         )
-    own, source = table.get("set", []), base
-    if not isinstance(own, list) or not all(isinstance(text, str) for text in own):
-        raise InputError(f"{place}: set = {own!r}: expected a list of texts KEY=VALUE")
+    texts, source = table.get("set", []), base
+    if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
+        raise InputError(f"{place}: set = {texts!r}: expected a list of texts KEY=VALUE")
     if "from" in table:
         try:
             source = find_case(str(table["from"]), path.resolve().parent)
         except InputError as error:
             raise InputError(f"{place}: from: {error}") from None
-    return StatedCase(name, source, (*settings, *own))
+    return StatedCase(name, source, (*settings, *texts))
 
 
 def fit_cases(
@@ -147,13 +147,13 @@ def _faults_of_parameters(stated: Sequence[StatedCase], frees: Sequence[Free]) -
     """Say which names differ from case to case, and which values a case does not take: all at their
     starts, and, in one case of each file, each at its bounds."""
     names = [[p.name for p in free.parameters] for free in frees]
-    for case, own in zip(stated, names, strict=True):
-        if own != names[0]:
+    for case, parameters in zip(stated, names, strict=True):
+        if parameters != names[0]:
             yield (
-                f"{case.name}: its laws have the parameters {', '.join(own)}, those of "
+                f"{case.name}: its laws have the parameters {', '.join(parameters)}, those of "
                 f"{stated[0].name} {', '.join(names[0])}; name those to fit in a file"
             )
-    if any(own != names[0] for own in names):
+    if any(parameters != names[0] for parameters in names):
         return
     start = {p.name: p.start for p in frees[0].parameters}
     ends = [{**start, p.name: v} for p in frees[0].parameters for v in (p.low, p.high)]
@@ -178,8 +178,8 @@ def _faults_of_rows(
         if not any(t.case in ("", name) for t in targets):
             yield f"no target is for the case {name}"
     for t in every:
-        if t.case in ("", *names) and t.unit != (said := unit_of(t.quantity)):
-            yield f"{t.name}: {t.quantity} is in {said}, the row in {t.unit}"
+        if t.case in ("", *names) and t.unit != (unit := unit_of(t.quantity)):
+            yield f"{t.name}: {t.quantity} is in {unit}, the row in {t.unit}"
 
 
 def assign_rows(

@@ -104,9 +104,9 @@ class Fit:
     def confidence(self) -> Confidence:
         """The confidence in the parameters `within`, by the rows that pull, the others held at
         their bounds."""
-        told = np.array([pulls(row.target, row.model or 0.0) for row in self.rows])
+        pulling = np.array([pulls(row.target, row.model or 0.0) for row in self.rows])
         columns = [i for i, p in enumerate(self.parameters) if p in self.within]
-        return confidence(self.slopes[told][:, columns], self.misses[told])
+        return confidence(self.slopes[pulling][:, columns], self.misses[pulling])
 
 
 def miss(target: Target, model: float) -> float:
@@ -137,9 +137,9 @@ def confidence(slopes: Array, misses: Array) -> Confidence:
     lost = (np.abs(directions[~seen]) > 1e-6).any(axis=0)
     deviation[lost] = np.inf
     correlation = np.full((n, n), np.nan)
-    told = np.flatnonzero(~lost)
-    outer = np.outer(deviation[told], deviation[told])
-    correlation[np.ix_(told, told)] = covariance[np.ix_(told, told)] / outer
+    determined = np.flatnonzero(~lost)
+    outer = np.outer(deviation[determined], deviation[determined])
+    correlation[np.ix_(determined, determined)] = covariance[np.ix_(determined, determined)] / outer
     return Confidence(s, directions, deviation, correlation, inflation)
 
 
@@ -193,11 +193,11 @@ def fit_all(
     Raises InputError where a target is not in its run, ConvergenceError where a case does not
     converge at the start or nowhere beside a point of the search."""
     serves = [tangent_serves(load_case(c.stated.source, c.stated.settings)) for c in cases]
-    own = [(c.name, c.stated.source, on) for c, on in zip(cases, serves, strict=True)]
+    pool_cases = [(c.name, c.stated.source, on) for c, on in zip(cases, serves, strict=True)]
     rows = [row for case in cases for row in (*case.rows, *case.held_out)]
     arms = any("moment_arm" in row.quantity for row in rows)
     with process_pool(workers) as pool:
-        return _Search(cases, serves, CaseWorkers(own, pool, arms), most, progress).run()
+        return _Search(cases, serves, CaseWorkers(pool_cases, pool, arms), most, progress).run()
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ class _Search:
             raise ConvergenceError("at the start: " + "; ".join(start.failures))
         inside = 1e-6 * (self.high - self.low)
         begin = np.clip(x, self.low + inside, self.high - inside)
-        found = least_squares(
+        solution = least_squares(
             self.residuals,
             begin,
             self.slopes_that_pull,
@@ -260,7 +260,7 @@ class _Search:
             xtol=TOLERANCE,
             max_nfev=max(1, self.most - int((begin != x).any())),
         )
-        each = zip(self.parameters, found.x, strict=True)
+        each = zip(self.parameters, solution.x, strict=True)
         x = self.snap_to_bounds(np.array([p.round_coordinate(z) for p, z in each]))
         end, notes = self.afresh(x)
         values = self.values(x)
@@ -279,7 +279,7 @@ class _Search:
             self.solves,
             tuple(self.failures),
             notes,
-            self.ending(found.status, str(found.message)),
+            self.ending(solution.status, str(solution.message)),
             names,
         )
 
@@ -293,9 +293,9 @@ class _Search:
         for i, reach in enumerate(NEAR_BOUND * (self.high - self.low)):
             for bound in (self.low[i], self.high[i]):
                 if 0 < abs(x[i] - bound) <= reach and self.evaluations < self.most:
-                    there = np.where(np.arange(len(x)) == i, bound, x)
+                    at_bound = np.where(np.arange(len(x)) == i, bound, x)
                     most = (1 + SAME) * np.sum(self.residuals(x) ** 2)
-                    x = there if np.sum(self.residuals(there) ** 2) <= most else x
+                    x = at_bound if np.sum(self.residuals(at_bound) ** 2) <= most else x
         return x
 
     def values(self, x: Array) -> dict[str, float]:
@@ -386,10 +386,10 @@ class _Search:
         if self.best is None or np.abs(end.x - self.best.x).max() > STEP / 10:
             return []
         return [
-            f"{self.label(row)}: {row.model:.4g} from scratch, {before.model:.4g} in the search: "
+            f"{self.label(row)}: {row.model:.4g} from scratch, {searched.model:.4g} in the search: "
             "the case has more than one equilibrium there"
-            for row, before in zip(end.rows, self.best.rows, strict=True)
-            if abs(_scale([row])[0] - _scale([before])[0]) > OTHER_STATE
+            for row, searched in zip(end.rows, self.best.rows, strict=True)
+            if abs(_scale([row])[0] - _scale([searched])[0]) > OTHER_STATE
         ]
 
     def residuals(self, x: Array) -> Array:
@@ -402,8 +402,8 @@ class _Search:
 
     def slopes_that_pull(self, x: Array) -> Array:
         point = self.at(x)
-        told = np.array([pulls(row.target, row.model or 0.0) for row in point.rows])
-        return self.slopes(point) * told[:, None]
+        pulling = np.array([pulls(row.target, row.model or 0.0) for row in point.rows])
+        return self.slopes(point) * pulling[:, None]
 
     def slopes(self, point: _Point) -> Array:
         """The slopes (m, n) of the numbers by the coordinates, in units of their SDs."""
@@ -418,17 +418,17 @@ class _Search:
         ]
         each = list(zip(self.cases, ends, strict=True))
         self.solves += sum(
-            len(there) for there, serves in zip(ends, self.serves, strict=True) if not serves
+            len(stencil) for stencil, serves in zip(ends, self.serves, strict=True) if not serves
         )
         outcomes = self.workers.solve_beside(
             [self.trial(case, x) for case in self.cases],
-            [[self.trial(case, end) for end in there] for case, there in each],
+            [[self.trial(case, end) for end in stencil] for case, stencil in each],
         )
         blocks, first = [], 0
-        for (case, there), found in zip(each, outcomes, strict=True):
+        for (case, stencil), case_outcomes in zip(each, outcomes, strict=True):
             rows = point.rows[first : first + len(case.rows)]
             first += len(rows)
-            blocks.append(self.slopes_of(case, (x, rows), there, found))
+            blocks.append(self.slopes_of(case, (x, rows), stencil, case_outcomes))
         slopes = np.concatenate(blocks)
         lost = np.flatnonzero(np.isnan(slopes).all(axis=0))
         if len(lost):
@@ -445,7 +445,7 @@ class _Search:
     ) -> Array:
         """The slopes (m, n) of one case; NaN by a parameter to neither side of which it
         converged."""
-        there: list[tuple[Array, Sequence[Comparison]]] = []
+        compared: list[tuple[Array, Sequence[Comparison]]] = []
         for end, outcome in zip(ends, outcomes, strict=True):
             if outcome.status == "refused":
                 raise InputError(outcome.reason)
@@ -453,12 +453,12 @@ class _Search:
                 self.failures.append(
                     f"{case.name}: {_values_text(self.values(end))}: {outcome.reason}"
                 )
-                there.append((end, ()))
+                compared.append((end, ()))
             else:
-                there.append((end, compare_with_targets(case.rows, outcome.result(), case.name)))
+                compared.append((end, compare_with_targets(case.rows, outcome.result(), case.name)))
         columns = []
         for i in range(len(self.parameters)):
-            pair = [found for found in there[2 * i : 2 * i + 2] if found[1]]
+            pair = [side for side in compared[2 * i : 2 * i + 2] if side[1]]
             (x0, before), (x1, after) = (*pair, at, at)[:2]
             if x0[i] == x1[i]:
                 columns.append(np.full(len(case.rows), np.nan))
@@ -475,12 +475,12 @@ class _Search:
     def lays_mesh(self, case: FitCase, p: FitParameter) -> bool:
         """Whether the mesh is laid elsewhere with another value of the parameter."""
         start = {p.name: p.start for p in self.parameters}
-        other = {**start, p.name: p.low if p.start != p.low else p.high}
+        changed = {**start, p.name: p.low if p.start != p.low else p.high}
         keys = {
             load_case(
                 case.stated.source, case.stated.settings + case.free.settings(values)
             ).mesh_key()
-            for values in (start, other)
+            for values in (start, changed)
         }
         return len(keys) > 1
 

@@ -187,31 +187,31 @@ def _number(place: str, key: str, value: Any) -> float:
 
 def _built_in_parameters(case: Case, needed: bool = True) -> dict[str, FitParameter]:
     """The built-in parameters of a case, from where it has them."""
-    found = {}
+    parameters = {}
     for name, values in _stated_values(case).items():
         of, low, high = _BOUNDS[name]
         mean = exp(sum(map(log, values)) / len(values))
-        found[name] = FitParameter(name, of, low, high, min(max(mean, low), high))
-    if needed and not found:
+        parameters[name] = FitParameter(name, of, low, high, min(max(mean, low), high))
+    if needed and not parameters:
         raise InputError(
             "no region has a law whose parameters are fitted without a file that frees some "
             "(trans_iso_mooney_rivlin or transversely_isotropic)"
         )
-    return found
+    return parameters
 
 
 def _stated_values(case: Case) -> dict[str, list[float]]:
     """What the regions say of each, in its unit."""
     curved, straight = _laws(case)
     megapascal = units.parse("1 MPa", units.PRESSURE)
-    found = {
+    by_name = {
         "c1": [law.c1 / megapascal for law in curved.values()],
         "toe": [law.lam_max - 1 for law in curved.values() if _shares_toe(law)],
         "c4": [law.c4 for law in curved.values() if _shares_toe(law)],
         "modulus_across": [law.modulus_across / megapascal for law in straight.values()],
         "shear_modulus": [law.shear_modulus / megapascal for law in straight.values()],
     }
-    return {name: values for name, values in found.items() if values}
+    return {name: values for name, values in by_name.items() if values}
 
 
 def _laws(
@@ -226,10 +226,10 @@ def _shares_toe(law: FibreMooneyRivlinConfig) -> bool:
 
 def _free(case: Case, parameters: tuple[FitParameter, ...]) -> Free:
     def settings(values: Values) -> Settings:
-        own = [p for p in parameters if p.templates]
+        given = [p for p in parameters if p.templates]
         others = {p.name: values[p.name] for p in parameters if not p.templates}
         texts = [
-            t.replace("{value}", p.format_value(values[p.name])) for p in own for t in p.templates
+            t.replace("{value}", p.format_value(values[p.name])) for p in given for t in p.templates
         ]
         return (*_built_in_settings(case, others), *texts)
 

@@ -84,8 +84,8 @@ class SensitivityBar:
     @property
     def changes(self) -> tuple[float | None, float | None]:
         """Value less base, at the low and the high side; None where there is no value."""
-        found = [run.values.get(self.quantity) for run in (self.low, self.high)]
-        low, high = (None if value is None else value - self.base for value in found)
+        both = [run.values.get(self.quantity) for run in (self.low, self.high)]
+        low, high = (None if value is None else value - self.base for value in both)
         return low, high
 
     @property
@@ -144,10 +144,10 @@ def _base(first: Trial, quantities: Sequence[str], also: Sequence[str]) -> dict[
             f"the run has no number at {', '.join(absent)}; write a path of keys of its "
             "summary.json, for example slip_force_N.central, or a ratio of two, A/B"
         )
-    there = {q: value for q, value in values.items() if value is not None}
-    if not there:
+    present = {q: value for q, value in values.items() if value is not None}
+    if not present:
         raise InputError("this run has none of the usual quantities; name some with --quantity")
-    return there
+    return present
 
 
 def _arms(summary: Mapping[str, Any]) -> Iterator[str]:
@@ -155,46 +155,46 @@ def _arms(summary: Mapping[str, Any]) -> Iterator[str]:
         yield from (f"difference.moment_arm_mm.{tendon}.{joint}" for joint in arms)
 
 
-def _run(v: Variation, name: End, side: Side, found: Trial | None, base: Mapping) -> Run:
-    if found is None:
+def _run(v: Variation, name: End, side: Side, trial: Trial | None, base: Mapping) -> Run:
+    if trial is None:
         return Run(v.name, name, side.label, (), "does not apply", side.why_not, {})
-    summary = found.value or {}
+    summary = trial.value or {}
     values = {q: value_of(summary, q) for q in base}
     missed = ", ".join(summary.get("audit_missed", ()))
-    reason = f"audit missed: {missed}" if missed else found.reason
-    return Run(v.name, name, side.label, side.settings, found.status, reason, values)
+    reason = f"audit missed: {missed}" if missed else trial.reason
+    return Run(v.name, name, side.label, side.settings, trial.status, reason, values)
 
 
-def bars(found: Sensitivity, quantity: str) -> list[SensitivityBar]:
+def bars(result: Sensitivity, quantity: str) -> list[SensitivityBar]:
     """The bars of one quantity, the strongest first."""
-    pairs = zip(found.runs[::2], found.runs[1::2], strict=True)
-    base = found.base[quantity]
+    pairs = zip(result.runs[::2], result.runs[1::2], strict=True)
+    base = result.base[quantity]
     every = [SensitivityBar(low.variation, low, high, quantity, base) for low, high in pairs]
     return sorted(every, key=lambda bar: -bar.swing)
 
 
-def to_csv(found: Sensitivity) -> str:
+def to_csv(result: Sensitivity) -> str:
     """A line for each run, the case as it is first; numbers in full; what is not there is empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*COLUMNS, *found.base])
-    own = " ".join(found.settings)
-    writer.writerow(["", "", "as it is", own, "converged", "", *found.base.values()])
-    for run in found.runs:
-        values = [run.values.get(q) for q in found.base]
+    writer.writerow([*COLUMNS, *result.base])
+    settings = " ".join(result.settings)
+    writer.writerow(["", "", "as it is", settings, "converged", "", *result.base.values()])
+    for run in result.runs:
+        values = [run.values.get(q) for q in result.base]
         head = [run.variation, run.side, run.set_to, " ".join(run.settings), run.status, run.reason]
         writer.writerow([*head, *values])
     return text.getvalue()
 
 
-def to_json(found: Sensitivity) -> str:
+def to_json(result: Sensitivity) -> str:
     """All of it."""
     content = {
         "format": FORMAT,
-        "case": found.case,
-        "settings": found.settings,
-        "units": {q: unit_of(q) for q in found.base},
-        "base": found.base,
-        "runs": [vars(run) for run in found.runs],
+        "case": result.case,
+        "settings": result.settings,
+        "units": {q: unit_of(q) for q in result.base},
+        "base": result.base,
+        "runs": [vars(run) for run in result.runs],
     }
     return json_text(content) + "\n"

@@ -27,20 +27,20 @@ ROOM = 0.28
 """Margin for the labels on either side of the bars, as a part of the span of all bars."""
 
 
-def draw_tornado(found: Sensitivity, quantity: str, target: Target | None = None) -> Figure:
+def draw_tornado(result: Sensitivity, quantity: str, target: Target | None = None) -> Figure:
     """Bars from the case's own value to those at both sides of every variation, and where the
     measured value or band lies, if there is one."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-    every = bars(found, quantity)
+    every = bars(result, quantity)
     least = TELLING * every[0].swing if every else 0.0
     drawn = [bar for bar in every if bar.swing > least][:MOST]
     figure = Figure(figsize=(10.5, 2.2 + 0.34 * max(len(drawn), 1)), layout="constrained")
     axes = figure.subplots()
     for place, bar in enumerate(drawn):
         _draw_bar(axes, place, bar, least)
-    base = found.base[quantity]
+    base = result.base[quantity]
     axes.axvline(base, color="black", lw=1.0)
     axes.set_yticks(range(len(drawn)), [bar.variation for bar in drawn])
     axes.set_ylim(len(drawn) - 0.4, -0.6)
@@ -56,7 +56,7 @@ def draw_tornado(found: Sensitivity, quantity: str, target: Target | None = None
     if target is not None:
         key.append(_draw_target(axes, target))
     figure.legend(handles=key, loc="outside upper right", ncols=3, frameon=False)
-    figure.suptitle(f"{found.case}: {base:.4g} as it is", x=0.01, ha="left", fontsize=11)
+    figure.suptitle(f"{result.case}: {base:.4g} as it is", x=0.01, ha="left", fontsize=11)
     if note := _note(every, drawn):
         figure.text(0.01, -0.01, fill(note, 150), fontsize=7.5, va="top", color="0.25")
     return figure
@@ -94,8 +94,8 @@ def _draw_bar(axes: Axes, place: int, bar: SensitivityBar, least: float) -> None
     for i, (run, change, colour, hatch) in enumerate(sides):
         at, tall = (place - 0.2 + 0.4 * i, 0.38) if halved else (place, 0.76)
         if change is None and run.status == "failed":
-            other = low if i else high
-            _label(axes, f"{run.set_to}: failed", bar.base, at, -1 if (other or 0.0) > 0 else 1)
+            opposite = low if i else high
+            _label(axes, f"{run.set_to}: failed", bar.base, at, -1 if (opposite or 0.0) > 0 else 1)
         if change is None:
             continue
         axes.barh(at, change, tall, bar.base, color=colour, hatch=hatch, edgecolor="white", lw=0)

@@ -87,13 +87,13 @@ def _transfer_states(
     case: Case, pair: tuple[Models, Models], states: States, reshape: Reshape, arms: bool
 ) -> States:
     """The states of the second models from those of the first."""
-    before, models = pair
+    first_models, models = pair
     hood, finger = tensions(case, models)
     rest = [np.full(len(pull), models.resting) for pull in (hood, finger)]
 
     def transfer(e: Equilibrium, hood: Array, finger: Array) -> Equilibrium:
         held, shell = models.finger.start(models.posture), _shell(models)
-        state = reshape(shell, _shell(before), e.response.state, hood)
+        state = reshape(shell, _shell(first_models), e.response.state, hood)
         response = shell.response(state)
         balance = models.finger.balance(held, response.load, finger)
         return replace(

@@ -60,10 +60,10 @@ class CaseWorkers:
     def solve(self, settings: Mapping[int, Settings], afresh: bool = False) -> dict[int, Trial]:
         """An outcome for each case by its place, with its settings; `afresh` from scratch."""
         asked = {}
-        for i, own in settings.items():
+        for i, case_settings in settings.items():
             name, source, serves = self._cases[i]
             asked[i] = self._pool.submit(
-                i, solve_one, name if serves else "", source, own, self._arms, afresh
+                i, solve_one, name if serves else "", source, case_settings, self._arms, afresh
             )
         return {i: future.result() for i, future in asked.items()}
 
@@ -77,9 +77,9 @@ class CaseWorkers:
         count = 0
         for i, (name, source, serves) in enumerate(self._cases):
             if serves:
-                own = tuple(beside[i])
+                neighbours = tuple(beside[i])
                 whole[i] = self._pool.submit(
-                    i, solve_many, name, source, around[i], own, self._arms
+                    i, solve_many, name, source, around[i], neighbours, self._arms
                 )
                 continue
             each[i] = []
@@ -134,12 +134,12 @@ def _summary(result: Result) -> Summary:
     return result.summary
 
 
-def _solve(case: Case, before: SolvedCase | None, arms: bool) -> tuple[Models, States]:
-    if before is not None:
+def _solve(case: Case, neighbour: SolvedCase | None, arms: bool) -> tuple[Models, States]:
+    if neighbour is not None:
         with suppress(ConvergenceError):
-            found = solve_from(case, before.models, before.states, arms)
-            if found is not None:
-                return found
+            transferred = solve_from(case, neighbour.models, neighbour.states, arms)
+            if transferred is not None:
+                return transferred
     return solve(case)
 
 
@@ -154,9 +154,9 @@ def solve_many(
 ) -> list[Trial]:
     """The case with each of the settings `beside`, which differ little from those `around`."""
     if name not in kept or kept[name].settings != around:
-        found = solve_one(kept, name, source, around, arms, afresh=False)
-        if found.status != "converged":
-            return [found] * len(beside)
+        outcome = solve_one(kept, name, source, around, arms, afresh=False)
+        if outcome.status != "converged":
+            return [outcome] * len(beside)
     return [outcome_of(partial(_beside, kept[name], source, s, arms)) for s in beside]
 
 

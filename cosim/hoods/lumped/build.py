@@ -69,12 +69,12 @@ def _tendons(hood: NetworkHoodConfig, part: str, key: str) -> list[str]:
     if part in hood.connecting:
         return [part]
     last = {"central_slip": JOINTS[1], "terminal_slip": JOINTS[2]}[part]
-    found = [
+    names = [
         n for n, t in hood.connecting.items() if [j for j in JOINTS if j in t.arms][-1] == last
     ]
-    if not found:
+    if not names:
         raise InputError(f"lesion.{key}: no connecting tendon ends where a {part} does")
-    return found
+    return names
 
 
 def build_lumped_hood(hood: NetworkHoodConfig, model: FingerModel | None, rest: Motion) -> Hood:
@@ -92,8 +92,8 @@ def slip_forces(
     """What bears (N) on the middle phalanx ("central": it crosses the PIP last) and on the distal
     one ("terminal") of a hood's connecting tendons."""
     if hood.reduced is not None:
-        made = build_reduced_hood(potential(hood.reduced), model, state.motion.bodies)
-        return made.slip_forces(state)
+        reduced = build_reduced_hood(potential(hood.reduced), model, state.motion.bodies)
+        return reduced.slip_forces(state)
     network = _network(hood)
     at = angles(_hinges(model), state.motion).value
     if hood.operating_force is None:
@@ -116,16 +116,16 @@ def _hinges(model: FingerModel | None) -> tuple[HingeAngle, ...]:
 
 
 def build_reduced_hood(
-    made: ReducedPotential, model: FingerModel | None, bodies: tuple[str, ...]
+    reduced: ReducedPotential, model: FingerModel | None, bodies: tuple[str, ...]
 ) -> ReducedHood:
     """A potential behind the port, on every hinge of a finger (None: hinges in a plane)."""
     hinges: tuple[Joint, ...]
     if model is None:
-        joints = zip(made.joints, bodies[:-1], bodies[1:], strict=True)
+        joints = zip(reduced.joints, bodies[:-1], bodies[1:], strict=True)
         hinges = tuple(HingeAngle(*names) for names in joints)
     else:
         hinges = joints_of(model)
-    return ReducedHood(made, hinges, bodies)
+    return ReducedHood(reduced, hinges, bodies)
 
 
 def potential(hood: ReductionConfig) -> ReducedPotential:

@@ -53,12 +53,12 @@ class Gauges:
     def strain(self, x: Array, before: Array) -> dict[str, float]:
         """Engineering strain of each gauge from its length on the sheet at `before`, per cent."""
         first = self.lengths(before)
-        return {name: 100 * (now / first[name] - 1) for name, now in self.lengths(x).items()}
+        return {name: 100 * (length / first[name] - 1) for name, length in self.lengths(x).items()}
 
     def grid_strains(self, x: Array, before: Array) -> dict[str, tuple[Array, Array]]:
         """Strains between neighbours of each grid from `before`, as `neighbour_strains`."""
-        first, now = self.positions(before), self.positions(x)
-        return {name: neighbour_strains(first[k], now[k]) for name, k in self.grids.items()}
+        first, moved = self.positions(before), self.positions(x)
+        return {name: neighbour_strains(first[k], moved[k]) for name, k in self.grids.items()}
 
     def displacements(self, x: Array, before: Array) -> dict[str, dict[str, float]]:
         """The displacement (mm) of each point, from the sheet at `before`, along the world's
@@ -92,12 +92,12 @@ def points_on(config: ShellHoodConfig, x: Array, quads: np.ndarray) -> Gauges:
     return replace(placed, grids=grids)
 
 
-def neighbour_strains(first: Array, now: Array) -> tuple[Array, Array]:
+def neighbour_strains(first: Array, last: Array) -> tuple[Array, Array]:
     """Longitudinal (rows - 1, columns) and lateral (rows, columns - 1) engineering strains between
-    neighbours of points (rows, columns, 3), from `first` to `now`."""
+    neighbours of points (rows, columns, 3), from `first` to `last`."""
 
     def stretch(axis: int) -> Array:
-        l0, l1 = (np.linalg.norm(np.diff(x, axis=axis), axis=2) for x in (first, now))
+        l0, l1 = (np.linalg.norm(np.diff(x, axis=axis), axis=2) for x in (first, last))
         return np.asarray(l1 / l0 - 1)
 
     return stretch(0), stretch(1)
@@ -174,10 +174,10 @@ def place_gauges(
         weight, distance = _nearest_points(np.asarray(point, dtype=float), x[triangles])
         best = int(np.argmin(distance))
         if distance[best] > FARTHEST:
-            there = 1e3 * weight[best] @ x[triangles[best]]
+            nearest = 1e3 * weight[best] @ x[triangles[best]]
             faults.append(
                 f"hood.points.{name}: is {1e3 * distance[best]:.1f} mm off the undeformed hood, "
-                f"whose nearest point is ({', '.join(f'{v:.2f}' for v in there)}) mm"
+                f"whose nearest point is ({', '.join(f'{v:.2f}' for v in nearest)}) mm"
             )
         nodes.append(triangles[best])
         weights.append(weight[best])

@@ -76,17 +76,17 @@ def read_points(path: Path) -> dict[str, Place]:
     Raises InputError, which names the line."""
     table = read_csv(path, HEAD)
     units_of = _units(table)
-    found: dict[str, Place] = {}
+    places: dict[str, Place] = {}
     for row in table.rows:
         name = row.cells["name"]
         try:
-            check_names([*found, name])
+            check_names([*places, name])
         except ValueError as error:
             raise InputError(f"{row.place}: {error}") from None
-        found[name] = _place(row, units_of)
-    if not found:
+        places[name] = _place(row, units_of)
+    if not places:
         raise InputError(f"{table.place}: has no point below the names of its columns")
-    return found
+    return places
 
 
 HEAD = ",".join(("name", *(f"{axis}_mm" for axis in AXES)))
@@ -94,7 +94,7 @@ HEAD = ",".join(("name", *(f"{axis}_mm" for axis in AXES)))
 
 def _units(table: CsvTable) -> dict[str, str]:
     """The unit of each axis, from the names of the columns."""
-    found: dict[str, str] = {}
+    unit_of_axis: dict[str, str] = {}
     for title in table.columns:
         axis, _, unit = title.partition("_")
         if title != "name" and (axis not in AXES or not _is_length(unit)):
@@ -102,12 +102,12 @@ def _units(table: CsvTable) -> dict[str, str]:
                 f"{table.place}: unknown column {title!r}; expected name and, each with a unit of "
                 f"length, {', '.join(AXES)}: {HEAD}"
             )
-        if axis in found:
+        if axis in unit_of_axis:
             raise InputError(f"{table.place}: two columns are of {axis}; keep one")
-        found[axis] = unit
-    if lacking := [name for name in ("name", *AXES) if name not in found]:
+        unit_of_axis[axis] = unit
+    if lacking := [name for name in ("name", *AXES) if name not in unit_of_axis]:
         raise InputError(f"{table.place}: has no column of {', '.join(lacking)}; expected {HEAD}")
-    return found
+    return unit_of_axis
 
 
 def _is_length(unit: str) -> bool:

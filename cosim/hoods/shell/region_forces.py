@@ -59,7 +59,7 @@ def middle_crossings(mesh: HoodMesh, skeleton: Skeleton) -> dict[str, Crossing]:
     """Where the middle line of each region of the mesh runs, by its name."""
     turn, out = turns(mesh, skeleton).turn, {}
     for region in np.unique(mesh.region):
-        name, own = REGIONS[region], np.flatnonzero(mesh.region == region)
+        name, elements = REGIONS[region], np.flatnonzero(mesh.region == region)
         distal, across = region_places(mesh, region, turn, mesh.station, turn)
         if not has_lateral_fibres(name):
             beyond = distal > 0.5 + ON_THE_LINE
@@ -67,8 +67,8 @@ def middle_crossings(mesh: HoodMesh, skeleton: Skeleton) -> dict[str, Crossing]:
             beyond = across > 0.5 + ON_THE_LINE
         else:
             beyond = turn > ON_THE_LINE
-        out[name] = crossing(mesh.quads, own, beyond)
-    return {name: found for name, found in out.items() if len(found.elements)}
+        out[name] = crossing(mesh.quads, elements, beyond)
+    return {name: line for name, line in out.items() if len(line.elements)}
 
 
 def element_forces(hood: FeHood, state: State) -> Array:
@@ -101,10 +101,10 @@ def region_forces(
 def strip_crossings(mesh: HoodMesh) -> dict[str, Crossing]:
     """Where the strips over the PIP are cut just past it, by region; of those that the mesh has."""
     beyond = mesh.station > PIP + PAST_PIP
-    found = {
+    crossings = {
         name: crossing(mesh.quads, np.flatnonzero(mesh.cells(name)), beyond) for name in STRIPS
     }
-    return {name: line for name, line in found.items() if len(line.elements)}
+    return {name: line for name, line in crossings.items() if len(line.elements)}
 
 
 def strip_arms(

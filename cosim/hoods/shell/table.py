@@ -293,8 +293,8 @@ class ShellHoodConfig(HoodConfig):
     def _complete(self) -> ShellHoodConfig:
         if self.mesh.kind == "file":
             return self
-        own = [name for name in REGIONS if name not in self.mesh.lacks]
-        if lacking := [name for name in own if name not in self.regions]:
+        needed = [name for name in REGIONS if name not in self.mesh.lacks]
+        if lacking := [name for name in needed if name not in self.regions]:
             raise fault(f"regions: the generated mesh also has {', '.join(lacking)}; name them")
         return self
 

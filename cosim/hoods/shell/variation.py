@@ -87,10 +87,10 @@ def _bending(hood: ShellHoodConfig) -> Variation:
 
 
 def _thickness(hood: ShellHoodConfig) -> Variation:
-    own = {f"hood.regions.{n}.thickness": r.thickness for n, r in hood.regions.items()}
+    regions = {f"hood.regions.{n}.thickness": r.thickness for n, r in hood.regions.items()}
     sections = {f"hood.regions.{n}.section": r.section for n, r in hood.regions.items()}
     factors = (0.5, 1.5)
-    every = scale("thickness", {"hood.thickness": hood.thickness, **own}, factors, units.LENGTH)
+    every = scale("thickness", {"hood.thickness": hood.thickness, **regions}, factors, units.LENGTH)
     more = scale("", sections, factors, units.AREA)
     low = Side(every.low.label, every.low.settings + more.low.settings)
     return Variation(
@@ -196,9 +196,9 @@ def _ligament(hood: ShellHoodConfig, name: str, sets: list[str]) -> Iterator[Var
 
 
 def _friction(hood: ShellHoodConfig) -> Variation:
-    name, key, own = "friction over the bones", "hood.contact.friction", hood.contact.friction
-    if own:
-        return scale(name, {key: own}, (0.5, 2.0), None)
+    name, key, friction = "friction over the bones", "hood.contact.friction", hood.contact.friction
+    if friction:
+        return scale(name, {key: friction}, (0.5, 2.0), None)
     return Variation(
         name, *(Side(f"{mu:g}", settings_text([(key, mu)], None)) for mu in COEFFICIENTS)
     )

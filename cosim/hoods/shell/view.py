@@ -187,7 +187,7 @@ def _gauge_summary(view: ShellView, before: ShellView | None) -> dict[str, Any]:
     from another state."""
     x = view.reference if before is None else before.points
     strains = 100 * view.point_strain(before)
-    found = {
+    numbers = {
         "point_displacement_mm": view.gauges.displacements(view.points, x),
         "point_strain_percent": {
             name: dict(zip(STRAIN_COMPONENTS, strain.tolist(), strict=True))
@@ -202,7 +202,7 @@ def _gauge_summary(view: ShellView, before: ShellView | None) -> dict[str, Any]:
             for name, strains in view.gauges.grid_strains(view.points, x).items()
         },
     }
-    return {key: value for key, value in found.items() if value}
+    return {key: value for key, value in numbers.items() if value}
 
 
 def view_of(
@@ -333,8 +333,8 @@ def _over_central(strain: Array, view: ShellView) -> dict[str, Range]:
 
 
 def _by_region(strain: Array, view: ShellView) -> dict[str, Mapping[str, Range]]:
-    there = (i for i in range(len(REGIONS)) if (view.region == i).any())
-    return {REGIONS[i]: _by_direction(strain, view.area, view.region == i) for i in there}
+    present = (i for i in range(len(REGIONS)) if (view.region == i).any())
+    return {REGIONS[i]: _by_direction(strain, view.area, view.region == i) for i in present}
 
 
 def _by_direction(strain: Array, area: Array, cells: np.ndarray) -> dict[str, Range]:
