@@ -1,5 +1,5 @@
-"""What the public face takes: each kind of argument is read in one place, and what is none is an
-InputError that says what was expected."""
+"""Arguments of the public face: each kind is read in one place, and a wrong one is an InputError
+that says what was expected."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ COMMANDS = {
         ),
         "sensitivity": Command(
             "identify.sensitivity",
-            "How results answer to what a case assumes.",
+            "How results depend on what a case assumes.",
             "cosim sensitivity isometric_edc",
         ),
         "study": Command(

@@ -1,4 +1,4 @@
-"""Read a .vtu file with VTK: run as a program of its own, for some broken files end VTK's process.
+"""Read a .vtu file with VTK in a process of its own, since some broken files crash VTK.
 
     python vtu_child.py SOURCE.vtu TARGET.npz
 

@@ -1,4 +1,4 @@
-"""Reading XML that nobody vouches for into a small tree, with the line of every tag.
+"""Read untrusted XML into a small tree, with the line of every tag.
 
 A stream through expat: document type declarations (hence entities of any kind) are refused when
 they begin, nothing outside the file is opened, and size, depth, tags, rows and texts are bounded.

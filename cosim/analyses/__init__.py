@@ -1,1 +1,1 @@
-"""What asks a case many questions."""
+"""Analyses that solve a case many times."""

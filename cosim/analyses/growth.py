@@ -99,8 +99,8 @@ def measure_growth(
                 yield from process.submit(measure_mesh, elements, quads).result()
         except BrokenProcessPool:
             raise InputError(
-                f"the process that solved {quads} {elements} quads was ended from outside, it may "
-                "be for want of memory; choose a smaller --most"
+                f"the process that solved {quads} {elements} quads was ended from outside, "
+                f"perhaps for lack of memory; choose a smaller --most"
             ) from None
 
 

@@ -1,5 +1,5 @@
-"""One case climbed through hoods of growing detail, from a fixed split to a shell with fibres: its
-rungs, their tables and their picture."""
+"""One case with hoods of growing detail, from a fixed split to a shell with fibres: the rungs of a
+ladder, their tables and their picture."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _check(case: Case) -> None:
             f"{case.name}: is a motion; a ladder compares equilibria. Leave out [forward]"
         )
     if not case.finger.is_native:
-        raise InputError(f"{case.name}: its finger is an FMU, which a ladder cannot look into")
+        raise InputError(f"{case.name}: its finger is an FMU; a ladder needs another kind")
     check_fit(case)
 
 

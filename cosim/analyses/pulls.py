@@ -1,6 +1,6 @@
 """What one pull on a hood costs, over a table of hoods, postures and tendons.
 
-Bones are held and one tendon is drawn in one step from rest: which contacts and springs act, and
+Bones are held and one tendon is pulled in one step from rest: which contacts and springs act, and
 where the sheet is slack, changes at once, and that is what costs.  `cases/data/pulls.csv` has the
 pulls, and for each the linear solves that it once took.
 """

@@ -1,4 +1,4 @@
-"""Bones of the user's: read, checked, and brought into the frames of the finger's bodies."""
+"""The user's bones: read, checked, and brought into the frames of the finger's bodies."""
 
 from __future__ import annotations
 

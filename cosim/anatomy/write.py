@@ -1,4 +1,4 @@
-"""A hood mesh as the file that its ending asks for."""
+"""A hood mesh in a file of the format that its ending names."""
 
 from __future__ import annotations
 

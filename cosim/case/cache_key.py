@@ -1,4 +1,4 @@
-"""Where a run's answer is kept: the address of a case as it is solved, by this code."""
+"""The cache key of a run: the address of a case as this code solves it."""
 
 from __future__ import annotations
 

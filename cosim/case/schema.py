@@ -78,7 +78,7 @@ class CouplingConfig(Table):
     @model_validator(mode="after")
     def _of_one_way(self) -> CouplingConfig:
         if self.scheme != "one_way" and self.one_way != OneWayConfig():
-            raise fault('has a table one_way, which goes with scheme = "one_way" alone')
+            raise fault('has a table one_way, which needs scheme = "one_way" alone')
         return self
 
 

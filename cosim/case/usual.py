@@ -1,4 +1,4 @@
-"""Which values of a case are far from what the parts of a finger have: mostly a wrong unit."""
+"""Values of a case that are far from usual for a finger: mostly a wrong unit."""
 
 from __future__ import annotations
 

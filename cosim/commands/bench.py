@@ -112,7 +112,7 @@ def bench(
         Path | None, typer.Option(help="Of febio: folder of the models with published figures.")
     ] = None,
     spacing: Annotated[
-        str, typer.Option(help="Of febio: of the grids for the distances of the bones.")
+        str, typer.Option(help="Of febio: spacing of the grids of the bones' distances.")
     ] = "0.25 mm",
     most: Annotated[
         int, typer.Option(min=250, help="Of growth: largest mesh, in linear quads; up to 16000.")
@@ -125,7 +125,7 @@ def bench(
         typer.Option(metavar="FILE", help="Show the ratios beside those of this file; repeatable."),
     ] = None,
 ) -> None:
-    """Measure speed, as ratios and counts, which other machines share."""
+    """Measure speed, as ratios and counts that depend little on the machine."""
     with exit_on_error():
         if json_file is not None:
             check_file(json_file)

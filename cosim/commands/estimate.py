@@ -104,7 +104,7 @@ def estimate(
         str | None,
         typer.Option(
             metavar='"1 N*mm"',
-            help="Of a motion: torque that may lack where tensions make no more.",
+            help="Of a motion: torque that may be missing where tensions make no more.",
         ),
     ] = None,
     settings: Settings = None,
@@ -112,8 +112,8 @@ def estimate(
         "estimates"
     ),
 ) -> None:
-    """Muscles' tensions from a fingertip force, joint torques or a motion, with the hood of a case
-    behind them; and the set of fingertip forces that they can make (alone, without a target)."""
+    """Estimate muscle tensions from a fingertip force, joint torques or a motion, with the hood of
+    a case, and the set of possible fingertip forces (without a target the set alone)."""
     with exit_on_error():
         given = [
             o for o, v in (("--force", force), ("--torque", torque), ("--motion", motion)) if v

@@ -52,13 +52,13 @@ def solve(
     penetration: Annotated[
         str | None,
         typer.Option(
-            help='Largest penetration of contact, or "none" for a penalty alone; else 2 um of our '
-            "own shell, and none of q4ans."
+            help='Largest penetration of contact, or "none" for a penalty alone; else 2 um with '
+            "our own shell, none with q4ans."
         ),
     ] = None,
     length_unit: Annotated[str, typer.Option(help="The file's unit of length.")] = "mm",
     spacing: Annotated[
-        str, typer.Option(help="Of the grids that the bodies' distances are baked on.")
+        str, typer.Option(help="Spacing of the grids of the bodies' distances.")
     ] = "0.25 mm",
     element: Annotated[
         ShellElement,

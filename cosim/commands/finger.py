@@ -106,10 +106,10 @@ def mjcf(
         "finger.xml"
     ),
 ) -> None:
-    """Write the MuJoCo model of a case's finger, which stands in plain MuJoCo: bones with their
-    shapes, joints with passive torques and limits, its own tendons with an actuator each, whose
-    control is the tension, and the keyframe "posture" with the resting tensions; without what holds
-    the tip, and the hood."""
+    """Write a case's finger as a model for plain MuJoCo: bones with their shapes, joints with
+    passive torques and limits, its own tendons with an actuator each, whose control is the tension,
+    and the keyframe "posture" with the resting tensions; without what holds the tip, and the
+    hood."""
     with exit_on_error():
         text = mjcf_of(load_case(case, settings or ()))
         with output_file(out) as path:

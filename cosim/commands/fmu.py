@@ -29,7 +29,7 @@ def fmu(
     fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of the standard.")] = 2,
     tangent: Annotated[
         bool,
-        typer.Option(help="The derivatives of the hood's load cross too."),
+        typer.Option(help="Also exchange the derivatives of the hood's load."),
     ] = True,
     settings: Settings = None,
     out: Annotated[

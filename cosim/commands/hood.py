@@ -44,7 +44,7 @@ def show_hood(
     """Show a hood over postures, beside literature: torques and slips at rest, the slips' shares
     under load, moment arms and excursions, lateral bands and sagittal bands.
 
-    The case's own posture, load and fingertip play no part: the bones are held.  Some 120 solves,
+    The case's own posture, load and fingertip are ignored: the bones are held.  Some 120 solves,
     about 12 minutes on one core with --set hood.mesh.quads=400.  A pose without equilibrium is
     shown as such."""
     with exit_on_error():

@@ -44,7 +44,7 @@ def sensitivity(
         typer.Option(
             metavar="KEY",
             help="Where summary.json has the number (slip_force_N.central), or A/B for a ratio; "
-            "repeatable. Without it: forces, strains and arms that one looks at.",
+            "repeatable. Without it: the usual forces, strains and arms.",
         ),
     ] = None,
     only: Annotated[
@@ -55,12 +55,12 @@ def sensitivity(
         Path | None,
         typer.Option(
             help="CSV of measured numbers, as `cosim report --data` takes them: their quantities "
-            "are looked at too, and shown in the charts."
+            "are included, and shown in the charts."
         ),
     ] = None,
     workers: Workers = 2,
 ) -> None:
-    """How a case's results answer to what it assumes: moduli, thickness, rest lengths, ligaments,
+    """How a case's results depend on what it assumes: moduli, thickness, rest lengths, ligaments,
     fibres, contact, joints, posture, mesh; a tornado chart for each quantity, and a table."""
     with exit_on_error():
         all_settings = tuple(settings or ())
@@ -147,7 +147,7 @@ def _show_sensitivity(result: Sensitivity) -> None:
         if rows:
             print_table(title, ("", "low", "then", "high", "then"), rows)
         else:
-            typer.echo(f"{title}, answers to nothing that was varied\n")
+            typer.echo(f"{title}, depends on nothing that was varied\n")
     for run in result.runs:
         if run.status != "converged" or run.reason:
             what = f"{run.variation}, {run.side}" + (f" ({run.set_to})" if run.set_to else "")
@@ -162,9 +162,9 @@ def identify(
     targets: Annotated[
         Path,
         typer.Option(
-            help="CSV of measured numbers, as `cosim report --data` takes them. A band pulls where "
-            "the model lies outside of it; SDs are the weights, 1 unit where there is none. The "
-            "column case says which case a row is for; empty: for each."
+            help="CSV of measured numbers, as `cosim report --data` takes them. A band counts if "
+            "the model lies outside it; SDs are the weights, 1 unit if there is none. The column "
+            "case says which case a row is for; empty: for each."
         ),
     ],
     settings: Settings = None,
@@ -173,14 +173,14 @@ def identify(
         typer.Option(
             help="TOML, a table for each parameter: low, high, start, unit, settings = "
             "['KEY={value}'] and, for a number of any sign, scale = 'linear'; of c1, toe, c4, "
-            "modulus_across, shear_modulus the bounds alone. Without it those that the cases' laws "
-            "have. Tables [cases.NAME] with set = ['KEY=VALUE'] make several cases of the one CASE "
-            "(or of `from`), for example of as many postures."
+            "modulus_across, shear_modulus the bounds alone. Without it: the parameters of the "
+            "cases' laws. Tables [cases.NAME] with set = ['KEY=VALUE'] make several cases of the "
+            "one CASE (or of `from`), for example one for each posture."
         ),
     ] = None,
     held_out: Annotated[
         Path | None,
-        typer.Option(help="CSV of rows that are compared and shown, but do not pull."),
+        typer.Option(help="CSV of rows that are compared and shown, but not fitted."),
     ] = None,
     out: Annotated[
         Path | None,
@@ -205,7 +205,7 @@ def identify(
     workers: Workers = 2,
 ) -> None:
     """Fit parameters of one or several cases to measured numbers, within bounds; say with
-    intervals, correlations and singular values what the numbers could not tell."""
+    intervals, correlations and singular values what the numbers do not determine."""
     with exit_on_error():
         stated = stated_cases(cases, tuple(settings or ()), free)
         wanted = read_targets(targets)
@@ -219,7 +219,7 @@ def identify(
         if out is not None:
             _write_found(out, fit, chosen, tuple(settings or ()), targets.name)
         else:
-            typer.echo("nothing was written: --out CASE.toml keeps what was found as a case")
+            typer.echo("nothing was written: --out CASE.toml writes the fitted case")
 
 
 def _write_found(
@@ -327,4 +327,4 @@ def _show_confidence(fit: Fit) -> None:
             f"Singular values of {title}, SDs per e-fold or whole range", ("", *header), rows
         )
     if pulling.inflation > 1:
-        typer.echo(f"intervals widened {pulling.inflation:.3g} times: rows miss by more than SDs")
+        typer.echo(f"intervals widened {pulling.inflation:.3g} times: misses exceed the SDs")

@@ -25,7 +25,7 @@ Files = tuple[Path, Path, Path, Path]
 
 
 def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the case.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the case.")],
     hood: Annotated[
         Path | None, typer.Option(help="The hood: quads with named sets, .feb, .vtu, .msh or .inp.")
     ] = None,
@@ -40,9 +40,9 @@ def new(
         Path | None,
         typer.Option(help="A MuJoCo model (.xml) of the finger; our index finger if not given."),
     ] = None,
-    unit: Annotated[Unit, typer.Option(help="Of the hood's file.")] = "mm",
+    unit: Annotated[Unit, typer.Option(help="Unit of the hood's file.")] = "mm",
     bone_unit: Annotated[
-        Unit | None, typer.Option(help="Of the bones' files; the hood's if not given.")
+        Unit | None, typer.Option(help="Unit of the bones' files; the hood's if not given.")
     ] = None,
     bone_frame: Annotated[
         Frame,
@@ -61,10 +61,10 @@ def new(
     ] = "0 0 0",
     thickness: Annotated[
         str | None,
-        typer.Option(help="Of the sheet, as \"0.65 mm\"; else the file's, or the base case's."),
+        typer.Option(help="The sheet's, as \"0.65 mm\"; else the file's, or the base case's."),
     ] = None,
     length_scale: Annotated[
-        float, typer.Option(min=0.1, max=3.0, help="Of our index finger.")
+        float, typer.Option(min=0.1, max=3.0, help="Scale of our index finger.")
     ] = 1.0,
     set_name: Annotated[
         list[str] | None,

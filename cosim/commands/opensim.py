@@ -74,14 +74,13 @@ def tensions(
         str, typer.Option(help="The case that the tensions are laid over: a file or packaged case.")
     ] = "base/index_finger.toml",
     time: Annotated[
-        float | None, typer.Option(help="s, of the tensions; else the table's last time.")
+        float | None, typer.Option(help="Time of the tensions, s; else the table's last.")
     ] = None,
     column: Annotated[
         list[str] | None,
         typer.Option(
             metavar="TENDON=COLUMN",
-            help="Which column a tendon's force is, where it is not called as the tendon; "
-            "repeatable.",
+            help="Column of a tendon's force, if it has not the tendon's name; repeatable.",
         ),
     ] = None,
     over_time: Annotated[
@@ -145,7 +144,7 @@ def loads(
             metavar="FROM TO", help="The mean between two times of FEBio, repeated for --duration."
         ),
     ] = None,
-    duration: Annotated[float, typer.Option(help="s, for which a mean is repeated.")] = 2.0,
+    duration: Annotated[float, typer.Option(help="Time for which a mean is repeated, s.")] = 2.0,
     opposite: Annotated[
         bool,
         typer.Option(

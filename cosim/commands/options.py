@@ -1,4 +1,4 @@
-"""What several commands are given: arguments and options, and how their texts are read."""
+"""Arguments and options that several commands share, and how their texts are read."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Settings = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
 ]
 Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes that solve side by side.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Say only what is wrong.")]
 AsJsonLines = Annotated[
-    bool, typer.Option("--json", help="Tell stages and results as lines of JSON, for machines.")
+    bool, typer.Option("--json", help="Print stages and results as lines of JSON, for machines.")
 ]
 
 

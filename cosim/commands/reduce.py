@@ -48,8 +48,8 @@ def reduce(
         Path | None,
         typer.Option(
             metavar="FILE.json",
-            help="Keep what the hood did in a file as it comes; a call that was cut off, or "
-            "another fit of the same hood, takes from there what it has.",
+            help="Keep the hood's states in a file as they come; a call after one that was cut "
+            "off, or another fit of the same hood, uses them.",
         ),
     ] = None,
     workers: Workers = 2,

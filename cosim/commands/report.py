@@ -24,7 +24,7 @@ def report(
     ] = "html",
     against: Annotated[
         Path | None,
-        typer.Option(metavar="RUN", help="Run to tell the differences of every RUN from."),
+        typer.Option(metavar="RUN", help="Run to subtract from every RUN."),
     ] = None,
     data: Annotated[
         Path | None,

@@ -83,16 +83,16 @@ def run(
     ),
     workers: Workers = 1,
     pictures: Annotated[
-        bool, typer.Option("--pictures/--no-pictures", help="Draw what each case asks for, or not.")
+        bool, typer.Option("--pictures/--no-pictures", help="Draw each case's pictures, or none.")
     ] = True,
     restart: Annotated[
-        bool, typer.Option("--restart", help="Begin motions anew of which a part is kept.")
+        bool, typer.Option("--restart", help="Begin motions anew, even if a part is kept.")
     ] = False,
     quiet: Quiet = False,
     as_json: AsJsonLines = False,
 ) -> None:
-    """Run cases; each leaves its results in a folder of its name. Of one case what came out is
-    shown; of several each is counted as it ends, and a table has them all side by side."""
+    """Run cases; each writes its results to a folder of its name.  One case prints its results;
+    several print a counter, and a table of all at the end."""
     if workers > 1:
         process_context()  # imports while the cases are read
     none = () if pictures else ("output.picture=false",)
@@ -248,8 +248,8 @@ def resume(
         file = run.with_name(name + UNFINISHED) / "case.toml"
         if not file.is_file():
             raise InputError(
-                f"{run}: nothing was cut off here: only a motion that was stopped or "
-                f"killed leaves a folder RUN{UNFINISHED}"
+                f"{run}: no motion was cut off here: only one that was stopped or killed "
+                f"leaves a folder RUN{UNFINISHED}"
             )
         case = load_case(file).model_copy(update={"name": name})
     _run_all([case], run.parent, _voice(quiet, as_json))
@@ -299,7 +299,7 @@ def check(cases: Cases, settings: Settings = None) -> None:
 
 def schema(
     what: Annotated[
-        Literal["case", "study"], typer.Argument(help="Of which file.", show_default=True)
+        Literal["case", "study"], typer.Argument(help="Which file's schema.", show_default=True)
     ] = "case",
     out: Annotated[
         Path | None,

@@ -44,7 +44,7 @@ def study(
     ] = 2,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://host:8786, in their place."),
+        typer.Option(metavar="ADDRESS", help="A Dask scheduler to use instead, tcp://host:8786."),
     ] = None,
     retry: Annotated[bool, typer.Option("--retry", help="Do failed runs again.")] = False,
     store: Annotated[
@@ -55,9 +55,9 @@ def study(
         Path, typer.Option("--out", "-o", help="Folder for the study's table and page.")
     ] = Path("studies"),
 ) -> None:
-    """Solve a case for many values of its parameters, and say what its results answer to. A study
-    that was cut off goes on where it was; a run that has finished is never done again. Exit code 1
-    where a run has no answer."""
+    """Solve a case for many values of its parameters, and say what its results depend on.  A study
+    that was cut off continues where it was; a finished run is never repeated.  Exit code 1 where a
+    run has no answer."""
     with exit_on_error():
         plan = read_plan(file, case, tuple(settings or ()))
         if workers == 0 and scheduler is None and plan.most_seconds is not None:
@@ -129,7 +129,7 @@ def _show_fits(results: StudyResults) -> None:
 def status(
     store: Annotated[Path, typer.Argument(metavar="STORE", help="Folder of finished runs.")],
 ) -> None:
-    """How far the studies of a store are."""
+    """Show the progress of the studies in a store."""
     with exit_on_error():
         studies = notes(store)
         if not studies:

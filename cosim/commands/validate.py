@@ -27,7 +27,7 @@ MESH = "hood.mesh"
 
 def validate(
     only: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only the trials whose name holds this.")
+        str | None, typer.Option(metavar="NAME", help="Only the trials whose name contains this.")
     ] = None,
     out: Annotated[
         Path, typer.Option("--out", "-o", help="Folder for the runs and the page.")
@@ -50,7 +50,7 @@ def validate(
             metavar="QUADS",
             min=120,
             max=20000,
-            help="Once more on hoods of so many quads: what the mesh changes in every number.",
+            help="Repeat on hoods of so many quads: what the mesh changes in every number.",
         ),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
@@ -61,8 +61,8 @@ def validate(
         bool, typer.Option("--update", help=f"Write {PLACE}, the committed scoreboard, as well.")
     ] = False,
 ) -> None:
-    """Run the validations; print the tally by what references rest on, the skill over null models,
-    and every compared number, misses first."""
+    """Run the validations; print the tally by kind of reference, the skill over null models, and
+    every compared number, misses first."""
     with exit_on_error():
         hoods, other_settings = _hoods(settings or [])
         if update and (only or other_settings):

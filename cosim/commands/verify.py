@@ -30,9 +30,9 @@ verify = typer.Typer(
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print the table as JSON.")]
 Only = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Only the studies whose name holds this.")
+    str | None, typer.Option(metavar="NAME", help="Only the studies whose name contains this.")
 ]
-Slow = Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")]
+Slow = Annotated[bool, typer.Option("--slow", help="Run the slow studies too.")]
 
 
 PURPOSES = {

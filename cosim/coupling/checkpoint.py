@@ -1,4 +1,4 @@
-"""Checkpoints of a coupled motion: all that going on needs, written whole or not at all.
+"""Checkpoints of a coupled motion: all that it needs to continue, written whole or not at all.
 
 A file of plain arrays (`cosim.coupling.state_arrays`), with the case that it belongs to as text:
 nothing in it can build anything but the state of that case.

@@ -1,9 +1,9 @@
 """Coupled static equilibrium of a finger and a hood, over the port and nothing else.
 
-The hood answers a pose with wrenches and with their derivatives.  The finger then balances against
-that answer as an affine function of its poses, which costs it next to nothing; the hood is asked
-again at the new pose, until its answer is the one that the finger balanced against.  Each round is
-a Newton step of the whole (the finger's own nonlinearity, such as a joint limit, is solved out).
+The hood gives its wrenches in a pose, and their derivatives.  The finger finds its equilibrium
+under this affine load, which costs next to nothing.  The hood is solved again in the new pose,
+until its load is the one that the finger balanced.  Each round is a Newton step of the whole (the
+finger's own nonlinearity, such as a joint limit, is solved out).
 """
 
 from __future__ import annotations

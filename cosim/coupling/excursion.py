@@ -1,11 +1,11 @@
-"""Tendons whose ends are displaced: the tensions that it takes, by Broyden's method.
+"""Tendons with prescribed excursions: their tensions, by Broyden's method.
 
 With x(T) the excursions under tensions T, in an equilibrium or after a step of a motion, and e the
 prescribed ones, it solves
 
     T >= 0,    x(T) - e >= 0,    T (x(T) - e) = 0,
 
-the last two for each tendon by itself: one whose path grows shorter than its end is drawn is slack.
+the last two for each tendon by itself: one whose path shortens more than its end is drawn is slack.
 The slope dx/dT is kept from step to step (Broyden 1965, Math Comp 19:577).
 """
 

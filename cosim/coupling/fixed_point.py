@@ -1,8 +1,8 @@
 """Coupled static equilibrium by an accelerated fixed point, for hoods without derivatives.
 
-In each round the hood answers the finger's pose, and the finger settles under that answer, held;
-the joint angles go on as the accelerator says.  No derivative of the hood is asked for on the way,
-one at the end, for the moment arms that are reported.
+In each round the hood is solved in the finger's pose, the finger finds its equilibrium under that
+load, held, and the accelerator gives the next joint angles.  The hood's derivatives are needed
+once, at the end, for the moment arms that are reported.
 """
 
 from __future__ import annotations

@@ -282,8 +282,8 @@ def _check_energy(
         else "It is stable below about"
     )
     raise ConvergenceError(
-        f"explicit coupling: up to t = {after.time:.6g} s the finger gained {gained:.1e} J that "
-        f"nobody put in (hood and tendons gave it {allowed:.1e} J at most): unstable at a step of "
+        f"explicit coupling: up to t = {after.time:.6g} s the finger gained {gained:.1e} J from "
+        f"no source (hood and tendons gave it {allowed:.1e} J at most): unstable at a step of "
         f"{dt:g} s. {known} 2 sqrt(I/K) = {limit:.2g} s, I the joints' inertia and K the hood's "
         "stiffness. Try a smaller step, or the scheme linear."
     )

@@ -102,8 +102,8 @@ class IndexFingerConfig(FingerConfig):
             return
         if extensor.central not in (None, EQUAL_SHARES):
             raise InputError(
-                "hood.central: a finger out of a file (finger.path) parts its tendons as the file "
-                "says; leave it out"
+                "hood.central: a finger out of a file (finger.path) splits its tendons as the "
+                "file says; leave it out"
             )
         lacking = [body for body in BODIES if body not in self.bones]
         if lacking and extensor.lies_on_bones:

@@ -42,8 +42,7 @@ def native(finger: AnyFinger) -> NativeFinger:
     if finger.kind == "fmu":
         kinds = words(kind for kind, of in FINGERS.items() if of.table.is_native)
         raise InputError(
-            'finger.kind = "fmu" can be run and no more; for this take a finger of our own: '
-            f"{kinds}"
+            f'finger.kind = "fmu" can only be run; for this take another kind of finger: {kinds}'
         )
     return finger
 

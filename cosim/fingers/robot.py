@@ -61,7 +61,7 @@ class RobotFingerConfig(FingerConfig):
 
         if extensor.central not in (None, 2 * SHORT):
             raise InputError(
-                f"hood.central: the robotic finger's pulley parts its extensor by {LONG:g} and "
+                f"hood.central: the robotic finger's pulley splits its extensor by {LONG:g} and "
                 f"twice {SHORT:g}, and has no other shares; leave it out"
             )
 

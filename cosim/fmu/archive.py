@@ -1,4 +1,4 @@
-"""A stranger's FMU: opened only after everything in it has been looked at.
+"""A foreign FMU: opened only after everything in it has been checked.
 
 Paths, sizes and the description are checked before anything of it lies on disk.  None of its code
 runs here; where it is loaded later, it runs with the user's rights, as every FMU's does.

@@ -1,8 +1,8 @@
 """A finger over an FMU: at rest, behind `cosim.port.Finger`, and in motion, as
-`cosim.coupling.motion.RecordedFinger` so far as a unit tells it.
+`cosim.coupling.motion.RecordedFinger` as far as a unit reports it.
 
-A unit tells where its bodies are and what its fingertip does, not what it is made of: neither
-torques by source nor the forces in its joints are known, and its ledger stays open.
+A unit reports the poses of its bodies and the force at its fingertip.  Neither torques by source
+nor the forces in its joints are known, so its ledger does not close.
 """
 
 from __future__ import annotations
@@ -189,8 +189,8 @@ class FmuFinger(_UnitFinger[FmuFingerState]):
                 raise InputError(f"{name}: expected shape {shape}, got {given[name].shape}")
         if by_motion.any() and "load_motion" not in self._place:
             raise InputError(
-                f"{self.unit.opened.path}: this FMU takes held loads only (it has no load_motion), "
-                'and this scheme gives it one that follows; write coupling.scheme = "implicit"'
+                f"{self.unit.opened.path}: this FMU takes constant loads only (no load_motion), "
+                'and this scheme needs one that follows; write coupling.scheme = "implicit"'
             )
         self.unit.step_from(state.saved, self._place, {**given, "tension": tension}, SHORT)
         return self._read_state()
@@ -273,7 +273,7 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
         elif load.by_motion.any():
             raise InputError(
                 f"{self.unit.opened.path}: this FMU takes loads that are held over a step (it has "
-                f"no {', '.join(AFFINE_LOAD)}), and the schemes linear and newton give it one that "
+                f"no {', '.join(AFFINE_LOAD)}), and the schemes linear and newton need one that "
                 'follows; write coupling.scheme = "explicit" or "implicit"'
             )
         self.unit.step_from(state.saved, self._place, given, dt)

@@ -1,4 +1,4 @@
-"""Where a finger in an FMU has its bodies: at the angles that it has reached, and at others."""
+"""The poses of a finger in an FMU: at the angles that it has reached, and at others."""
 
 from __future__ import annotations
 
@@ -80,10 +80,10 @@ class FmuKinematics:
     def _query(self, angles: Array) -> FmuPose:
         if not self.tells_any:
             raise InputError(
-                f"{self._unit.opened.path}: this FMU does not tell its poses at joint angles that "
-                f"it has not reached: that takes the quantities {KINEMATICS.name} and "
-                f"{QUERY_ANGLE}, and a unit that can be taken back (canGetAndSetFMUstate). The "
-                "scheme explicit of a motion does without, and linear or newton of an equilibrium"
+                f"{self._unit.opened.path}: this FMU gives no poses at joint angles that it has "
+                f"not reached: that needs the quantities {KINEMATICS.name} and "
+                f"{QUERY_ANGLE}, and a unit whose state can be restored (canGetAndSetFMUstate). "
+                "Without them: the scheme explicit of a motion, linear or newton of an equilibrium"
             )
         asked: dict[str, Array | float] = {QUERY_ANGLE: angles, KINEMATICS.name: 1.0}
         self._unit.step_from(self._begin, self._place, asked, SHORT)

@@ -1,4 +1,4 @@
-"""What crosses an FMU's border: quantities of the port with their axes, units and names.
+"""Inputs and outputs of an FMU: quantities of the port with their axes, units and names.
 
 An FMI 3 unit has an array for each quantity; an FMI 2 one a scalar for each entry, named after the
 quantity and the labels of its axes: `force.distal.insertion.x`.

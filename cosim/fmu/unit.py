@@ -1,4 +1,4 @@
-"""A loaded FMU: values set and got by place, steps, and states that may be returned to."""
+"""A loaded FMU: values set and got by place, steps, and states that can be restored."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ class Unit:
                 f"{self.opened.path}: a step had to be repeated from an earlier state, which this "
                 "FMU cannot do (canGetAndSetFMUState is not true). The coupling schemes implicit "
                 "and newton, step control and tangents by differences repeat steps; write "
-                'coupling.scheme = "explicit"; "linear" also does where the FMU gives a tangent'
+                'coupling.scheme = "explicit"; "linear" also works if the FMU gives a tangent'
             )
         self._call(lambda: self._fmu.setFMUState(saved.pointer), ConvergenceError, "lost a state")
         self.time, self._current = saved.time, saved

@@ -1,4 +1,4 @@
-"""What an FMU that this program wrote says of itself, and which program can run it."""
+"""The account of itself in an FMU that this program wrote, and which version can run it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def read_about(resources: Path) -> Mapping[str, Any]:
         version, unit_format = str(about["version"]), about.get("format", 1)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(
-            f"this FMU's {ABOUT} is no account of a unit of cosim-hand ({error!r}); write the FMU "
+            f"this FMU's {ABOUT} does not describe a unit of cosim-hand ({error!r}); write the FMU "
             "anew with `cosim fmu`"
         ) from error
     if (unit_format, version) != (FMU_FORMAT, __version__):

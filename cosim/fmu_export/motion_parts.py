@@ -48,7 +48,7 @@ def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) ->
     """The finger, or "coupled" the finger and the hood, of a case in motion.  Raises InputError."""
     if forward.adaptive is not None:
         raise InputError(
-            f"{case.name}: forward.adaptive: the steps of an FMU are its master's; leave it out"
+            f"{case.name}: forward.adaptive: the master sets the steps of an FMU; leave it out"
         )
     both = moving_models(case, forward)
     if both.moves.prescribed.names:

@@ -169,7 +169,7 @@ class UnitRun:
         if isinstance(snapshot, SerialisedState):
             snapshot = snapshot.read(self.token, self.part.template, self._special)
         if not isinstance(snapshot, Snapshot) or snapshot.values.shape != self._values.shape:
-            raise InputError("it is nothing that this unit has given out")
+            raise InputError("it was not given out by this unit")
         return snapshot
 
     @one_blas_thread()

@@ -1,4 +1,4 @@
-"""States of a written FMU: kept in memory, or as bytes that another process may go on from."""
+"""States of a written FMU: kept in memory, or as bytes from which another process can continue."""
 
 from __future__ import annotations
 

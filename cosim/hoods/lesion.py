@@ -56,7 +56,7 @@ class LesionConfig(Table):
     def _sound(self) -> LesionConfig:
         if not any(self.names().values()):
             raise fault(
-                'says nothing; write for example cut = ["central_slip"], adhere = ["central_band"] '
+                'is empty; write for example cut = ["central_slip"], adhere = ["central_band"] '
                 'or shorten = { terminal_slip = "1 mm" } (or lengthen), or leave the table out'
             )
         for key, names in (("cut", self.cut), ("adhere", self.adhere)):

@@ -1,4 +1,4 @@
-"""What a case may say of that which holds a hood: contact with the bones, and springs."""
+"""What a case may say of the supports of a hood: contact with the bones, and springs."""
 
 from __future__ import annotations
 

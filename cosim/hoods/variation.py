@@ -1,4 +1,4 @@
-"""Something that a case assumes, at a lower and a higher value: pairs of settings."""
+"""An assumption of a case at a lower and a higher value: pairs of settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Imported, it readies numba to load compiled kernels, which else the first of them does."""
+"""Prepare numba, on import, to load compiled kernels; else the first kernel does it."""
 
 from cosim.kernels.kernel import HAS_NUMBA
 

@@ -1,8 +1,8 @@
 """Forces that a coupling would count twice: handed over by the hood, and made by the finger too.
 
-A load names its sources, and a finger's ledger its own.  What a finger makes of whatever else acts
-on it (a joint's reaction above all) must not come in from outside as well; nor must a tendon pull
-once over the hood and once on the bones.
+A load names its sources, and so does a finger's ledger.  A force that the finger computes itself (a
+joint's reaction above all) must not be in the load as well, and a tendon must not pull once over
+the hood and once on the bones.
 """
 
 from __future__ import annotations

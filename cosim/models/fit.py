@@ -50,7 +50,7 @@ def _check_excursions(case: Case) -> None:
     where = f"tendons.{drawn[0]}.excursion"
     if case.coupling.scheme == "one_way":
         raise InputError(
-            f"{where}: belongs to a finger and a hood that are coupled; state a tension, or "
+            f"{where}: needs a finger and a hood that are coupled; state a tension, or "
             "another coupling.scheme"
         )
     if case.forward is None:
@@ -58,7 +58,7 @@ def _check_excursions(case: Case) -> None:
     if case.coupling.scheme in ("explicit", "jacobi"):
         raise InputError(
             f'{where}: with coupling.scheme = "{case.coupling.scheme}" the finger moves before the '
-            'hood feels a tension, which then draws no end; write "linear", "newton" or "implicit"'
+            'hood knows the tension: no end can be drawn; write "linear", "newton" or "implicit"'
         )
     if case.forward.adaptive is not None:
         raise InputError(f"{where}: does not go with forward.adaptive; state a tension")

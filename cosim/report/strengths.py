@@ -1,7 +1,7 @@
-"""What each part of a sheet carries beside what it is known to bear.
+"""The known strengths of the parts of a sheet, to set beside what they carry.
 
-`cases/data/hood_strengths.csv` has what is in print, which is little: of most parts no ultimate
-load was found, and that is what a table then says.
+`cases/data/hood_strengths.csv` has what is in print, which is little.  For most parts no ultimate
+load was found, and the tables say so.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The templates of the pages: a name that is not there is a fault, never an empty place."""
+"""The templates of the pages: an unknown name is an error, never an empty place."""
 
 from __future__ import annotations
 

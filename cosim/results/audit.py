@@ -1,4 +1,4 @@
-"""The audit of a run: what each of its figures must not exceed, and what to try where it does."""
+"""The audit of a run: the bound of each of its figures, and what to try where one is exceeded."""
 
 from __future__ import annotations
 

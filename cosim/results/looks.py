@@ -1,4 +1,4 @@
-"""How lines and bars of a plot are told from each other: by colour, then by dashes or hatches."""
+"""How lines and bars of a plot differ: by colour, then by dashes or hatches."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The numbers that summaries of runs hold: which a run may lack, and which are misspelt.
 
-No run has them all: a hood of cables has no strain of a sheet, a motion no unloaded state, and of a
-slack central slip no ratio is told.  A quantity that a run lacks is known where another may have
-it, and refused where none can.
+No run has them all: a hood of cables has no strain of a sheet, a motion no unloaded state, and a
+slack central slip no ratio.  A quantity that a run lacks is accepted if another run may have it,
+and refused if none can.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ def check_converged(summary: Mapping[str, Any], place: str) -> None:
     InputError."""
     if summary.get("converged") is False:
         raise InputError(
-            f"{place}: is no result but what a motion had reached when it failed "
+            f"{place}: is no result, only what a motion had reached when it failed "
             f"({summary.get('failure', '')}); its arrays (results.nc) and hood.pvd show it"
         )
 
@@ -121,7 +121,7 @@ def _arrays(path: Path) -> Arrays:
 
     data = xarray.load_dataset(path, engine="h5netcdf")
     if not {"time", "state"} & set(data.dims):
-        raise ValueError("its arrays run along neither state nor time")
+        raise ValueError("its arrays have neither an axis state nor time")
     if not {"angle", "tip_force"} <= set(data):
         raise ValueError("it has no angle or no tip_force")
     return Arrays.from_dataset(data)

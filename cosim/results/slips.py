@@ -1,4 +1,4 @@
-"""What the forces in the slips say."""
+"""Numbers that follow from the forces in the slips."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Quantities: text with a unit in, SI floats out.
 
-An angle is a dimension of its own here, so that a stiffness per radian is told from a torque.
+An angle is a dimension of its own here, so that a stiffness per radian is no torque.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a parameter of a study may be: a distribution to sample, or an axis to walk along."""
+"""What a parameter of a study may be: a distribution to sample, or an axis of a grid."""
 
 from __future__ import annotations
 

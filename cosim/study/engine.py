@@ -116,6 +116,6 @@ def _verdict(future: Future, task: Task) -> Verdict:
     if isinstance(error, CosimError):
         raise error
     raise CosimError(
-        f"Dask gave a run up ({error or future.status}); what had finished is kept: give the same "
+        f"Dask gave up a run ({error or future.status}); what had finished is kept: give the same "
         "command again"
     )

@@ -1,4 +1,4 @@
-"""A study done: the runs that the store has not are handed out, and all are counted."""
+"""Execute a study: hand out the runs that the store lacks, and count all."""
 
 from __future__ import annotations
 

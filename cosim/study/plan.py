@@ -1,4 +1,4 @@
-"""A study to do: what every run sets in the case, in an order that nothing but the file decides."""
+"""The plan of a study: what every run sets in the case, in an order that the file alone decides."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pictures of a study: band and what was measured, what answers to what, scatter, surface."""
+"""The pictures of a study: band with measured values, influences, scatter, surface."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A study that was done, as pandas and xarray, with its answers."""
+"""The results of a study as pandas and xarray, with its answers."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The table of a study: a row for each run, in the study's order, and nothing that the clock, the
-machine or the number of workers has a say in."""
+"""The table of a study: a row for each run, in the study's order, independent of the clock, the
+machine and the number of workers."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Forces at a clamped fingertip among the validations, by the differences of arms that they say.
+"""Validations by forces at a clamped fingertip, and by the differences of arms in them.
 
 Force and differences are one datum (`cosim.results.clamped_tip`) and count once: Qiu's hands by the
 differences, with the forces beside them in a variant; Synek's by the forces, whose third component
-no difference has, with the differences beside them.  Groups that only tell are variants."""
+no difference has, with the differences beside them.  Groups that restate are variants."""
 
 from __future__ import annotations
 

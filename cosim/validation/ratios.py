@@ -1,5 +1,5 @@
-"""Sizes, angles and shares among the validations: forces of which no axes, and arms of which no
-lengths are told."""
+"""Validations by sizes, angles and shares: of forces published without axes, and of arms published
+without lengths."""
 
 from __future__ import annotations
 

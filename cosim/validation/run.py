@@ -121,7 +121,7 @@ def choose_groups(only: str | None, published: Path | None = None) -> list[Trial
         names = {t.name for group in every for t in group.trials}
         near = nearest_names(only, sorted({*names, *" ".join(names).split()}), most=3)
         hint = f"; did you mean {' or '.join(near)}?" if near else "."
-        raise InputError(f"{only!r}: no trial is called so{hint} `cosim validate --list` has all")
+        raise InputError(f"{only!r}: no trial has this name{hint} `cosim validate --list` has all")
     return kept
 
 

@@ -1,4 +1,4 @@
-"""What a validation is made of: trials, targets, and what the trials said."""
+"""What a validation is made of: trials, targets, and the trials' results."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Summaries = Mapping[str, Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Trial:
-    """A case with settings of its own, or the `study` of experiments on lengths and cuts that is
-    called so."""
+    """A case with settings of its own, or the `study` of experiments on lengths and cuts of
+    this name."""
 
     name: str
     case: str

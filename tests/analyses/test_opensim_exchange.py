@@ -352,7 +352,7 @@ def test_tensions_over_time_become_the_courses_of_a_motion(tmp_path):
         (TENSIONS, ["--time", "1", "--over-time"], "one of the two"),
         (TENSIONS, ["--extends", "nowhere"], "no such file and no packaged case"),
         (TENSIONS.replace("EDC1", "x/FDP"), [], "FDP could be x/FDP or /forceset/fdp"),
-        (TENSIONS.replace("fdp", "x"), [], "no column is called as a tendon"),
+        (TENSIONS.replace("fdp", "x"), [], "no column has the name of a tendon"),
         (TENSIONS.replace("\t6\t", "\t-6\t"), [], "time 2 s: -6 N for the tendon FDP"),
         (TENSIONS.replace("\t6\t", "\tNaN\t"), [], "line 9, column 3: NaN"),
         (TENSIONS.replace("\t6\t", "\t1e6\t"), [], "tendons.FDP.tension"),

@@ -246,7 +246,7 @@ def test_what_a_motion_reached_before_a_step_failed_is_kept(tmp_path: Path, monk
     assert float(data.time[-1]) == pytest.approx(0.039)
     refused = CliRunner().invoke(app, ["report", str(folder)])
     assert refused.exit_code == 2, refused.output
-    assert "is no result but what a motion had reached" in " ".join(refused.stderr.split())
+    assert "is no result, only what a motion had reached" in " ".join(refused.stderr.split())
     with pytest.raises(InputError, match="is no result"):
         cosim.open_run(folder)
     with monkeypatch.context() as broken:
@@ -318,7 +318,7 @@ def test_the_commands_resume_what_was_cut_off(tmp_path: Path, monkeypatch) -> No
     assert not unfinished.exists()
     again = CliRunner().invoke(app, ["resume", str(out / "ramp")])
     assert again.exit_code == 2
-    assert "nothing was cut off here" in again.stderr
+    assert "no motion was cut off here" in again.stderr
     cut_off(case, out, 1)
     anew = CliRunner().invoke(app, ["run", str(path), "--out", str(out), "--restart"])
     assert anew.exit_code == 3, anew.output

@@ -171,5 +171,5 @@ def test_an_fmu_leaves_its_steps_to_its_master():
     from cosim.fmu_export.run import part_of
 
     case = load_case("pulley_edc", [*FREE, forward("0.1 deg")])
-    with pytest.raises(InputError, match="the steps of an FMU are its master's"):
+    with pytest.raises(InputError, match="the master sets the steps of an FMU"):
         part_of(case, "coupled")

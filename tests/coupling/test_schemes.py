@@ -295,7 +295,7 @@ def test_a_stable_explicit_run_of_a_released_hood_is_not_stopped():
     still = lambda t: (np.zeros(1), np.zeros(0))  # noqa: E731
     states = drive(Explicit(), finger, hood, np.array([0.2]), still, 1e-3, 60)
     assert np.abs(angles_of(states)).max() < 0.3
-    with pytest.raises(ConvergenceError, match="nobody put in"):
+    with pytest.raises(ConvergenceError, match="from no source"):
         drive(Explicit(), finger, hood, np.array([0.2]), still, 1.6e-3, 60)
 
 

@@ -62,7 +62,7 @@ def with_about(source: Path, target: Path, **facts: object) -> Path:
         ({"format": None}, f"by cosim-hand {__version__} in format 1, .* which runs format 2"),
         ({"format": 99}, r"in format 99, and this Python has cosim-hand \S+, which runs format 2"),
         ({"version": "0.0.1"}, r"written by cosim-hand 0\.0\.1"),
-        ({"version": None}, "is no account of a unit"),
+        ({"version": None}, "does not describe a unit"),
     ],
 )
 def test_another_format_or_version_says_so(tmp_path, written, fmi, facts, words):

@@ -122,7 +122,7 @@ def test_nothing_else_is_taken_for_a_state(tmp_path, fmi):
     bad = {
         "no whole state": [b"\x80\x04a pickle", content[:100], content[:-30], pickled],
         "another unit": [stranger.serialise(stranger.save())],
-        "nothing that this unit": [forge(content, values=np.zeros(3))],
+        "not given out by this unit": [forge(content, values=np.zeros(3))],
         "also holds": [forge(content, **{"state/more": np.zeros(1)})],
     }
     for words, contents in bad.items():
@@ -145,7 +145,7 @@ def test_objects_from_outside_are_never_taken(tmp_path):
     run = run_of(tmp_path / "unit.fmu", tmp_path)
     for state in (b"a pickle, for example", Snapshot("", 0.0, np.zeros(3), None, {}), None):
         run.restore(state)
-        assert "nothing that this unit has given out" in run.step(0.0, 0.01)
+        assert "not given out by this unit" in run.step(0.0, 0.01)
 
 
 def test_a_hood_with_a_memory_says_that_it_writes_no_state(tmp_path):

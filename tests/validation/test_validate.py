@@ -365,7 +365,7 @@ def test_a_difference_on_the_board_is_that_of_the_numbers_beside_it(reference, h
 
 
 def test_unknown_trials_and_half_a_scoreboard_are_refused(tmp_path: Path):
-    with pytest.raises(InputError, match="no trial is called so"):
+    with pytest.raises(InputError, match="no trial has this name"):
         choose_groups("toe")
     run = CliRunner().invoke(app, ["validate", "--only", "toe", "--out", str(tmp_path / "v")])
     assert run.exit_code == 2

@@ -1,1 +1,1 @@
-"""Muscles' tensions from what a finger is asked for."""
+"""Muscle tensions from a fingertip force, joint torques or a motion."""

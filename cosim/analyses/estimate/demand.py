@@ -1,9 +1,9 @@
-"""What muscles are asked for in a posture, as linear equations of their joint torques tau:
+"""The demand on muscles in a posture, as linear equations of their joint torques tau:
 
-    spread y = rows (tau + beside),    y the components that are asked for.
+    spread y = rows (tau + beside),    y the wanted components.
 
-A fingertip held at a point and free to turn there asks for as many torques as the finger has
-joints; one clamped against flexion bears a moment too, which is free, and so for one less.
+A fingertip held at a point, free to turn, gives as many equations as the finger has joints.  One
+clamped against flexion bears a moment too, which is free, and gives one less.
 """
 
 from __future__ import annotations

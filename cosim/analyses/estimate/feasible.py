@@ -1,13 +1,13 @@
 """The set of fingertip forces that tensions within their bounds can make.
 
-With torques linear in the tensions, the torques that they make fill a zonotope, the image of a box;
-a fingertip force is among the set where the torques that it asks for are in it:
+If torques are linear in the tensions, the possible torques fill a zonotope, the image of a box.  A
+fingertip force is in the set if the torques that it needs are in the zonotope:
 
     spread F = rows (tau(T) + beside),   least <= T <= most.
 
-Where the tip also bears a moment there are as many equations as components and the set is a
-zonotope too; where it is free to turn there is one more, and it is a section of one.  Exact where
-the hood parts tensions in fixed shares, linearised at some tensions elsewhere.
+If the tip also bears a moment, there are as many equations as components, and the set is a zonotope
+too.  If it is free to turn there is one more, and the set is a section of one.  It is exact for a
+hood of fixed shares, else linearised at some tensions.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def force_set(demand: Demand, tension: Array, at: Torques, bounds: Bounds) -> Fo
     Raises InputError where they fill no volume (or area, of a planar finger), or where there are
     too many tendons."""
     if len(tension) > MOST_TENDONS:
-        raise InputError(f"feasible set: {len(tension)} tendons, of at most {MOST_TENDONS}")
+        raise InputError(f"feasible set: {len(tension)} tendons, {MOST_TENDONS} are allowed")
     A = demand.rows @ at.by_tension
     offset = demand.rows @ (at.torque - at.by_tension @ tension + demand.beside)
     box = np.stack([bounds.least, bounds.most])
@@ -116,7 +116,7 @@ def _around(points: Array) -> Array:
 
 def _empty() -> InputError:
     return InputError(
-        "feasible set: the tensions' bounds leave no set of fingertip forces with an inside in "
-        "this posture. A hood in lumped form has no arms in abduction: leave that component open "
+        "feasible set: within the tensions' bounds the fingertip forces of this posture fill no "
+        "volume. A hood in lumped form has no arms in abduction: leave that component open "
         '("-1 N free -2 N"), or clamp the fingertip'
     )

@@ -1,8 +1,7 @@
 """A finger held in a posture, its hood in equilibrium on it: joint torques from tensions.
 
-What muscles must bear in a posture follows from torques about its joints, and for those the bones
-need not move: the hood is solved on held bones, whose poses are known, so that one solve and the
-tangent of that state say all.  Over the port and nothing else.
+The tensions in a posture follow from joint torques, for which the bones need not move.  The hood is
+solved on held bones: one solve and the tangent of its state give all torques.  Over the port only.
 """
 
 from __future__ import annotations

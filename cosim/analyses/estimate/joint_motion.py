@@ -1,4 +1,4 @@
-"""A motion that was measured or is wished for: joint angles over time from a table."""
+"""A measured or wanted motion: joint angles over time from a table."""
 
 from __future__ import annotations
 

@@ -164,7 +164,7 @@ def _approach_demand(
             estimated = estimate(held, demand, aim, s.bounds, s.cost, start, progress)
         except InputError:
             raise InputError(
-                f"{at_once}. The hood's shares vary with tension: that is said of where the search "
+                f"{at_once}. The hood's shares vary with tension: this holds where the search "
                 f"ended. In stages from the unloaded finger, {reached:.0%} of the way was reached, "
                 f"{part:.0%} was not"
             ) from at_once
@@ -187,8 +187,8 @@ def _forward(
         )
     except ConvergenceError as error:
         raise ConvergenceError(
-            f"estimate: the tensions balance the target in the posture, but run forward the case "
-            f"finds no equilibrium with them: {error} A fingertip held at a point can turn away; "
+            f"estimate: the tensions balance the target in the posture, but the case run forward "
+            f"with them finds no equilibrium: {error} A fingertip held at a point can turn away; "
             'write finger.tip.kind = "clamped"'
         ) from error
     turned = finger.angles(e.finger_state) - finger.angles(held.finger_state)

@@ -1,11 +1,11 @@
-"""Muscles' tensions from what a finger is asked for, with any hood behind it.
+"""Muscle tensions that meet a demand, with any hood.
 
 The least cost sum (T_i / w_i)^p within bounds, under the equations of a demand, whose torques are
-those of hood and muscles.  A hood that parts tensions in fixed shares makes them linear in T, and
-one programme answers.  Others are linearised at the last tensions, again and again (sequential
-programmes: Nocedal and Wright 2006, Numerical Optimization, ch. 18), until the hood makes at the
-new tensions what the programme foresaw: then the programme's conditions of optimality are those of
-the problem itself.
+those of hood and muscles.  With a hood of fixed shares they are linear in T, and one programme
+solves the problem.  Other hoods are linearised at the last tensions, again and again (sequential
+programmes: Nocedal and Wright 2006, Numerical Optimization, ch. 18), until the torques at the new
+tensions are those that the programme predicted.  Then the optimality conditions of the programme
+are those of the problem itself.
 """
 
 from __future__ import annotations
@@ -221,7 +221,7 @@ def format_components(demand: Demand, values: Array) -> str:
 
 def _not_converged(rounds: int, last: float) -> ConvergenceError:
     return ConvergenceError(
-        f"estimate: hood and programme did not agree in {rounds} rounds; torques and tensions are "
-        f"off by {last:.1e} (relative). Try a quadratic cost, whose answer moves with the "
-        "hood's without jumps, a smaller target, or a hood without slack tendons"
+        f"estimate: hood and linearisation did not agree in {rounds} rounds; torques and tensions "
+        f"are off by {last:.1e} (relative). Try a quadratic cost, whose solution has no jumps, a "
+        "smaller target, or a hood without slack tendons"
     )

@@ -1,4 +1,4 @@
-"""What the hood's figures stand beside: published numbers, couplings of the joints, and which
+"""What the hood's figures are compared with: published numbers, couplings of the joints, and which
 postures the packaged hood was fitted in."""
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ def check_same_settings(cases: Sequence[FitCase]) -> None:
     if differing:
         raise InputError(
             f"--out: the parameters set other keys or values in {', '.join(differing)} than in "
-            f"{cases[0].name}, so that one file cannot say them; leave --out away, or give the "
+            f"{cases[0].name}, so one file cannot state them; leave out --out, or give the "
             "parameters settings in --free"
         )
 

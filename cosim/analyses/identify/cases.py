@@ -1,8 +1,8 @@
-"""The cases that a fit is over, and the rows that are for each.
+"""The cases of a fit, and the rows of each.
 
-They are those that are named, or one case in many postures: a table `[cases.NAME]` for each in the
-file of parameters, with `set`, a list of KEY=VALUE as --set takes them, and `from`, the case that
-it is made of (a path beside the file, or a packaged case) where that is not the one named.
+The cases are named, or one case in many postures: a table `[cases.NAME]` for each in the file of
+parameters, with `set`, a list of KEY=VALUE as --set takes them, and `from`, the case that it is
+made of (a path beside the file, or a packaged case) where that is not the one named.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ def stated_cases(
     if tables:
         if len(names) > 1:
             raise InputError(
-                f"{path}: with tables [{CASES}.NAME] expected one CASE, the one that they are made "
-                f"of, not {', '.join(map(str, names))}; a table says with `from` if it is another"
+                f"{path}: with tables [{CASES}.NAME] expected one CASE, their base, not "
+                f"{', '.join(map(str, names))}; a table states another base with `from`"
             )
         return _of_tables(Path(str(path)), tables, find_case(names[0]), settings)
     cases = tuple(StatedCase(s.stem, s, settings) for s in map(find_case, names))

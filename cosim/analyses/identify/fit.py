@@ -1,13 +1,13 @@
-"""Fitting stated parameters of cases to measured numbers, and what those could not tell.
+"""Fit parameters of cases to measured numbers, and say what these do not determine.
 
 The parameters' coordinates (`FitParameter`: logarithms, or fractions of a range) are found by
 bounded least squares (scipy's trust-region reflective method) over the rows of all cases.
-Gradients are central differences, in every case for itself: where the bones are held of the hood's
-shape as its tangent moves it (`cosim.analyses.trials.by_tangent`), else of whole solves.
+Gradients are central differences, case by case: with held bones of the hood's shape as its tangent
+moves it (`cosim.analyses.trials.by_tangent`), else of whole solves.
 
 A target's miss is the distance from its band, zero inside; without a band the difference to its
 reference; in units of its SD or, where nobody gave one, of 1 unit of the quantity (1 % of strain).
-Rows inside their bands do not pull, and tell nothing of the parameters but an inequality.
+Rows inside their bands do not pull: they only bound the parameters.
 """
 
 from __future__ import annotations
@@ -433,7 +433,7 @@ class _Search:
         lost = np.flatnonzero(np.isnan(slopes).all(axis=0))
         if len(lost):
             name = self.parameters[lost[0]].name
-            raise ConvergenceError(f"no gradient by {name}: {self.failures[-1]}")
+            raise ConvergenceError(f"no gradient with respect to {name}: {self.failures[-1]}")
         return np.nan_to_num(slopes)
 
     def slopes_of(

@@ -194,7 +194,7 @@ def _built_in_parameters(case: Case, needed: bool = True) -> dict[str, FitParame
         parameters[name] = FitParameter(name, of, low, high, min(max(mean, low), high))
     if needed and not parameters:
         raise InputError(
-            "no region has a law whose parameters are fitted without a file that frees some "
+            "no region has a law whose parameters can be fitted without --free "
             "(trans_iso_mooney_rivlin or transversely_isotropic)"
         )
     return parameters

@@ -1,7 +1,7 @@
-"""How every compared quantity answers to what a case assumes: one at a time, solved anew each.
+"""How every compared quantity depends on a case's assumptions, changed one at a time.
 
-No derivative is used: contacts come and go and springs slacken, so that the answer to 50 % is not
-fifty times that to 1 %."""
+No derivative is used: contacts come and go and springs slacken, so a change of 50 % has not fifty
+times the effect of 1 %."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tornado chart: a quantity's answers to what the case assumes, the strongest at the top."""
+"""The tornado chart: how a quantity depends on the case's assumptions, the strongest at the top."""
 
 from __future__ import annotations
 

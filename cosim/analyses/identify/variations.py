@@ -1,10 +1,10 @@
 """What the sensitivity study varies: pairs of settings of what a case has, each with its reason.
 
-Ranges are those of issue and literature where there are any, and else assumptions: moduli and
-joint stiffness +-50 %, cross-sections 0.3 to 1.8 mm2 (what network models of the hood take for its
-parts: Dogadov et al., arXiv:2507.15389), rest lengths +-0.2 mm, contact offsets +-0.3 mm, postures
-+-5 deg, meshes of 2 and 4 times the quads; bending, springs, limits, friction and fibres by factors
-of 2, slack by 1 mm.  A hood that slides without friction gets a coefficient of 0.1 and of 0.3.
+Ranges are those of the literature where there are any, else assumptions: moduli and joint stiffness
++-50 %, cross-sections 0.3 to 1.8 mm2 (what network models of the hood take for its parts: Dogadov
+et al., arXiv:2507.15389), rest lengths +-0.2 mm, contact offsets +-0.3 mm, postures +-5 deg, meshes
+of 2 and 4 times the quads; bending, springs, limits, friction and fibres by factors of 2, slack by
+1 mm.  A hood that slides without friction gets a coefficient of 0.1 and of 0.3.
 """
 
 from __future__ import annotations

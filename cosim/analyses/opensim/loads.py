@@ -68,8 +68,8 @@ def write_loads(
         notes.append("the log's moments are left out")
     else:
         notes.append(
-            "the moments are about FEBio's centres of mass; they hold where the points given are "
-            "these places of the bones"
+            "the moments are about FEBio's centres of mass; they are right only if the points "
+            "given are these places of the bones"
         )
     notes.append(
         "the loads are the opposite of FEBio's reactions: what tissue and contact do to the bodies"

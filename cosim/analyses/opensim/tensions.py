@@ -68,7 +68,7 @@ def read_tensions(path: Path, named: Mapping[str, str]) -> TensionTable:
             columns[tendon] = like[0]
     if not columns:
         raise InputError(
-            f"{path}: no column is called as a tendon; it has {_list_names(table.columns)}. "
+            f"{path}: no column has the name of a tendon; it has {_list_names(table.columns)}. "
             "Say which is which, "
             f"for example --column EDC={table.columns[0] if table.columns else 'EDC1'}"
         )

@@ -1,10 +1,10 @@
 """A case with held bones at parameters a little different from those it was solved with.
 
-Where the bones are held, parameters reach the result through the hood's shape alone.  Of a solved
-shell x(p) with tangent K the shape for parameters p' near by is x - K^-1 R(x, p'), R the residual:
-an assembly and a back-substitution in place of a solve (`predict_summary`).  What is observed of
-that shape is the result, so that its differences over small steps of p are the derivatives by the
-tangent.  Newton's method from x reaches the equilibrium at p' itself (`solve_from`).
+If the bones are held, parameters act on the result through the hood's shape alone.  For a solved
+shell x(p) with tangent K, the shape at nearby parameters p' is x - K^-1 R(x, p'), R the residual:
+an assembly and a back-substitution in place of a solve (`predict_summary`).  Differences of the
+result over small steps of p are then its derivatives by the tangent.  Newton's method from x
+reaches the equilibrium at p' itself (`solve_from`).
 
 The nodes of the mesh may be parameters too (offsets, rest posture): tied and guided nodes then
 stand where the new mesh has them, and the others follow.  What moves the bones or changes which

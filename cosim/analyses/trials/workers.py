@@ -1,4 +1,4 @@
-"""Cases solved again and again at parameters near by: what a fit over several cases asks for.
+"""Cases solved again and again at nearby parameters, for a fit over several cases.
 
 A case with held bones stays with one process, which begins from the equilibria that it solved last
 (`cosim.analyses.trials.by_tangent`), so that what it finds does not depend on how many processes

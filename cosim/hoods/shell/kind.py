@@ -1,4 +1,4 @@
-"""The kind of hood that is a sheet of shell elements, as far as no solver is needed for it."""
+"""The kind of hood that is a sheet of shell elements: all of it that needs no solver."""
 
 from __future__ import annotations
 

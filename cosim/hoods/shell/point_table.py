@@ -62,7 +62,7 @@ def check_names(names: Sequence[str]) -> None:
         if not name.strip() or any(c in name for c in SEPARATORS):
             raise ValueError(
                 f"{name!r} is no name of a point: expected a text without points and slashes, "
-                "which part the keys of a quantity"
+                f"which separate the keys of a quantity"
             )
         if name in seen:
             raise ValueError(f"two points are called {name}; rename one")

@@ -1,11 +1,11 @@
-"""The force that each region of a sheet passes on along its fibres, across its middle.
+"""The force that each region of a sheet transmits along its fibres, through its middle.
 
-The elements that the middle line of a region runs through pull on their nodes beyond it with as
-much as the region passes on there: with W the energy of an element and x its nodes' places, the sum
-of dW/dx over the nodes beyond the line.  So the forces of all regions at one station add up to what
-is pulled there, to the solver's tolerance, however coarse the mesh.  The force is positive where
-the region is pulled; each element's is counted along its own line from the nodes before the middle
-to those beyond.
+The middle line of a region cuts elements.  The force that the region transmits there is the pull of
+these elements on their nodes beyond the line: with W the energy of an element and x its nodes'
+places, the sum of dW/dx over those nodes.  So the forces of all regions at one station add up to
+what is pulled there, to the solver's tolerance, however coarse the mesh.  The force is positive
+where the region is pulled; each element's is counted along its own line from the nodes before the
+middle to those beyond.
 
 The middle line lies halfway along a region whose fibres run along the finger, and halfway round it
 where they run round (sagittal band, transverse fibres); of a region over the midline whose fibres
