@@ -20,7 +20,7 @@ _LISTENER: ContextVar[Progress] = ContextVar("listener", default=quiet)
 
 
 @contextmanager
-def listening(progress: Progress) -> Iterator[None]:
+def relay_progress(progress: Progress) -> Iterator[None]:
     """Let `progress` hear what solvers below say (`say`), in this thread."""
     token = _LISTENER.set(progress)
     try:

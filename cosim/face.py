@@ -108,7 +108,7 @@ def run_many(
     Raises InputError and ConvergenceError."""
     checked, workers = cases_from(cases), whole_number("workers", workers, 1, MOST_WORKERS)
     outcomes: dict[int, Outcome[Result]] = {}
-    for i, outcome in run_cases(checked, _as_it_is, workers):
+    for i, outcome in run_cases(checked, _unchanged, workers):
         outcomes[i] = outcome
         words = "" if outcome.error is None else f": {outcome.error}"
         progress(f"{len(outcomes)} of {len(checked)}: {checked[i].name}{words}")
@@ -118,7 +118,7 @@ def run_many(
     return [outcome.error or outcome.result() for outcome in ended]
 
 
-def _as_it_is(result: Result) -> Result:
+def _unchanged(result: Result) -> Result:
     return result
 
 

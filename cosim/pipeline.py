@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from cosim.case.schema import Case
-from cosim.errors import ConvergenceError, Progress, listening, quiet
+from cosim.errors import ConvergenceError, Progress, quiet, relay_progress
 from cosim.files import shown_path
 from cosim.outcome import Outcome, outcome_of
 from cosim.processes import Memory, one_blas_thread, process_pool
@@ -39,7 +39,7 @@ def run_case(case: Case, session: Session | None = None, progress: Progress = qu
     user ends a motion."""
     started = time.perf_counter()
     session = session or Session()
-    with session.lock, listening(progress):
+    with session.lock, relay_progress(progress):
         solved = solve_case(case, session, progress)
         progress("summing up")
         result = observe(case, solved, time.perf_counter() - started)
@@ -83,7 +83,7 @@ def run_cases(
     bytes for any number of workers.  Raises InputError where a process is ended from outside."""
     run_one = partial(_run_one, then=then, checkpoints=checkpoints)
     with process_pool(max(1, min(workers, len(cases)))) as pool:
-        yield from pool.as_ended(pool.with_memory(run_one), batches_of(cases))
+        yield from pool.as_completed(pool.with_memory(run_one), batches_of(cases))
 
 
 def batches_of(cases: Sequence[Case]) -> list[list[tuple[int, Case]]]:

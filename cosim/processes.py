@@ -276,13 +276,13 @@ class ProcessPool:
         ended: dict[int, R] = {}
         following = 0
         batches = ([item] for item in enumerate(items))
-        for i, result in self.as_ended(partial(_apply_numbered, function), batches):
+        for i, result in self.as_completed(partial(_apply_numbered, function), batches):
             ended[i] = result
             while following in ended:
                 yield ended.pop(following)
                 following += 1
 
-    def as_ended(
+    def as_completed(
         self,
         function: Callable[[T], R],
         batches: Iterable[Sequence[T]],
@@ -303,19 +303,19 @@ class ProcessPool:
         waiting = (list(batch) for batch in batches if batch)
         running: dict[Future[R], tuple[int, list[T]]] = {}
 
-        def go_on(at: int, rest: list[T]) -> None:
+        def submit_next(at: int, rest: list[T]) -> None:
             batch = rest or next(waiting, []) or _half_of_the_longest(running.values())
             if batch:
                 future = self._threads[at].submit(call, self._processes[at], function, batch[0])
                 running[future] = at, batch[1:]
 
         for at in ahead * list(range(len(self._processes))):
-            go_on(at, [])
+            submit_next(at, [])
         while running:
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 at, rest = running.pop(future)
                 result = future.result()
-                go_on(at, rest)
+                submit_next(at, rest)
                 yield result
 
     def end(self, at_once: bool) -> None:

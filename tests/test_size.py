@@ -13,7 +13,7 @@ from tests.helpers.folders import ROOT
 CEILINGS = {
     "cases": 2807,
     "cosim": 3473,
-    "cosim/analyses": 6436,
+    "cosim/analyses": 6434,
     "cosim/anatomy": 850,
     "cosim/case": 974,
     "cosim/commands": 3933,

@@ -133,23 +133,21 @@ def _clocks() -> Iterator[dict[str, float]]:
     with ExitStack() as undo:
         for name, (owner, attribute) in PARTS.items():
             function = getattr(owner, attribute)
-            setattr(owner, attribute, _clocked(function, name, spent))
+            setattr(owner, attribute, _timed(function, name, spent))
             undo.callback(setattr, owner, attribute, function)
         yield spent
 
 
-def _clocked(
-    function: Callable[..., Any], name: str, spent: dict[str, float]
-) -> Callable[..., Any]:
+def _timed(function: Callable[..., Any], name: str, spent: dict[str, float]) -> Callable[..., Any]:
     @wraps(function)
-    def clocked(*args: Any, **options: Any) -> Any:
+    def timed(*args: Any, **options: Any) -> Any:
         start = process_time()
         try:
             return function(*args, **options)
         finally:
             spent[name] += process_time() - start
 
-    return clocked
+    return timed
 
 
 def _pulls(elements: str, quads: int) -> list[Pull]:

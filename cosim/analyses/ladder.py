@@ -86,7 +86,7 @@ def rungs_of(case: Case) -> list[str]:
     return [*RUNGS] if rung in RUNGS else [rung, *RUNGS]
 
 
-def on_rung(case: Case, name: str) -> Case:
+def case_on_rung(case: Case, name: str) -> Case:
     """The case with the hood of a rung in place of its own, all else as it was."""
     if name == case.hood.rung():
         return case
@@ -105,14 +105,14 @@ def climb(source: Path, settings: tuple[str, ...], name: str) -> Rung:
     reason."""
     case = load_case(source, settings)
     is_own = name == case.hood.rung()
-    outcome = outcome_of(lambda: solve(on_rung(case, name)))
+    outcome = outcome_of(lambda: solve(case_on_rung(case, name)))
     if outcome.value is None:
         status: Literal["failed", "does not apply"] = (
             "does not apply" if outcome.status == "refused" else "failed"
         )
         return Rung(name, is_own, status, outcome.reason, outcome.seconds, {}, {}, {})
     models, states = outcome.value
-    summary = observe_static(on_rung(case, name), (models, states), outcome.seconds).summary
+    summary = observe_static(case_on_rung(case, name), (models, states), outcome.seconds).summary
     slips, excursions = _slips(models, states.loaded), _excursions(models, states)
     return Rung(name, is_own, "converged", "", outcome.seconds, summary, slips, excursions)
 

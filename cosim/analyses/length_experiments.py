@@ -110,7 +110,7 @@ def dip_drop(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
             yield Value(name, load, longer["posture_deg"]["DIP"] - intact["posture_deg"]["DIP"])
 
 
-def posture_after_mending(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
+def posture_after_repair(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
     """Posture of the finger whose central slip was mended with a gap, under either load."""
     for load, setting in LOADS.items():
         posture = summary("lengths_central_gap", hood, [*settings, setting])["posture_deg"]
@@ -194,7 +194,7 @@ EXPERIMENT_MODELS: Mapping[str, ExperimentModel] = {
         dip_drop, LUMPED, ("terminal_1mm", "terminal_4mm"), tuple(LOADS), "lengths_terminal_1mm"
     ),
     "central slip mended with a gap": ExperimentModel(
-        posture_after_mending,
+        posture_after_repair,
         LUMPED,
         ("central_gap_pip", "central_gap_dip"),
         tuple(LOADS),

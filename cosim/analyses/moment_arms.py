@@ -46,7 +46,7 @@ def sweep(
     for joint, bounds in ranges.items():
         j = models.finger.joints.index(joint)
         angles = np.linspace(*bounds, steps)
-        native = _own(models, joint, angles)
+        native = _native_arms_over(models, joint, angles)
         pulled, why = _hood(models, tension, joint, angles, progress)
         lost += why
         for k, angle in enumerate(np.degrees(angles)):
@@ -55,7 +55,7 @@ def sweep(
     return pandas.DataFrame(rows, columns=["joint", "angle_deg", "tendon", "arm_mm"]), lost
 
 
-def own_arms(models: Models, posture: Mapping[str, float]) -> dict[str, Array]:
+def native_arms(models: Models, posture: Mapping[str, float]) -> dict[str, Array]:
     """Moment arms (nq,) m of the finger's own tendons at joint angles `posture` (rad)."""
     finger = models.finger
     bodies, names = finger.bodies, finger.tendons
@@ -64,8 +64,8 @@ def own_arms(models: Models, posture: Mapping[str, float]) -> dict[str, Array]:
     return {name: torque[name] for name in names}
 
 
-def _own(models: Models, joint: str, angles: Array) -> list[dict[str, Array]]:
-    return [own_arms(models, {**models.posture, joint: float(angle)}) for angle in angles]
+def _native_arms_over(models: Models, joint: str, angles: Array) -> list[dict[str, Array]]:
+    return [native_arms(models, {**models.posture, joint: float(angle)}) for angle in angles]
 
 
 def _hood(
@@ -119,7 +119,7 @@ def published_arms(finger: str) -> pandas.DataFrame:
     return every[every.finger == finger].drop(columns="finger").reset_index(drop=True)
 
 
-def beside_published(models: Models, known: pandas.DataFrame) -> pandas.DataFrame:
+def compare_published(models: Models, known: pandas.DataFrame) -> pandas.DataFrame:
     """Published arms (as of `published_arms`) beside those of the finger's own tendons in the
     source's posture, or, where the source averages over a range, beside the mean from the straight
     joint to its full flexion in the case's posture of the others."""
@@ -132,7 +132,7 @@ def beside_published(models: Models, known: pandas.DataFrame) -> pandas.DataFram
 
 
 def by_posture(compared: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
-    """By joint, the arms of `beside_published` in mm: a row for each tendon and who says it, the
+    """By joint, the arms of `compare_published` in mm: a row for each tendon and who says it, the
     model first, a column for each posture."""
     import pandas
 
@@ -162,9 +162,9 @@ def _flexion(posture: str) -> tuple[bool, tuple[float, ...]]:
 def _arm(models: Models, tendon: str, joint: str, posture: str) -> float:
     j = models.finger.joints.index(joint)
     if posture != "range":
-        return float(own_arms(models, _posture(posture))[tendon][j])
+        return float(native_arms(models, _posture(posture))[tendon][j])
     flexion = np.linspace(0.0, models.finger.ranges[joint][1], MEAN_OF)
-    return float(np.mean([arms[tendon][j] for arms in _own(models, joint, flexion)]))
+    return float(np.mean([arms[tendon][j] for arms in _native_arms_over(models, joint, flexion)]))
 
 
 def _posture(text: str) -> dict[str, float]:

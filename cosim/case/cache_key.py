@@ -74,7 +74,7 @@ def address(case: Case, code: str) -> str:
     Raises InputError where a file cannot be read."""
     files = {str(path): _content(path) for path in _paths(case.model_dump(mode="python"))}
     table = {key: value for key, value in case_table(case).items() if key not in WORDS}
-    text = json.dumps([_with(table, files), code], sort_keys=True)
+    text = json.dumps([_with_contents(table, files), code], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -91,12 +91,12 @@ def _paths(values: Any) -> Iterator[Path]:
                 yield from _paths(value)
 
 
-def _with(values: Any, files: dict[str, str]) -> Any:
+def _with_contents(values: Any, files: dict[str, str]) -> Any:
     match values:
         case dict():
-            return {key: _with(value, files) for key, value in values.items()}
+            return {key: _with_contents(value, files) for key, value in values.items()}
         case list():
-            return [_with(value, files) for value in values]
+            return [_with_contents(value, files) for value in values]
         case str():
             return files.get(values, values)
     return values

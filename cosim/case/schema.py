@@ -76,7 +76,7 @@ class CouplingConfig(Table):
     """Run even where the hood hands over a force that the finger makes too."""
 
     @model_validator(mode="after")
-    def _of_one_way(self) -> CouplingConfig:
+    def _check_one_way(self) -> CouplingConfig:
         if self.scheme != "one_way" and self.one_way != OneWayConfig():
             raise fault('has a table one_way, which needs scheme = "one_way" alone')
         return self

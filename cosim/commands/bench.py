@@ -15,7 +15,7 @@ from cosim.commands.bench_files import (
     BenchRecord,
     Ratios,
     describe_machine,
-    print_beside,
+    print_side_by_side,
     read_record,
     source_version,
     time_stamp,
@@ -139,7 +139,7 @@ def bench(
             if json_file is not None:
                 write_record(json_file, record)
         if against:
-            print_beside(records)
+            print_side_by_side(records)
 
 
 def _measure(name: str, options: Options) -> dict[str, Ratios]:

@@ -86,7 +86,7 @@ def read_record(path: Path) -> BenchRecord:
     return record
 
 
-def print_beside(records: Sequence[BenchRecord]) -> None:
+def print_side_by_side(records: Sequence[BenchRecord]) -> None:
     """Print the ratios of records side by side, and the last one's over the first one's."""
     names = dict.fromkeys(
         (bench, name) for r in records for bench, ratios in r.ratios.items() for name in ratios

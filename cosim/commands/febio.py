@@ -309,7 +309,7 @@ def _print_comparison(screen: Console, result: ModelComparison) -> dict[str, flo
         table.add_column(name, justify="left" if name == "quantity" else "right")
     table.add_column("verdict")
     for r in result.rows:
-        values = (_beside(r, v) for v in (r.own, r.q4ans, r.febio))
+        values = (_with_difference(r, v) for v in (r.own, r.q4ans, r.febio))
         table.add_row(r.quantity, *values, r.verdict)
     screen.print(table)
     costs = {
@@ -326,7 +326,7 @@ def _print_comparison(screen: Console, result: ModelComparison) -> dict[str, flo
     return {name: cost for name, cost in costs.items() if cost is not None}
 
 
-def _beside(row: ComparedQuantity, value: float | None) -> str:
+def _with_difference(row: ComparedQuantity, value: float | None) -> str:
     """A figure with its difference from FEBio's."""
     if value is None:
         return "-"

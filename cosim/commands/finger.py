@@ -11,8 +11,8 @@ import typer
 
 from cosim.analyses.moment_arms import (
     ACTION,
-    beside_published,
     by_posture,
+    compare_published,
     draw,
     published_arms,
     sweep,
@@ -53,7 +53,7 @@ def moment_arms(
             ranges = joint_ranges(models.finger)
             table, lost = sweep(models, tension, ranges, steps, progress.say)
         known = published_arms(checked.finger.kind)
-        compared = None if known.empty else beside_published(models, known)
+        compared = None if known.empty else compare_published(models, known)
         _write(out, table, compared, draw(table, checked.title, known, models.posture))
         _show(table)
         if compared is not None:

@@ -217,12 +217,12 @@ def identify(
         fit = fit_all(chosen, workers, most, lambda text: typer.echo(text, err=True))
         _show_fit(fit, len(chosen) > 1)
         if out is not None:
-            _write_found(out, fit, chosen, tuple(settings or ()), targets.name)
+            _write_fit(out, fit, chosen, tuple(settings or ()), targets.name)
         else:
             typer.echo("nothing was written: --out CASE.toml writes the fitted case")
 
 
-def _write_found(
+def _write_fit(
     out: Path, fit: Fit, cases: Sequence[FitCase], settings: tuple[str, ...], targets: str
 ) -> None:
     """The case that all cases are made of, or, where they are made of several, the settings."""

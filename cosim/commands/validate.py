@@ -13,7 +13,7 @@ from cosim.commands.terminal import console, exit_on_error, warn_of_audits
 from cosim.errors import InputError
 from cosim.files import check_file
 from cosim.results.compare import marks, misses_first, number, reference_text
-from cosim.validation.mesh import Change, changes, on_finer_meshes, tally, write_changes
+from cosim.validation.mesh import Change, changes, refine_meshes, tally, write_changes
 from cosim.validation.page import write_page
 from cosim.validation.run import Board, by_kind, choose_groups, run_validation, write_scoreboard
 from cosim.validation.trial import TrialGroup
@@ -74,7 +74,7 @@ def validate(
             _list(groups)
             return
         check_file(out / "scoreboard.json")
-        finer_groups = [] if finer is None else on_finer_meshes(groups, finer, other_settings)
+        finer_groups = [] if finer is None else refine_meshes(groups, finer, other_settings)
         boards = run_validation(groups, out, other_settings, workers, _progress)
         again = run_validation(finer_groups, out / "finer", (), workers, _progress)
         mesh_changes = changes(boards, again)

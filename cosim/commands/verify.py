@@ -153,10 +153,10 @@ def facts() -> Iterator[tuple[str, str]]:
 
 def _for_purposes() -> Iterator[tuple[str, str]]:
     for purpose, names in PURPOSES.items():
-        yield f"for {purpose}", ", ".join(map(_installed, names))
+        yield f"for {purpose}", ", ".join(map(_version_of, names))
 
 
-def _installed(name: str) -> str:
+def _version_of(name: str) -> str:
     try:
         return f"{name} {version(name)}"
     except PackageNotFoundError:

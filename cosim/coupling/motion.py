@@ -176,13 +176,13 @@ class CoupledMotion:
         )
         index = self.prescribed.index
         draw = initial_excursions(tension[index], self._excursions(coupled)[index])
-        lengths = np.concatenate([-coupled.point.excursion, self._own(coupled.finger)])
+        lengths = np.concatenate([-coupled.point.excursion, self._path_lengths(coupled.finger)])
         pulls = self.drive.settle_at(pulls, lengths)
         return MotionState(coupled, pulls, 0.0, 0.0, Pace(self.dt), draw)
 
     def first_pull(self, state: State) -> tuple[State, Array]:
         """What pulls at t = 0 on the finger in `state`, and with what tensions (nt,) N."""
-        lengths = np.concatenate([np.zeros(len(self.hood.tendons)), self._own(state)])
+        lengths = np.concatenate([np.zeros(len(self.hood.tendons)), self._path_lengths(state)])
         pulls = self.drive.start(lengths)
         return pulls, self.drive.pull(pulls, 0.0, lengths, 0.0).tension
 
@@ -224,13 +224,13 @@ class CoupledMotion:
 
     def _excursions(self, c: CoupledState) -> Array:
         """The excursions (nt,) m of all tendons, each from a length of its own."""
-        return np.concatenate([c.point.excursion, -self._own(c.finger)])
+        return np.concatenate([c.point.excursion, -self._path_lengths(c.finger)])
 
     def tendon_pull(self, at: MotionState, time: float) -> Any:
         """The pull at `time` s, after `at`, on paths as long as they are at `at`: an object with
         `tension` (nt,) N and `state`."""
         c = at.coupled
-        lengths = np.concatenate([-c.point.excursion, self._own(c.finger)])
+        lengths = np.concatenate([-c.point.excursion, self._path_lengths(c.finger)])
         return self.drive.pull(at.drive, time, lengths, time - c.time)
 
     def frame(self, at: MotionState) -> MotionFrame:
@@ -252,7 +252,7 @@ class CoupledMotion:
             self.points(c.hood),
         )
 
-    def _own(self, state: State) -> Array:
+    def _path_lengths(self, state: State) -> Array:
         return self.finger.path_lengths(self.finger.angles(state))
 
 

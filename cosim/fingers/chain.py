@@ -48,7 +48,7 @@ class ChainFingerConfigWithMass(ChainFingerConfig, Protocol):
         ...
 
 
-def on_mujoco(
+def build_on_mujoco(
     finger: ChainFingerConfigWithMass, model: FingerModel, in_plane: bool = False
 ) -> ChainFinger:
     """The live finger of a MuJoCo model."""

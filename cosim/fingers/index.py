@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from cosim.errors import InputError
-from cosim.fingers.chain import on_mujoco
+from cosim.fingers.chain import build_on_mujoco
 from cosim.fingers.common import (
     EQUAL_SHARES,
     Extensor,
@@ -86,7 +86,7 @@ class IndexFingerConfig(FingerConfig):
     """Gravity along the world's axes distal, radial and dorsal; none by default."""
 
     @model_validator(mode="after")
-    def _of_one_size(self) -> IndexFingerConfig:
+    def _check_size(self) -> IndexFingerConfig:
         if self.path is not None and (self.length_scale, self.width_scale) != (1.0, 1.0):
             raise fault(
                 "gives a path and length_scale or width_scale; a finger out of a file has its size"
@@ -161,7 +161,7 @@ def _read(path: Path, changed: int, size: int) -> FingerModel:
 
 def build(finger: IndexFingerConfig, extensor: Extensor) -> ChainFinger:
     """The live finger, with the tendons that the hood leaves to it."""
-    return on_mujoco(finger, model(finger, extensor))
+    return build_on_mujoco(finger, model(finger, extensor))
 
 
 def bones(finger: IndexFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:

@@ -104,7 +104,7 @@ def mjcf(finger: NativeFinger, extensor: Extensor, tension: float) -> str:
     )
 
 
-def own_tendons(finger: AnyFinger, extensor: Extensor) -> tuple[str, ...]:
+def native_tendons(finger: AnyFinger, extensor: Extensor) -> tuple[str, ...]:
     """The finger's own, under a hood that leaves it so much."""
     if finger.kind == "fmu":
         return finger.tendons

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from cosim.fingers.chain import on_mujoco
+from cosim.fingers.chain import build_on_mujoco
 from cosim.fingers.common import (
     Extensor,
     FingerConfig,
@@ -77,7 +77,7 @@ def model(finger: MiddleFingerConfig, extensor: Extensor) -> FingerModel:
 
 def build(finger: MiddleFingerConfig, extensor: Extensor) -> ChainFinger:
     """The live finger, with the tendons that the hood leaves to it."""
-    return on_mujoco(finger, model(finger, extensor))
+    return build_on_mujoco(finger, model(finger, extensor))
 
 
 def skeleton(finger: MiddleFingerConfig) -> Skeleton:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from cosim.fingers.chain import on_mujoco
+from cosim.fingers.chain import build_on_mujoco
 from cosim.fingers.common import (
     Extensor,
     FingerConfig,
@@ -73,7 +73,7 @@ def model(finger: PlanarFingerConfig, extensor: Extensor) -> FingerModel:
 
 def build(finger: PlanarFingerConfig, extensor: Extensor) -> ChainFinger:
     """The live finger, whose tip is held in its plane alone."""
-    return on_mujoco(finger, model(finger, extensor), in_plane=True)
+    return build_on_mujoco(finger, model(finger, extensor), in_plane=True)
 
 
 def bones(finger: PlanarFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:

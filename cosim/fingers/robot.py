@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field
 
 from cosim.errors import InputError
-from cosim.fingers.chain import on_mujoco
+from cosim.fingers.chain import build_on_mujoco
 from cosim.fingers.common import (
     Extensor,
     FingerConfig,
@@ -79,7 +79,7 @@ def model(finger: RobotFingerConfig, extensor: Extensor) -> FingerModel:
 
 def build(finger: RobotFingerConfig, extensor: Extensor) -> ChainFinger:
     """The live finger, with the tendons that the hood leaves to it."""
-    return on_mujoco(finger, model(finger, extensor))
+    return build_on_mujoco(finger, model(finger, extensor))
 
 
 def skeleton(finger: RobotFingerConfig) -> Skeleton:

@@ -53,7 +53,7 @@ class LesionConfig(Table):
     """The thesis's stiffness of ligamentous adhesions to the proximal phalanx, 1000 N/mm."""
 
     @model_validator(mode="after")
-    def _sound(self) -> LesionConfig:
+    def _check_parts(self) -> LesionConfig:
         if not any(self.names().values()):
             raise fault(
                 'is empty; write for example cut = ["central_slip"], adhere = ["central_band"] '

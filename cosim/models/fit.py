@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cosim.case.schema import Case
 from cosim.errors import InputError
-from cosim.fingers.kinds import own_tendons, tip_support_kind, with_mass
+from cosim.fingers.kinds import native_tendons, tip_support_kind, with_mass
 from cosim.hoods.kinds import fitting_kinds
 from cosim.models.double_count import pairs_of_case, refuse
 from cosim.tendons.air import check_air
@@ -36,10 +36,10 @@ def check_fit(case: Case) -> None:
     _check_tip(case)
     _check_unit(case)
     _check_scheme(case)
-    native, of_hood = own_tendons(case.finger, case.hood.left_to_finger), case.hood.tendon_names()
+    native, hooded = native_tendons(case.finger, case.hood.left_to_finger), case.hood.tendon_names()
     refuse(case, pairs_of_case(case, native))
-    if of_hood is not None:
-        check_tendons(case, of_hood + native)
+    if hooded is not None:
+        check_tendons(case, hooded + native)
 
 
 def _check_excursions(case: Case) -> None:

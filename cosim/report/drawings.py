@@ -59,7 +59,7 @@ class Arrow:
 
 def arrows_of(runs: Sequence[Result]) -> list[Arrow]:
     """The model's forces, then those that they are compared with; none where all are zero."""
-    forces = list(_of_one(runs[0])) if len(runs) == 1 else list(_of_many(runs))
+    forces = list(_forces_of_run(runs[0])) if len(runs) == 1 else list(_forces_of_runs(runs))
     given = [vector for run in runs for vector in force_vectors(run.comparison)]
     references = {(v.label, v.reference, v.sd): v for v in given}.values()
     arrows = [
@@ -79,13 +79,13 @@ def letter(n: int) -> str:
 Drawn = tuple[str, tuple[float, float], str, tuple[float, ...], tuple[float, float] | None]
 
 
-def _of_one(run: Result) -> Iterator[Drawn]:
+def _forces_of_run(run: Result) -> Iterator[Drawn]:
     inks = {"": INKS[0], REST: INKS[5], LESS: INKS[0]}
     for place, label, tip in states_of(run):
         yield f"model, {label}", tip, inks[place], DASHED if place == LESS else (), None
 
 
-def _of_many(runs: Sequence[Result]) -> Iterator[Drawn]:
+def _forces_of_runs(runs: Sequence[Result]) -> Iterator[Drawn]:
     """The loaded state of each run and what it has at rest; their difference only where a reference
     is one."""
     compared = any(row.target.quantity.startswith(LESS) for run in runs for row in run.comparison)

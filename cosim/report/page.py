@@ -13,7 +13,7 @@ from cosim.errors import InputError
 from cosim.json_text import json_text
 from cosim.report import drawings, words
 from cosim.report.tables import SUM, Cell, ReportTable, last_ledger, last_state
-from cosim.report.templates import own_file, template
+from cosim.report.templates import report_file, template
 from cosim.report.views import View, difference_view, floats, limits, pack_views, view_of
 from cosim.results.compare import VERDICT_SHAPES, number
 from cosim.results.looks import look
@@ -71,7 +71,7 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
                 "looks": _line_looks(histories),
             }
         ),
-        script=own_file("page.js"),
+        script=report_file("page.js"),
         plotly=get_plotlyjs(),
     )
     size = len(text.encode("utf-8"))

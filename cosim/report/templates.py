@@ -28,11 +28,11 @@ def template(
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    environment.globals |= {"style": own_file("page.css"), "version": __version__}
+    environment.globals |= {"style": report_file("page.css"), "version": __version__}
     environment.filters |= dict(filters or {})
     return environment.get_template(name)
 
 
-def own_file(name: str) -> str:
+def report_file(name: str) -> str:
     """A file of the report's own: the style sheet of every page, or a script."""
     return files("cosim.report").joinpath(name).read_text(encoding="utf-8")

@@ -184,11 +184,11 @@ def _sheet(run: Result, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ..
     flat, last = flatten_sheet(reference, hood.quads), len(chosen) - 1
     if "node" in run.data:
         data = run.data.isel({run.axis: chosen}).transpose(run.axis, ...)
-        shown = (_of_results(data, run.axis, hood, colour) for colour in COLOURS)
+        shown = (_field_over_frames(data, run.axis, hood, colour) for colour in COLOURS)
         every, points = tuple(range(len(chosen))), data.node.values
         fields = tuple(field for field in shown if field is not None)
         return Sheet(hood.quads, region, flat, every, points, fields, _fibres(hood, points)), ()
-    ended = (_of_mesh(hood, colour) for colour in COLOURS)
+    ended = (_field_at_end(hood, colour) for colour in COLOURS)
     fields = tuple(field for field in ended if field is not None)
     note = (
         "This page shows the hood of a motion at its end only. hood.pvd in the run's folder has it "
@@ -199,7 +199,7 @@ def _sheet(run: Result, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ..
     return Sheet(hood.quads, region, flat, (last,), points, fields, fibres), (note,)
 
 
-def _of_results(
+def _field_over_frames(
     data: xarray.Dataset, axis: str, hood: HoodField, colour: Colour
 ) -> SheetField | None:
     """A field in every frame; None of a run without."""
@@ -214,7 +214,7 @@ def _of_results(
     return SheetField(colour.key, colour.label, colour.unit, on_quads, colour.factor * values)
 
 
-def _of_mesh(hood: HoodField, colour: Colour) -> SheetField | None:
+def _field_at_end(hood: HoodField, colour: Colour) -> SheetField | None:
     """A field at the end of a run; None of a run without."""
     on_quads = colour.on_mesh in hood.cell_data
     stored = (hood.cell_data if on_quads else hood.point_data).get(colour.on_mesh)

@@ -101,7 +101,7 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
     )
     if moved.failure is not None:
         out["failure"] = str(moved.failure)
-    if at_limit := _at_limits(case, moved):
+    if at_limit := _limits_block(case, moved):
         out["joints_at_limit"] = at_limit
     if case.forward is not None and case.forward.adaptive is not None:
         out["step_control"] = _steps(end, frames)
@@ -179,7 +179,7 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     return in_mJ, artificial / max(done.effort, 1e-12)
 
 
-def _at_limits(case: Case, moved: SolvedMotion) -> dict[str, dict[str, float]]:
+def _limits_block(case: Case, moved: SolvedMotion) -> dict[str, dict[str, float]]:
     t, frames, tips = moved.models, moved.history.frames, moved.history.tips
 
     def torque(k: int) -> Array:

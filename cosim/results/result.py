@@ -141,7 +141,7 @@ class Result(CaseParts):
         written."""
         figure = as_plain_text(self._figure(kind))
         if path is not None:
-            known, ending = figure.canvas.get_supported_filetypes(), _ending(path)
+            known, ending = figure.canvas.get_supported_filetypes(), _file_format(path)
             if ending not in known:
                 raise InputError(
                     f"{path}: a figure is not written as {ending!r}; {', '.join(known)} are known"
@@ -224,5 +224,5 @@ class Result(CaseParts):
         return f"<Result of {self.case}: fingertip force {force} N; {self.audit}>"
 
 
-def _ending(path: str | Path) -> str:
+def _file_format(path: str | Path) -> str:
     return Path(path).suffix.removeprefix(".").lower() or "png"

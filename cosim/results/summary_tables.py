@@ -55,12 +55,12 @@ def batch_table(names: Sequence[str], summaries: Mapping[str, Mapping[str, Any] 
             *(_at(summary, "slip_force_N", slip) for slip in ("central", "terminal")),
             _at(summary, "wall_s"),
         )
-        ending = "not begun" if name not in summaries else _ending(summary)
+        ending = "not begun" if name not in summaries else _outcome_text(summary)
         rows.append((name, *(_number(value, 3) for value in numbers), ending))
     return _table(*_drop_empty_columns(header, rows))
 
 
-def _ending(summary: Mapping[str, Any] | None) -> str:
+def _outcome_text(summary: Mapping[str, Any] | None) -> str:
     if summary is None:
         return "failed or stopped"
     missed = ", ".join(name.replace("_", " ") for name in summary.get("audit_missed", ()))

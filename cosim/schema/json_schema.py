@@ -91,7 +91,7 @@ def _finish(node: Any, defs: Node) -> Any:
             return [_finish(item, defs) for item in node]
         case dict():
             finished = _without_null({key: _finish(value, defs) for key, value in node.items()})
-            return _described(_by_word(finished, defs) if "discriminator" in finished else finished)
+            return _with_form(_by_word(finished, defs) if "discriminator" in finished else finished)
     return node
 
 
@@ -130,7 +130,7 @@ def _any_of_them(refs: list[str], defs: Node) -> Node:
     return {"properties": either, "additionalProperties": False}
 
 
-def _described(node: Node) -> Node:
+def _with_form(node: Node) -> Node:
     """With the form of a text (its title) at the end of its description."""
     match node:
         case {"const": str(), **rest} if "description" not in rest:

@@ -59,14 +59,14 @@ too.  A kilogram is a prefix and a gram: as a unit of its own it would send pint
 from "kilograms" (kilo and grams) to gram (a part of a kilogram)."""
 
 
-def _named(units: Iterable[str]) -> str:
+def _pattern(units: Iterable[str]) -> str:
     """The regular expression of any of these units with its prefix."""
     names = list(units)
     sign = "|°" if "degree" in names else ""
     return f"(?:{_PREFIX}(?:{'|'.join(_NAMES[name] for name in names)}){sign})"
 
 
-_FACTOR = rf"{_named(_NAMES)}(?:(?:\*\*|\^)-?[1-9])?"
+_FACTOR = rf"{_pattern(_NAMES)}(?:(?:\*\*|\^)-?[1-9])?"
 _TIMES = r"(?:\s*[*/·]\s*| )"
 _UNIT = re.compile(rf"{_FACTOR}(?:{_TIMES}{_FACTOR}){{0,5}}")
 
@@ -181,13 +181,13 @@ def pattern(kind: Kind) -> str:
     wanted = _unit(kind.unit)[1]
     dimensions = {name: _unit(name)[1] for name in _NAMES}
     single = [
-        _named([unit]) + (rf"(?:(?:\*\*|\^){power})" + ("?" if power == 1 else ""))
+        _pattern([unit]) + (rf"(?:(?:\*\*|\^){power})" + ("?" if power == 1 else ""))
         for unit in _NAMES
         for power in range(-9, 10)
         if power and dimensions[unit] ** power == wanted
     ]
     needed = "".join(
-        rf"(?=(?:.*[\s\d*/·])?{_named(u for u in _NAMES if base in dimensions[u])}(?![A-Za-z_]))"
+        rf"(?=(?:.*[\s\d*/·])?{_pattern(u for u in _NAMES if base in dimensions[u])}(?![A-Za-z_]))"
         for base in sorted(wanted)
     )
     product = rf"{needed}{_FACTOR}(?:{_TIMES}{_FACTOR}){{1,5}}"

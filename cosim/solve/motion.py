@@ -93,7 +93,7 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
     frames, tips, shapes = list(kept.frames), list(kept.tips), list(kept.shapes)
     failure = None
     try:
-        for done, new_states in _on(both.moves, forward, kept, progress):
+        for done, new_states in _advance(both.moves, forward, kept, progress):
             frames += [both.moves.frame(at) for at in new_states]
             tips += [both.finger.tip_wrench(at.coupled.finger) for at in new_states]
             for at in new_states:
@@ -194,15 +194,15 @@ def _keeper(
         progress(f"keeps no checkpoints: {error}")
         return None
     text = moved_toml(resolved_toml(case), folder)
-    if _case_in(folder) != text:
+    if _stored_case_text(folder) != text:
         if (folder / NAME).is_file():
-            raise InputError(_of_another(folder))
+            raise InputError(_other_case_message(folder))
         with output_file(folder / "case.toml") as part:
             part.write_text(text, encoding="utf-8")
     return _Keeper(folder, text, special, forward.checkpoint)
 
 
-def _of_another(folder: Path) -> str:
+def _other_case_message(folder: Path) -> str:
     where = shown_path(folder)
     return (
         f"{where}: holds a part of a run of another case of this name, which {where}/case.toml "
@@ -224,8 +224,8 @@ def check_not_begun(case: Case, checkpoints: Path) -> None:
     folder = checkpoint_folder(case, checkpoints)
     if folder is None or not (folder / NAME).is_file():
         return
-    if _case_in(folder) != moved_toml(resolved_toml(case), folder):
-        raise InputError(_of_another(folder))
+    if _stored_case_text(folder) != moved_toml(resolved_toml(case), folder):
+        raise InputError(_other_case_message(folder))
     where = shown_path(folder)
     raise InputError(
         f"{where}: holds a part of this run, which was stopped, killed or failed. Go on with: "
@@ -233,12 +233,12 @@ def check_not_begun(case: Case, checkpoints: Path) -> None:
     )
 
 
-def _case_in(folder: Path) -> str | None:
+def _stored_case_text(folder: Path) -> str | None:
     file = folder / "case.toml"
     return file.read_text(encoding="utf-8") if file.is_file() else None
 
 
-def _on(
+def _advance(
     moves: CoupledMotion, forward: ForwardConfig, kept: MotionHistory, progress: Progress
 ) -> Iterator[tuple[int, tuple[MotionState, ...]]]:
     """After each step to the motion's end how many have been made, and the states in it: of a step

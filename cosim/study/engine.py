@@ -47,7 +47,7 @@ def local(workers: int) -> Iterator[Solve]:
     """So many processes on this machine, of a pool that opens no port."""
     with process_pool(workers, apart=True, environment=apart.ENVIRONMENT) as pool:
         run = pool.with_memory(apart.run)
-        yield lambda tasks: pool.as_ended(run, ([t] for t in tasks), AHEAD, apart.call)
+        yield lambda tasks: pool.as_completed(run, ([t] for t in tasks), AHEAD, apart.call)
 
 
 @contextmanager

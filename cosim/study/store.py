@@ -119,9 +119,9 @@ class Store:
 
     def write(self, path: Path, content: bytes) -> None:
         """The file whole, synced, or as it was.  Raises StoreError."""
-        self.write_by(path, lambda part: _sync(part, content))
+        self.write_with(path, lambda part: _sync(part, content))
 
-    def write_by(self, path: Path, writer: Callable[[Path], None]) -> None:
+    def write_with(self, path: Path, writer: Callable[[Path], None]) -> None:
         """The same as `write`, by a function that writes to a path.  Raises StoreError."""
         try:
             with atomic_path(path) as part:
@@ -170,7 +170,7 @@ class Store:
         if not rows:
             return 0
         digest = hashlib.sha256("".join(row.key for row in rows).encode()).hexdigest()
-        self.write_by(
+        self.write_with(
             self.root / "parts" / f"{digest}.parquet", lambda part: _write_part(part, rows)
         )
         self._read_parts()

@@ -122,4 +122,4 @@ def _keep(dataset: Any, task: Task, store: Store) -> None:
     wanted = dataset.data_vars if isinstance(task.arrays, bool) else task.arrays
     chosen = dataset[[name for name in wanted if name in dataset.data_vars]]
     path = store.arrays(task.key)
-    store.write_by(path, lambda part: chosen.to_netcdf(part, engine="h5netcdf"))
+    store.write_with(path, lambda part: chosen.to_netcdf(part, engine="h5netcdf"))

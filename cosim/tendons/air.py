@@ -36,7 +36,7 @@ class Cylinders:
     command: Callable[[float], Array]
     """(n,) V at a time in s, before the delay."""
 
-    def reaching(self, time: float) -> Array:
+    def voltages_at(self, time: float) -> Array:
         """The voltages (n,) V that reach the valves: those commanded a delay before, the first ones
         before."""
         delay = np.broadcast_to(self.air.valve.delay, len(self.names))
@@ -98,7 +98,7 @@ def initial_air(c: Cylinders) -> AirState:
     """The air at rest under the first command."""
     from rigid.air.plant import at_rest
 
-    return at_rest(c.air, c.reaching(0.0), np.asarray(c.air.cylinder.volume(c.initial_position)))
+    return at_rest(c.air, c.voltages_at(0.0), np.asarray(c.air.cylinder.volume(c.initial_position)))
 
 
 def step_cylinders(
@@ -114,7 +114,7 @@ def step_cylinders(
         return CylinderStep(tension(cylinder, state.pressure), np.zeros(len(c.names)), state)
     volume = np.asarray(cylinder.volume(_within(c, inward)))
     speed = (volume - state.volume) / (area * dt)
-    after = step(c.air, state, c.reaching(time - 0.5 * dt), volume, dt)
+    after = step(c.air, state, c.voltages_at(time - 0.5 * dt), volume, dt)
     pull = tension(cylinder, after.pressure, speed)
     spring = GAMMA * after.pressure * area**2 / volume
     return CylinderStep(pull, np.where(pull > 0.0, spring, 0.0), after)

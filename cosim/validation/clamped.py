@@ -24,7 +24,7 @@ from cosim.results.clamped_tip import (
 )
 from cosim.results.compare import Comparison, Kind, Target, numbers_of, value_of
 from cosim.validation.force import CLAMPED
-from cosim.validation.measured import read_measured, values_by
+from cosim.validation.measured import read_measured, values_of
 from cosim.validation.trial import Summaries, Trial, TrialGroup, posture_settings
 
 DIFFERENCES = {
@@ -108,7 +108,7 @@ def _qiu_targets(trial: Trial) -> Iterator[Target]:
 def measured_differences(muscle: str, posture: str) -> tuple[float, float]:
     """Differences of moment arms (mm), flexion positive: of Qiu's arms, which count extension
     positive, or of his forces."""
-    values = values_by("qiu2017", posture)
+    values = values_of("qiu2017", posture)
     if f"arm.{muscle}.MCP" in values:
         mcp, pip, dip = (-values[f"arm.{muscle}.{j}"] for j in ("MCP", "PIP", "DIP"))
         return mcp - pip, pip - dip
@@ -119,7 +119,7 @@ def measured_differences(muscle: str, posture: str) -> tuple[float, float]:
 
 
 def _qiu_points(posture: str) -> Array:
-    lengths = [1e-3 * values_by("qiu2017")[f"length.{b}"] for b in ("proximal", "middle", "distal")]
+    lengths = [1e-3 * values_of("qiu2017")[f"length.{b}"] for b in ("proximal", "middle", "distal")]
     return chain_points(lengths, _angles(posture))
 
 

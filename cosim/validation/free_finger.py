@@ -28,10 +28,10 @@ def held_name(case: str) -> str:
 
 def held_trials(targets: Sequence[Target]) -> tuple[Trial, ...]:
     """A trial for each case of the measured angles, held at them.  Raises InputError."""
-    return tuple(_held(case, targets) for case in dict.fromkeys(t.case for t in targets))
+    return tuple(_held_trial(case, targets) for case in dict.fromkeys(t.case for t in targets))
 
 
-def _held(case: str, targets: Sequence[Target]) -> Trial:
+def _held_trial(case: str, targets: Sequence[Target]) -> Trial:
     posture = load_case(case).native_finger().posture.angles()
     angles = {j: np.degrees(posture[j]) + turn for j, turn in _turns(case, targets).items()}
     settings = [f'finger.posture.{j}="{angle:.6g} deg"' for j, angle in angles.items()]

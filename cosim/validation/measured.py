@@ -45,6 +45,6 @@ def _row(text: dict[str, str]) -> Measured:
     )
 
 
-def values_by(source: str, posture: str = "") -> dict[str, float]:
+def values_of(source: str, posture: str = "") -> dict[str, float]:
     """The values of a source by quantity, those of a posture."""
     return {m.quantity: m.value for m in read_measured(source) if m.posture == posture}

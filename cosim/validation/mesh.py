@@ -55,7 +55,7 @@ class Change:
         return "within" if abs(self.change) <= self.bound else "beyond"
 
 
-def on_finer_meshes(
+def refine_meshes(
     chosen: Sequence[TrialGroup], quads: int, settings: Sequence[str] = ()
 ) -> list[TrialGroup]:
     """The groups with `settings`, and with every hood that is generated laid out in about so many
@@ -75,11 +75,11 @@ def changes(boards: Sequence[Board], finer: Sequence[Board]) -> list[Change]:
     """The change of every number that the mesh touches, once for all the references that it is
     compared with, those beyond their bound first."""
     after = {b.group: b for b in finer}
-    rows = [c for b in boards if b.group in after for c in _of_group(b, after[b.group])]
+    rows = [c for b in boards if b.group in after for c in _changes_of_group(b, after[b.group])]
     return sorted(rows, key=lambda c: VERDICTS.index(c.verdict))
 
 
-def _of_group(board: Board, finer: Board) -> Iterator[Change]:
+def _changes_of_group(board: Board, finer: Board) -> Iterator[Change]:
     forces, after = _forces(board.rows), {_key(row): row.model for row in finer.rows}
     seen = set()
     for row in board.rows:

@@ -92,7 +92,7 @@ def split_answers(
     return {t: answers[t.case, t.name] for t in mine}
 
 
-def of_trial(trial: str, targets: Sequence[Target], geometry: str = "") -> tuple[Target, ...]:
+def targets_of(trial: str, targets: Sequence[Target], geometry: str = "") -> tuple[Target, ...]:
     """The targets as those of a trial."""
     return tuple(
         replace(t, name=f"{trial}: {t.name}", case=trial, geometry=geometry) for t in targets
@@ -109,19 +109,19 @@ def lee_groups() -> tuple[TrialGroup, TrialGroup, TrialGroup, TrialGroup]:
     printed, inferred = lee_strains()
     (ratio,) = data("lee2008_slips.csv")
     postures = tuple(posture_trials())
-    bent = [of_trial(t.name, [ratio]) for t in postures if t.name != STRAIGHT]
+    bent = [targets_of(t.name, [ratio]) for t in postures if t.name != STRAIGHT]
     slips = tuple(itertools.chain.from_iterable(bent))
     others = tuple(
         Trial(f"strain {modulus} {law}", f"strain_lee2008_{modulus}_{law}")
         for modulus, law in itertools.product(MODULI, ("ti", "iso"))
         if (modulus, law) != ("average", "ti")
     )
-    every = [of_trial(t.name, [*printed, ratio]) for t in others]
+    every = [targets_of(t.name, [*printed, ratio]) for t in others]
     derived = partial(losses, {t.name for t in postures})
     return (
-        TrialGroup("Lee 2008: strains", SECOND_HAND, straight, of_trial(STRAIGHT, printed)),
+        TrialGroup("Lee 2008: strains", SECOND_HAND, straight, targets_of(STRAIGHT, printed)),
         TrialGroup("Lee 2008: slip forces", SECOND_HAND, postures, slips, derived=derived),
-        TrialGroup("inferred: central slip", "inferred", straight, of_trial(STRAIGHT, inferred)),
+        TrialGroup("inferred: central slip", "inferred", straight, targets_of(STRAIGHT, inferred)),
         TrialGroup(
             "Lee 2008: other moduli and law",
             SECOND_HAND,
@@ -190,7 +190,7 @@ def fitted_group() -> TrialGroup:
     """What the hood was fitted to under Lee's load at 0/0/0 deg, which judges nothing."""
     chosen = [t for t in data("hood_fit_rows.csv") if t.fitted and t.case == "rest_0_0_0"]
     trial = Trial(STRAIGHT, "strain_lee2008_average_ti")
-    return TrialGroup("fitted numbers", SECOND_HAND, (trial,), of_trial(STRAIGHT, chosen))
+    return TrialGroup("fitted numbers", SECOND_HAND, (trial,), targets_of(STRAIGHT, chosen))
 
 
 def published_group(path: Path) -> TrialGroup:
@@ -200,7 +200,7 @@ def published_group(path: Path) -> TrialGroup:
     printed, _ = lee_strains()
     of_sheet = [replace(t, quantity=t.quantity.replace(MARKERS, "strain_percent")) for t in printed]
     rows = [*of_sheet, *data("lee2008_slips.csv")]
-    every = [of_trial(t.name, rows, geometry="published hood") for t in trials]
+    every = [targets_of(t.name, rows, geometry="published hood") for t in trials]
     targets = tuple(itertools.chain.from_iterable(every))
     return TrialGroup("published hood", SECOND_HAND, trials, targets, variant=True)
 

@@ -15,7 +15,7 @@ from cosim.results.compare import SECOND_HAND, Comparison
 from cosim.results.conventions import vector_of
 from cosim.validation.clamped import clamped_trial, split_partners, target
 from cosim.validation.force import CLAMPED, PAST_THE_HOOD, THROUGH_THE_HOOD
-from cosim.validation.measured import values_by
+from cosim.validation.measured import values_of
 from cosim.validation.trial import Summaries, Trial, TrialGroup
 
 POSTURE = "45/45/10"
@@ -52,28 +52,28 @@ def _cohn(name: str, trials: Sequence[Trial], derived: Any, **more: Any) -> Tria
 
 def sizes(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]:
     """Magnitude of the tip's force over the rise of the muscle's tension."""
-    for trial, summary in _said(trials, summaries):
+    for trial, summary in _with_summaries(trials, summaries):
         muscle = _muscle(trial)
         size = None if summary is None else float(np.linalg.norm(_force(summary)) / _rise(summary))
         name = f"{muscle} {POSTURE}: force over tension"
-        value = values_by("cohn2017", POSTURE)[f"size.{muscle}"], None
+        value = values_of("cohn2017", POSTURE)[f"size.{muscle}"], None
         row = target(trial, name, "size_over_tension", "1", value, COHN, "experiment", NOTE)
         yield Comparison(row, size)
 
 
 def angles(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]:
     """Angles (deg) between each muscle's force and EDC's, the first trial's."""
-    (_, edc), *others = _said(trials, summaries)
+    (_, edc), *others = _with_summaries(trials, summaries)
     for trial, summary in others:
         muscle = _muscle(trial)
         angle = None if summary is None or edc is None else _angle(_force(summary), _force(edc))
         name = f"{muscle} {POSTURE}: angle to EDC's force"
-        value = values_by("cohn2017", POSTURE)[f"angle_to_EDC.{muscle}"], None
+        value = values_of("cohn2017", POSTURE)[f"angle_to_EDC.{muscle}"], None
         row = target(trial, name, "angle_to_EDC_deg", "deg", value, COHN, "experiment", NOTE)
         yield Comparison(row, angle)
 
 
-def _said(
+def _with_summaries(
     trials: Sequence[Trial], summaries: Summaries
 ) -> list[tuple[Trial, Mapping[str, Any] | None]]:
     return [(t, summaries.get(t.name)) for t in trials]
@@ -124,7 +124,7 @@ def shares(trial: Trial, summaries: Summaries) -> Iterator[Comparison]:
         arms = summary["unloaded"]["moment_arm_mm"]
         moment = {m: arms[m]["MCP"] * strength[m].max_force for m in (*INTRINSICS, *FLEXORS)}
     for what, muscles in (("intrinsics", INTRINSICS), ("LUM", ("LUM",))):
-        value = values_by("buford2005", "not printed")[f"flexion_moment_share.{what}"]
+        value = values_of("buford2005", "not printed")[f"flexion_moment_share.{what}"]
         name = f"{what}: share of the flexion moment at the MCP"
         note = "at the greatest strengths; posture and spread unknown, ours at 30/45/15 deg"
         key = f"flexion_moment_share_percent.{what}"

@@ -130,7 +130,7 @@ def stiff_by_backward_euler(dt: float, steps: int) -> Array:
     return y[:, :1]
 
 
-def unstable_from() -> float:
+def stability_limit() -> float:
     """The staggered pair's limit (s): with the damper implicit the step's characteristic polynomial
     leaves the unit circle where h^2 K = 4 I + 2 h c, a little above 2 sqrt(I/K)."""
     c = DAMPING / STIFFNESS

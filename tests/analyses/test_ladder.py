@@ -33,17 +33,17 @@ def rungs() -> list[ladder.Rung]:
 def test_a_case_keeps_all_but_its_hood():
     case = load_case("network_edc", ['hood.connecting.edc_slip.stiffness="99 N/mm"'])
     assert case.hood.rung() == "network"
-    assert ladder.on_rung(case, "network") is case
-    other = ladder.on_rung(case, "split")
+    assert ladder.case_on_rung(case, "network") is case
+    other = ladder.case_on_rung(case, "split")
     assert other.hood.kind == "split"
     assert other.finger == case.finger
     assert other.tendons == case.tendons
-    assert set(ladder.on_rung(case, "two_band").hood.muscles) == {"EDC", "UI", "LUM"}
+    assert set(ladder.case_on_rung(case, "two_band").hood.muscles) == {"EDC", "UI", "LUM"}
     assert load_case("fingertip_isotropic_edc").hood.rung() == "isotropic shell"
     assert load_case("fingertip_fibres_edc").hood.rung() == "fibre shell"
     assert ladder.rungs_of(load_case("pulley_edc"))[:2] == ["pulley", "split"]
     middle = load_case("middle_minorflex_edc")
-    isotropic = ladder.on_rung(middle, "isotropic shell").hood
+    isotropic = ladder.case_on_rung(middle, "isotropic shell").hood
     assert {region.kind for region in isotropic.regions.values()} == {"isotropic"}
     assert isotropic.contact == load_case("base/middle_hood.toml").hood.contact
     assert isotropic.contact != load_case("isometric_edc").hood.contact

@@ -11,10 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.analyses.moment_arms import (
-    beside_published,
     by_posture,
+    compare_published,
     draw,
-    own_arms,
+    native_arms,
     published_arms,
     sweep,
 )
@@ -34,7 +34,7 @@ def test_a_sweep_holds_every_tendon_joint_and_posture() -> None:
     assert len(table) == 4 * 3 * 8
     fdp = table[(table.tendon == "FDP") & (table.joint == "DIP")]
     assert fdp.angle_deg.tolist() == pytest.approx([0, 35, 70])
-    home = own_arms(models, {**models.posture, "DIP": np.radians(35)})["FDP"]
+    home = native_arms(models, {**models.posture, "DIP": np.radians(35)})["FDP"]
     assert fdp.arm_mm.tolist()[1] == pytest.approx(1e3 * home[3])
 
 
@@ -66,7 +66,7 @@ def test_published_arms_have_a_source_and_stand_beside_the_model_s(finger: str, 
         at = {"/".join(str(a * (j == joint)) for j in ("MCP", "PIP", "DIP")) for a in angles}
         for source in ("MyoHand", "An et al. 1979, straight line"):
             assert at <= set(known[(known.joint == joint) & (known.source == source)].posture_deg)
-    compared = beside_published(build(load_case(name)), known)
+    compared = compare_published(build(load_case(name)), known)
     assert len(compared) == len(known)
     apart = (compared.model_mm - compared.arm_mm).abs()
     assert np.median(apart) < 2.0
@@ -83,7 +83,7 @@ def test_our_paths_are_ans_lines_but_where_something_holds_them() -> None:
     for finger, name in (("index", "split_edc"), ("middle", "middle_minorflex_edc")):
         known = published_arms(finger)
         known = known[known.source.str.startswith("An et al. 1979") & (known.joint == "MCP")]
-        compared = beside_published(build(load_case(name)), known).set_index("tendon")
+        compared = compare_published(build(load_case(name)), known).set_index("tendon")
         apart = (compared.model_mm - compared.arm_mm).abs()
         intrinsic = [t for t in ("FDIm", "LUM", "FPI", "UI") if t in apart.index]
         assert apart.loc[intrinsic].max() < 0.5
@@ -94,7 +94,7 @@ def test_our_paths_are_ans_lines_but_where_something_holds_them() -> None:
 
 def test_a_table_has_the_model_first_and_a_range_last() -> None:
     known = published_arms("index")
-    wide = by_posture(beside_published(build(load_case("split_edc")), known))["DIP"]
+    wide = by_posture(compare_published(build(load_case("split_edc")), known))["DIP"]
     sources = [source for tendon, source in wide.index if tendon == "FDP"]
     assert sources[0] == "model"
     assert set(sources) > {"MyoHand", "ARMS hand model", "Ketchum et al. 1978"}

@@ -48,8 +48,8 @@ from cosim.verification.pairs import (
     pulls_on_cables,
     pulls_on_drum,
     soft_pair,
+    stability_limit,
     stiff_pair,
-    unstable_from,
 )
 from rigid.chain.moving_hinge import MovingHinge
 from tests.helpers.recording_hood import recording_pair
@@ -284,7 +284,7 @@ def test_the_estimated_limit_is_the_pairs():
     state = begin(Explicit(), finger, hood, finger.begin({}), full_pull)
     found = [explicit_limit(finger, hood, state, dt) for dt in (1e-6, 1e-3)]
     assert found[0] == pytest.approx(2 * np.sqrt(INERTIA / STIFFNESS), rel=1e-4)
-    assert found[1] == pytest.approx(unstable_from(), rel=0.02)
+    assert found[1] == pytest.approx(stability_limit(), rel=0.02)
     slack = replace(hood, stiffness=np.zeros((1, 1)))
     assert explicit_limit(finger, slack, state, 1e-3) == np.inf
 

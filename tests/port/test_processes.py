@@ -70,7 +70,7 @@ def count(memory: Memory, step: int) -> int:
 def test_results_come_in_order_and_a_batch_stays_in_one_process(workers: int) -> None:
     with process_pool(workers) as pool:
         assert list(pool.in_order(slow_square, range(4))) == [0, 1, 4, 9]
-        ended = list(pool.as_ended(process_of, ["ab", "c"]))
+        ended = list(pool.as_completed(process_of, ["ab", "c"]))
         by_name = dict(ended)
         assert by_name.keys() == set("abc")
         assert by_name["a"] == by_name["b"]
@@ -79,7 +79,7 @@ def test_results_come_in_order_and_a_batch_stays_in_one_process(workers: int) ->
 
 def test_a_process_without_work_takes_over_half_of_a_batch() -> None:
     with process_pool(2) as pool:
-        ended = list(pool.as_ended(slow_process_of, ["abcdef"]))
+        ended = list(pool.as_completed(slow_process_of, ["abcdef"]))
     assert sorted(name for name, _ in ended) == list("abcdef")
     assert len({process for _, process in ended}) == 2
 

@@ -140,8 +140,8 @@ def test_what_a_case_says_reaches_the_cylinder_and_is_written_again(tmp_path: Pa
     )  # fmt: skip
     assert live.command(0.0) == pytest.approx([9.0])
     assert live.command(0.1) == pytest.approx([10.0])  # no more than the valve's range
-    assert live.reaching(0.01) == pytest.approx([9.0])
-    assert live.reaching(0.025) == pytest.approx([9.45])
+    assert live.voltages_at(0.01) == pytest.approx([9.0])
+    assert live.voltages_at(0.025) == pytest.approx([9.45])
     path = tmp_path / "again.toml"
     path.write_text(resolved_toml(case))
     assert load_case(path).tendons == case.tendons

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.validation.clamped import DIFFERENCES, FORCE, measured_differences, qiu_force
-from cosim.validation.measured import Measured, read_measured, values_by
+from cosim.validation.measured import Measured, read_measured, values_of
 from cosim.validation.plan import groups, rows_of, split_answers
 from cosim.validation.ratios import FLEXORS, INTRINSICS
 from tests.helpers.folders import CASE_DATA
@@ -75,7 +75,7 @@ def test_the_printed_forces_agree_with_the_digitised_arms():
         if side == ["distal"]:
             bend = np.radians(sum(map(float, m.posture.split("/"))))
             x, z = qiu_force(m.posture, measured_differences(muscle, m.posture))
-            dorsal = values_by("qiu2017", m.posture)[f"force.{muscle}.dorsal"]
+            dorsal = values_of("qiu2017", m.posture)[f"force.{muscle}.dorsal"]
             distal = np.cos(bend) * x - np.sin(bend) * z
             assert abs(distal - m.value) < 2, (muscle, m.posture)
             assert abs(np.sin(bend) * x + np.cos(bend) * z - dorsal) < 2, (muscle, m.posture)

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.results.compare import Comparison, Target
-from cosim.validation.mesh import VERDICTS, Change, changes, on_finer_meshes, tally
+from cosim.validation.mesh import VERDICTS, Change, changes, refine_meshes, tally
 from cosim.validation.run import Board, choose_groups
 from tests.helpers.folders import ROOT
 
@@ -77,7 +77,7 @@ def test_a_trial_that_failed_on_the_finer_mesh_has_no_value_and_the_misses_come_
 
 def test_only_hoods_that_are_generated_are_laid_out_anew():
     before = choose_groups(None, Path("mi29.feb"))
-    finer = on_finer_meshes(before, 2400)
+    finer = refine_meshes(before, 2400)
     assert [g.name for g in finer] == [g.name for g in before if g.name != "published hood"]
     trials = {t.name: t for g in finer for t in g.trials}
     assert set(trials) == {

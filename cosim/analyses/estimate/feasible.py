@@ -47,7 +47,7 @@ class ForceSet:
 
     def outline(self, first: int, second: int) -> Array:
         """What the set's shadow along the other component is bounded by (p, 2) N, in order."""
-        return _around(self.vertices[:, [first, second]])
+        return _hull_corners(self.vertices[:, [first, second]])
 
     def section(self, first: int, second: int) -> Array:
         """The forces with no other component (p, 2) N, in order; none: (0, 2)."""
@@ -57,7 +57,7 @@ class ForceSet:
         inside = _inside(cut)
         if inside is None:
             return np.zeros((0, 2))
-        return _around(HalfspaceIntersection(cut, inside).intersections)
+        return _hull_corners(HalfspaceIntersection(cut, inside).intersections)
 
 
 def force_set(demand: Demand, tension: Array, at: Torques, bounds: Bounds) -> ForceSet:
@@ -108,7 +108,7 @@ def _inside(halfspaces: Array) -> Array | None:
     return np.array(solution.x[:-1])
 
 
-def _around(points: Array) -> Array:
+def _hull_corners(points: Array) -> Array:
     hull = ConvexHull(points)
     corners: Array = points[hull.vertices]
     return corners

@@ -202,7 +202,7 @@ class HoodStudies:
             "axis that halves the angle between the phalanges; PIP alone, MCP and DIP straight. "
             "Hollow marks: on the way back from 90 deg. Grey: Buchner's parabola 5 - 2.42 PIP "
             "(mm, rad), an assumption with the right ends of the range of motion and no "
-            f"measurement; nobody seems to have measured the shift in mm. {_sinking(heights)}"
+            f"measurement; nobody seems to have measured the shift in mm. {_sinking_text(heights)}"
             " Middle: glide of the terminal slip's proximal end along the middle phalanx, right: "
             "that of the lateral bands at the PIP along the proximal phalanx, mean of both sides, "
             "distally, from the straight finger. Schweitzer and Rayan 2004 II (56 digits): the "
@@ -500,7 +500,7 @@ def sagittal_table(poses: Sequence[SolvedPose]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _sinking(heights: pd.DataFrame) -> str:
+def _sinking_text(heights: pd.DataFrame) -> str:
     """How the bands' mean height changes with flexion, and comes back, in words."""
     out = []
     for load, part in heights.groupby("load", sort=False):

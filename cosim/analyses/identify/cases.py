@@ -73,7 +73,7 @@ def stated_cases(
                 f"{path}: with tables [{CASES}.NAME] expected one CASE, their base, not "
                 f"{', '.join(map(str, names))}; a table states another base with `from`"
             )
-        return _of_tables(Path(str(path)), tables, find_case(names[0]), settings)
+        return _cases_of_tables(Path(str(path)), tables, find_case(names[0]), settings)
     cases = tuple(StatedCase(s.stem, s, settings) for s in map(find_case, names))
     twice = sorted({c.name for i, c in enumerate(cases) if c.name in [d.name for d in cases[:i]]})
     if twice:
@@ -83,20 +83,20 @@ def stated_cases(
     return cases
 
 
-def _of_tables(
+def _cases_of_tables(
     path: Path, tables: dict[str, Any], base: Path, settings: Settings
 ) -> tuple[StatedCase, ...]:
     cases, faults = [], []
     for name, table in tables.items():
         try:
-            cases.append(_of_table(f"{path}: {CASES}.{name}", name, table, path, base, settings))
+            cases.append(_read_table(f"{path}: {CASES}.{name}", name, table, path, base, settings))
         except InputError as error:
             faults.append(str(error))
     raise_faults(faults)
     return tuple(cases)
 
 
-def _of_table(
+def _read_table(
     place: str, name: str, table: Any, path: Path, base: Path, settings: Settings
 ) -> StatedCase:
     if not isinstance(table, dict) or set(table) - {"from", "set"}:
@@ -127,7 +127,7 @@ def fit_cases(
     Raises InputError with every fault: of the cases, of parameters that a case does not take, of
     rows."""
     faults: list[str] = []
-    frees = [free for case in stated for free in _free_of(case, path, faults)]
+    frees = [free for case in stated for free in _free_parameters(case, path, faults)]
     if len(frees) == len(stated):
         faults += _faults_of_parameters(stated, frees)
     faults += _faults_of_rows([c.name for c in stated], targets, held_out)
@@ -135,7 +135,7 @@ def fit_cases(
     return assign_rows(stated, frees, targets, held_out)
 
 
-def _free_of(case: StatedCase, path: Path | None, faults: list[str]) -> Iterator[Free]:
+def _free_parameters(case: StatedCase, path: Path | None, faults: list[str]) -> Iterator[Free]:
     try:
         loaded = case.load()
         yield free_built_in(loaded) if path is None else read_free(path, loaded)

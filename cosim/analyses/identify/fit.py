@@ -420,7 +420,7 @@ class _Search:
         self.solves += sum(
             len(stencil) for stencil, serves in zip(ends, self.serves, strict=True) if not serves
         )
-        outcomes = self.workers.solve_beside(
+        outcomes = self.workers.solve_nearby(
             [self.trial(case, x) for case in self.cases],
             [[self.trial(case, end) for end in stencil] for case, stencil in each],
         )

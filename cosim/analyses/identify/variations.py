@@ -19,10 +19,10 @@ from cosim.schema import units
 
 def variations(case: Case) -> tuple[Variation, ...]:
     """All that this study varies, in a fixed order; what does not apply to the case says why."""
-    return (*KINDS[case.hood.kind].variations(case.hood), *_of_finger(case))
+    return (*KINDS[case.hood.kind].variations(case.hood), *_finger_variations(case))
 
 
-def _of_finger(case: Case) -> Iterator[Variation]:
+def _finger_variations(case: Case) -> Iterator[Variation]:
     if not case.finger.is_native:
         yield no_variation("posture", "the finger is an FMU, which holds its posture")
         return

@@ -58,7 +58,7 @@ def read_tensions(path: Path, named: Mapping[str, str]) -> TensionTable:
             )
     columns = dict(named)
     for tendon in TENDONS:
-        like = [c for c in table.columns if _is_called(c, tendon)]
+        like = [c for c in table.columns if _is_label_of(c, tendon)]
         if tendon not in named and len(like) > 1:
             raise InputError(
                 f"{path}: {tendon} could be {' or '.join(like)}; say which with "
@@ -146,7 +146,7 @@ def _check_span(table: StoTable, base: str) -> None:
         )
 
 
-def _is_called(column: str, tendon: str) -> bool:
+def _is_label_of(column: str, tendon: str) -> bool:
     """Whether a label is a tendon's, as OpenSim or as `cosim sto` writes it."""
     name, _, output = column.partition("|")
     muscle = name.rpartition("/")[2].lower()

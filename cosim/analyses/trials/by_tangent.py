@@ -47,7 +47,7 @@ def predict_summary(
     """The summary of `case`, to first order, from a solved case that differs little from it; None
     where its bones stand elsewhere or its mesh has other quads.  Without `arms` the moment arms by
     force, which cost most of it, are those of the solved case."""
-    fresh = _beside(case, models, states)
+    fresh = _matching_models(case, models, states)
     if fresh is None:
         return None
     near = _transfer_states(case, (models, fresh), states, FeHood.near, arms)
@@ -59,14 +59,14 @@ def solve_from(
 ) -> tuple[Models, States] | None:
     """The equilibria of `case` by Newton's method from those of a solved case; None and `arms` as
     of `predict_summary`.  Reciprocity is not audited.  Raises ConvergenceError."""
-    fresh = _beside(case, models, states)
+    fresh = _matching_models(case, models, states)
     if fresh is None:
         return None
     reached = _transfer_states(case, (models, fresh), states, FeHood.solve_from, arms)
     return fresh, replace(reached, reciprocity=None)
 
 
-def _beside(case: Case, models: Models, states: States) -> Models | None:
+def _matching_models(case: Case, models: Models, states: States) -> Models | None:
     """Models of `case` where a hood of theirs can follow from the solved one."""
     fresh = build(case)
     held = fresh.finger.motion(fresh.finger.start(fresh.posture))

@@ -67,7 +67,7 @@ class CaseWorkers:
             )
         return {i: future.result() for i, future in asked.items()}
 
-    def solve_beside(
+    def solve_nearby(
         self, around: Sequence[Settings], beside: Sequence[Sequence[Settings]]
     ) -> list[list[Trial]]:
         """Outcomes, by case, of settings that differ little from those `around`: by the tangent
@@ -157,10 +157,10 @@ def solve_many(
         outcome = solve_one(kept, name, source, around, arms, afresh=False)
         if outcome.status != "converged":
             return [outcome] * len(beside)
-    return [outcome_of(partial(_beside, kept[name], source, s, arms)) for s in beside]
+    return [outcome_of(partial(_solve_nearby, kept[name], source, s, arms)) for s in beside]
 
 
-def _beside(solved: SolvedCase, source: Path, settings: Settings, arms: bool) -> Summary:
+def _solve_nearby(solved: SolvedCase, source: Path, settings: Settings, arms: bool) -> Summary:
     """The summary by the tangent; where the mesh changes by Newton's method from the solved case,
     because the nodes' coordinates are rounded; from scratch where neither serves."""
     case = load_case(source, settings)

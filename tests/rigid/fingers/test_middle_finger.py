@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.analyses.moment_arms import own_arms
+from cosim.analyses.moment_arms import native_arms
 from cosim.case.file import load_case
 from cosim.fingers.middle import KIND
 from cosim.models.build import build
@@ -71,5 +71,5 @@ def test_a_case_chooses_its_path_in_split_and_hood(
     case = load_case(name, [f'finger.interosseous="{source}"', *settings])
     proximal = RADIAL_INTEROSSEOUS[source][0]  # type: ignore[index]
     assert KIND.eyelets(case.finger)["RI"] == pytest.approx(O2O3 * np.array(proximal))
-    arm = own_arms(build(case), {"MCP": np.radians(30.0)})[muscle][0]
+    arm = native_arms(build(case), {"MCP": np.radians(30.0)})[muscle][0]
     assert 1e3 * arm == pytest.approx(at_mcp("RI", source, 30)[0], abs=1e-6)
