@@ -21,7 +21,7 @@ CEILINGS = {
     "cosim/fingers": 1249,
     "cosim/fmu": 1544,
     "cosim/fmu_export": 1300,
-    "cosim/hoods": 4150,
+    "cosim/hoods": 4158,
     "cosim/kernels": 216,
     "cosim/models": 684,
     "cosim/papers": 3443,
@@ -37,10 +37,10 @@ CEILINGS = {
     "fe_solver/elements": 1274,
     "fe_solver/febio": 2882,
     "fe_solver/forces": 1080,
-    "fe_solver/hood": 1254,
+    "fe_solver/hood": 1270,
     "fe_solver/job": 1867,
     "fe_solver/materials": 1719,
-    "fe_solver/solver": 2587,
+    "fe_solver/solver": 2624,
     "fe_solver/surfaces": 1170,
     "fe_solver/verification": 5958,
     "meshes": 2917,
@@ -56,7 +56,7 @@ CEILINGS = {
     "rigid/opensim": 1788,
     "rigid/papers": 3426,
     "rigid/verification": 2507,
-    "tests": 40616,
+    "tests": 40619,
 }
 
 

@@ -53,6 +53,8 @@ class FeView:
     """m by side, of the lateral bands over the PIP's axis (`meshes.bands`), positive dorsally."""
     ropes: Mapping[str, Array]
     """(3, 3) m by tendon, of `rope_lines`."""
+    iterations: int
+    """Newton iterations since the hood's start."""
 
     def lines(self) -> Mapping[str, Array]:
         """(k, 3) m by name, what pictures draw of it as lines."""
@@ -148,6 +150,7 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
         ),
         band_height=band_heights(lines.bands, c.x, c.position, c.rotation, lines.axis),
         ropes=rope_lines(hood, state),
+        iterations=state.iterations,
     )
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from cosim.errors import ConvergenceError, InputError, say
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import rope_travel, wrenches
+from fe_solver.solver.continuation import Attempt, first_success
 from fe_solver.solver.mixed_steps import Prediction, predict_motion
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
@@ -36,6 +38,7 @@ ON_THE_WAY = 1e-3
 MOST_HALVINGS = 4
 DETOUR_TENSION = 6.0
 """Added to every tension (N) on a detour: a sheet that folds in a joint when slack is then taut."""
+IN_STEPS = "in steps"
 SOFT_START = NewtonOptions(tolerance=1e-2)
 """Options for the equilibrium on softer contact that leads to the one that is sought."""
 
@@ -62,6 +65,9 @@ class HoodState:
     solution: Solution | None = None
     iterations: int = 0
     """Newton iterations since the start."""
+    attempt: str = ""
+    """Which attempt of `ShellHood` converged here; empty in a state that was not solved or was
+    read."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +124,7 @@ class ShellHood:
             raise InputError(
                 f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
             )
-        return self.response(self._solve_with_detour(state, motion, tension))
+        return self.response(self._reach(state, motion, tension))
 
     def response(self, state: HoodState) -> Response:
         """What a solved state does to the bodies."""
@@ -246,26 +252,56 @@ class ShellHood:
         moved = m.move_bodies(moved, motion.position, motion.rotation)
         return predict_motion(m, c, e, step, twist, moved)
 
-    def _solve_with_detour(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
-        """The equilibrium, reached taut where the slack sheet would fold on the way.  There is no
-        such way with friction, which would keep what the detour pulled."""
-        try:
-            return self._solve_in_steps(state, motion, tension)
-        except ConvergenceError as error:
+    def _reach(
+        self,
+        state: HoodState,
+        motion: Motion,
+        tension: Array,
+        halvings: int | None = None,
+        drift: _Drift | None = None,
+    ) -> HoodState:
+        """The state of the first of the `_attempts` that converges, with that one's name."""
+        name, reached = first_success(self._attempts(state, motion, tension, halvings, drift))
+        return reached if name == IN_STEPS else replace(reached, attempt=name)
+
+    def _attempts(
+        self,
+        state: HoodState,
+        motion: Motion,
+        tension: Array,
+        halvings: int | None,
+        drift: _Drift | None,
+    ) -> Iterator[Attempt[HoodState]]:
+        """What is tried in turn to reach `motion` under `tension` (nt,) N.
+
+        The whole way (without `halvings`): in steps, then by a detour on which the sheet is taut
+        and does not fold.  There is no such way with friction, which would keep what the detour
+        pulled.  One step of it: at once with the drift of the step before, without it, half of it
+        first, and where no halving is left by a damped motion."""
+        to = state, motion, tension
+        if halvings is None:
+            yield Attempt(IN_STEPS, partial(self._solve_in_steps, *to))
             rubs = any(k.friction for k in self.model.contacts)
-            if rubs or tension.min(initial=np.inf) > DETOUR_TENSION:
-                raise
-            try:
-                taut = self._solve_in_steps(state, motion, tension + DETOUR_TENSION)
-                return self._solve_in_steps(taut, motion, tension)
-            except ConvergenceError:
-                raise error from None
+            if not rubs and tension.min(initial=np.inf) <= DETOUR_TENSION:
+                yield Attempt("by a taut detour", partial(self._solve_by_detour, *to), False)
+            return
+        if drift is not None:
+            yield Attempt("with the drift before", partial(self._solve_once, *to, drift))
+        yield Attempt("at once", partial(self._solve_once, *to))
+        if halvings:
+            yield Attempt("in halves", partial(self._solve_in_halves, *to, halvings))
+        else:
+            yield Attempt("by a damped motion", partial(self._relax, *to), False)
+
+    def _solve_by_detour(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+        taut = self._solve_in_steps(state, motion, tension + DETOUR_TENSION)
+        return self._solve_in_steps(taut, motion, tension)
 
     def _solve_in_steps(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
         """Solve at `motion` and, where that is far, on the way there, loosely unless friction holds
         what it meets; a sheet stretched in situ is balanced first where it was laid out."""
         if self.stretched and state.solution is None:
-            state = self._solve_or_halve(state, state.motion, tension, MOST_HALVINGS)
+            state = self._reach(state, state.motion, tension, MOST_HALVINGS)
         begin, before = state.motion, state.solution.tension if state.solution else tension
         steps = int(np.ceil(_largest_turn(begin, motion) / self.leap))
         remembers, drift = self.augment is not None, None
@@ -273,34 +309,20 @@ class ShellHood:
         for part in np.arange(1, steps) / max(steps, 1):
             pull = before + part * (tension - before)
             there = interpolate_motion(begin, motion, part)
-            reached = way._solve_or_halve(state, there, pull, MOST_HALVINGS, drift)
+            reached = way._reach(state, there, pull, MOST_HALVINGS, drift)
             if not remembers:
                 drift = _Drift.of(reached.configuration, self._carry(state.configuration, there))
             state = reached
-        return self._solve_or_halve(state, motion, tension, MOST_HALVINGS, drift)
+        return self._reach(state, motion, tension, MOST_HALVINGS, drift)
 
-    def _solve_or_halve(
-        self,
-        state: HoodState,
-        motion: Motion,
-        tension: Array,
-        halvings: int,
-        drift: _Drift | None = None,
+    def _solve_in_halves(
+        self, state: HoodState, motion: Motion, tension: Array, halvings: int
     ) -> HoodState:
-        """Solve at once, and where that fails without the drift, then half the way first; at last
-        by a damped motion."""
-        try:
-            return self._solve_once(state, motion, tension, drift)
-        except ConvergenceError as error:
-            if drift is not None:
-                return self._solve_or_halve(state, motion, tension, halvings)
-            if halvings == 0:
-                return self._relax(state, motion, tension, error)
         say(f"the hood finds no equilibrium in one step; half of it first ({halvings} are left)")
         before = state.solution.tension if state.solution else 0.0 * tension
         half = interpolate_motion(state.motion, motion, 0.5)
-        middle = self._solve_or_halve(state, half, (before + tension) / 2, halvings - 1)
-        return self._solve_or_halve(middle, motion, tension, halvings - 1)
+        middle = self._reach(state, half, (before + tension) / 2, halvings - 1)
+        return self._reach(middle, motion, tension, halvings - 1)
 
     def _solve_once(
         self, state: HoodState, motion: Motion, tension: Array, drift: _Drift | None = None
@@ -329,15 +351,9 @@ class ShellHood:
             return guess, SOFT_START.max_iterations
         return s.configuration, s.iterations
 
-    def _relax(
-        self, state: HoodState, motion: Motion, tension: Array, error: ConvergenceError
-    ) -> HoodState:
-        guess = self._carry(state.configuration, motion)
-        try:
-            c = relax(self.model, guess, tension)
-            s = self._equilibrium(state, c, tension)
-        except ConvergenceError:
-            raise error from None
+    def _relax(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+        c = relax(self.model, self._carry(state.configuration, motion), tension)
+        s = self._equilibrium(state, c, tension)
         return HoodState(motion, s.configuration, s, state.iterations + s.iterations)
 
     def _equilibrium(

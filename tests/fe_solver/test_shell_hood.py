@@ -295,6 +295,7 @@ def test_where_newton_finds_nothing_a_damped_motion_comes_to_rest(
     monkeypatch.setattr("fe_solver.hood.shell_hood.MOST_HALVINGS", 0)
     found = hood.advance(solved.state, motion, 1.1 * TENSION, STATIC)
     assert found.load.wrench == pytest.approx(known.load.wrench, abs=1e-9)
+    assert (known.state.attempt, found.state.attempt) == ("at once", "by a damped motion")
 
 
 def test_a_hood_that_nothing_holds_is_refused(motion):
