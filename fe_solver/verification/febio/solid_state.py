@@ -9,7 +9,8 @@ import numpy as np
 from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.springs import node_spring_state, spring_state
-from fe_solver.job.solve import Effort, JobState, forces_by_set
+from fe_solver.job.solve import JobState, forces_by_set
+from fe_solver.solver.continuation import Effort
 from fe_solver.solver.fields import Fields
 from fe_solver.solver.model import Configuration
 from fe_solver.vectors import cross
