@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,19 +17,24 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from cosim.hoods.supports import ContactConfig
+    from fe_solver.job.job import Job
     from fe_solver.job.solve import JobResult, JobState
     from fe_solver.verification.febio.compare import ComparedQuantity, ModelComparison, ModelRun
 
 Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
 QUADS = (500, 2000, 8000)
-NO_LIMIT, PENETRATION = "none", "2 um"
+NO_LIMIT = "none"
+PENETRATION = 2e-6
+"""m, the largest of our own shell where none is asked for."""
 
 
 class ShellElement(StrEnum):
-    """What a model is solved with."""
+    """What a model is solved with: FEBio's own shell and contact, or ours; `auto` is FEBio's where
+    it covers the model."""
 
-    SHELL = "shell"
+    AUTO = "auto"
     Q4ANS = "q4ans"
+    SHELL = "shell"
 
 
 def solve(
@@ -45,8 +49,8 @@ def solve(
     penetration: Annotated[
         str | None,
         typer.Option(
-            help='Largest penetration of contact, or "none" for a penalty alone; else 2 um, and '
-            "of q4ans none."
+            help='Largest penetration of contact, or "none" for a penalty alone; else 2 um of our '
+            "own shell, and none of q4ans."
         ),
     ] = None,
     length_unit: Annotated[str, typer.Option(help="The file's unit of length.")] = "mm",
@@ -54,18 +58,26 @@ def solve(
         str, typer.Option(help="Of the grids that the bodies' distances are baked on.")
     ] = "0.25 mm",
     element: Annotated[
-        ShellElement, typer.Option(help="Our shell, or FEBio's shell and contact as documented.")
-    ] = ShellElement.SHELL,
+        ShellElement,
+        typer.Option(
+            help="FEBio's shell and contact as documented (q4ans), our own shell, or the first "
+            "where it covers the model (auto)."
+        ),
+    ] = ShellElement.AUTO,
     own_shell: Annotated[
-        bool, typer.Option("--own-shell", help="Bend and touch as thin sheets do, not as FEBio's.")
+        bool,
+        typer.Option("--own-shell", help="As --element shell: bend and touch as thin sheets do."),
     ] = False,
     mid_surface: Annotated[
-        bool, typer.Option("--mid-surface", help="Springs, ties and loads act on the mid-surface.")
+        bool,
+        typer.Option(
+            "--mid-surface",
+            help="Our own shell, with springs, ties and loads on its mid-surface.",
+        ),
     ] = False,
 ) -> None:
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
     with exit_on_error():
-        from cosim.schema.units import LENGTH, parse
         from fe_solver.febio.read import read_feb
         from fe_solver.job.mid_surface import move_to_mid_surface
         from fe_solver.job.model import JobOptions
@@ -75,33 +87,66 @@ def solve(
 
         folder = out or Path("runs") / model.stem
         check_folder(folder, SUMMARY)
-        solid = element == ShellElement.Q4ANS
-        if solid and (own_shell or mid_surface):
+        given = {
+            "--element shell": element == ShellElement.SHELL,
+            "--own-shell": own_shell,
+            "--mid-surface": mid_surface,
+        }
+        asked = [option for option, is_given in given.items() if is_given]
+        if asked and element == ShellElement.Q4ANS:
             raise InputError(
                 "--own-shell and --mid-surface are of our own shell: leave them out, or --element "
                 "q4ans"
             )
-        deepest = penetration or (NO_LIMIT if solid else PENETRATION)
-        try:
-            limit = None if deepest == NO_LIMIT else parse(deepest, LENGTH)
-            unit, grid = parse(f"1 {length_unit}", LENGTH), parse(spacing, LENGTH)
-        except ValueError as error:
-            raise InputError(str(error)) from error
-        job = replace(read_feb(model, unit), as_febio=not own_shell)
+        unit, grid = _length(f"1 {length_unit}"), _length(spacing)
+        limit = None if penetration in (None, NO_LIMIT) else _length(penetration)
+        job = read_feb(model, unit)
+        why = _why_own_shell(job, element, asked)
+        if why and penetration is None:
+            limit = PENETRATION
+        options = JobOptions(penetration=limit, spacing=grid)
+        ways, times = alternatives(job), spread_times(job, until, states)
         if mid_surface:
             job = move_to_mid_surface(job)
-        options, times = (
-            JobOptions(penetration=limit, spacing=grid),
-            spread_times(job, until, states),
-        )
         with stages(model.name) as told:
             told.say(f"solving {len(job.quads)} elements")
-            if solid:
-                result = solve_solid(job, options=options, times=times)
-            else:
-                result = solve_job(job, options=options, times=times, ways=alternatives(job))
+            result: JobResult = (
+                solve_job(job, options=options, times=times, ways=ways)
+                if why
+                else solve_solid(job, options=options, times=times)
+            )
         _show(result)
         typer.echo(f"results in {write_job(folder, result)}")
+
+
+def _length(text: str) -> float:
+    """m of a length with its unit.  Raises InputError."""
+    from cosim.schema.units import LENGTH, parse
+
+    try:
+        return parse(text, LENGTH)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
+def _why_own_shell(job: Job, element: ShellElement, asked: Sequence[str]) -> list[str]:
+    """Say what a job is solved with and why; the reasons for our own shell, none for FEBio's."""
+    from fe_solver.verification.febio.solid_model import obstacles
+
+    if asked:
+        typer.echo(f"element: our own shell, since {' and '.join(asked)} asks for it")
+        return [*asked]
+    if element == ShellElement.Q4ANS:
+        typer.echo("element: FEBio's shell and contact, since --element q4ans asks for them")
+        return []
+    reasons = obstacles(job)
+    if not reasons:
+        typer.echo("element: FEBio's shell and contact (q4ans), which cover all of the model")
+        return []
+    typer.echo("element: our own shell, since FEBio's (q4ans) does not cover all of the model:")
+    for reason in reasons:
+        typer.echo(f"  {reason}")
+    return reasons
 
 
 def _show(result: JobResult) -> None:
@@ -224,29 +269,23 @@ def bench_fe(quads: Sequence[int] = QUADS) -> dict[str, float]:
 def bench_febio(folder: Path | None, spacing: str) -> dict[str, float]:
     """Print our answers and costs beside FEBio's; the ratios of the costs by name, where FEBio's
     are known.  Raises CosimError."""
-    from cosim.schema.units import LENGTH, parse
     from fe_solver.verification.febio.compare import compare
     from fe_solver.verification.febio.figures import SOURCE
 
     if folder is None:
         raise InputError("bench febio: name the folder of the models with --models")
-    try:
-        grid = parse(spacing, LENGTH)
-    except ValueError as error:
-        raise InputError(str(error)) from error
+    grid = _length(spacing)
     screen = console()
-    typer.echo("bench: solving each model in three ways; many minutes", err=True)
+    typer.echo("bench: solving each model in two ways; many minutes", err=True)
     ratios: dict[str, float] = {}
     for found in compare(folder, grid):
         ratios |= _print_comparison(screen, found)
     screen.print(f"FEBio's figures: {SOURCE}.")
     screen.print(
         "In brackets: differences from FEBio's figure, or where there is none from q4ans; of "
-        "displacements in % of the largest one.  cosim solve: our shell with FEBio's bending "
-        "(thickness strain constant through the thickness, no shear correction) and contact (at "
-        "the facets' Gauss points).  --element q4ans: FEBio's element and contact.  All contact by "
-        "a penalty alone.  Verdicts: agrees: our own shell, within 3 %; formulation: not that, but "
-        "q4ans (or cosim solve, if that is missing) is; differs: neither."
+        "displacements in % of the largest one.  --element q4ans: FEBio's element and contact.  "
+        "All contact by a penalty alone.  Verdicts: agrees: our own shell, within 3 %; "
+        "formulation: not that, but q4ans is; differs: neither."
     )
     return ratios
 
@@ -262,7 +301,7 @@ def _print_comparison(screen: Console, found: ModelComparison) -> dict[str, floa
         table.add_column(name, justify="left" if name == "quantity" else "right")
     table.add_column("verdict")
     for r in found.rows:
-        values = (_beside(r, v) for v in (r.own, r.shell, r.q4ans, r.febio))
+        values = (_beside(r, v) for v in (r.own, r.q4ans, r.febio))
         table.add_row(r.quantity, *values, r.verdict)
     screen.print(table)
     costs = {

@@ -117,7 +117,7 @@ def solve_published_hood(path: str | Path, moduli: Moduli, pull: float) -> Publi
             f"with {QUADS} shell elements and the bodies {', '.join(BODIES)}"
         )
     job = _with_adhesions(_scale_pull(_with_moduli(job, moduli), pull))
-    job = replace(job, as_febio=False, fibre=_along(job))
+    job = replace(job, fibre=_along(job))
     (state,) = solve_job(job, times=[1.0]).states
     return _observe(job, state)
 

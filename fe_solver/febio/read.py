@@ -38,7 +38,6 @@ from fe_solver.febio.notes import collect_notes
 from fe_solver.febio.parts import FebShells, Parts, read_parts
 from fe_solver.febio.xml import FebTag, read_xml
 from fe_solver.job.checks import check_mesh, within
-from fe_solver.job.febio_like import bending_notes
 from fe_solver.job.job import Body, ContactPair, Job, ShellPart, Step
 
 CONTACTS = ("sliding-elastic", "sliding-facet-on-facet", "sliding-node-on-facet")
@@ -87,8 +86,7 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     curves = read_curves(root.one("LoadData"))
     model = Model(mesh, units, materials, rigid, shell, body, curves, notes)
     job = _job(path.stem, model, parts, sections)
-    notes += bending_notes(job)
-    return replace(job, notes=collect_notes(root, notes), as_febio=True)
+    return replace(job, notes=collect_notes(root, notes))
 
 
 class _Sections:

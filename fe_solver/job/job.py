@@ -161,9 +161,7 @@ class Job:
     `part` (ne,); at their corners the `thickness` (ne, 4) m and the `height` (ne, 4) m by which the
     mid-surface lies off the nodes along the director (normal right-handed about the corners);
     `fibre` (ne, 3) unit directions.  `notes` list what the file holds and this model leaves
-    out.  `as_febio`: the sheet bends, shears in its plane and comes into contact as FEBio's
-    shells do (see `febio.like`), which is what a FEBio file asks for and not what a thin sheet
-    does."""
+    out."""
 
     name: str
     points: Array
@@ -185,7 +183,6 @@ class Job:
     contacts: tuple[ContactPair, ...] = ()
     steps: tuple[Step, ...] = ()
     notes: tuple[str, ...] = ()
-    as_febio: bool = False
 
     def node(self, index: int) -> str:
         """A node as its user knows it."""

@@ -23,7 +23,6 @@ from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import ForceCurve, NodeSprings, Springs
 from fe_solver.job.checks import check_job
 from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
-from fe_solver.job.febio_like import facet_lift, febio_patch
 from fe_solver.job.job import STILL, ZERO, Body, ContactPair, Job, SpringSet
 from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
 from fe_solver.materials.section import Patch, Section, join_sections
@@ -133,6 +132,7 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
     """Raises InputError for what `check_job` finds, for conditions that contradict each other, and
     for surfaces that have no inside."""
     check_job(job)
+    check_supports(job)
     directors = node_directors(job.points, job.quads)
     ties = _ties(job, directors)
     guides, carriers = _guides(job, directors, ties.node)
@@ -143,7 +143,6 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
         job.fibre,
         in_situ_growth(_in_situ(job)),
         job.height,
-        bilinear=job.as_febio,
     )
     base = ShellModel(
         job.quads,
@@ -179,7 +178,7 @@ def _section(job: Job) -> Section:
         for own, part in zip(of_part, job.parts, strict=True)
         if len(own)
     ]
-    return join_sections([febio_patch(p) for p in patches] if job.as_febio else patches)
+    return join_sections(patches)
 
 
 def _origin(job: Job, bodies: Ints) -> Array:
@@ -190,16 +189,18 @@ def _ties(job: Job, directors: Array) -> Ties:
     clamps = [t for t in job.tied if t.clamped]
     node = np.concatenate([np.zeros(0, dtype=np.intp), *[t.nodes for t in clamps]])
     body = np.repeat([t.body for t in clamps], [len(t.nodes) for t in clamps]).astype(np.intp)
-    _once(job, np.concatenate([node, *[t.nodes for t in job.tied if not t.clamped]]))
     return Ties(node, body, job.points[node] - _origin(job, body), directors[node])
 
 
-def _once(job: Job, nodes: Ints) -> None:
-    unique, times = np.unique(nodes, return_counts=True)
+def check_supports(job: Job) -> None:
+    """Raises InputError where a node is tied twice, or a displacement given twice and not alike."""
+    tied = [np.zeros(0, dtype=np.intp), *[t.nodes for t in job.tied]]
+    unique, times = np.unique(np.concatenate(tied), return_counts=True)
     if (times > 1).any():
         raise InputError(
             f"{job.name}: {job.node(unique[times > 1][0])} is tied twice; tie each node to one body"
         )
+    _drives(job, unique)
 
 
 def _guides(job: Job, directors: Array, tied: Ints) -> tuple[Guides, tuple[Body, ...]]:
@@ -338,8 +339,6 @@ def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> C
     # how far the face that is meant lies beyond the nodes, towards the body
     beyond = pair.side[:, None] * job.height[pair.quads] + job.thickness[pair.quads] / 2
     offset = pair.gap + corner_means(quads, beyond, len(job.points))[nodes]
-    if job.as_febio:
-        offset = offset + facet_lift(job, pair)[nodes]
     return Contact(
         pair.body,
         _surface(job, pair, float(offset.max(initial=0.0)), options),

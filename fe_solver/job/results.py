@@ -69,6 +69,7 @@ def summary(result: JobResult) -> dict[str, Any]:
     e = result.effort
     return {
         "job": result.job.name,
+        "element": result.element,
         "nodes": len(result.job.points),
         "elements": len(result.job.quads),
         "states": [state_summary(result.job, s) for s in result.states],

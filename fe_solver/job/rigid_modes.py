@@ -12,7 +12,9 @@ a flat face is not quite flat, and its ripples hold the sheet where it was put.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,41 +88,68 @@ def _is_spanned(e: Array, directions: Array) -> bool:
     return bool(np.linalg.norm(basis @ e) > 1 - SAME)
 
 
+def unsupported(job: Job, time: float, motions: Sequence[FreeMotions]) -> InputError:
+    """The error, naming the piece, the time and the motions, for an equilibrium of a job that
+    leaves the sheet free to move: a piece of it as a rigid body where there are such `motions`."""
+    what = "the sheet can move"
+    if motions:
+        free = motions[0]
+        more = "" if free.pieces == 1 else f", one of {free.pieces} pieces,"
+        what = f"the sheet of {job.node(free.nodes[0])}{more} can {free.words()}"
+    return InputError(
+        f"{job.name}: at t = {time:.6g} {what}, and nothing resists it: the answer would be one of "
+        "many. Tie it to a body, hold more of its displacements, or give it springs that are taut"
+    )
+
+
 def require_supports(
     job: Job, time: float, model: ShellModel, c: Configuration, e: Evaluation
 ) -> None:
-    """Raises InputError, naming the piece, the time and the motions, where an equilibrium of a job
-    with its tangent leaves a piece of the sheet free to move as a rigid body."""
-    for free in rigid_freedoms(model, c, e):
-        more = "" if free.pieces == 1 else f", one of {free.pieces} pieces,"
-        raise InputError(
-            f"{job.name}: at t = {time:.6g} the sheet of {job.node(free.nodes[0])}{more} can "
-            f"{free.words()}, and nothing resists it: the answer would be one of many. Tie it to a "
-            "body, hold more of its displacements, or give it springs that are taut"
-        )
+    """Raises InputError as `unsupported` says, where an equilibrium of a job with its tangent
+    leaves a piece of the sheet free to move as a rigid body."""
+    motions = rigid_freedoms(model, c, e)
+    if motions:
+        raise unsupported(job, time, motions)
 
 
 def rigid_freedoms(model: ShellModel, c: Configuration, e: Evaluation) -> tuple[FreeMotions, ...]:
     """The pieces of the sheet that can move as rigid bodies without resistance at an equilibrium
-    evaluated with its tangent.
+    evaluated with its tangent."""
+    assert e.data is not None
+    piece = Pieces.of(model.quads, c.x)
+    free = np.zeros(len(c.x) * DOFS, dtype=bool)
+    free[model.free] = True
+    tangent = model.pattern.full(e.data)[model.free][:, model.free]
+    missed = float(np.abs(e.reduced[model.free]).sum())
+    return free_motions(piece, _shell_moves(c, e, piece), free, tangent, missed)
+
+
+def free_motions(
+    pieces: Pieces, moves: Array, free: NDArray[np.bool_], tangent: Any, missed: float
+) -> tuple[FreeMotions, ...]:
+    """The pieces that can move as rigid bodies without resistance, by the `moves` (n, m, 6) of the
+    nodes' m degrees of freedom (m; then turns, rad over the piece's length), which of them are
+    `free` (n m), the tangent (sparse) of these, and the residual N (its sum) that Newton left.
 
     The motions q (a velocity of the middle, a turn times the piece's length) that ties and guides
     allow are those that leave the held degrees of freedom in place; of them, those are free whose
     change of force, K q as all such motions feel it (not symmetric under a pressure), is not above
     its rounding error and the residual that Newton left, which turns with the piece."""
-    assert e.data is not None
-    piece, count = _pieces(model)
-    middle, length = _sizes(c.x, piece, count)
-    moves = _moves(c, e, middle[piece], length[piece])
-    allowed = [_admissible_motions(model, moves, piece == p, length[p]) for p in range(count)]
+    piece, count, middle, length = pieces
+    n, dofs, _ = moves.shape
+    allowed = [
+        _admissible_motions(moves, free.reshape(n, dofs), piece == p, length[p])
+        for p in range(count)
+    ]
     widths = [z.shape[1] for z in allowed]
-    columns = np.zeros((len(c.x), DOFS, sum(widths)))
+    columns = np.zeros((n, dofs, sum(widths)))
     if not any(widths):
         return ()
     ends = np.cumsum(widths)
     for p, (z, end) in enumerate(zip(allowed, ends, strict=True)):
         columns[piece == p, :, end - len(z.T) : end] = moves[piece == p] @ z
-    null = _free_combinations(model, e, columns.reshape(-1, sum(widths)), float(length.min()))
+    moved = columns.reshape(-1, sum(widths))[free]
+    null = _free_combinations(tangent, moved, missed / float(length.min()))
     out = []
     for p, (z, end) in enumerate(zip(allowed, ends, strict=True)):
         own = _basis(z @ null[end - len(z.T) : end])
@@ -132,13 +161,29 @@ def rigid_freedoms(model: ShellModel, c: Configuration, e: Evaluation) -> tuple[
     return tuple(out)
 
 
-def _pieces(model: ShellModel) -> tuple[Ints, int]:
-    """(n,) the connected piece of each node, and how many there are."""
-    q, n = model.quads, len(model.reference)
-    edges = np.concatenate([q[:, [0, 1]], q[:, [1, 2]], q[:, [2, 3]]])
-    graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
-    count, piece = connected_components(graph, directed=False)
-    return piece.astype(np.intp), int(count)
+class Pieces(NamedTuple):
+    """The connected piece of each node (n,), how many there are, and the middle (total, 3) m and
+    the length (total,) m of each."""
+
+    piece: Ints
+    total: int
+    middle: Array
+    length: Array
+
+    @classmethod
+    def of(cls, elements: Ints, x: Array) -> Pieces:
+        """Those of elements (ne, k) with nodes x (n, 3) m."""
+        n, k = len(x), elements.shape[1]
+        edges = np.concatenate([elements[:, [i, i + 1]] for i in range(k - 1)])
+        graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
+        count, piece = connected_components(graph, directed=False)
+        return cls(piece.astype(np.intp), int(count), *_sizes(x, piece, int(count)))
+
+    def turns(self, x: Array) -> Array:
+        """(3, n, 3) m moves of nodes x (n, 3) m by turns about x, y, z of their pieces, each over
+        its length."""
+        arm = (x - self.middle[self.piece]) / self.length[self.piece][:, None]
+        return np.stack([np.cross(axis, arm) for axis in np.eye(3)])
 
 
 def _sizes(x: Array, piece: Ints, count: int) -> tuple[Array, Array]:
@@ -152,40 +197,35 @@ def _sizes(x: Array, piece: Ints, count: int) -> tuple[Array, Array]:
     return middle, length
 
 
-def _moves(c: Configuration, e: Evaluation, middle: Array, length: Array) -> Array:
+def _shell_moves(c: Configuration, e: Evaluation, pieces: Pieces) -> Array:
     """(n, 5, 6) the nodes' degrees of freedom by the six rigid motions of their pieces."""
     A, T = e.bases
     out = np.zeros((len(c.x), DOFS, 6))
     out[:, :3, :3] = np.swapaxes(A, 1, 2)
-    arm, along = (c.x - middle) / length[:, None], c.d / length[:, None]
-    for k, axis in enumerate(np.eye(3)):
-        out[:, :3, 3 + k] = np.einsum("nij,ni->nj", A, np.cross(axis, arm))
+    along = c.d / pieces.length[pieces.piece][:, None]
+    for k, (axis, turned) in enumerate(zip(np.eye(3), pieces.turns(c.x), strict=True)):
+        out[:, :3, 3 + k] = np.einsum("nij,ni->nj", A, turned)
         out[:, 3:, 3 + k] = np.einsum("nij,ni->nj", T, np.cross(axis, along))
     return out
 
 
 def _admissible_motions(
-    model: ShellModel, moves: Array, own: NDArray[np.bool_], length: float
+    moves: Array, free: NDArray[np.bool_], own: NDArray[np.bool_], length: float
 ) -> Array:
-    """(6, m) the motions of a piece that move none of its held degrees of freedom."""
-    held = np.ones(len(moves) * DOFS, dtype=bool)
-    held[model.free] = False
-    rows = moves * np.array([1.0, 1.0, 1.0, length, length])[:, None]
-    rows = rows[held.reshape(-1, DOFS) & own[:, None]]
+    """(6, m) the motions of a piece, whose nodes are `own` (n,), that move none of the degrees of
+    freedom that are not free (n, k): three displacements (m), then turns (rad)."""
+    rows = moves * np.where(np.arange(moves.shape[1]) < 3, 1.0, length)[:, None]
+    rows = rows[~free & own[:, None]]
     taken, directions = np.linalg.eigh(rows.T @ rows)
     return np.asarray(directions[:, taken <= ALLOWED * max(1, len(rows))])
 
 
-def _free_combinations(model: ShellModel, e: Evaluation, columns: Array, length: float) -> Array:
-    """(m, k) combinations of motions, columns (5n, m), that the tangent does not resist."""
-    assert e.data is not None
-    moved = np.zeros_like(columns)
-    moved[model.free] = columns[model.free]
-    tangent = model.pattern.full(e.data)
+def _free_combinations(tangent: Any, moved: Array, missed: float) -> Array:
+    """(m, k) combinations of motions, `moved` (free dofs, m), that the tangent does not resist,
+    beside a residual `missed` (N over the piece's length)."""
     resistance = moved.T @ (tangent @ moved)
     sums = np.abs(moved) * (abs(tangent) @ np.abs(moved))
-    limit = ROUNDING * sums.sum(axis=0).max(initial=0.0)
-    limit += np.abs(e.reduced[model.free]).sum() / length
+    limit = ROUNDING * sums.sum(axis=0).max(initial=0.0) + missed
     _, size, directions = np.linalg.svd(resistance)
     return np.asarray(directions[size <= limit].T)
 

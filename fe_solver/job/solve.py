@@ -79,12 +79,13 @@ class ShellState(JobState):
 @dataclass(frozen=True)
 class JobResult:
     """The states at the wanted times; `setup_s` CPU seconds to build the model, with the distances
-    of its bodies; `effort` of all steps."""
+    of its bodies; `effort` of all steps; `element`: "shell" (ours) or "q4ans" (FEBio's)."""
 
     job: Job
     states: tuple[JobState, ...]
     setup_s: float
     effort: Effort
+    element: str = "shell"
 
 
 @dataclass(frozen=True)
@@ -105,9 +106,9 @@ def solve_job(
     """Solve a job for static equilibria at `times`, or else at the ends of its steps, up to `until`
     (its last step's end where None; later than that the curves go on as they say).
 
-    `options` are tolerances and step lengths; `ways` are what to try first for a model of FEBio's,
-    as the text of an error names them.  Returns the states in the order of their times, with what
-    the solve took.
+    `options` are tolerances and step lengths; `ways` are what to try first where no equilibrium is
+    found, as the text of an error names them.  Returns the states in the order of their times, with
+    what the solve took.
 
     Raises InputError as `job_model` does, for times that do not ascend from above 0 and for a state
     whose sheet could move as a rigid body without resistance, and ConvergenceError naming the time,
@@ -179,9 +180,7 @@ def spread_times(job: Job, until: float | None = None, states: int = 1) -> list[
 
 def _advice(job: Job, steps: int, ways: Sequence[str]) -> str:
     """What to try, the nearest first, where no equilibrium was found after so many steps."""
-    tries = []
-    if steps and job.as_febio:
-        tries += [*ways, "--own-shell (bends as a thin sheet does)"]
+    tries = [*ways] if steps else []
     if job.springs and job.height.any():
         tries.append(
             "--mid-surface (fe_solver.job.mid_surface: the springs pull at a face of the sheet, on "

@@ -21,9 +21,7 @@ def close_surface(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
 
     Raises InputError where holes touch one another, where the surface is not wound alike, and
     where it encloses nothing, as a single flat sheet does."""
-    vertices, index = np.unique(np.asarray(vertices, dtype=float), axis=0, return_inverse=True)
-    triangles = index.reshape(-1)[np.asarray(triangles)]
-    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    vertices, triangles = merge_vertices(vertices, triangles)
     points, faces = [vertices], [triangles]
     count = len(vertices)
     for loop in boundary_loops(triangles):
@@ -41,6 +39,13 @@ def close_surface(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
     return vertices, triangles if inside > 0 else triangles[:, ::-1]
 
 
+def merge_vertices(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
+    """The surface with one vertex in each place, without triangles that have two alike."""
+    vertices, index = np.unique(np.asarray(vertices, dtype=float), axis=0, return_inverse=True)
+    triangles = index.reshape(-1)[np.asarray(triangles)]
+    return vertices, triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+
+
 def volume(vertices: Array, triangles: Ints) -> float:
     """m3 enclosed by a closed surface, positive where it is wound outwards."""
     a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
@@ -49,17 +54,7 @@ def volume(vertices: Array, triangles: Ints) -> float:
 
 def boundary_loops(triangles: Ints) -> list[Ints]:
     """Closed loops of vertices along the edges that only one triangle has, in its direction."""
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    both, number, times = np.unique(
-        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    sense = np.where(edges[:, 0] < edges[:, 1], 1.0, -1.0)
-    if (np.abs(np.bincount(number.reshape(-1), weights=sense)) > 1).any():
-        raise InputError(
-            "surface: its triangles are not wound alike, so that it has no inside; make their "
-            "normals all point outwards"
-        )
-    single = {tuple(e) for e in both[times == 1].tolist()}
+    edges, single = border_edges(triangles)
     following: dict[int, int] = {}
     for a, b in edges.tolist():
         if (min(a, b), max(a, b)) in single:
@@ -80,6 +75,22 @@ def boundary_loops(triangles: Ints) -> list[Ints]:
             at = following.pop(at)
         loops.append(np.array(loop))
     return loops
+
+
+def border_edges(triangles: Ints) -> tuple[Ints, set[tuple[int, int]]]:
+    """The triangles' edges (3 nt, 2) in their directions, and those that only one triangle has,
+    smaller vertex first.  Raises InputError where the triangles are not wound alike."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    both, number, times = np.unique(
+        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    sense = np.where(edges[:, 0] < edges[:, 1], 1.0, -1.0)
+    if (np.abs(np.bincount(number.reshape(-1), weights=sense)) > 1).any():
+        raise InputError(
+            "surface: its triangles are not wound alike, so that it has no inside; make their "
+            "normals all point outwards"
+        )
+    return edges, {tuple(e) for e in both[times == 1].tolist()}
 
 
 def _fan(vertices: Array, loop: Ints, start: int) -> tuple[Array, Ints]:

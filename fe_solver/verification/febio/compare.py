@@ -31,11 +31,9 @@ INPUT_FAULT = 2
 
 
 class Formulation(Enum):
-    """What a model is solved with: our shell, our shell with FEBio's bending and contact, FEBio's
-    element and contact."""
+    """What a model is solved with: our own shell, or FEBio's element and contact."""
 
     OWN = "--own-shell"
-    SHELL = "cosim solve"
     Q4ANS = "--element q4ans"
 
 
@@ -47,7 +45,6 @@ class ComparedQuantity:
 
     quantity: str
     own: float | None = None
-    shell: float | None = None
     q4ans: float | None = None
     febio: float | None = None
     scale: float = 1.0
@@ -65,12 +62,10 @@ class ComparedQuantity:
 
     @property
     def verdict(self) -> str:
-        """The verdict on our own shell, and where that differs on the nearest to FEBio that there
-        is."""
+        """The verdict on our own shell, and where that differs on `q4ans`."""
         if self.reference is None:
             return "no figure"
-        nearest = self.shell if self.q4ans is None else self.q4ans
-        for value, word in ((self.own, "agrees"), (nearest, "formulation")):
+        for value, word in ((self.own, "agrees"), (self.q4ans, "formulation")):
             off = self.off(value)
             if off is not None and abs(off) <= TOLERANCE:
                 return word
@@ -163,9 +158,9 @@ def rows(
     figures: list[float | None] = [None] * len(names)
     if published is not None:
         figures = [*_figures(published)]
-    own, shell, q4ans = (solved.get(e, {}) for e in Formulation)
+    own, q4ans = (solved.get(e, {}) for e in Formulation)
     out = [
-        ComparedQuantity(name, own.get(name), shell.get(name), q4ans.get(name), figure)
+        ComparedQuantity(name, own.get(name), q4ans.get(name), figure)
         for name, figure in zip(names, figures, strict=True)
     ]
     if published is None:
@@ -239,7 +234,7 @@ def solve_with(path: Path | str, element: Formulation, spacing: float) -> JobRes
     job, options = read_feb(path), JobOptions(None, spacing=spacing)
     if element == Formulation.Q4ANS:
         return solve_solid(job, options=options)
-    return solve_job(replace(job, as_febio=element == Formulation.SHELL), options=options)
+    return solve_job(job, options=options)
 
 
 def _main(path: str, element: str, spacing: str) -> None:

@@ -22,10 +22,11 @@ from cosim.port import Array, Ints
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.forces.loads import pressure_forces, pressure_tangent
 from fe_solver.forces.springs import NodeSprings, Springs, node_springs, spring_forces
-from fe_solver.job.checks import check_job
+from fe_solver.job.checks import check_job, within
 from fe_solver.job.job import ContactPair, Job, ShellPart
 from fe_solver.job.model import (
     body_poses,
+    check_supports,
     corner_means,
     dead_loads,
     follower_pressure,
@@ -40,6 +41,7 @@ from fe_solver.solver.linear_algebra import (
     SuperLUAnalysis,
     analyse,
 )
+from fe_solver.surfaces.closing import border_edges, merge_vertices
 from fe_solver.verification.febio.facets import Facets, Pressed, cut, find_triangles, pressures
 from fe_solver.verification.febio.q4ans import (
     SolidTables,
@@ -53,28 +55,48 @@ ON_FACE = 1e-9
 """Share of the thickness by which a node may lie off the sheet's face."""
 
 
-def _obstacles(job: Job) -> Iterator[tuple[bool, str]]:
-    """What `q4ans` elements do not cover, and whether the job has it."""
+def obstacles(job: Job) -> list[str]:
+    """What a job has that `q4ans` elements do not cover, a reason each; none where they do."""
+    return [*_obstacles(job)]
+
+
+def _obstacles(job: Job) -> Iterator[str]:
     for part in job.parts:
         reason = law_obstacle(part.law)
-        yield reason is not None, f"part {part.name!r}: the law {type(part.law).__name__} {reason}"
+        if reason is not None:
+            yield f"part {part.name!r}: the law {type(part.law).__name__} {reason}"
     off = np.abs(2 * np.abs(job.height) - job.thickness) > ON_FACE * job.thickness
     off |= job.height * job.height[0, 0] <= 0
-    yield (
-        bool(off.any()),
-        "its nodes do not all lie on one face of the sheet (leave out --mid-surface)",
-    )
+    if off.any():
+        yield "its nodes do not all lie on one face of the sheet"
+    else:
+        yield from _crossed_faces(job)
     for pair in job.contacts:
-        yield pair.friction > 0, f"contact {pair.name!r} has friction"
+        if pair.friction > 0:
+            yield f"contact {pair.name!r} has friction"
     for d in job.held_directors:
         given = [h.nodes for h in job.held if h.component == d.component]
         loose = np.setdiff1d(d.nodes, np.concatenate([*given, *(t.nodes for t in job.tied)]))
-        yield len(loose) > 0, "directors are held at nodes that are free to move"
+        if len(loose):
+            yield f"the director of {job.node(loose[0])} is held, and the node is free to move"
 
 
-def first_obstacle(job: Job) -> str | None:
-    """What a job has that `q4ans` elements do not cover, in words; None where they cover all."""
-    return next((words for found, words in _obstacles(job) if found), None)
+def _crossed_faces(job: Job) -> Iterator[str]:
+    rest = _rest(job, np.arange(len(job.quads)), node_directors(job.points, job.quads))
+    crossed = np.flatnonzero(cross_matrix(rest, job.height[0, 0]))
+    if len(crossed):
+        yield (
+            f"{job.element(crossed[0])}: the sheet is thicker than its radius there, so that its "
+            f"faces cross ({len(crossed)} such elements)"
+        )
+
+
+def _rest(job: Job, elements: Ints, directors: Array) -> Array:
+    """(k, 8, 3) m, the corners of elements (k,) as laid out: on the file's face, on the other."""
+    quads = job.quads[elements]
+    low = job.points[quads]
+    high = low + 2 * job.height[elements, :, None] * directors[quads]
+    return np.concatenate([low, high], axis=1)
 
 
 class Loads(NamedTuple):
@@ -251,11 +273,13 @@ class SolidModel:
 
 
 def solid_model(job: Job) -> SolidModel:
-    """Raises InputError for what `check_job` finds, and naming what is not covered."""
+    """Raises InputError for what `check_job` and `check_supports` find, for surfaces that are not
+    wound alike, and naming what is not covered."""
     check_job(job)
-    reason = first_obstacle(job)
-    if reason is not None:
-        raise InputError(f"{job.name}: {reason}: --element q4ans does not cover that")
+    check_supports(job)
+    reasons = obstacles(job)
+    if reasons:
+        raise InputError(f"{job.name}: --element q4ans does not cover it: {'; '.join(reasons)}")
     n, quads = len(job.points), job.quads
     directors = node_directors(job.points, quads)
     mean = corner_means(quads, job.height, n)
@@ -274,16 +298,7 @@ def solid_model(job: Job) -> SolidModel:
 
 
 def _part(job: Job, elements: Ints, part: ShellPart, directors: Array) -> SolidPart:
-    quads = job.quads[elements]
-    low = job.points[quads]
-    high = low + 2 * job.height[elements, :, None] * directors[quads]
-    rest = np.concatenate([low, high], axis=1)
-    bad = elements[cross_matrix(rest, job.height[0, 0])]
-    if len(bad):
-        raise InputError(
-            f"{job.name}: {job.element(bad[0])}: the sheet is thicker than its radius there, so "
-            f"that its faces cross ({len(bad)} such elements): --element q4ans does not cover that"
-        )
+    rest = _rest(job, elements, directors)
     tables = solid_tables(rest, job.fibre[elements], part.in_situ_stretch)
     modulus = normal_modulus(part.law, part.in_situ_stretch)
     return SolidPart(elements, rest, tables, part.law, modulus)
@@ -313,7 +328,10 @@ def _facets(job: Job, pair: ContactPair, volume: Array, modulus: Array) -> Facet
         penalty *= modulus[pair.quads] * area / volume[pair.quads]
     other = pair.side * job.height[pair.quads, 0] > 0
     quads = job.quads[pair.quads] + len(job.points) * other[:, None]
-    triangles = job.bodies[pair.body].vertices[pair.triangles]
+    body = job.bodies[pair.body]
+    with within(f"{job.name}: contact {pair.name!r} with the body {body.name!r}"):
+        border_edges(merge_vertices(body.vertices, pair.triangles)[1])
+    triangles = body.vertices[pair.triangles]
     near = cut(triangles, float(np.sqrt(np.median(area))))
     return Facets(quads, pair.side, penalty, pair.body, near, pair.gap)
 

@@ -13,23 +13,24 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
-from cosim.errors import ConvergenceError, InputError
+from cosim.errors import ConvergenceError
 from cosim.port import Array
 from cosim.processes import one_blas_thread
-from fe_solver.job.febio_like import bending_notes
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
+from fe_solver.job.rigid_modes import FreeMotions, Pieces, free_motions, unsupported
 from fe_solver.job.solve import JobResult, JobState, output_times
 from fe_solver.solver.continuation import TimeSteps
-from fe_solver.solver.linear_algebra import Factor, has_mechanism
+from fe_solver.solver.linear_algebra import Factor, has_mechanism, positions
 from fe_solver.vectors import cross
 from fe_solver.verification.febio.solid_model import (
     Loads,
     SolidModel,
     Term,
-    first_obstacle,
+    obstacles,
     solid_model,
 )
 from fe_solver.verification.febio.solid_state import SolidEquilibrium, solid_state
@@ -60,9 +61,7 @@ MOST_AUGMENTATIONS = 30
 
 def alternatives(job: Job) -> list[str]:
     """What to try where our own shell finds no equilibrium of a job: this one where it can."""
-    if first_obstacle(job) is not None:
-        return []
-    return ["--element q4ans (FEBio's own shell and contact)"]
+    return [] if obstacles(job) else ["--element q4ans (FEBio's shell and contact)"]
 
 
 @one_blas_thread()
@@ -87,8 +86,7 @@ def solve_solid(
     began = clock.process_time()
     states = tuple(stepper.reach(time) for time in wanted)
     effort = replace(stepper.effort, cpu_s=clock.process_time() - began)
-    notes = tuple(n for n in job.notes if n not in bending_notes(job))
-    return JobResult(replace(job, notes=notes), states, setup, effort)
+    return JobResult(job, states, setup, effort, "q4ans")
 
 
 class _SolidSteps(TimeSteps):
@@ -131,7 +129,7 @@ class _SolidSteps(TimeSteps):
         raise ConvergenceError(
             f"{self.model.job.name}: no equilibrium of q4ans elements was found at t = {time:.6g}, "
             f"after {e.steps} steps up to t = {self.last.time:.6g} and {e.failures} that failed. "
-            f"{error}. Nearest to it is our own shell: leave out --element q4ans"
+            f"{error}. To try: --own-shell (our own shell, which bends as a thin sheet does)"
         ) from error
 
     def largest_turn(self, time: float) -> float:
@@ -228,12 +226,19 @@ class _SolidSteps(TimeSteps):
 
     def _require_supports(self) -> None:
         """Raises InputError where the sheet can move without resistance."""
-        if has_mechanism(self.pattern.data(self.last.terms), self.pattern.slots):
-            raise InputError(
-                f"{self.model.job.name}: at t = {self.last.time:.6g} the sheet can move, and "
-                "nothing resists it: the answer would be one of many. Tie it to a body, hold more "
-                "of its displacements, or give it springs that are taut"
-            )
+        data = self.pattern.data(self.last.terms)
+        if has_mechanism(data, self.pattern.slots):
+            raise unsupported(self.model.job, self.last.time, self._free_motions(data))
+
+    def _free_motions(self, data: Array) -> tuple[FreeMotions, ...]:
+        """What moves as a rigid body without resistance by the tangent of `data`."""
+        m, z, slots = self.model, self.last.z, self.pattern.slots
+        pieces = Pieces.of(m.pairs, z)
+        shifts = np.broadcast_to(np.eye(3), (len(z), 3, 3))
+        moves = np.concatenate([shifts, np.moveaxis(pieces.turns(z), 0, 2)], axis=2)
+        tangent = sp.csc_array((data[positions(slots)], slots.indices, slots.indptr), slots.shape)
+        missed = m.imbalance(self.last.terms, self.last.loads)[m.free]
+        return free_motions(pieces, moves, m.free.ravel(), tangent, float(np.abs(missed).sum()))
 
 
 def _turns(before: Array, after: Array) -> Array:

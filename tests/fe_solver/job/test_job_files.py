@@ -14,63 +14,26 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.forces.springs import ROPE
 from fe_solver.hood.as_job import job_of_hood
-from fe_solver.job.febio_like import bending_notes, facet_lift, febio_patch
-from fe_solver.job.job import Body, ContactPair, NodalForce, ShellPart, SpringLaw, SpringSet, Tied
+from fe_solver.job.job import Body, NodalForce, SpringLaw, SpringSet, Tied
 from fe_solver.job.mid_surface import move_to_mid_surface
 from fe_solver.job.solve import solve_job
-from fe_solver.materials.hyperelastic import NeoHookean
-from fe_solver.materials.linear import Isotropic, Orthotropic
-from fe_solver.materials.section import Section, one_law
+from fe_solver.materials.section import Section
 from fe_solver.verification.febio.compare import quantities
 from tests.helpers.folders import TEST_DATA
 from tests.helpers.jobs import (
     COARSE,
     LENGTH,
-    NONE,
     PLAIN,
     RAMP,
     THICK,
-    E,
     body,
-    job_normal_up,
     nodes_at,
-    one_of,
     rod_hood,
-    rod_job,
     roped_hood,
     run,
     strip,
     total,
 )
-
-
-def test_febios_bending_is_stiffer_as_its_constant_thickness_strain_makes_it():
-    section = one_law(Isotropic(E, 0.4), np.full(1, THICK))
-    ours, theirs = section.linear[0, 0], one_of(febio_patch(section.patches[0]))
-    ratio = theirs[3, 3] / ours[3, 3]
-    assert ratio == pytest.approx(0.6**2 / 0.2, rel=1e-12)
-    assert theirs[:3, :3] == pytest.approx(ours[:3, :3], rel=1e-12)
-    assert theirs[6, 6] / ours[6, 6] == pytest.approx(1.2)
-    neo = febio_patch(replace(section.patches[0], law=NeoHookean(E, 0.4)))
-    assert neo.bending == pytest.approx(febio_patch(section.patches[0]).bending)
-
-
-def test_a_law_whose_bending_in_febio_is_not_known_keeps_its_own_and_is_named():
-    law = Orthotropic(2.0, 1.0, 0.3, 1.0, 1.0, 1.0)
-    (patch,) = one_law(law, np.full(1, THICK)).patches
-    assert not febio_patch(patch).bending.any()
-    job = strip()
-    (note,) = bending_notes(replace(job, parts=(*job.parts, ShellPart("woven", law))))
-    assert "'woven': bends as a thin sheet" in note
-
-
-def test_facets_lie_nearer_to_a_convex_bone_by_two_thirds_of_their_rise():
-    job, rise = rod_job(20)
-    quads = np.arange(len(job.quads))
-    sign = 1 if job_normal_up(job) else -1
-    pair = ContactPair("p", quads, np.full(len(quads), -sign), 0, NONE[1])
-    inner = np.abs(job.points[:, 1]) < 5e-3
-    assert facet_lift(job, pair)[inner] == pytest.approx(2 / 3 * rise, rel=0.01)
 
 
 def test_a_hood_and_its_job_agree_and_so_does_the_file(tmp_path):
@@ -88,7 +51,7 @@ def test_a_hood_and_its_job_agree_and_so_does_the_file(tmp_path):
 
     faced = job_of_hood(hood, motion, tension, bones)
     write_feb(faced, tmp_path / "hood.feb")
-    again = replace(read_feb(tmp_path / "hood.feb"), as_febio=False)
+    again = read_feb(tmp_path / "hood.feb")
     (own,), (read,) = (solve_job(j, options=COARSE).states for j in (faced, again))
     assert np.abs(own.configuration.x - read.configuration.x).max() < 1e-4 * moved
     assert read.contact[0] == pytest.approx(own.contact[0], rel=1e-3, abs=1e-4)
@@ -117,7 +80,7 @@ def test_ropes_and_springs_with_a_toe_pull_the_same_in_a_file(tmp_path):
 
     faced = job_of_hood(hood, motion, tension, bones)
     write_feb(faced, tmp_path / "hood.feb")
-    again = replace(read_feb(tmp_path / "hood.feb"), as_febio=False)
+    again = read_feb(tmp_path / "hood.feb")
     (own,), (read,) = (solve_job(j, options=COARSE).states for j in (faced, again))
     assert np.abs(own.configuration.x - read.configuration.x).max() < 1e-6
     forces = [np.sort(np.concatenate(s.spring_forces)) for s in (own, read)]
@@ -168,7 +131,7 @@ def test_a_folder_of_models_is_timed(packed):
     done = run("bench", "febio", "--models", packed, "--spacing", "1 mm")
     assert done.exit_code == 0, done.output
     assert "--element q4ans: CPU" in done.output
-    job = replace(read_feb(packed / "hood_over_rod.feb"), as_febio=False)
+    job = read_feb(packed / "hood_over_rod.feb")
     (state,) = solve_job(job, options=replace(COARSE, penetration=None)).states
     for name, value in quantities(job, state, None).items():
         (line,) = (line for line in done.output.splitlines() if f" {name} " in line)

@@ -21,7 +21,7 @@ from fe_solver.job.results import write_job
 from fe_solver.job.solve import _advice, solve_job
 from fe_solver.verification.febio.compare import Formulation, quantities, rows
 from fe_solver.verification.febio.figures import PUBLISHED
-from fe_solver.verification.febio.solid_solve import alternatives
+from fe_solver.verification.febio.solid_solve import alternatives, solve_solid
 from tests.helpers.jobs import (
     PLAIN,
     bending_job,
@@ -92,7 +92,7 @@ def test_the_command_solves_a_file_and_writes_its_result(tmp_path):
     assert "t = 0.5" in done.output
     assert "left out:" in done.output
     told = json.loads((tmp_path / "out" / "summary.json").read_text())
-    (direct,) = solve_job(read_feb(tmp_path / "bent.feb"), options=PLAIN).states
+    (direct,) = solve_solid(read_feb(tmp_path / "bent.feb")).states
     top = np.linalg.norm(direct.configuration.x - read_feb(tmp_path / "bent.feb").points, axis=1)
     assert told["states"][-1]["largest_displacement_mm"] == pytest.approx(1e3 * top.max(), rel=1e-6)
 
@@ -100,7 +100,8 @@ def test_the_command_solves_a_file_and_writes_its_result(tmp_path):
 def test_a_file_bends_as_febios_shells_unless_told_otherwise(tmp_path):
     """At nu = 0.3 thickness locking makes a sheet (1 - nu)^2 / (1 - 2 nu) = 1.225 times as stiff in
     bending, less where it is narrow and curls."""
-    write_feb(bending_job(), tmp_path / "bent.feb")
+    job = bending_job()
+    write_feb(replace(job, height=job.height + job.thickness / 2), tmp_path / "bent.feb")
     largest = []
     for words in ((), ("--own-shell",)):
         done = run("solve", tmp_path / "bent.feb", "--out", tmp_path / f"out{len(words)}", *words)
@@ -112,9 +113,9 @@ def test_a_file_bends_as_febios_shells_unless_told_otherwise(tmp_path):
 
 def test_the_nearest_is_advised_first():
     job = spring_job(SpringLaw(1e3), 1.0)
-    on_face = replace(job, as_febio=True, height=job.height + job.thickness / 2)
+    on_face = replace(job, height=job.height + job.thickness / 2)
     told = _advice(on_face, 3, alternatives(on_face))
-    places = [told.index(w) for w in ("--element q4ans", "--own-shell", "--mid-surface")]
+    places = [told.index(w) for w in ("--element q4ans", "--mid-surface")]
     assert places == sorted(places)
     assert not alternatives(job)  # nodes lie on no face
     assert "q4ans" not in _advice(on_face, 0, alternatives(on_face))  # perhaps nothing holds it
@@ -141,5 +142,8 @@ def test_the_command_tells_faults_by_its_exit_code(tmp_path, monkeypatch):
     never = SpringLaw(1e3, table=LoadCurve((-1.0, 1.0), (0.0, 0.0)))
     write_feb(spring_job(never, 1.0), tmp_path / "slack.feb")
     slack = run("solve", tmp_path / "slack.feb", "--out", tmp_path / "out")
+    assert slack.exit_code == 1
+    assert "To try: --own-shell" in slack.stderr
+    slack = run("solve", tmp_path / "slack.feb", "--own-shell", "--out", tmp_path / "out")
     assert slack.exit_code == 1
     assert "pull at a face of the sheet" in slack.stderr
