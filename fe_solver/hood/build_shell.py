@@ -10,17 +10,15 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints, Motion
-from fe_solver.elements.mesh_geometry import node_areas, node_directors, node_means
-from fe_solver.elements.shell import shell_tables
+from fe_solver.elements.mesh_geometry import node_areas, node_means
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.guides import Guides, Ropes, Ties
 from fe_solver.forces.springs import Springs
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.materials.in_situ import thickness_as_laid
-from fe_solver.materials.section import Section
+from fe_solver.sheet import Sheet
 from fe_solver.solver.augmented_contact import AugmentOptions
-from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.surfaces.spline_distance import Surface
 
@@ -48,24 +46,6 @@ class Attached(Protocol):
     def shares(self) -> Array | None:
         """Proportions (k,) of the stiffness, or None for even ones."""
         ...
-
-
-@dataclass(frozen=True)
-class ShellSheet:
-    """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3) or at
-    the Gauss points (ne, 4, 3), section (materials and thickness), growth (ne, 2) along and across
-    the fibres; `regions` the quads' region names; `lift` (n,) or one for all, m, how much higher
-    than its face a node touches a bone; `stretched`: its fibres are stretched in situ (see
-    `ShellHood`)."""
-
-    points: Array
-    quads: Ints
-    fibre: Array
-    section: Section
-    growth: Array
-    regions: tuple[str, ...] = ()
-    lift: Array | float = 0.0
-    stretched: bool = False
 
 
 @dataclass(frozen=True)
@@ -119,7 +99,7 @@ class ContactLaw:
 
 
 def shell_hood(
-    sheet: ShellSheet,
+    sheet: Sheet,
     rest: Motion,
     carriers: Array,
     springs: Mapping[str, SpringGroup],
@@ -135,26 +115,18 @@ def shell_hood(
     Raises InputError where nothing holds the hood."""
     check_supports(springs, tied)
     bodies, X = rest.bodies, sheet.points
-    D = node_directors(X, sheet.quads)
-    ties = ties_of(X, D, rest, tied)
+    ties = ties_of(X, sheet.directors, rest, tied)
     guided, share = shares_of(tendons)
     held = {name: s for name, s in springs.items() if len(s.attached.nodes)}
     touching = np.setdiff1d(np.arange(len(X)), np.concatenate([ties.node, guided]))
-    quads = sheet.quads
-    model = ShellModel(
-        quads,
-        X,
-        D,
-        shell_tables(X[quads], D[quads], sheet.fibre, sheet.growth),
-        sheet.section,
-        springs_of(X, rest, held),
-        ties,
-        guides_of(X, rest, guide_body, pull, guided),
-        share,
-        _contacts(X, sheet, bodies, contact, touching),
-        bodies,
+    model = sheet.model(
+        springs=springs_of(X, rest, held),
+        ties=ties,
+        guides=guides_of(X, rest, guide_body, pull, guided),
+        share=share,
+        contacts=_contacts(sheet, bodies, contact, touching),
+        bodies=bodies,
         groups=tuple(held),
-        regions=sheet.regions,
         ropes=ropes_of(X, rest, guide_body, pull, tendons),
     )
     return ShellHood(
@@ -166,7 +138,7 @@ def shell_hood(
         options,
         contact.augment(),
         lift=sheet.lift,
-        stretched=sheet.stretched,
+        stretched=bool((sheet.stretch != 1.0).any()),
     )
 
 
@@ -257,22 +229,22 @@ def springs_of(X: Array, rest: Motion, sets: Mapping[str, SpringGroup]) -> Sprin
     return Springs(whole(node), whole(body), anchor, k, length, only > 0, whole(group_of), toe=toe)
 
 
-def heights(sheet: ShellSheet) -> Array:
+def heights(sheet: Sheet) -> Array:
     """(n,) m, how far over its face towards the bones a node of the sheet touches them."""
-    laid = thickness_as_laid(sheet.section.thickness.mean(axis=1), sheet.growth)
+    laid = thickness_as_laid(sheet.section.thickness.mean(axis=1), sheet.stress_free_growth)
     out: Array = node_means(laid, sheet.quads, len(sheet.points)) / 2 + sheet.lift
     return out
 
 
 def _contacts(
-    X: Array, sheet: ShellSheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
+    sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
     """Contacts of the nodes with every body, or of the points within quadratic elements of such
     nodes.
 
     Augmented contact is the nodes' in any element: a sheet cannot lie on its level in more points
     than it has nodes."""
-    height = heights(sheet)
+    height, X = heights(sheet), sheet.points
     if sheet.quads.shape[1] == 4 or law.augment() is not None:
         return contacts_of(bodies, law, nodes, height[nodes], node_areas(X, sheet.quads)[nodes])
     points = ElementPoints.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).any(axis=1)))

@@ -17,10 +17,10 @@ from cosim.port import STATIC, Motion, Response
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.guides import Ropes
 from fe_solver.forces.springs import ROPE
-from fe_solver.hood.build_shell import ContactLaw, ShellSheet, TendonEnd, shell_hood
+from fe_solver.hood.build_shell import ContactLaw, TendonEnd, shell_hood
 from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood, _largest_turn
 from fe_solver.materials.linear import Isotropic
-from fe_solver.materials.section import one_law
+from fe_solver.sheet import plate
 from fe_solver.solver.fields import contact_pressure, fields
 from fe_solver.solver.newton import NewtonOptions
 from meshes.hood_mesh import HoodMesh
@@ -299,9 +299,7 @@ def test_where_newton_finds_nothing_a_damped_motion_comes_to_rest(
 
 
 def test_a_hood_that_nothing_holds_is_refused(motion):
-    X, quads = shells.plate(10e-3, 4e-3, 2, 1)
-    section = one_law(Isotropic(1e8, 0.3), np.full(2, 5e-4))
-    sheet = ShellSheet(X, quads, np.tile([1.0, 0, 0], (2, 1)), section, np.zeros(2))
+    sheet = plate(10e-3, 4e-3, 2, 1, Isotropic(1e8, 0.3), 5e-4)
     carried = np.tile([1.0, 0, 0, 0], (6, 1))
     end = {"EDC": TendonEnd(np.array([0, 1]), np.array([0.5, 0.5]))}
     law = ContactLaw(1e11, 5e-5, {}, {})

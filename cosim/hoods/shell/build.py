@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from fe_solver.hood.build_shell import TendonEnd
     from fe_solver.hood.shell_hood import ShellHood as FeHood
     from fe_solver.materials.linear import Law, LinearLaw, Real
-    from fe_solver.materials.section import Section
     from fe_solver.materials.tension_field import TensionField
+    from fe_solver.sheet import ShellPart
     from meshes.hood_mesh import HoodMesh
 
 WHOLE, ULNAR = np.zeros(3), np.array([0.0, -1.0, 0.0])
@@ -124,8 +124,8 @@ def _generate(laying: _MeshInput) -> HoodMesh:
 
 def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     """The hood over the bones as a case describes it, behind the port.  Raises InputError."""
-    from fe_solver.hood.build_shell import ContactLaw, ShellSheet, SpringGroup, heights, shell_hood
-    from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
+    from fe_solver.hood.build_shell import ContactLaw, SpringGroup, heights, shell_hood
+    from fe_solver.sheet import Sheet
     from fe_solver.solver.newton import NewtonOptions
     from meshes.hood_mesh import REGIONS
     from meshes.hull import along, carriers
@@ -137,17 +137,17 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     thickness, skeleton = thickness_of(hood, mesh), site.skeleton
     points = _leave_face(mesh, thickness)
     fibres = fibres_of(mesh, points, hood.regions, skeleton)
-    stretch, growth = _in_situ(hood, mesh), _growth(hood, mesh, site.lesion)
-    growth = np.where(stretch[:, None] != 1.0, in_situ_growth(stretch), growth)
-    sheet = ShellSheet(
+    growth = _growth(hood, mesh, site.lesion)
+    present, part = np.unique(mesh.region, return_inverse=True)
+    sheet = Sheet(
         points,
         mesh.quads,
+        tuple(_part(hood, mesh, i, thickness, fibres, growth) for i in present),
+        part,
+        thickness,
         fibres.first,
-        _section(hood, mesh, stress_free_thickness(thickness, stretch), fibres, growth),
-        growth,
-        tuple(REGIONS[i] for i in mesh.region),
-        0.0 if mesh.lift is None else mesh.lift,
-        bool((stretch != 1.0).any()),
+        growth=growth,
+        lift=0.0 if mesh.lift is None else mesh.lift,
     )
     springs = {
         name: SpringGroup(
@@ -191,21 +191,23 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     )
 
 
-def _section(
-    hood: ShellHoodConfig, mesh: HoodMesh, thickness: Array, fibres: Fibres, growth: Array
-) -> Section:
-    """The materials of the regions, each of its thickness, with the hood's own bending."""
-    from fe_solver.materials.section import Patch, join_sections
+def _part(
+    hood: ShellHoodConfig, mesh: HoodMesh, i: int, laid: Array, fibres: Fibres, growth: Array
+) -> ShellPart:
+    """The material of a region (its number), with the hood's own bending; `laid` (ne,) m thick,
+    `growth` (ne, 2) where no fibre is stretched in situ."""
+    from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
+    from fe_solver.sheet import ShellPart
     from meshes.hood_mesh import REGIONS
 
-    patches = []
-    for i in np.unique(mesh.region):
-        region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
-        h = np.tile(thickness[cells, None], (1, mesh.quads.shape[1]))
-        law = _law(REGIONS[i], region, _law_angle(fibres.angle.get(i), growth[cells]))
-        bending = 12 * hood.bending_stiffness / thickness[cells[0]] ** 3 * INCOMPRESSIBLE
-        patches.append(Patch(cells, law, h, bending=bending))
-    return join_sections(patches)
+    region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
+    stretch = 1.0 if region.fibrous is None else region.fibrous.in_situ_stretch
+    each = np.full(len(cells), stretch)
+    grown = growth[cells] if stretch == 1.0 else in_situ_growth(each)
+    thickness = stress_free_thickness(laid[cells], each)
+    law = _law(REGIONS[i], region, _law_angle(fibres.angle.get(i), grown))
+    bending = 12 * hood.bending_stiffness / thickness[0] ** 3 * INCOMPRESSIBLE
+    return ShellPart(REGIONS[i], law, stretch, bending)
 
 
 def _law_angle(laid: Array | None, growth: Array) -> Real:
@@ -344,18 +346,6 @@ def _check_one_rest(key: str, name: str, region: FibrousConfig) -> None:
             f"{key}: says how long the fibres are at rest, and so does {own}.in_situ_stretch; "
             "leave one of them out"
         )
-
-
-def _in_situ(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
-    """(ne,) stretch of the fibres in the sheet as laid out."""
-    from meshes.hood_mesh import REGIONS
-
-    out = np.ones(len(mesh.quads))
-    for i in np.unique(mesh.region):
-        region = hood.regions[REGIONS[i]].fibrous
-        if region is not None:
-            out[mesh.region == i] = region.in_situ_stretch
-    return out
 
 
 def _sides(anatomy: Anatomy) -> dict[str, tuple[float, ...]]:
