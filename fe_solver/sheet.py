@@ -59,9 +59,9 @@ class Sheet:
     """m: (ne, k) at the elements' nodes, or (ne,) where it is even over each element."""
     fibre: Array
     """(ne, 3) directions, or (ne, g, 3) at the Gauss points."""
-    height: Array | float = 0.0
-    """(ne, k) m at the elements' nodes, or one: how far along the director the mid-surface lies
-    off the nodes."""
+    height: Array = field(default_factory=lambda: np.zeros(()))
+    """(ne, k) m at the elements' nodes, or one for all: how far along the director the mid-surface
+    lies off the nodes."""
     growth: Array | None = None
     """(ne, 2) along the fibres and across: stress-free length over that laid, less one, of elements
     whose fibres have no stretch in situ."""
@@ -69,19 +69,26 @@ class Sheet:
     """(n,) m or one for all: how much higher than its face a node touches a body."""
     normals: Array | None = None
     """(n, 3) unit directors; None takes the mean normals of the elements at each node."""
-    node_ids: Ints | None = None
-    """(n,) numbers by which the user knows the nodes; None counts from 0."""
-    element_ids: Ints | None = None
-    """(ne,) numbers by which the user knows the elements; None counts from 0."""
+    node_ids: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    """(n,) numbers by which the user knows the nodes; from 0 where none are given."""
+    element_ids: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    """(ne,) numbers by which the user knows the elements; from 0 where none are given."""
+
+    def __post_init__(self) -> None:
+        n, ne = len(self.points), len(self.quads)
+        if np.ndim(self.height) == 0:
+            object.__setattr__(self, "height", np.full(self.quads.shape, float(self.height)))
+        for name, count in (("node_ids", n), ("element_ids", ne)):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.arange(count))
 
     def node(self, index: int) -> str:
         """Return a node's name, as its user knows it."""
-        return f"node {index if self.node_ids is None else self.node_ids[index]}"
+        return f"node {self.node_ids[index]}"
 
     def element(self, index: int) -> str:
         """Return an element's name, as its user knows it, with its part."""
-        number = index if self.element_ids is None else self.element_ids[index]
-        return f"element {number} (part {self.parts[self.part[index]].name!r})"
+        return f"element {self.element_ids[index]} (part {self.parts[self.part[index]].name!r})"
 
     def edge(self, name: str) -> Ints:
         """Return the nodes (k,) with the least x ("x0"), the largest ("x1"), or so of y ("y0",

@@ -109,7 +109,7 @@ def solve(
         if mid_surface:
             job = move_to_mid_surface(job)
         with stages(model.name) as told:
-            told.say(f"solving {len(job.quads)} elements")
+            told.say(f"solving {len(job.sheet.quads)} elements")
             result: JobResult = (
                 solve_job(job, options=options, times=times, ways=ways)
                 if why
@@ -153,7 +153,7 @@ def _show(result: JobResult) -> None:
     from rich.table import Table
 
     screen = console()
-    screen.print(f"{result.job.name}: {len(result.job.quads)} elements")
+    screen.print(f"{result.job.name}: {len(result.job.sheet.quads)} elements")
     for state in result.states:
         table = Table(title=f"t = {state.time:g}", title_justify="left", show_header=False)
         for row in _rows(result, state):
@@ -218,7 +218,7 @@ def export(
         tension, _ = tensions(checked, models)
         job = job_of_hood(models.hood, motion, tension, models.bones, checked.name)
         write_feb(job, out)
-        typer.echo(f"{len(job.quads)} elements in {out}")
+        typer.echo(f"{len(job.sheet.quads)} elements in {out}")
 
 
 def _check_heads(contact: ContactConfig) -> None:

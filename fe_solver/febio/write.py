@@ -41,9 +41,9 @@ def write_feb(
     is written with its nodes moved there.  The file appears whole or not at all.  Raises InputError
     where the job holds what FEBio's format cannot say, and where the file cannot be written."""
     path = Path(path)
-    own = job.points if points is None else np.asarray(points, dtype=float)
-    if own.shape != job.points.shape:
-        raise InputError(f"points have shape {own.shape}, expected {job.points.shape}")
+    own = job.sheet.points if points is None else np.asarray(points, dtype=float)
+    if own.shape != job.sheet.points.shape:
+        raise InputError(f"points have shape {own.shape}, expected {job.sheet.points.shape}")
     _check_names(job)
     w = Conditions(job, face_points(job, own), Units(length_unit, force_unit))
     with output_file(path) as part:
@@ -51,7 +51,7 @@ def write_feb(
 
 
 def _check_names(job: Job) -> None:
-    names = [p.name for p in job.parts] + [b.name for b in job.bodies]
+    names = [p.name for p in job.sheet.parts] + [b.name for b in job.bodies]
     twice = [n for i, n in enumerate(names) if n in names[:i]]
     if twice:
         raise InputError(f"{job.name}: two parts or bodies are called {twice[0]!r}")
@@ -61,13 +61,13 @@ def _check_names(job: Job) -> None:
 
 def face_points(job: Job, points: Array) -> Array:
     """(n, 3) m on the face that the normal points to: half a thickness from the mid-surface."""
-    off = job.height + job.thickness / 2
+    off = job.sheet.height + job.sheet.thickness / 2
     if not (np.abs(off) > SAME_POINT).any():
         return points
-    count = np.bincount(job.quads.ravel(), minlength=len(points))
-    total = np.bincount(job.quads.ravel(), weights=off.ravel(), minlength=len(points))
+    count = np.bincount(job.sheet.quads.ravel(), minlength=len(points))
+    total = np.bincount(job.sheet.quads.ravel(), weights=off.ravel(), minlength=len(points))
     mean = total / np.maximum(count, 1)
-    return points + mean[:, None] * node_directors(points, job.quads)
+    return points + mean[:, None] * node_directors(points, job.sheet.quads)
 
 
 def _lines(w: Conditions) -> Lines:
@@ -108,9 +108,9 @@ class _Block(NamedTuple):
 
 
 def _blocks(job: Job) -> Iterator[_Block]:
-    triangle = job.quads[:, 2] == job.quads[:, 3]
-    for index, part in enumerate(job.parts):
-        of_part = job.part == index
+    triangle = job.sheet.quads[:, 2] == job.sheet.quads[:, 3]
+    for index, part in enumerate(job.sheet.parts):
+        of_part = job.sheet.part == index
         quads, triangles = np.flatnonzero(of_part & ~triangle), np.flatnonzero(of_part & triangle)
         if len(quads):
             yield _Block(part.name, part.name, part.law, quads, 4)
@@ -120,9 +120,9 @@ def _blocks(job: Job) -> Iterator[_Block]:
 
 
 def _materials(w: Conditions) -> Lines:
-    for index, part in enumerate(w.job.parts, 1):
+    for index, part in enumerate(w.job.sheet.parts, 1):
         yield law_line(index, part.name, part.law, w.units.stress, part.in_situ_stretch)
-    for index, body in enumerate(w.job.bodies, len(w.job.parts) + 1):
+    for index, body in enumerate(w.job.bodies, len(w.job.sheet.parts) + 1):
         yield (
             f'<material id="{index}" name={quoteattr(body.name)} type="rigid body"><density>1'
             "</density><E>1</E><v>0</v><center_of_mass>"
@@ -132,7 +132,7 @@ def _materials(w: Conditions) -> Lines:
 
 def _nodes(w: Conditions) -> Lines:
     yield '<Nodes name="all nodes">'
-    for i, x in zip(w.job.node_ids, w.points / w.units.length, strict=True):
+    for i, x in zip(w.job.sheet.node_ids, w.points / w.units.length, strict=True):
         yield f'<node id="{i}">{row(x)}</node>'
     rest = [b.origin + v for b in w.job.bodies for v in b.vertices] + [x for _, x in w.extra]
     for i, x in enumerate(rest, w.first_vertex(0)):
@@ -146,10 +146,10 @@ def _elements(w: Conditions, blocks: list[_Block]) -> Lines:
         kind = "tri3" if b.corners == 3 else "q4ans"
         yield f'<Elements type="{kind}" name={quoteattr(b.name)}>'
         for i in b.elements:
-            nodes = job.node_ids[job.quads[i, : b.corners]]
-            yield f'<elem id="{job.element_ids[i]}">{whole(nodes)}</elem>'
+            nodes = job.sheet.node_ids[job.sheet.quads[i, : b.corners]]
+            yield f'<elem id="{job.sheet.element_ids[i]}">{whole(nodes)}</elem>'
         yield "</Elements>"
-    following = int(job.element_ids.max()) + 1
+    following = int(job.sheet.element_ids.max()) + 1
     for index, body in enumerate(job.bodies):
         if len(body.triangles):
             yield f'<Elements type="tri3" name={quoteattr(body.name)}>'
@@ -161,7 +161,8 @@ def _elements(w: Conditions, blocks: list[_Block]) -> Lines:
 
 def _domains(w: Conditions, blocks: list[_Block]) -> Lines:
     parts = [
-        (b.name, b.part, number(w.job.thickness[b.elements[0], 0] / w.units.length)) for b in blocks
+        (b.name, b.part, number(w.job.sheet.thickness[b.elements[0], 0] / w.units.length))
+        for b in blocks
     ]
     parts += [(b.name, b.name, RIGID_THICKNESS) for b in w.job.bodies if len(b.triangles)]
     for name, material, thickness in parts:
@@ -172,7 +173,7 @@ def _domains(w: Conditions, blocks: list[_Block]) -> Lines:
 
 
 def _mesh_data(w: Conditions, b: _Block) -> Lines:
-    thickness = w.job.thickness[b.elements, : b.corners] / w.units.length
+    thickness = w.job.sheet.thickness[b.elements, : b.corners] / w.units.length
     if np.ptp(thickness):
         yield f'<ElementData type="shell thickness" elem_set={quoteattr(b.name)}>'
         for i, values in enumerate(thickness, 1):
@@ -184,7 +185,7 @@ def _mesh_data(w: Conditions, b: _Block) -> Lines:
 
 def _axes(w: Conditions, b: _Block) -> Lines:
     """Axis 1 along the fibre, axis 2 across it in the element's plane."""
-    x, fibre = w.points[w.job.quads[b.elements]], w.job.fibre[b.elements]
+    x, fibre = w.points[w.job.sheet.quads[b.elements]], w.job.sheet.fibre[b.elements]
     across = np.cross(np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]), fibre)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     yield f'<ElementData type="mat_axis" elem_set={quoteattr(b.name)}>'

@@ -12,7 +12,8 @@ from cosim.errors import InputError
 from cosim.port import Array, Ints
 from fe_solver.febio.bodies import AXES, Units
 from fe_solver.job.curves import Drive, LoadCurve
-from fe_solver.job.job import Job, SpringLaw, SpringSet
+from fe_solver.job.job import Job
+from fe_solver.supports import SpringLaw, SpringSet
 
 Lines = Iterator[str]
 
@@ -53,7 +54,7 @@ class Conditions:
     def first_vertex(self, body: int) -> int:
         """The number of a body's first vertex; that of the first extra node for one too many."""
         counts = [len(b.vertices) for b in self.job.bodies[:body]]
-        return int(self.job.node_ids.max()) + 1 + sum(counts)
+        return int(self.job.sheet.node_ids.max()) + 1 + sum(counts)
 
     def lines(self) -> Lines:
         """All sections.  The springs go first: they make nodes that the boundary section ties."""
@@ -74,7 +75,7 @@ class Conditions:
 
     def _node_set(self, name: str, nodes: Ints) -> str:
         self.sets.append(
-            f"<NodeSet name={quoteattr(name)}>{whole(self.job.node_ids[nodes])}</NodeSet>"
+            f"<NodeSet name={quoteattr(name)}>{whole(self.job.sheet.node_ids[nodes])}</NodeSet>"
         )
         return quoteattr(name)
 
@@ -87,14 +88,14 @@ class Conditions:
 
     def _facets(self, quads: Ints, sign: Ints) -> Iterator[tuple[int, ...]]:
         for i, s in zip(quads, sign, strict=True):
-            facet = tuple(self.job.node_ids[self.job.quads[i]].tolist())
+            facet = tuple(self.job.sheet.node_ids[self.job.sheet.quads[i]].tolist())
             facet = facet[:3] if facet[2] == facet[3] else facet
             yield facet if s > 0 else facet[::-1]
 
     def _boundary(self) -> Lines:
         yield "<Boundary>"
         job = self.job
-        for i, t in enumerate(job.tied):
+        for i, t in enumerate(job.ties):
             name = self._node_set(f"tied {i + 1}", t.nodes)
             clamp = "" if t.clamped else "<clamp_shells>0</clamp_shells>"
             body = escape(job.bodies[t.body].name)
@@ -224,11 +225,11 @@ class Conditions:
                 for k in own:
                     far = int(s.other[k])
                     end = (
-                        int(self.job.node_ids[far])
+                        int(self.job.sheet.node_ids[far])
                         if s.body[k] < 0
                         else self._anchor(int(s.body[k]), s.anchor[k])
                     )
-                    self.sets.append(f"<delem>{self.job.node_ids[s.nodes[k]]},{end}</delem>")
+                    self.sets.append(f"<delem>{self.job.sheet.node_ids[s.nodes[k]]},{end}</delem>")
                 self.sets.append("</DiscreteSet>")
                 yield name, self._spring_law(s.law, float(level))
 
@@ -241,15 +242,21 @@ class Conditions:
         return np.asarray(np.linalg.norm(far - self.points[s.nodes], axis=1))
 
     def _spring_law(self, law: SpringLaw, slack: float) -> str:
+        if law.toe or np.ndim(law.stiffness):
+            raise InputError(
+                "a set of springs with a toe, or of several stiffnesses, is not written in FEBio's "
+                "format; give the toe as a table, and a set to each stiffness"
+            )
+        each = float(law.stiffness)
         if law.table is None and not slack:
             kind = "tension-only linear spring" if law.tension_only else "linear spring"
-            stiffness = law.stiffness * self.units.length / self.units.force
+            stiffness = each * self.units.length / self.units.force
             return f'type="{kind}"><E>{number(stiffness)}</E>'
         curve = law.table
         if curve is None:
             span = abs(slack)
-            left = 0.0 if law.tension_only else -law.stiffness * span
-            points = [(slack - span, left), (slack, 0.0), (slack + span, law.stiffness * span)]
+            left = 0.0 if law.tension_only else -each * span
+            points = [(slack - span, left), (slack, 0.0), (slack + span, each * span)]
             how = "<interpolate>LINEAR</interpolate><extend>EXTRAPOLATE</extend>"
         elif law.tension_only:
             raise InputError("FEBio has no tension-only spring with a table; make the table zero")

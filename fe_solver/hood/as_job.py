@@ -17,23 +17,14 @@ from fe_solver.forces.guides import Guides
 from fe_solver.forces.ramp import ramp
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.curves import Drive, Extension, LoadCurve
-from fe_solver.job.job import (
-    Body,
-    ContactPair,
-    Job,
-    NodalForce,
-    PrescribedDisplacement,
-    ShellPart,
-    SpringLaw,
-    SpringSet,
-    Step,
-    Tied,
-)
+from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
 from fe_solver.job.model import corner_means
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.materials.in_situ import in_situ_stretch, thickness_as_laid
 from fe_solver.materials.section import Patch
+from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.model import ShellModel
+from fe_solver.supports import Body, ContactPair, SpringLaw, SpringSet, Tied
 
 Triangles = tuple[Array, Ints]
 
@@ -88,29 +79,29 @@ def job_of_hood(
         ] * node_directors(points, quads)
         height = -thickness / 2
     part, parts = _parts(model, stretch, turned)
-    ne = len(quads)
     frames = _mean_direction(model.tables.frame[:, :, 0])
     fibre = frames @ hood.rest.rotation[frame]
-    job = Job(
-        name,
+    sheet = Sheet(
         points,
-        np.arange(1, len(points) + 1),
         quads,
-        np.arange(1, ne + 1),
-        part,
         parts,
+        part,
         thickness,
-        height,
         fibre / np.linalg.norm(fibre, axis=1, keepdims=True),
-        _bodies(rest, there, bones),
-        _ties(model),
-        _supports(model.guides),
-        (),
-        (*_springs(model, rest, flat, points), *_ropes(model, rest, points, np.asarray(tension))),
-        _pulls(hood, tension),
-        (),
-        (),
-        (Step("pose and tension", 1.0, INCREMENTS),),
+        height,
+        node_ids=np.arange(1, len(points) + 1),
+        element_ids=np.arange(1, len(quads) + 1),
+    )
+    ropes = _ropes(model, rest, points, np.asarray(tension))
+    job = Job(
+        sheet,
+        ties=_ties(model),
+        held=_supports(model.guides),
+        springs=(*_springs(model, rest, flat, points), *ropes),
+        forces=_pulls(hood, tension),
+        bodies=_bodies(rest, there, bones),
+        steps=(Step("pose and tension", 1.0, INCREMENTS),),
+        name=name,
     )
     side = 1 if turned else -1
     # facets that touch at points of their own, as the format's do, need no lift
@@ -302,8 +293,9 @@ def _pair(
     name = bodies[contact.body]
     if name not in bones:
         raise InputError(f"the hood touches the body {name!r}, whose surface is not given")
-    own = np.isin(job.quads, contact.nodes).all(axis=1)
-    half = corner_means(job.quads, job.thickness, len(job.points))[contact.nodes] / 2
+    own = np.isin(job.sheet.quads, contact.nodes).all(axis=1)
+    sheet = job.sheet
+    half = corner_means(sheet.quads, sheet.thickness, len(sheet.points))[contact.nodes] / 2
     gap = contact.offset - half - lift
     if np.ptp(gap) > SAME:
         raise InputError(f"the contact level over the body {name!r} varies from node to node")

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.port import Array
-from fe_solver.elements.mesh_geometry import node_directors
-from fe_solver.job.job import Job, SpringSet
+from fe_solver.job.job import Job
 from fe_solver.job.model import corner_means
+from fe_solver.supports import SpringSet
 
 
 def move_to_mid_surface(job: Job) -> Job:
@@ -20,14 +20,16 @@ def move_to_mid_surface(job: Job) -> Job:
     times the sheet's bending stiffness E t^3 / 12, as a point spring's on a thin sheet, the sheet
     turns about the point until the couple is gone, which no mesh of elements longer than thick can
     follow."""
-    height = corner_means(job.quads, job.height, len(job.points))
-    points = job.points + height[:, None] * node_directors(job.points, job.quads)
+    sheet = job.sheet
+    height = corner_means(sheet.quads, sheet.height, len(sheet.points))
+    points = sheet.points + height[:, None] * sheet.directors
     springs = tuple(_move(job, s, points) for s in job.springs)
-    return replace(job, points=points, height=job.height - height[job.quads], springs=springs)
+    moved = replace(sheet, points=points, height=sheet.height - height[sheet.quads])
+    return replace(job, sheet=moved, springs=springs)
 
 
 def _move(job: Job, s: SpringSet, points: Array) -> SpringSet:
-    before, after = (_lengths(job, s, x) for x in (job.points, points))
+    before, after = (_lengths(job, s, x) for x in (job.sheet.points, points))
     return replace(s, length=s.length + after - before)
 
 

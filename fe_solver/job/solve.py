@@ -116,7 +116,9 @@ def solve_job(
 
     >>> import numpy as np
     >>> from fe_solver.job.curves import LoadCurve
-    >>> from fe_solver.job.job import Body, Job, NodalForce, ShellPart, Step, Tied
+    >>> from fe_solver.job.job import Job, NodalForce, Step
+    >>> from fe_solver.sheet import ShellPart
+    >>> from fe_solver.supports import Body, Tied
     >>> from fe_solver.job.solve import solve_job
     >>> from fe_solver.materials.linear import Isotropic
     >>> from fe_solver.verification.sheets import plate
@@ -181,7 +183,7 @@ def spread_times(job: Job, until: float | None = None, states: int = 1) -> list[
 def _advice(job: Job, steps: int, ways: Sequence[str]) -> str:
     """What to try, the nearest first, where no equilibrium was found after so many steps."""
     tries = [*ways] if steps else []
-    if job.springs and job.height.any():
+    if job.springs and job.sheet.height.any():
         tries.append(
             "--mid-surface (fe_solver.job.mid_surface: the springs pull at a face of the sheet, on "
             "a thin one a couple beyond its bending stiffness)"

@@ -14,57 +14,43 @@ from fe_solver.forces.guides import Guides, Ropes
 from fe_solver.forces.springs import Springs
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.curves import LoadCurve
-from fe_solver.job.job import (
-    Body,
-    ContactPair,
-    Job,
-    NodalForce,
-    PrescribedDisplacement,
-    ShellPart,
-    SpringLaw,
-    SpringSet,
-    Step,
-    Tied,
-)
+from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
 from fe_solver.job.model import JobOptions
 from fe_solver.materials.linear import Isotropic
+from fe_solver.sheet import plate as make_plate
 from fe_solver.solver.newton import NewtonOptions
+from fe_solver.supports import Body, ContactPair, SpringLaw, SpringSet, Tied
 from fe_solver.surfaces.shapes import Capsule
-from tests.helpers.shells import clamp, contact, guide, map_grid, plate, sheet
+from tests.helpers.shells import clamp, contact, guide, map_grid, sheet
 
 LENGTH, WIDTH, THICK, E = 20e-3, 5e-3, 0.5e-3, 100e6
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 PLAIN = JobOptions(cached=False, spacing=0.5e-3)
 COARSE = JobOptions(cached=False, spacing=1e-3)
-NONE = (np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
+
+
+def change_job(job: Job, **more) -> Job:
+    """The job with other values of its own fields and of its sheet's."""
+    own = {name: more.pop(name) for name in [*more] if name not in vars(job.sheet)}
+    return replace(job, sheet=replace(job.sheet, **more), **own)
 
 
 def strip(nx: int = 10, ny: int = 3, nu: float = 0.0, **more) -> Job:
     """A flat strip along x, its nodes on the mid-surface."""
-    X, quads = plate(LENGTH, WIDTH, nx, ny)
-    ne = len(quads)
-    job = Job(
-        "strip",
-        X,
-        np.arange(1, len(X) + 1) * 10,
-        quads,
-        np.arange(1, ne + 1),
-        np.zeros(ne, dtype=np.intp),
-        (ShellPart("skin", Isotropic(E, nu)),),
-        np.full((ne, 4), THICK),
-        np.zeros((ne, 4)),
-        np.tile([1.0, 0, 0], (ne, 1)),
-        steps=(Step("only", 1.0, 4),),
-    )
-    return replace(job, **more)
+    sheet = make_plate(LENGTH, WIDTH, nx, ny, Isotropic(E, nu), THICK)
+    ids = {"node_ids": np.arange(1, len(sheet.points) + 1) * 10}
+    ids["element_ids"] = np.arange(1, len(sheet.quads) + 1)
+    parts = (replace(sheet.parts[0], name="skin"),)
+    job = Job(replace(sheet, parts=parts, **ids), steps=(Step("only", 1.0, 4),), name="strip")
+    return change_job(job, **more)
 
 
 def nodes_at(job: Job, x: float) -> np.ndarray:
-    return np.flatnonzero(np.isclose(job.points[:, 0], x))
+    return np.flatnonzero(np.isclose(job.sheet.points[:, 0], x))
 
 
 def all_nodes(job: Job) -> np.ndarray:
-    return np.arange(len(job.points))
+    return np.arange(len(job.sheet.points))
 
 
 def fix_components(job: Job, *components: int) -> tuple[PrescribedDisplacement, ...]:
@@ -72,7 +58,7 @@ def fix_components(job: Job, *components: int) -> tuple[PrescribedDisplacement, 
 
 
 def body(name: str = "bone", **more) -> Body:
-    return Body(name, np.zeros(3), *NONE, **more)
+    return Body(name, **more)
 
 
 def total(state, source: str, name: str) -> np.ndarray:
@@ -84,7 +70,7 @@ def bending_job(**more) -> Job:
     job = strip(nu=0.3)
     ties, end = (Tied(nodes_at(job, 0.0), 0),), nodes_at(job, LENGTH)
     load = NodalForce(end, np.array([0.0, 0.0, 0.02]), RAMP)
-    return replace(job, **{"bodies": (body(),), "tied": ties, "forces": (load,), **more})
+    return change_job(job, **{"bodies": (body(),), "ties": ties, "forces": (load,), **more})
 
 
 def spring_job(law: SpringLaw, force: float, other: bool = False) -> Job:
@@ -111,10 +97,12 @@ def contact_job(gap: float = 0.0, height: float = 0.0, side: int = -1, lift: flo
     job = strip(nu=0.3)
     block = trimesh.creation.box(bounds=[[-5e-3, -5e-3, -6e-3], [25e-3, 10e-3, 0]])
     bone = Body("block", np.zeros(3), np.array(block.vertices), np.array(block.faces))
-    quads = np.arange(len(job.quads))
+    quads = np.arange(len(job.sheet.quads))
     pair = ContactPair("pair", quads, np.full(len(quads), side), 0, bone.triangles, gap=gap)
-    load = NodalForce(all_nodes(job), np.array([0, 0, -1.0 / len(job.points)]), RAMP)
-    job = replace(job, points=job.points + np.array([0, 0, lift]), height=job.height + height)
+    load = NodalForce(all_nodes(job), np.array([0, 0, -1.0 / len(job.sheet.points)]), RAMP)
+    job = change_job(
+        job, points=job.sheet.points + np.array([0, 0, lift]), height=job.sheet.height + height
+    )
     held = tuple(
         PrescribedDisplacement(nodes_at(job, x), c) for x, c in ((0.0, 0), (0.0, 1), (LENGTH, 1))
     )
@@ -143,7 +131,7 @@ def rod_job(across: int) -> tuple[Job, float]:
 def job_normal_up(job: Job) -> bool:
     from fe_solver.elements.mesh_geometry import node_directors
 
-    return bool(node_directors(job.points, job.quads)[:, 2].mean() > 0)
+    return bool(node_directors(job.sheet.points, job.sheet.quads)[:, 2].mean() > 0)
 
 
 def rod_hood() -> tuple[ShellHood, dict]:

@@ -196,11 +196,11 @@ class _SolidSteps(TimeSteps):
             return "An element is turned inside out, or its law has no answer"
         size = np.linalg.norm(np.where(self.model.free, force, 0.0), axis=1)
         worst = int(size.argmax())
-        job = self.model.job
+        sheet = self.model.job.sheet
         place = ", ".join(f"{1e3 * v:.2f}" for v in z[worst])
         return (
             f"After {MOST_ITERATIONS} iterations {missed:.2e} N do not balance, against forces of "
-            f"{scale:.2e} N, most at {job.node(worst % len(job.points))} at ({place}) mm"
+            f"{scale:.2e} N, most at {sheet.node(worst % len(sheet.points))} at ({place}) mm"
         )
 
     def _deepest(self) -> float:

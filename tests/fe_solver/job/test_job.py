@@ -9,22 +9,13 @@ import pytest
 
 from cosim.errors import ConvergenceError, InputError
 from fe_solver.job.curves import Drive, LoadCurve
-from fe_solver.job.job import (
-    Body,
-    HeldDirector,
-    NodalForce,
-    PrescribedDisplacement,
-    Pressure,
-    SpringLaw,
-    SpringSet,
-    Tied,
-)
+from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement, Pressure
 from fe_solver.job.model import JobOptions, job_model
 from fe_solver.job.solve import solve_job, spread_times
 from fe_solver.solver.newton import NewtonOptions, solve
+from fe_solver.supports import Body, SpringLaw, SpringSet, Tied
 from tests.helpers.jobs import (
     LENGTH,
-    NONE,
     PLAIN,
     RAMP,
     THICK,
@@ -61,7 +52,7 @@ def test_one_component_given_twice_and_not_alike_is_refused():
     job = replace(
         job, held=(*fix_components(job, 0), PrescribedDisplacement(end, 0, Drive(1e-3, RAMP)))
     )
-    with pytest.raises(InputError, match=f"of {job.node(end[0])} is given twice"):
+    with pytest.raises(InputError, match=f"of {job.sheet.node(end[0])} is given twice"):
         solve_job(job, options=PLAIN)
 
 
@@ -118,12 +109,12 @@ def test_a_sheet_follows_the_body_that_turns_without_force():
     turn = (Drive(), Drive(0.7, RAMP), Drive())
     moved = (Drive(), Drive(), Drive(2e-3, RAMP))
     job = strip(nu=0.3)
-    bone = Body("bone", np.array([3e-3, 0, 0]), *NONE, moved, turn)
-    job = replace(job, bodies=(bone,), tied=(Tied(nodes_at(job, 0.0), 0),))
+    bone = Body("bone", np.array([3e-3, 0, 0]), displacement=moved, rotation=turn)
+    job = replace(job, bodies=(bone,), ties=(Tied(nodes_at(job, 0.0), 0),))
     result = solve_job(job, options=PLAIN)
     (state,) = result.states
     p, R = bone.pose(1.0)
-    assert np.abs(state.configuration.x - (job.points - bone.origin) @ R.T - p).max() < 1e-8
+    assert np.abs(state.configuration.x - (job.sheet.points - bone.origin) @ R.T - p).max() < 1e-8
     assert np.abs(state.wrench["tie"]).max() < 1e-7
     assert result.effort.steps >= 7
 
@@ -132,7 +123,7 @@ def test_a_hinge_holds_places_and_leaves_directors_free():
     job = bending_job(held=(PrescribedDisplacement(nodes_at(strip(), LENGTH), 2),), forces=())
     job = replace(job, pressures=(Pressure(np.arange(30), np.ones(30, int), Drive(-1e3, RAMP)),))
     stiff = solve_job(job, options=PLAIN).states[0]
-    loose = replace(job, tied=(replace(job.tied[0], clamped=False),))
+    loose = replace(job, ties=(replace(job.ties[0], clamped=False),))
     hinged = solve_job(loose, options=PLAIN).states[0]
     moment = hinged.wrench["guide"][0, 4] + 0.0
     assert abs(moment) < 1e-9 < 1e-5 < abs(stiff.wrench["tie"][0, 4])
@@ -159,7 +150,7 @@ def test_a_held_director_makes_a_mirror_of_the_edge():
 @pytest.mark.parametrize("dead", [True, False])
 def test_pressure_pushes_against_the_normal(dead):
     job = bending_job(forces=())
-    quads = np.arange(len(job.quads))
+    quads = np.arange(len(job.sheet.quads))
     load = Pressure(quads, np.full(len(quads), -1), Drive(500.0, RAMP), dead)
     state = solve_job(replace(job, pressures=(load,)), options=PLAIN).states[0]
     area = 500.0 * LENGTH * WIDTH
@@ -234,10 +225,10 @@ def test_penetration_is_what_is_asked_for():
 
 def test_nodes_that_a_body_carries_do_not_touch_it():
     job = contact_job(lift=THICK / 4)
-    job = replace(job, held=(), tied=(Tied(nodes_at(job, 0.0), 0),))
+    job = replace(job, held=(), ties=(Tied(nodes_at(job, 0.0), 0),))
     model = job_model(job, PLAIN)
     assert not np.isin(nodes_at(job, 0.0), model.base.contacts[0].nodes).any()
-    assert len(model.base.contacts[0].nodes) == len(job.points) - len(nodes_at(job, 0.0))
+    assert len(model.base.contacts[0].nodes) == len(job.sheet.points) - len(nodes_at(job, 0.0))
 
 
 def test_a_solve_that_fails_says_when_and_where():
