@@ -55,6 +55,12 @@ def _check_names(job: Job) -> None:
     twice = [n for i, n in enumerate(names) if n in names[:i]]
     if twice:
         raise InputError(f"{job.name}: two parts or bodies are called {twice[0]!r}")
+    shapes = [b.name for b in job.bodies if b.surface is not None]
+    if shapes:
+        raise InputError(
+            f"{job.name}: the body {shapes[0]!r} has a surface that is not of triangles, which "
+            "FEBio's format has no word for; give it vertices and triangles"
+        )
     if not job.steps:
         raise InputError(f"{job.name}: it has no time steps to write")
 

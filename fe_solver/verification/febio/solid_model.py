@@ -60,8 +60,9 @@ def obstacles(job: Job) -> list[str]:
 
 
 def _obstacles(job: Job) -> Iterator[str]:
-    for name in (job.bodies[k.body].name for k in job.contacts if job.bodies[k.body].surface):
-        yield f"the body {name!r} has a surface that is not of triangles"
+    for body in job.bodies:
+        if body.surface is not None:
+            yield f"the body {body.name!r} has a surface that is not of triangles"
     for part in job.sheet.parts:
         reason = law_obstacle(part.law)
         if reason is not None:

@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 
 from cosim.errors import ConvergenceError, InputError
+from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Drive, LoadCurve
-from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement, Pressure
+from fe_solver.job.job import HeldDirector, Job, NodalForce, PrescribedDisplacement, Pressure
 from fe_solver.job.model import JobOptions, job_model
 from fe_solver.job.solve import solve_job, spread_times
+from fe_solver.materials.linear import Isotropic
+from fe_solver.sheet import plate
 from fe_solver.solver.newton import NewtonOptions, solve
-from fe_solver.supports import Body, SpringLaw, SpringSet, Tied
+from fe_solver.supports import WALL, Body, SpringLaw, SpringSet, Tied
+from fe_solver.surfaces.shapes import HalfSpace
+from fe_solver.verification.febio.solid_solve import solve_solid
 from tests.helpers.jobs import (
     LENGTH,
     PLAIN,
@@ -22,6 +27,7 @@ from tests.helpers.jobs import (
     WIDTH,
     E,
     bending_job,
+    body,
     contact_job,
     fix_components,
     nodes_at,
@@ -29,6 +35,28 @@ from tests.helpers.jobs import (
     strip,
     total,
 )
+
+
+def test_a_job_of_three_lines_bends_as_a_beam():
+    sheet = plate(LENGTH, WIDTH, 10, 3, Isotropic(E, 0.0), THICK)
+    load = NodalForce(sheet.edge("x1"), (0, 0, 1e-4))
+    job = Job(sheet, ties=[Tied(sheet.edge("x0"), WALL)], forces=[load])
+    state = solve_job(job).states[-1]
+    force, inertia = 1e-4 * len(load.nodes), WIDTH * THICK**3 / 12
+    deflection = state.configuration.x[load.nodes, 2].mean()
+    assert deflection == pytest.approx(force * LENGTH**3 / (3 * E * inertia), rel=0.01)
+    assert state.bodies == ("wall",)
+    assert total(state, "tie", "wall") == pytest.approx([0, 0, force], abs=1e-9)
+
+
+def test_a_second_tie_to_the_wall_is_to_the_same_wall():
+    sheet = plate(LENGTH, WIDTH, 4, 1, Isotropic(E, 0.0), THICK)
+    job = Job(sheet, ties=[Tied(sheet.edge("x0"), WALL)])
+    both = replace(job, ties=(*job.ties, Tied(sheet.edge("x1"), WALL)))
+    assert [b.name for b in both.bodies] == ["wall"]
+    assert [t.body for t in both.ties] == [0, 0]
+    with pytest.raises(InputError, match="edges x0, x1, y0, y1, not 'z0'"):
+        sheet.edge("z0")
 
 
 def test_a_prescribed_displacement_stretches_as_the_law_says():
@@ -212,6 +240,41 @@ def test_contact_holds_the_face_that_is_meant_at_its_gap(gap, height, rest):
     assert state.penetration < 2e-6
     assert np.abs(state.configuration.x[:, 2] - rest).max() < 3e-6
     assert max(state.imbalance) < 1e-6
+
+
+def test_a_sheet_lies_on_a_shape_as_on_triangles(tmp_path):
+    """A half-space in place of a block whose flat top is of triangles."""
+    job = contact_job(lift=THICK / 2 + 1e-6)
+    shape = Body("block", surface=HalfSpace(np.zeros(3), np.array([0, 0, 1.0])))
+    pair = replace(job.contacts[0], triangles=np.zeros((0, 3), dtype=int))
+    smooth = replace(job, bodies=(shape,), contacts=(pair,))
+    by_triangles, by_shape = (solve_job(j, options=PLAIN).states[0] for j in (job, smooth))
+    apart = by_shape.configuration.x - by_triangles.configuration.x
+    assert np.abs(apart).max() < 1e-8
+    assert by_shape.contact[0] == pytest.approx([0, 0, -1.0], abs=1e-6)
+    with pytest.raises(InputError, match="the body 'block' has a surface that is not of triangles"):
+        write_feb(smooth, tmp_path / "shape.feb")
+    with pytest.raises(InputError, match="the body 'block' has a surface that is not of triangles"):
+        solve_solid(smooth)
+
+
+def test_springs_with_a_toe_and_of_several_stiffnesses_pull_as_they_say(tmp_path):
+    law = SpringLaw(np.array([1e3, 2e3]), tension_only=True, toe=0.5e-3)
+    job, first = strip(), nodes_at(strip(), 0.0)[:2]
+    places = job.sheet.points[first] - np.array([4e-3, 0, 0])
+    none = np.array([-1, -1])
+    strings = SpringSet("strings", law, first, np.zeros(2, int), places, none, np.full(2, 4e-3))
+    load = NodalForce(nodes_at(job, LENGTH), np.array([0.1, 0, 0]), RAMP)
+    job = replace(
+        job, bodies=(body(),), held=fix_components(job, 1, 2), springs=(strings,), forces=(load,)
+    )
+    (state,) = solve_job(job, options=PLAIN).states
+    stretch = np.linalg.norm(state.configuration.x[first] - places, axis=1) - 4e-3
+    expected = [law.force(u)[i] for i, u in enumerate(stretch)]
+    assert state.spring_forces[0] == pytest.approx(expected, rel=1e-6)
+    assert state.spring_forces[0].sum() == pytest.approx(0.1 * len(load.nodes), rel=1e-6)
+    with pytest.raises(InputError, match="with a toe, or of several stiffnesses"):
+        write_feb(job, tmp_path / "toe.feb")
 
 
 def test_penetration_is_what_is_asked_for():
