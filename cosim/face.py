@@ -28,6 +28,7 @@ from cosim.case.schema import Case, check_name
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
 from cosim.errors import CosimError, InputError, Progress, quiet
 from cosim.models.build import build
+from cosim.outcome import Outcome
 from cosim.pipeline import run_case, run_cases
 from cosim.port import AXES, Finger, Hood, Pair, PairState, Tensions
 from cosim.results.compare import as_dict, compare_with_targets, numbers_of, read_targets, unit_of
@@ -106,18 +107,15 @@ def run_many(
 
     Raises InputError and ConvergenceError."""
     checked, workers = cases_from(cases), whole_number("workers", workers, 1, MOST_WORKERS)
-    results: dict[int, Result] = {}
-    errors: dict[int, CosimError] = {}
-    for i, result, error in run_cases(checked, _as_it_is, workers):
-        if result is not None:
-            results[i] = result
-        if error is not None:
-            errors[i] = error
-        done, words = len(results) + len(errors), "" if error is None else f": {error}"
-        progress(f"{done} of {len(checked)}: {checked[i].name}{words}")
-    if errors and not keep_errors:
-        raise errors[min(errors)]
-    return [results.get(i) or errors[i] for i in range(len(checked))]
+    outcomes: dict[int, Outcome[Result]] = {}
+    for i, outcome in run_cases(checked, _as_it_is, workers):
+        outcomes[i] = outcome
+        words = "" if outcome.error is None else f": {outcome.error}"
+        progress(f"{len(outcomes)} of {len(checked)}: {checked[i].name}{words}")
+    ended = [outcomes[i] for i in range(len(checked))]
+    if not keep_errors:
+        return [outcome.result() for outcome in ended]
+    return [outcome.error or outcome.result() for outcome in ended]
 
 
 def _as_it_is(result: Result) -> Result:

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
-from cosim.case.schema import Case, Task
-from cosim.errors import ConvergenceError, CosimError, Progress, listening, quiet
+from cosim.case.schema import Case
+from cosim.errors import ConvergenceError, Progress, listening, quiet
 from cosim.files import shown_path
-from cosim.models.fit import check_fit
+from cosim.outcome import Outcome, outcome_of
 from cosim.processes import Memory, one_blas_thread, process_pool
 from cosim.results.motion import observe_motion
 from cosim.results.result import Result
 from cosim.results.static import observe_static
 from cosim.results.write import write_files
-from cosim.solve.motion import checkpoint_folder
+from cosim.solve.motion import SolvedMotion, checkpoint_folder
 from cosim.solve.session import Session
-from cosim.solve.solvers import SOLVERS
+from cosim.solve.solvers import Solved, solve_case
 
 T = TypeVar("T")
-OBSERVERS: Mapping[Task, Callable[[Case, Any, float], Result]] = {
-    "static": observe_static,
-    "one_way": observe_static,
-    "motion": observe_motion,
-}
 
 
 @one_blas_thread()
@@ -43,15 +38,21 @@ def run_case(case: Case, session: Session | None = None, progress: Progress = qu
     equilibrium or a step of a motion fails (with what it `reached`), and StoppedError where the
     user ends a motion."""
     started = time.perf_counter()
-    check_fit(case)
     session = session or Session()
     with session.lock, listening(progress):
-        solved = SOLVERS[case.task](case, session, progress)
+        solved = solve_case(case, session, progress)
         progress("summing up")
-        result = OBSERVERS[case.task](case, solved, time.perf_counter() - started)
+        result = observe(case, solved, time.perf_counter() - started)
         if not result.summary["converged"]:
             raise _failure(case, result, session)
         return result
+
+
+def observe(case: Case, solved: Solved, wall: float) -> Result:
+    """What a solved case leaves behind; `wall`: the seconds that it took."""
+    if isinstance(solved, SolvedMotion):
+        return observe_motion(case, solved, wall)
+    return observe_static(case, solved, wall)
 
 
 def _failure(case: Case, reached: Result, session: Session) -> ConvergenceError:
@@ -73,22 +74,26 @@ def run_cases(
     then: Callable[[Result], T],
     workers: int = 1,
     checkpoints: Path | None = None,
-) -> Iterator[tuple[int, T | None, CosimError | None]]:
-    """Run cases side by side in so many processes.  As each ends: its place in `cases`,
-    what `then` makes of its result in the process that solved it, and the error that it ended with
-    (one of the two is None).
+) -> Iterator[tuple[int, Outcome[T]]]:
+    """Run cases side by side in so many processes.  As each ends: its place in `cases`, and its
+    outcome with what `then` makes of its result in the process that solved it.
 
     Cases that differ only in their tendons share their models and the unloaded equilibrium in a
     process, and those that differ in what holds the fingertip their hood.  A case gives the same
     bytes for any number of workers.  Raises InputError where a process is ended from outside."""
+    run_one = partial(_run_one, then=then, checkpoints=checkpoints)
+    with process_pool(max(1, min(workers, len(cases)))) as pool:
+        yield from pool.as_ended(pool.with_memory(run_one), batches_of(cases))
+
+
+def batches_of(cases: Sequence[Case]) -> list[list[tuple[int, Case]]]:
+    """The cases with their places, those of one hood in a batch, the largest batch first, and in it
+    those of one unloaded equilibrium side by side."""
     alike: dict[str, list[tuple[int, Case]]] = {}
     for i, case in enumerate(cases):
         alike.setdefault(case.hood_key(), []).append((i, case))
     batches = [sorted(batch, key=lambda item: item[1].setting_key()) for batch in alike.values()]
-    batches.sort(key=len, reverse=True)
-    run_one = partial(_run_one, then=then, checkpoints=checkpoints)
-    with process_pool(max(1, min(workers, len(cases)))) as pool:
-        yield from pool.as_ended(pool.with_memory(run_one), batches)
+    return sorted(batches, key=len, reverse=True)
 
 
 def _run_one(
@@ -96,10 +101,7 @@ def _run_one(
     item: tuple[int, Case],
     then: Callable[[Result], T],
     checkpoints: Path | None,
-) -> tuple[int, T | None, CosimError | None]:
+) -> tuple[int, Outcome[T]]:
     i, case = item
     session: Session = memory.setdefault("session", Session(checkpoints=checkpoints))
-    try:
-        return i, then(run_case(case, session)), None
-    except CosimError as error:
-        return i, None, error
+    return i, outcome_of(lambda: then(run_case(case, session)))

@@ -67,7 +67,7 @@ ALLOWED = {
 FLOORS = (
     {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels", "cosim.json_text"},
     {"cosim.port"},
-    {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file"},
+    {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
     {"cosim.processes", "cosim.xml_tree"},
     {"cosim.tendons"},
     {"cosim.coupling"},

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import csv
 import io
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -17,12 +16,13 @@ import numpy as np
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
-from cosim.errors import ConvergenceError, CosimError, InputError
+from cosim.errors import InputError
 from cosim.hoods.kind import HoodConfig
 from cosim.hoods.kinds import rungs
 from cosim.json_text import json_text
 from cosim.models.build import Models
 from cosim.models.fit import check_fit
+from cosim.outcome import outcome_of
 from cosim.port import AXES, Array
 from cosim.processes import process_pool
 from cosim.results.compare import number
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Status = Literal["converged", "failed", "does not apply"]
 RUNGS = rungs()
 """From the coarsest to the finest, with the packaged case that states each hood."""
 
@@ -48,7 +47,7 @@ class Rung:
     name: str
     is_own: bool
     """Whether the hood is the one that the case states."""
-    status: Status
+    status: Literal["converged", "failed", "does not apply"]
     reason: str
     """Why there are no numbers; empty where there are."""
     wall: float
@@ -105,24 +104,17 @@ def climb(source: Path, settings: tuple[str, ...], name: str) -> Rung:
     """One rung; a hood that does not fit the case or has no equilibrium is one too, with the
     reason."""
     case = load_case(source, settings)
-    is_own, started = name == case.hood.rung(), time.perf_counter()
-
-    def without(status: Status, error: CosimError) -> Rung:
-        wall = time.perf_counter() - started
-        return Rung(name, is_own, status, " ".join(str(error).split()), wall, {}, {}, {})
-
-    try:
-        here = on_rung(case, name)
-        check_fit(here)
-        models, states = solve(here)
-    except InputError as error:
-        return without("does not apply", error)
-    except ConvergenceError as error:
-        return without("failed", error)
-    wall = time.perf_counter() - started
-    summary = observe_static(here, (models, states), wall).summary
+    is_own = name == case.hood.rung()
+    outcome = outcome_of(lambda: solve(on_rung(case, name)))
+    if outcome.value is None:
+        status: Literal["failed", "does not apply"] = (
+            "does not apply" if outcome.status == "refused" else "failed"
+        )
+        return Rung(name, is_own, status, outcome.reason, outcome.seconds, {}, {}, {})
+    models, states = outcome.value
+    summary = observe_static(on_rung(case, name), (models, states), outcome.seconds).summary
     slips, excursions = _slips(models, states.loaded), _excursions(models, states)
-    return Rung(name, is_own, "converged", "", wall, summary, slips, excursions)
+    return Rung(name, is_own, "converged", "", outcome.seconds, summary, slips, excursions)
 
 
 def _slips(models: Models, e: Equilibrium) -> Mapping[str, float]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from itertools import groupby
 from time import process_time
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
+from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 
@@ -21,9 +21,7 @@ from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.models.build import build
 from cosim.port import STATIC, Array, Hood, Motion, Response, State
-
-if TYPE_CHECKING:
-    from fe_solver.hood.shell_hood import ShellHood
+from fe_solver.hood.shell_hood import ShellHood
 
 JOINTS = ("MCP", "PIP", "DIP")
 REST = "rest"

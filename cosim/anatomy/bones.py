@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.fingers.index import UNREADABLE
 from cosim.port import Array
-from meshes.imported.checks import UNITS, wind_alike
-from meshes.skeleton import BODIES
-
-if TYPE_CHECKING:
-    from meshes.hull import Centreline
-    from meshes.imported.checks import Placing
+from meshes.hull import Centreline
+from meshes.imported.checks import UNITS, Placing, wind_alike
+from meshes.skeleton import BODIES, index_finger
 
 Triangles = tuple[Array, np.ndarray]
 BoneFrame = Literal["body", "hood", "myohand"]
@@ -111,8 +109,6 @@ def _volume(points: Array, faces: np.ndarray) -> float:
 def _load(path: Path, what: str) -> Any:
     import trimesh
 
-    from cosim.fingers.index import UNREADABLE
-
     if not path.is_file():
         raise InputError(f"--bones: {what}: there is no file {path}")
     try:
@@ -166,13 +162,10 @@ def _place(
     hood: Placing,
     chain: Centreline,
 ) -> Triangles:
-    from dataclasses import replace
 
     if frame == "body":
         return points * UNITS[unit], faces
     if frame == "myohand":
-        from meshes.skeleton import index_finger
-
         return index_finger().from_source(body, points * UNITS[unit]), faces
     i = BODIES.index(body)
     world = replace(hood, unit=unit, origin=hood.origin * UNITS[hood.unit] / UNITS[unit]).of(points)

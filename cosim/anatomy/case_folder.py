@@ -11,9 +11,14 @@ from typing import cast
 import numpy as np
 
 from cosim.anatomy.read import Built, Defaults, UserAnatomy, read_anatomy
+from cosim.case.file import json_schema, load_case
 from cosim.errors import InputError
-from cosim.files import output_folder
+from cosim.files import check_folder, output_folder
+from cosim.hoods.shell.table import ShellHoodConfig
+from cosim.models.fit import check_fit
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
+from meshes.hood_mesh import write
+from rigid.mjcf.write import mjcf_xml
 
 BASE, BARE = "base/index_finger.toml", "base/split.toml"
 REPORT = "cosim_new.txt"
@@ -26,7 +31,6 @@ def new_case(name: str, given: UserAnatomy, out: Path) -> tuple[Path, tuple[str,
     Raises InputError for anything that the case could not be run with."""
     if not re.fullmatch(r"[A-Za-z0-9][\w-]{0,80}", name):
         raise InputError(f"{name!r}: a case's name is made of letters, digits, _ and -")
-    from cosim.files import check_folder
 
     check_folder(out, REPORT)
     made = read_anatomy(given, _defaults())
@@ -37,8 +41,6 @@ def new_case(name: str, given: UserAnatomy, out: Path) -> tuple[Path, tuple[str,
 
 
 def _defaults() -> Defaults:
-    from cosim.case.file import load_case
-    from cosim.hoods.shell.table import ShellHoodConfig
 
     hood = cast(ShellHoodConfig, load_case(BASE).hood)
     return Defaults(hood.thickness, hood.contact)
@@ -46,14 +48,9 @@ def _defaults() -> Defaults:
 
 def write_case(part: Path, name: str, given: UserAnatomy, made: Built) -> None:
     """The files of a case into the folder `part`."""
-    from cosim.case.file import json_schema
-    from meshes.hood_mesh import write
-
     if made.hood is not None:
         write(made.hood, part / "hood.json")
     if made.model is not None:
-        from rigid.mjcf.write import mjcf_xml
-
         (part / "finger.xml").write_text(mjcf_xml(made.model) + "\n", encoding="utf-8")
     scale = 1.0 if made.model is not None else given.length_scale
     for body, (points, faces) in (made.bones.surfaces if made.bones else {}).items():
@@ -101,9 +98,6 @@ def _case_lines(name: str, given: UserAnatomy, made: Built) -> Iterator[str]:
 
 def _check(path: Path) -> None:
     """What `cosim check` does.  Raises InputError."""
-    from cosim.case.file import load_case
-    from cosim.models.fit import check_fit
-
     case = load_case(path)
     check_fit(case)
     case.hood.check_files()

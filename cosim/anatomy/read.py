@@ -8,25 +8,26 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.anatomy.bones import BoneFrame, Bones, read_bones
+from cosim.anatomy.feb import read_feb_mesh
 from cosim.errors import InputError
+from cosim.hoods.bone_surfaces import contact_levels, pose_surfaces
+from cosim.hoods.supports import ContactConfig
 from cosim.port import Array
 from cosim.schema.types import MUSCLES
+from meshes.bones import bone_surface
+from meshes.hood_mesh import HoodMesh
+from meshes.hull import Centreline, Level
 from meshes.imported.checks import Placing
 from meshes.imported.hood import hood_of, read_sheet
 from meshes.imported.names import check_names
+from meshes.imported.raw import FORMATS, RawMesh, read_raw
 from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
-
-if TYPE_CHECKING:
-    from cosim.hoods.supports import ContactConfig
-    from meshes.hood_mesh import HoodMesh
-    from meshes.hull import Level
-    from meshes.imported.raw import RawMesh
-    from rigid.model import FingerModel
+from rigid.mjcf.read import read_mjcf, skeleton_of
+from rigid.model import FingerModel
 
 FINGER_NAMES = (*BODIES, *JOINTS, "tip", *MUSCLES)
 """What may be called otherwise in a MuJoCo model."""
@@ -107,7 +108,6 @@ def _finger(
         lengths = ", ".join(f"{1e3 * part:.1f}" for part in skeleton.length[1:])
         report.append(f"finger: our index finger, phalanges {lengths} mm from joint to joint")
         return None, {}, skeleton
-    from rigid.mjcf.read import read_mjcf, skeleton_of
 
     names = {ours: theirs for ours, theirs in given.names.items() if ours in FINGER_NAMES}
     read = read_mjcf(given.finger, names, MUSCLES)
@@ -122,7 +122,6 @@ def _finger(
 
 
 def _bones(given: UserAnatomy, skeleton: Skeleton, report: list[str]) -> Bones:
-    from meshes.hull import Centreline
 
     chain = Centreline(skeleton, *skeleton.pose(given.posture))
     bones = read_bones(given.bones, given.bone_frame, given.bone_unit, given.placing, chain)
@@ -143,9 +142,6 @@ def _with_hood(
     skeleton: Skeleton,
     report: list[str],
 ) -> Built:
-    from cosim.hoods.bone_surfaces import contact_levels, pose_surfaces
-    from meshes.bones import bone_surface
-    from meshes.hull import Centreline, Level
 
     assert given.hood is not None
     chain = Centreline(skeleton, *skeleton.pose(given.posture))
@@ -180,9 +176,6 @@ def _with_hood(
 
 def read_hood(path: Path) -> RawMesh:
     """A mesh file by its ending.  Raises InputError."""
-    from cosim.anatomy.feb import read_feb_mesh
-    from meshes.imported.raw import FORMATS, read_raw
-
     ending = path.suffix.lower()
     if ending == ".feb":
         return read_feb_mesh(path)

@@ -9,6 +9,8 @@ from typing import Annotated, NamedTuple
 
 import typer
 
+from cosim.case.file import load_case
+from cosim.commands.bench_case import bench_case
 from cosim.commands.bench_files import (
     BenchRecord,
     Ratios,
@@ -155,14 +157,11 @@ def _measure(name: str, options: Options) -> dict[str, Ratios]:
 
 def bench_one_case(name: str, settings: Settings) -> Ratios:
     """Print what a coupled run of a case costs; raises CosimError."""
-    from cosim.case.file import load_case
-
     try:
         case = load_case(name, settings or ())
     except InputError as error:
         near = nearest_names(name, LINES)
         raise InputError(f"{error}; or the bench {near[0]}?") if near else error from None
-    from cosim.commands.bench_case import bench_case
 
     with stages(case.name) as shown:
         found = bench_case(case, shown.say)

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import typer
 
+from cosim.analyses.growth import (
+    CASE,
+    CPU,
+    EACH,
+    TENDON,
+    Growth,
+    SolveCost,
+    fit_growth,
+    measure_growth,
+    meshes_up_to,
+)
+from cosim.analyses.pulls import REST
 from cosim.commands.terminal import print_table, stages
-
-if TYPE_CHECKING:
-    from cosim.analyses.growth import Growth, SolveCost
 
 MOST_GROWTH, AIM = 1.25, 1.3
 """What is aimed at: iterations of the finest mesh over those of the coarsest, and the exponent."""
@@ -18,8 +26,6 @@ MOST_GROWTH, AIM = 1.25, 1.3
 
 def bench_growth(most: int) -> dict[str, float]:
     """Solve, print and return the growth; raises InputError."""
-    from cosim.analyses.growth import CPU, EACH, fit_growth, measure_growth, meshes_up_to
-
     with stages("bench", len(meshes_up_to(most))) as shown:
         costs = list(measure_growth(most, shown.begin))
     growth = fit_growth(costs)
@@ -36,9 +42,6 @@ def bench_growth(most: int) -> dict[str, float]:
 
 def print_costs(costs: Sequence[SolveCost]) -> None:
     """Print what each solve took, and the time of each part for one linear solve."""
-    from cosim.analyses.growth import CASE, TENDON
-    from cosim.analyses.pulls import REST
-
     header = ("quads", "unknowns", "solve", "iterations", "linear solves", "CPU s", "peak MB")
     rows, parts = [], []
     for cost in costs:

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from rich.table import Table
 
+from cosim.analyses.pulls import REST, MeasuredPull, measure_pulls, read_pulls
 from cosim.commands.terminal import console, stages
-
-if TYPE_CHECKING:
-    from cosim.analyses.pulls import MeasuredPull
 
 
 def bench_pulls() -> dict[str, float]:
     """Solve, print the table and return the totals.  Raises InputError."""
-    from rich.table import Table
-
-    from cosim.analyses.pulls import REST, measure_pulls, read_pulls
-
     pulls = read_pulls()
     settings = list(dict.fromkeys((p.case, p.settings) for p in pulls))
     with stages("bench", len(settings)) as told:

@@ -5,16 +5,32 @@ from __future__ import annotations
 import time
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
+from cosim.analyses.estimate.feasible import ForceSet, force_set
+from cosim.analyses.estimate.files import muscle_table, write_answer, write_motion
+from cosim.analyses.estimate.joint_motion import read_motion
+from cosim.analyses.estimate.of_case import (
+    EstimateAnswer,
+    MotionEstimate,
+    Setup,
+    for_force,
+    for_motion,
+    for_torques,
+    force_basis,
+    forward_run_text,
+    parse_force,
+    parse_values,
+    setup,
+)
+from cosim.case.file import load_case
 from cosim.commands.terminal import exit_on_error, print_table
-
-if TYPE_CHECKING:
-    from cosim.analyses.estimate.feasible import ForceSet
-    from cosim.analyses.estimate.of_case import EstimateAnswer, MotionEstimate, Setup
-    from cosim.schema.units import Kind
+from cosim.errors import InputError
+from cosim.files import check_folder
+from cosim.schema import units
+from cosim.schema.units import Kind
 
 
 class CostName(StrEnum):
@@ -103,12 +119,6 @@ def estimate(
     """Muscles' tensions from a fingertip force, joint torques or a motion, with the hood of a case
     behind them; and the set of fingertip forces that they can make (alone, without a target)."""
     with exit_on_error():
-        from cosim.analyses.estimate.of_case import parse_values, setup
-        from cosim.case.file import load_case
-        from cosim.errors import InputError
-        from cosim.files import check_folder
-        from cosim.schema import units
-
         given = [
             o for o, v in (("--force", force), ("--torque", torque), ("--motion", motion)) if v
         ]
@@ -147,10 +157,6 @@ def _motion(
     reserve: str | None,
     started: float,
 ) -> None:
-    from cosim.analyses.estimate.files import write_motion
-    from cosim.analyses.estimate.joint_motion import read_motion
-    from cosim.analyses.estimate.of_case import for_motion
-    from cosim.schema import units
 
     highest = None if cutoff is None else _parse("--cutoff", cutoff, units.FREQUENCY)
     lacking = 0.0 if reserve is None else _parse("--reserve", reserve, units.TORQUE)
@@ -162,8 +168,6 @@ def _motion(
 
 
 def _parse(option: str, text: str, kind: Kind) -> float:
-    from cosim.errors import InputError
-    from cosim.schema import units
 
     try:
         return units.parse(text, kind)
@@ -174,9 +178,6 @@ def _parse(option: str, text: str, kind: Kind) -> float:
 def _target(
     folder: Path, s: Setup, force: str | None, torque: list[str] | tuple[()], started: float
 ) -> None:
-    from cosim.analyses.estimate.files import write_answer
-    from cosim.analyses.estimate.of_case import for_force, for_torques, parse_force, parse_values
-    from cosim.schema import units
 
     answer = None
     if force is not None:
@@ -192,10 +193,6 @@ def _target(
 
 def _forces(s: Setup, answer: EstimateAnswer | None) -> ForceSet | None:
     """The set of forces, where the target is one or there is none; said why where there is none."""
-    from cosim.analyses.estimate.feasible import force_set
-    from cosim.analyses.estimate.of_case import force_basis
-    from cosim.errors import InputError
-
     if answer is not None and answer.demand.unit != "N":
         return None
     try:
@@ -216,8 +213,6 @@ def _forces(s: Setup, answer: EstimateAnswer | None) -> ForceSet | None:
 
 
 def _show(s: Setup, answer: EstimateAnswer) -> None:
-    from cosim.analyses.estimate.files import muscle_table
-    from cosim.analyses.estimate.of_case import forward_run_text
 
     table = muscle_table(s.capacity, answer.estimate.tension)
     rows = [

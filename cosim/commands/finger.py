@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.analyses.moment_arms import (
+    ACTION,
+    beside_published,
+    by_posture,
+    draw,
+    published_arms,
+    sweep,
+)
+from cosim.case.file import load_case
 from cosim.commands.terminal import exit_on_error, print_table, stages
 from cosim.errors import InputError
 from cosim.files import check_file, output_file
+from cosim.fingers.kinds import joint_ranges
+from cosim.models.build import build, mjcf_of, tensions
 from cosim.results.picture import write_figure
+from rigid.verification.bench import bench_opensim as measure
+from rigid.verification.dynamics_rows import time_static_solve
+from rigid.verification.robot_bench import PAPER_LOOP, PAPER_QP, bench_robot
 
 if TYPE_CHECKING:
     import pandas
@@ -34,11 +49,6 @@ def moment_arms(
 ) -> None:
     """Moment arms of all tendons while each joint passes its range, beside published ones."""
     with exit_on_error():
-        from cosim.analyses.moment_arms import beside_published, draw, published_arms, sweep
-        from cosim.case.file import load_case
-        from cosim.fingers.kinds import joint_ranges
-        from cosim.models.build import build, tensions
-
         checked = load_case(case, settings or ())
         check_file(out / "moment_arms.csv")
         with stages(checked.name) as told:
@@ -72,8 +82,6 @@ def _write(
 
 def _show(table: pandas.DataFrame) -> None:
     """A line for each tendon and joint that it acts on, a column for each posture."""
-    from cosim.analyses.moment_arms import ACTION
-
     for joint, here in table.groupby("joint", sort=False):
         wide = here.pivot(index="tendon", columns="angle_deg", values="arm_mm")
         wide = wide.loc[
@@ -88,8 +96,6 @@ def _show(table: pandas.DataFrame) -> None:
 
 def _show_published(compared: pandas.DataFrame) -> None:
     """A table for each joint: the model's arms and each source's, a column for each posture."""
-    from cosim.analyses.moment_arms import by_posture
-
     for joint, wide in by_posture(compared).items():
         rows = [
             (str(tendon), str(source), *(f"{arm:.1f}" if isfinite(arm) else "-" for arm in arms))
@@ -110,9 +116,6 @@ def mjcf(
     control is the tension, and the keyframe "posture" with the resting tensions; without what holds
     the tip, and the hood."""
     with exit_on_error():
-        from cosim.case.file import load_case
-        from cosim.models.build import mjcf_of
-
         text = mjcf_of(load_case(case, settings or ()))
         with output_file(out) as path:
             path.write_text(text + "\n", encoding="utf-8")
@@ -124,8 +127,6 @@ def mjcf(
 
 def bench_fingers() -> dict[str, float]:
     """Print what the static solve of the finger alone costs; its ratio."""
-    from rigid.verification.dynamics_rows import time_static_solve
-
     with stages("bench") as shown:
         shown.say("solving the finger many times")
         return _print_figures(time_static_solve(), "static solve / mj_forward")
@@ -134,11 +135,8 @@ def bench_fingers() -> dict[str, float]:
 def bench_opensim() -> dict[str, float]:
     """Print what the finger's motion costs here and in OpenSim; their ratio.  Raises InputError
     where OpenSim is not installed."""
-    from importlib.util import find_spec
-
     if find_spec("opensim") is None:
         raise InputError("OpenSim is not installed here: pip install '.[opensim]'")
-    from rigid.verification.bench import bench_opensim as measure
 
     with stages("bench") as shown:
         shown.say("moving the finger here and in OpenSim")
@@ -148,8 +146,6 @@ def bench_opensim() -> dict[str, float]:
 def bench_robotic_finger() -> dict[str, float]:
     """Print what the robotic finger's control loop costs, beside the paper's figures; its parts
     over the loop."""
-    from rigid.verification.robot_bench import PAPER_LOOP, PAPER_QP, bench_robot
-
     paper = {"loop_s": PAPER_LOOP, "qp_s": PAPER_QP}
     with stages("bench") as shown:
         shown.say("running the control loop many times")

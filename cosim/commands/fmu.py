@@ -8,9 +8,11 @@ from typing import Annotated
 
 import typer
 
+from cosim.case.file import load_case
 from cosim.commands.finger import CaseName, Settings
 from cosim.commands.terminal import exit_on_error, stages
 from cosim.files import check_file
+from cosim.fmu_export.write import write_fmu
 
 
 class FmuPart(StrEnum):
@@ -41,9 +43,6 @@ def fmu(
 
     It holds the whole case and runs where this package is installed, at the same version."""
     with exit_on_error():
-        from cosim.case.file import load_case
-        from cosim.fmu_export.write import write_fmu
-
         checked = load_case(case, settings or ())
         path = out or Path(f"{checked.name}_{part.value}_fmi{fmi}.fmu")
         check_file(path)

@@ -6,6 +6,9 @@ from importlib.resources import files
 from typing import Annotated
 
 import typer
+from rich import box
+from rich.markdown import Markdown
+from rich.table import Table
 
 from cosim.commands.terminal import console, exit_on_error
 from cosim.errors import InputError
@@ -19,10 +22,6 @@ def glossary(
     """Explain the words and axes that cases, results and reports use.
 
     Example: cosim glossary excursion"""
-    from rich import box
-    from rich.markdown import Markdown
-    from rich.table import Table
-
     entries = read_glossary()
     with exit_on_error():
         if word is not None:

@@ -7,8 +7,12 @@ from typing import Annotated
 
 import typer
 
+from cosim.analyses.hood.studies import HoodStudies
+from cosim.case.file import load_case
 from cosim.commands.identify import Settings
 from cosim.commands.terminal import exit_on_error
+from cosim.hoods.kinds import KINDS
+from cosim.report.figures import choose_studies, write_figures
 
 
 def show_hood(
@@ -44,11 +48,6 @@ def show_hood(
     about 12 minutes on one core with --set hood.mesh.quads=400.  A pose without equilibrium is
     shown as such."""
     with exit_on_error():
-        from cosim.analyses.hood.studies import HoodStudies
-        from cosim.case.file import load_case
-        from cosim.hoods.kinds import KINDS
-        from cosim.report.figures import choose_studies, write_figures
-
         own = tuple(settings or ())
         checked = load_case(case, own)
         if moduli is not None:

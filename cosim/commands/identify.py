@@ -4,26 +4,29 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import numpy as np
 import typer
+from rich.console import Console
+from rich.progress import Progress
 
+from cosim.analyses.identify.case_text import case_text, check_loads, check_same_settings
+from cosim.analyses.identify.cases import FitCase, fit_cases, stated_cases
+from cosim.analyses.identify.fit import Fit, confidence, fit_all, identifiability, interval, miss
+from cosim.analyses.identify.sensitivity import Sensitivity, bars, study, to_csv, to_json
+from cosim.analyses.identify.tornado import draw_tornado
+from cosim.analyses.identify.variations import variations
+from cosim.case.file import base_name, load_case
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
 from cosim.files import check_file, output_file
+from cosim.hoods.variation import Variation
+from cosim.results.compare import Comparison, Target, number, read_targets, reference_text, unit_of
 from cosim.results.picture import write_figure
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cosim.analyses.identify.cases import FitCase
-    from cosim.analyses.identify.fit import Fit
-    from cosim.analyses.identify.sensitivity import Sensitivity
-    from cosim.hoods.variation import Variation
-    from cosim.results.compare import Comparison, Target
 
 CaseName = Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")]
 Settings = Annotated[
@@ -66,11 +69,6 @@ def sensitivity(
     """How a case's results answer to what it assumes: moduli, thickness, rest lengths, ligaments,
     fibres, contact, joints, posture, mesh; a tornado chart for each quantity, and a table."""
     with exit_on_error():
-        from cosim.analyses.identify.sensitivity import study, to_csv, to_json
-        from cosim.analyses.identify.variations import variations
-        from cosim.case.file import load_case
-        from cosim.results.compare import read_targets
-
         own = tuple(settings or ())
         checked = load_case(case, own)
         folder = out / checked.name
@@ -118,8 +116,6 @@ def _run_counter(name: str) -> Iterator[Callable[[int, int, str], None]]:
     if not sys.stderr.isatty():
         yield lambda done, total, what: typer.echo(f"{name}: {done}/{total} {what}", err=True)
         return
-    from rich.console import Console
-    from rich.progress import Progress
 
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task(name)
@@ -130,9 +126,6 @@ def _run_counter(name: str) -> Iterator[Callable[[int, int, str], None]]:
 
 def _write_charts(folder: Path, found: Sensitivity, targets: Sequence[Target]) -> int:
     """A chart for each quantity that answers to anything; how many."""
-    from cosim.analyses.identify.sensitivity import bars
-    from cosim.analyses.identify.tornado import draw_tornado
-
     target = {t.quantity: t for t in targets}
     drawn = [q for q in found.base if any(bar.swing > 0 for bar in bars(found, q))]
     for quantity in drawn:
@@ -145,9 +138,6 @@ def _write_charts(folder: Path, found: Sensitivity, targets: Sequence[Target]) -
 
 def _show_sensitivity(found: Sensitivity) -> None:
     """The strongest answers of each quantity, and the runs that have none."""
-    from cosim.analyses.identify.sensitivity import bars
-    from cosim.results.compare import number, unit_of
-
     for quantity, base in found.base.items():
         rows = [
             (
@@ -223,11 +213,6 @@ def identify(
     """Fit parameters of one or several cases to measured numbers, within bounds; say with
     intervals, correlations and singular values what the numbers could not tell."""
     with exit_on_error():
-        from cosim.analyses.identify.case_text import check_same_settings
-        from cosim.analyses.identify.cases import fit_cases, stated_cases
-        from cosim.analyses.identify.fit import fit_all
-        from cosim.results.compare import read_targets
-
         stated = stated_cases(cases, tuple(settings or ()), free)
         wanted = read_targets(targets)
         apart = read_targets(held_out) if held_out is not None else ()
@@ -247,9 +232,6 @@ def _write_found(
     out: Path, found: Fit, cases: Sequence[FitCase], own: tuple[str, ...], targets: str
 ) -> None:
     """The case that all cases are made of, or, where they are made of several, the settings."""
-    from cosim.analyses.identify.case_text import case_text, check_loads
-    from cosim.case.file import base_name, load_case
-
     stated = [case.stated for case in cases]
     source = stated[0].source
     of_one = all(case.source == source for case in stated)
@@ -265,9 +247,6 @@ def _write_found(
 
 def _show_fit(found: Fit, several: bool) -> None:
     """Parameters, misses, correlations, singular values."""
-    from cosim.analyses.identify.fit import identifiability, interval
-    from cosim.results.compare import number
-
     rows = []
     for p in found.parameters:
         value, bounds = number(found.values[p.name]), f"{p.low:g} to {p.high:g}"
@@ -311,16 +290,12 @@ def _show_fit(found: Fit, several: bool) -> None:
 
 
 def _squares(rows: Sequence[Comparison]) -> float:
-    from cosim.analyses.identify.fit import miss
 
     return sum(miss(row.target, row.model or 0.0) ** 2 for row in rows)
 
 
 def _show_rows(title: str, pairs: Sequence[tuple[Comparison, Comparison]], several: bool) -> None:
     """Rows before and after."""
-    from cosim.analyses.identify.fit import miss
-    from cosim.results.compare import number, reference_text
-
     rows = [
         (
             *([row.target.case] if several else []),
@@ -338,10 +313,6 @@ def _show_rows(title: str, pairs: Sequence[tuple[Comparison, Comparison]], sever
 def _show_confidence(found: Fit) -> None:
     """Show what the rows that pull tell of the parameters, and what every row would tell if it were
     a point and no band."""
-    import numpy as np
-
-    from cosim.analyses.identify.fit import confidence
-
     every = [p.name for p in found.parameters]
     names, pulling = [p.name for p in found.within], found.confidence
     rows = [

@@ -4,17 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from cosim.analyses.ladder import (
+    Rung,
+    draw_ladder,
+    heading,
+    reasons,
+    rungs_of,
+    side_by_side,
+    solve_rungs,
+    to_csv,
+    to_json,
+    to_markdown,
+)
+from cosim.case.file import load_case
 from cosim.commands.identify import CaseName, Settings, Workers
 from cosim.commands.terminal import exit_on_error, print_table, stages
 from cosim.files import check_folder, output_folder
+from cosim.processes import process_context
 from cosim.results.picture import write_figure
-
-if TYPE_CHECKING:
-    from cosim.analyses.ladder import Rung
 
 MARK = "ladder.json"
 
@@ -31,12 +42,8 @@ def ladder(
     that does not fit the case is a column with its reason.  Exit code 1 where one that fits did not
     converge."""
     with exit_on_error():
-        from cosim.processes import process_context
-
         if workers > 1:
             process_context()  # imports while the case is read
-        from cosim.analyses.ladder import rungs_of, solve_rungs
-        from cosim.case.file import load_case
 
         own = tuple(settings or ())
         checked = load_case(case, own)
@@ -57,7 +64,6 @@ def ladder(
 
 
 def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
-    from cosim.analyses.ladder import draw_ladder, to_csv, to_json, to_markdown
 
     for name, text in (
         (MARK, to_json(rungs)),
@@ -69,7 +75,6 @@ def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
 
 
 def _show(rungs: Sequence[Rung], title: str) -> None:
-    from cosim.analyses.ladder import heading, reasons, side_by_side
 
     print_table(title, ("", *map(heading, rungs)), side_by_side(rungs))
     for line in reasons(rungs):

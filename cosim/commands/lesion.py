@@ -5,19 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
+from rich.table import Table as Grid
 
+from cosim.analyses.lesion import TIPS, both_sides, lesion_text, named_parts
+from cosim.case.file import load_case
+from cosim.case.schema import Case
 from cosim.commands.identify import Workers
 from cosim.commands.terminal import console, exit_on_error, stages, warn_of_audits
+from cosim.files import check_file, output_file
+from cosim.pipeline import run_cases
+from cosim.report.lesion_page import RunPair, lesion_page, limit_sentences, tables_of_lesion
+from cosim.report.tables import ReportTable, as_csv, as_json, as_markdown, cell_text
 from cosim.results.audit import describe_misses
-
-if TYPE_CHECKING:
-    from cosim.case.schema import Case
-    from cosim.report.lesion_page import RunPair
-    from cosim.report.tables import ReportTable
-    from cosim.results.result import Result
+from cosim.results.read import read_run
+from cosim.results.result import Result
+from cosim.results.write import check_target
 
 Format = Literal["html", "csv", "json", "md"]
 
@@ -44,10 +49,6 @@ def lesion(
     """Solve a case without its lesion and with it, fingertip free and held, and report both:
     posture, slip forces, fingertip force, strain maps."""
     with exit_on_error():
-        from cosim.case.file import load_case
-        from cosim.files import check_file
-        from cosim.report.lesion_page import limit_sentences
-
         checked = load_case(case, settings or ())
         where = page or Path(f"{checked.name}.{form}")
         check_file(where)
@@ -64,22 +65,16 @@ def lesion(
 
 def _solve_runs(case: Case, out: Path, workers: int) -> list[RunPair]:
     """The four runs, each in its folder.  Raises InputError, ConvergenceError."""
-    from cosim.analyses.lesion import TIPS, both_sides
-    from cosim.pipeline import run_cases
-    from cosim.report.lesion_page import RunPair
-    from cosim.results.read import read_run
-    from cosim.results.write import check_target
-
     four = both_sides(case)
     keys, cases, errors = list(four), list(four.values()), {}
     for one in cases:
         check_target(out, one.name)
     with stages(case.name, len(cases)) as told:
         told.say(f"0/{len(cases)} before and after, fingertip free and held")
-        for i, _, error in run_cases(cases, partial(_save, out=out), workers):
-            told.end(f"{cases[i].title}{'' if error is None else ': failed'}")
-            if error is not None:
-                errors[i] = error
+        for i, outcome in run_cases(cases, partial(_save, out=out), workers):
+            told.end(f"{cases[i].title}{'' if outcome.error is None else ': failed'}")
+            if outcome.error is not None:
+                errors[i] = outcome.error
     if errors:
         first = min(errors)
         raise type(errors[first])(f"{cases[first].name}: {errors[first]}") from errors[first]
@@ -92,10 +87,6 @@ def _save(result: Result, out: Path) -> Path:
 
 
 def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Format) -> list[ReportTable]:
-    from cosim.analyses.lesion import lesion_text, named_parts
-    from cosim.files import output_file
-    from cosim.report.lesion_page import lesion_page, tables_of_lesion
-    from cosim.report.tables import as_csv, as_json, as_markdown
 
     tables = tables_of_lesion(pairs)
     if form == "html":
@@ -110,9 +101,6 @@ def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Format) -> l
 
 
 def _show(table: ReportTable) -> None:
-    from rich.table import Table as Grid
-
-    from cosim.report.tables import cell_text
 
     grid = Grid(*table.columns, title=table.title, title_justify="left", box=None)
     for row in table.rows:

@@ -10,8 +10,14 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.case.file import json_schema, packaged_cases
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError, nearest_names
+from cosim.hoods.kinds import KINDS
+from cosim.results.compare import unit_of
+from cosim.results.quantities import QUANTITIES, STATE
+from cosim.study.file import packaged_studies
+from cosim.validation.plan import groups
 
 Schema = Mapping[str, Any]
 Rows = Sequence[tuple[str, ...]]
@@ -26,13 +32,14 @@ class Things(StrEnum):
     FINGERS = "fingers"
     HOODS = "hoods"
     MATERIALS = "materials"
+    QUANTITIES = "quantities"
 
 
 def list_things(
     what: Annotated[Things, typer.Argument(help="What to list.")] = Things.CASES,
 ) -> None:
-    """The packaged cases and studies, the trials of `cosim validate`, and the kinds of finger, hood
-    and material, with a line for each."""
+    """The packaged cases and studies, the trials of `cosim validate`, the kinds of finger, hood and
+    material, and the numbers of a run, with a line for each."""
     with exit_on_error():
         header, rows = LISTS[what]()
         print_table("", header, rows, of_words=True)
@@ -45,8 +52,6 @@ def explain(
 ) -> None:
     """What a key of a case file means: what it may hold, unit, range and default."""
     with exit_on_error():
-        from cosim.case.file import json_schema
-
         whole = json_schema()
         for title, text, rows in describe_key(whole, key):
             typer.echo(title)
@@ -57,14 +62,12 @@ def explain(
 
 
 def _cases() -> tuple[tuple[str, ...], Rows]:
-    from cosim.case.file import packaged_cases
 
     rows = [(name, path.parent.name, _title(path)) for name, path in packaged_cases().items()]
     return ("case", "family", ""), sorted(rows, key=lambda row: (row[1], row[0]))
 
 
 def _studies() -> tuple[tuple[str, ...], Rows]:
-    from cosim.study.file import packaged_studies
 
     return ("study", ""), [(path.stem, _title(path)) for path in packaged_studies()]
 
@@ -74,7 +77,6 @@ def _title(path: Path) -> str:
 
 
 def _trials() -> tuple[tuple[str, ...], Rows]:
-    from cosim.validation.plan import groups
 
     found: dict[tuple[str, str], list[str]] = {}
     for group in groups():
@@ -90,13 +92,11 @@ def _fingers() -> tuple[tuple[str, ...], Rows]:
 
 
 def _hoods() -> tuple[tuple[str, ...], Rows]:
-    from cosim.hoods.kinds import KINDS
 
     return ("hood.kind", ""), [(name, kind.table.title) for name, kind in KINDS.items()]
 
 
 def _materials() -> tuple[tuple[str, ...], Rows]:
-    from cosim.case.file import json_schema
 
     whole = json_schema()
     found = dict(_alternatives(whole, _at(whole, "hood.regions.central_slip")))
@@ -107,6 +107,15 @@ def _materials() -> tuple[tuple[str, ...], Rows]:
     return ("hood.regions.NAME.kind", ""), rows
 
 
+def _quantities() -> tuple[tuple[str, ...], Rows]:
+    rows = [
+        (q.path, unit_of(q.path), f"{q.meaning}{' (also unloaded.)' if q in STATE else ''}")
+        for q in QUANTITIES
+        if not q.path.startswith("unloaded.")
+    ]
+    return ("path in summary.json", "unit", ""), rows
+
+
 LISTS: Mapping[Things, Callable[[], tuple[tuple[str, ...], Rows]]] = {
     Things.CASES: _cases,
     Things.STUDIES: _studies,
@@ -114,6 +123,7 @@ LISTS: Mapping[Things, Callable[[], tuple[tuple[str, ...], Rows]]] = {
     Things.FINGERS: _fingers,
     Things.HOODS: _hoods,
     Things.MATERIALS: _materials,
+    Things.QUANTITIES: _quantities,
 }
 
 

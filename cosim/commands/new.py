@@ -6,15 +6,17 @@ import math
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
+import numpy as np
 import typer
 
+from cosim.anatomy.case_folder import new_case
+from cosim.anatomy.read import UserAnatomy
 from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
-
-if TYPE_CHECKING:
-    from cosim.anatomy.read import UserAnatomy
+from cosim.schema import units
+from meshes.imported.checks import Placing, parse_axes
 
 Unit = Literal["m", "cm", "mm", "um", "in"]
 Frame = Literal["body", "hood", "myohand"]
@@ -79,12 +81,6 @@ def new(
     """Make a case of your own hood mesh, bones and finger, and tell what was found, assumed and
     dropped."""
     with exit_on_error():
-        import numpy as np
-
-        from cosim.anatomy.case_folder import new_case
-        from cosim.anatomy.read import UserAnatomy
-        from meshes.imported.checks import Placing, parse_axes
-
         centre = np.array(_numbers(origin, "--origin", "0 0 0"))
         placing = Placing(unit, parse_axes(axes), centre)
         given = UserAnatomy(
@@ -131,7 +127,6 @@ def _posture(text: str) -> dict[str, float]:
 
 
 def _thickness(text: str | None) -> float | None:
-    from cosim.schema import units
 
     if text is None:
         return None

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
+import numpy as np
 import typer
 
+from cosim.analyses.opensim.loads import Handover, mass_centres, write_loads
+from cosim.analyses.opensim.tensions import read_tensions, tensions_at, write_case
 from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
-
-if TYPE_CHECKING:
-    from cosim.port import Array
+from cosim.port import Array
+from cosim.results.sto import write_tables
+from rigid.opensim.losses import report
+from rigid.opensim.osim import import_osim, write_import
 
 ForceUnit = Literal["N", "mN", "kN"]
 LengthUnit = Literal["m", "cm", "mm", "um"]
@@ -35,9 +39,6 @@ def import_model(
     muscles and joint limits go into a JSON file beside.  Ends with code 2 where the model has
     muscles and none could be imported."""
     with exit_on_error():
-        from rigid.opensim.losses import report
-        from rigid.opensim.osim import import_osim, write_import
-
         imported = import_osim(model)
         written = write_import(imported, out or Path(f"{model.stem}.xml"))
         for line in report(imported.losses):
@@ -58,8 +59,6 @@ def sto(
 ) -> None:
     """Write a run's motions and forces as .sto tables, which OpenSim plots."""
     with exit_on_error():
-        from cosim.results.sto import write_tables
-
         for path in write_tables(run, out or run):
             typer.echo(f"wrote {path}")
 
@@ -91,8 +90,6 @@ def tensions(
 ) -> None:
     """Write a case with the muscle forces of an OpenSim table as tendon tensions."""
     with exit_on_error():
-        from cosim.analyses.opensim.tensions import read_tensions, tensions_at, write_case
-
         if over_time and time is not None:
             raise InputError("--time and --over-time: one of the two")
         table = read_tensions(forces, dict(_pairs(column or (), "--column", "EDC=EDC1")))
@@ -167,8 +164,6 @@ def loads(
 ) -> None:
     """Write the reactions of rigid bodies that FEBio logged as OpenSim's external loads."""
     with exit_on_error():
-        from cosim.analyses.opensim.loads import Handover, write_loads
-
         names = _bodies(body)
         handover = Handover(
             names,
@@ -211,10 +206,6 @@ def _bodies(texts: Sequence[str]) -> dict[int, str]:
 
 def _points(names: Sequence[str], model: Path | None, texts: Sequence[str]) -> dict[str, Array]:
     """(3,) m of each body."""
-    import numpy as np
-
-    from cosim.analyses.opensim.loads import mass_centres
-
     there = {} if model is None else mass_centres(model)
     stated = {}
     for name, text in (_split_point(text) for text in texts):

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from cosim.analyses.identify.case_text import check_loads
+from cosim.analyses.reduction.case_text import case_text
+from cosim.analyses.reduction.errors import errors
+from cosim.analyses.reduction.reduce import Reduction, read_grid, reduce_case
+from cosim.analyses.reduction.walks import SPREAD
+from cosim.case.file import base_name, load_case
 from cosim.commands.identify import CaseName, Settings, Workers
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.files import check_file, output_file
-
-if TYPE_CHECKING:
-    from cosim.analyses.reduction.reduce import Reduction
 
 
 def reduce(
@@ -54,12 +57,6 @@ def reduce(
     """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
     for use in real time; the error is that of postures held out."""
     with exit_on_error():
-        from cosim.analyses.identify.case_text import check_loads
-        from cosim.analyses.reduction.case_text import case_text
-        from cosim.analyses.reduction.reduce import read_grid, reduce_case
-        from cosim.analyses.reduction.walks import SPREAD
-        from cosim.case.file import base_name, load_case
-
         own = tuple(settings or ())
         checked = load_case(case, own)
         if out is not None:
@@ -84,8 +81,6 @@ def reduce(
 
 def _show(found: Reduction) -> None:
     """Errors, rates, and where the hood found no equilibrium."""
-    from cosim.analyses.reduction.errors import errors
-
     told = list(errors(found))
     rows = [
         (

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from cosim.commands.terminal import exit_on_error, stages
+from cosim.report.write import write_report
 
 Format = Literal["html", "csv", "json", "md"]
 
@@ -35,13 +36,10 @@ def report(
     ] = None,
 ) -> None:
     """Show runs, and what they are compared with, in one HTML page that needs nothing else."""
-    with exit_on_error():
-        from cosim.report.write import write_report
-
-        with stages("report") as told:
-            told.say(f"reading and drawing {len(runs)} run{'s' if len(runs) > 1 else ''}")
-            notes: list[str] = []
-            written = write_report(runs, out, form, against, data, notes.append)
+    with exit_on_error(), stages("report") as told:
+        told.say(f"reading and drawing {len(runs)} run{'s' if len(runs) > 1 else ''}")
+        notes: list[str] = []
+        written = write_report(runs, out, form, against, data, notes.append)
     for note in notes:
         typer.echo(f"note: {note}", err=True)
     typer.echo(written, nl=not written.endswith("\n"))

@@ -9,10 +9,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import typer
 
+from cosim.case.file import json_schema, load_case
+from cosim.case.schema import Case
+from cosim.case.usual import unusual_values
 from cosim.commands.terminal import (
     INCOMPLETE,
     console,
@@ -22,8 +25,8 @@ from cosim.commands.terminal import (
     warn,
     warn_of_audits,
 )
+from cosim.coupling.checkpoint import NAME
 from cosim.errors import (
-    CosimError,
     InputError,
     Progress,
     StoppedError,
@@ -31,11 +34,20 @@ from cosim.errors import (
     span,
 )
 from cosim.files import output_file, shown_path
+from cosim.json_text import json_text
+from cosim.models.fit import check_fit
+from cosim.outcome import Outcome, outcome_of
+from cosim.pipeline import run_case, run_cases
+from cosim.processes import process_context
 from cosim.results.audit import describe_misses
-
-if TYPE_CHECKING:
-    from cosim.case.schema import Case
-    from cosim.results.result import Result
+from cosim.results.result import Result
+from cosim.results.summary_tables import batch_table, tables
+from cosim.results.write import check_target, without_nan, write_run
+from cosim.schema.json_schema import CASE_SCHEMA, STUDY_SCHEMA
+from cosim.solve.motion import UNFINISHED, check_not_begun, checkpoint_folder
+from cosim.solve.session import Session
+from cosim.study.file import is_study, study_schema
+from cosim.study.plan import read_plan
 
 Voice = Literal["plain", "quiet", "json"]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]
@@ -61,8 +73,6 @@ class Ended(NamedTuple):
 
 def load_cases(names: Sequence[str], settings: Sequence[str] | None) -> list[Case]:
     """All cases; the faults of every one are told before the exit."""
-    from cosim.case.file import load_case
-
     cases, faults = [], []
     for name in names:
         try:
@@ -92,9 +102,6 @@ def run(
 ) -> None:
     """Run cases; each leaves its results in a folder of its name. Of one case what came out is
     shown; of several each is counted as it ends, and a table has them all side by side."""
-    from cosim.case.usual import unusual_values
-    from cosim.processes import process_context
-
     if workers > 1:
         process_context()  # imports while the cases are read
     none = () if pictures else ("output.picture=false",)
@@ -117,7 +124,8 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1) -
         if workers == 1
         else _side_by_side(cases, out, voice, workers)
     )
-    for case, ended, error in ran:
+    for case, outcome in ran:
+        ended, error = outcome.value, outcome.error
         summaries[case.name] = None if ended is None else ended.summary
         lacking[case.name] = () if ended is None else ended.lacking
         if error is not None:
@@ -129,8 +137,6 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1) -
         if type(error) is StoppedError:
             break
     if voice == "plain" and len(cases) > 1:
-        from cosim.results.summary_tables import batch_table
-
         console().print(batch_table([case.name for case in cases], summaries))
         typer.echo(f"results in {shown_path(out)}")
     warn({n: [*(s or {}).get("warnings", ()), *lacking[n]] for n, s in summaries.items()})
@@ -145,7 +151,6 @@ def _voice(quiet: bool, as_json: bool) -> Voice:
 
 
 def _check_targets(cases: Sequence[Case], out: Path) -> None:
-    from cosim.results.write import check_target
 
     names = [case.name for case in cases]
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -157,66 +162,58 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
 
 def _one_by_one(
     cases: Sequence[Case], out: Path, voice: Voice
-) -> Iterator[tuple[Case, Ended | None, CosimError | None]]:
+) -> Iterator[tuple[Case, Outcome[Ended]]]:
     """Run and write each case in this process, its stages told."""
-    from cosim.pipeline import run_case
-    from cosim.solve.motion import checkpoint_folder
-    from cosim.solve.session import Session
-
     session = Session(checkpoints=out)
     for case in cases:
         unfinished = checkpoint_folder(case, out)
         try:
-            with _progress(case.name, voice) as say:
-                result = run_case(case, session, say)
-                say("writing the results")
-                ended = _save(result, out)
+            outcome = outcome_of(partial(_run_one, case, session, out, voice))
         except KeyboardInterrupt:
-            yield case, None, StoppedError(f"stopped before its end; {_what_stays(unfinished)}")
-        except CosimError as error:
-            yield case, None, error
-        else:
+            stopped = StoppedError(f"stopped before its end; {_what_stays(unfinished)}")
+            outcome = Outcome("failed", None, stopped)
+        if outcome.error is None:
             _forget(unfinished)
-            yield case, ended, None
+        yield case, outcome
+
+
+def _run_one(case: Case, session: Session, out: Path, voice: Voice) -> Ended:
+    with _progress(case.name, voice) as say:
+        result = run_case(case, session, say)
+        say("writing the results")
+        return _save(result, out)
 
 
 def _side_by_side(
     cases: Sequence[Case], out: Path, voice: Voice, workers: int
-) -> Iterator[tuple[Case, Ended | None, CosimError | None]]:
+) -> Iterator[tuple[Case, Outcome[Ended]]]:
     """Run and write cases in so many processes; each as it ends."""
-    from cosim.pipeline import run_cases
-    from cosim.solve.motion import checkpoint_folder
-
     waiting = set(range(len(cases)))
     if voice == "plain":
         typer.echo(f"0/{len(cases)}: {min(workers, len(cases))} processes begin", err=True)
     try:
-        for i, ended, error in run_cases(cases, partial(_save, out=out), workers, checkpoints=out):
+        for i, outcome in run_cases(cases, partial(_save, out=out), workers, checkpoints=out):
             waiting.remove(i)
-            if error is None:
+            if outcome.error is None:
                 _forget(checkpoint_folder(cases[i], out))
-            yield cases[i], ended, error
+            yield cases[i], outcome
     except InputError as error:  # of the pool: a process was ended from outside
-        yield cases[min(waiting)], None, error
+        yield cases[min(waiting)], Outcome("died", None, error)
     except KeyboardInterrupt:
         begun = [checkpoint_folder(cases[i], out) for i in sorted(waiting)]
         kept = [shown_path(folder) for folder in begun if folder is not None and folder.exists()]
         words = f"; go on with: cosim resume {', '.join(kept)}" if kept else ""
         stopped = StoppedError(f"stopped with {len(waiting)} cases left{words}")
-        yield cases[min(waiting)], None, stopped
+        yield cases[min(waiting)], Outcome("failed", None, stopped)
 
 
 def _save(result: Result, out: Path) -> Ended:
-    from cosim.results.write import write_run
 
     return Ended(result.summary, *write_run(out, result))
 
 
 def _tell_end(case: Case, ended: Ended, voice: Voice, alone: bool) -> None:
     if voice == "json":
-        from cosim.json_text import json_text
-        from cosim.results.write import without_nan
-
         summary = without_nan(ended.summary)
         line = {"case": case.name, "results": str(ended.folder), "summary": summary}
         typer.echo(json_text(line, None, ensure_ascii=True))
@@ -232,7 +229,6 @@ def _count(name: str, done: int, total: int, seconds: float) -> None:
 
 
 def _what_stays(unfinished: Path | None) -> str:
-    from cosim.coupling.checkpoint import NAME
 
     if unfinished is None or not (unfinished / NAME).is_file():
         return "nothing of this run is kept"
@@ -247,8 +243,6 @@ def _forget(unfinished: Path | None) -> None:
 def _check_unfinished(cases: Sequence[Case], out: Path, restart: bool) -> None:
     """Raises InputError for a motion of which a part is kept, which a new run would throw away;
     with `restart` it is thrown away."""
-    from cosim.solve.motion import check_not_begun, checkpoint_folder
-
     for case in cases:
         if restart:
             _forget(checkpoint_folder(case, out))
@@ -261,9 +255,6 @@ def resume(
     as_json: AsJson = False,
 ) -> None:
     """Go on with a motion that was stopped or killed, from its last checkpoint."""
-    from cosim.case.file import load_case
-    from cosim.solve.motion import UNFINISHED
-
     name = run.name.removesuffix(UNFINISHED)
     with exit_on_error():
         file = run.with_name(name + UNFINISHED) / "case.toml"
@@ -291,7 +282,6 @@ def _progress(name: str, voice: Voice) -> Iterator[Progress]:
 
 
 def _show(case: Case, summary: Mapping[str, Any]) -> None:
-    from cosim.results.summary_tables import tables
 
     printer = console()
     printer.print(f"\n{case.name}: {case.title}")
@@ -302,11 +292,6 @@ def _show(case: Case, summary: Mapping[str, Any]) -> None:
 def check(cases: Cases, settings: Settings = None) -> None:
     """Check cases, with the mesh files that they name, and study files, with their cases; run
     nothing."""
-    from cosim.case.usual import unusual_values
-    from cosim.models.fit import check_fit
-    from cosim.study.file import is_study
-    from cosim.study.plan import read_plan
-
     codes = [0]
     studies = [name for name in cases if is_study(name)]
     for name in studies:
@@ -335,8 +320,6 @@ def schema(
     ] = None,
 ) -> None:
     """Print the JSON Schema of a case or of a study file, or write both, for editors."""
-    from cosim.schema.json_schema import CASE_SCHEMA, STUDY_SCHEMA
-
     if out is None:
         typer.echo(_schema_text(what))
         return
@@ -348,8 +331,6 @@ def schema(
 
 
 def _schema_text(what: str) -> str:
-    from cosim.case.file import json_schema
-    from cosim.study.file import study_schema
 
     made = json_schema() if what == "case" else study_schema()
     return json.dumps(made, indent=2, ensure_ascii=False)

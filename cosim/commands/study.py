@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
+from rich import box
+from rich.table import Table
 
 from cosim.commands.terminal import console, exit_on_error, print_table
-from cosim.errors import InputError
-
-if TYPE_CHECKING:
-    from cosim.study.engine import Solve
-    from cosim.study.execute import StudyOutcome
-    from cosim.study.plan import StudyPlan
-    from cosim.study.results import StudyResults
+from cosim.errors import InputError, span
+from cosim.results.compare import number
+from cosim.study import engine
+from cosim.study.bench import PER_HOUR, PLAN, RUNS, SECONDS, figures
+from cosim.study.engine import Solve
+from cosim.study.execute import StudyOutcome, execute_study
+from cosim.study.files import write_study
+from cosim.study.plan import StudyPlan, read_plan
+from cosim.study.progress import notes, progress, state_text
+from cosim.study.results import StudyResults
+from cosim.study.store import Store
 
 REASONS = 8
 """Told in the terminal."""
@@ -54,12 +61,6 @@ def study(
     that was cut off goes on where it was; a run that has finished is never done again. Exit code 1
     where a run has no answer."""
     with exit_on_error():
-        from cosim.study.execute import execute_study
-        from cosim.study.files import write_study
-        from cosim.study.plan import read_plan
-        from cosim.study.progress import progress
-        from cosim.study.store import Store
-
         plan = read_plan(file, case, tuple(settings or ()))
         if workers == 0 and scheduler is None and plan.most_seconds is not None:
             raise InputError("limits.time needs a process that can be ended: --workers 1 or more")
@@ -76,7 +77,6 @@ def study(
 
 
 def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve]:
-    from cosim.study import engine
 
     def tell(text: str) -> None:
         typer.echo(text, err=True)
@@ -87,7 +87,6 @@ def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve
 
 
 def _show(plan: StudyPlan, done: StudyOutcome, found: StudyResults, folder: Path) -> None:
-    from cosim.results.compare import number
 
     rows = []
     for name in found.outputs:
@@ -118,8 +117,6 @@ def _show(plan: StudyPlan, done: StudyOutcome, found: StudyResults, folder: Path
 
 def _show_fits(found: StudyResults) -> None:
     """How much of each output a sum of straight lines explains, and a quadratic."""
-    from cosim.results.compare import number
-
     rows = []
     for name in found.outputs:
         line, surface = found.slopes(name), found.surface(name)
@@ -138,14 +135,6 @@ def status(
 ) -> None:
     """How far the studies of a store are."""
     with exit_on_error():
-        import time
-
-        from rich import box
-        from rich.table import Table
-
-        from cosim.errors import span
-        from cosim.study.progress import notes, state_text
-
         found = notes(store)
         if not found:
             typer.echo(f"{store}: no study has begun")
@@ -164,8 +153,6 @@ def status(
 def bench_studies(runs: int | None = None) -> dict[str, float]:
     """Print what it costs to hand out runs, what a second worker gains and how many runs an hour
     more would solve; the ratios by name."""
-    from cosim.study.bench import PER_HOUR, PLAN, RUNS, SECONDS, figures
-
     found = dict(figures(lambda text: typer.echo(text, err=True), runs or RUNS))
     for name, value in found.items():
         typer.echo(f"{name:<58} {value:.4g}")

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
+from rich.table import Table
 
 from cosim.commands.terminal import console, exit_on_error, warn_of_audits
+from cosim.errors import InputError
 from cosim.files import check_file
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cosim.validation.mesh import Change
-    from cosim.validation.run import Board
-    from cosim.validation.trial import TrialGroup
+from cosim.results.compare import marks, misses_first, number, reference_text
+from cosim.validation.mesh import Change, changes, on_finer_meshes, tally, write_changes
+from cosim.validation.page import write_page
+from cosim.validation.run import Board, by_kind, choose_groups, run_validation, write_scoreboard
+from cosim.validation.trial import TrialGroup
 
 PLACE = Path("cases/scoreboard.json")
 """Where the committed scoreboard is, of a checkout."""
@@ -63,11 +64,6 @@ def validate(
     """Run the validations; print the tally by what references rest on, the skill over null models,
     and every compared number, misses first."""
     with exit_on_error():
-        from cosim.errors import InputError
-        from cosim.validation.mesh import changes, on_finer_meshes, write_changes
-        from cosim.validation.page import write_page
-        from cosim.validation.run import choose_groups, run_validation, write_scoreboard
-
         hoods, own = _hoods(settings or [])
         if update and (only or own):
             raise InputError("--update takes all trials as they are: leave out --only and --set")
@@ -118,7 +114,6 @@ def _list(groups: list[TrialGroup]) -> None:
 
 
 def _print(boards: list[Board]) -> None:
-    from cosim.validation.run import by_kind
 
     screen = console()
     for board in by_kind(boards):
@@ -143,9 +138,6 @@ def _summary_sentence(found: Mapping[str, int]) -> str:
 
 
 def _print_rows(board: Board) -> None:
-    from rich.table import Table
-
-    from cosim.results.compare import marks, misses_first, number, reference_text
 
     table = Table()
     for name in ("what", "model", "reference", "difference", "verdict", "kind"):
@@ -159,10 +151,6 @@ def _print_rows(board: Board) -> None:
 
 
 def _print_changes(again: list[Board], found: list[Change]) -> None:
-    from rich.table import Table
-
-    from cosim.results.compare import number
-    from cosim.validation.mesh import tally
 
     screen = console()
     table = Table(title="mesh: what more quads change", title_justify="left")

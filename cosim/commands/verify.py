@@ -7,16 +7,18 @@ import math
 import platform
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any
+from importlib.metadata import PackageNotFoundError, version
+from typing import Annotated, Any
 
 import typer
+from rich import box
+from rich.table import Table
 
+from cosim.checks import Row, Study, select_studies
 from cosim.commands.terminal import console, exit_on_error, stages
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from cosim.checks import Row, Study
+from cosim.version import __version__
+from fe_solver.elements import kernels
+from fe_solver.solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, backend_name
 
 verify = typer.Typer(
     add_completion=False,
@@ -59,7 +61,6 @@ def fe(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
 
 
 def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: bool) -> None:
-    from cosim.checks import select_studies
 
     with exit_on_error():
         studies = select_studies(only, slow, studies)
@@ -136,12 +137,6 @@ def info() -> None:
 
 def facts() -> Iterator[tuple[str, str]]:
     """Names and words of the version, the libraries, the kernels and the linear solver in use."""
-    from importlib.metadata import version
-
-    from cosim.version import __version__
-    from fe_solver.elements import kernels
-    from fe_solver.solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, backend_name
-
     yield "cosim", f"{__version__} on Python {platform.python_version()}, {platform.machine()}"
     yield "libraries", ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "mujoco"))
     compiled = (
@@ -163,7 +158,6 @@ def _for_purposes() -> Iterator[tuple[str, str]]:
 
 
 def _installed(name: str) -> str:
-    from importlib.metadata import PackageNotFoundError, version
 
     try:
         return f"{name} {version(name)}"
@@ -201,9 +195,6 @@ def _finite(value: Any) -> Any:
 def rich_table(rows: Iterable[Row], sources: Sequence[str]) -> Table:
     """The rows, a name said once where it repeats and the source by its number; of a bound the
     target is the most allowed."""
-    from rich import box
-    from rich.table import Table
-
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("name", ratio=1)
     table.add_column("quantity", ratio=1)

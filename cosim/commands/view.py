@@ -10,10 +10,14 @@ from typing import Annotated
 
 import typer
 
+import cosim
+from cosim.anatomy.write import check_ending, write_hood
 from cosim.commands.run import Settings, load_cases
 from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
 from cosim.files import check_file, shown_path
+from cosim.fingers.kinds import skeleton_of
+from cosim.models.build import hood_mesh
 
 
 def view(
@@ -33,7 +37,6 @@ def view(
             there = f"the picture is {picture}" if picture.is_file() else "nor was a picture made"
             typer.echo(f"there is no display here; {there}")
             return
-        import cosim
 
         cosim.open_run(folder).view().show()
 
@@ -54,14 +57,9 @@ def mesh(
     """Write the hood mesh of a case: .json for hood.mesh.kind = "file", with its sets .inp, .feb,
     .msh or .vtu, which `cosim new` reads, or its surface as .stl."""
     with exit_on_error():
-        from cosim.anatomy.write import check_ending, write_hood
-
         check_ending(out)
     (checked,) = load_cases([case], settings)
     with exit_on_error():
-        from cosim.fingers.kinds import skeleton_of
-        from cosim.models.build import hood_mesh
-
         check_file(out)
         typer.echo(f"{checked.name}: laying out the hood", err=True)
         made = hood_mesh(checked)

@@ -9,10 +9,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import typer
 
+from cosim.case.file import load_case
 from cosim.commands.terminal import exit_on_error, stages
 from cosim.errors import InputError
 from cosim.files import shown_path
 from cosim.kernels.kernel import compiled_kernels
+from cosim.models.build import build_any
+from cosim.pipeline import run_case
+from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
 
 
 class Warmup(NamedTuple):
@@ -72,9 +76,6 @@ def _check_kept() -> None:
 
 
 def _warm_up(warmup: Warmup) -> None:
-    from cosim.case.file import load_case
-    from cosim.models.build import build_any
-    from cosim.pipeline import run_case
 
     case = load_case(warmup.case).replace(warmup.settings)
     if warmup.solve == "case":
@@ -89,15 +90,12 @@ def _warm_up(warmup: Warmup) -> None:
 
 def _bake_tetrahedron() -> None:
     """Call the kernels of baking, which bones that were baked before do not."""
-    from fe_solver.surfaces.spline_distance import SplineDistance
-
     corners = 1e-3 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
     SplineDistance.bake(corners, faces)
 
 
 def _bones_folder() -> str:
-    from fe_solver.surfaces.spline_distance import cache_folder
 
     folder = cache_folder()
     return f"in {shown_path(folder)}" if folder.is_dir() else "nowhere: no cache folder of the user"

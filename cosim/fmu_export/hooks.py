@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cosim.errors import ConvergenceError
 from cosim.fmu_export.border import fault_of
+from cosim.fmu_export.run import UnitRun
 from cosim.fmu_export.state import SerialisedState, Snapshot
-
-if TYPE_CHECKING:
-    from cosim.fmu_export.run import UnitRun
 
 
 class Stateful:

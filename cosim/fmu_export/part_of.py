@@ -7,6 +7,7 @@ from functools import partial
 
 from cosim.case.schema import Case
 from cosim.errors import InputError
+from cosim.fmu_export.motion_parts import moving_part
 from cosim.fmu_export.part import UnitPart
 from cosim.fmu_export.static_parts import CoupledPart, FingerPart, HoodPart
 from cosim.models.build import Models, build
@@ -22,8 +23,6 @@ def part_of(case: Case, part: str, tangent: bool = True) -> UnitPart:
     if part not in PARTS:
         raise InputError(f"part {part!r}: write {', '.join(PARTS[:-1])} or {PARTS[-1]}")
     if case.forward is not None and part != "hood":
-        from cosim.fmu_export.motion_parts import moving_part
-
         return moving_part(case, case.forward, part, tangent)
     makers: Mapping[str, Callable[[Case, Models], UnitPart]] = {
         "hood": partial(HoodPart, tangent=tangent),

@@ -25,6 +25,8 @@ from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.fmu.unit_format import ABOUT, LOADED, SCRIPT
+from cosim.fmu_export.fmi2 import CosimFmu2
+from cosim.fmu_export.fmi3 import CosimFmu3
 from cosim.fmu_export.run import CASE
 from cosim.version import FMU_FORMAT, __version__
 
@@ -107,12 +109,8 @@ def _describe(fmi: int, resources: Path) -> tuple[str, bytes]:
     """The unit's identifier and description, of an instance of it."""
     slave: Any
     if fmi == 2:
-        from cosim.fmu_export.fmi2 import CosimFmu2
-
         slave = CosimFmu2(instance_name="description", resources=str(resources))
     else:
-        from cosim.fmu_export.fmi3 import CosimFmu3
-
         slave = CosimFmu3(instance_name="description", resources=str(resources))
     root = slave.to_xml()
     indent(root)

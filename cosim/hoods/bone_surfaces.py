@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.hoods.supports import ContactConfig
 from cosim.port import Triangles
-
-if TYPE_CHECKING:
-    from cosim.hoods.supports import ContactConfig
-    from fe_solver.surfaces.spline_distance import SplineDistance
-    from meshes.skeleton import Skeleton
+from fe_solver.forces.contact import needed_distance
+from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
+from meshes.cover import Head, Joint, thinner
+from meshes.skeleton import Skeleton
 
 LEAST, STEP = 5e-3, 2e-3
 """m, how far beyond a bone its baked distance reaches at least, and in what steps further: so that
@@ -42,8 +41,6 @@ def contact_levels(
     """By body the surface over which a hood touches a bone and the offset (m) from it at which its
     face does, as a case states them: where a head is covered by less than the bone's back, the
     surface lies as much deeper.  `highest`: m that the hood touches above its face at most."""
-    from meshes.cover import Head, Joint, thinner
-
     offset = {body: getattr(contact.offset, body) for body in bones}
     surfaces = pose_surfaces(bones, {body: o + highest for body, o in offset.items()})
     for body, stated in contact.heads:
@@ -57,8 +54,6 @@ def contact_levels(
 
 def _margin(level: float) -> float:
     """m to bake beyond a bone that is touched at `level` m."""
-    from fe_solver.forces.contact import needed_distance
-
     steps = np.ceil((needed_distance(level, 0.0) - LEAST) / STEP - 1e-9)
     return LEAST + STEP * max(float(steps), 0.0)
 
@@ -79,7 +74,6 @@ class _frozen:
 
 @lru_cache(maxsize=32)
 def _pose_surface(body: str, vertices: _frozen, faces: _frozen, margin: float) -> SplineDistance:
-    from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
 
     try:
         return SplineDistance.bake(vertices.array, faces.array, margin=margin, cache=cache_folder())

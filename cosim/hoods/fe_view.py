@@ -6,19 +6,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cosim.hoods.view import Field
 from cosim.port import Array, State
+from fe_solver.forces.springs import spring_state
+from fe_solver.hood.shell_hood import ShellHood as FeHood
+from fe_solver.solver.newton_step import factorise
 from meshes.bands import HoodLine, band_heights
 from meshes.glide import CarriedPoint, glide
 from meshes.hull import lines_to_joint
-
-if TYPE_CHECKING:
-    from fe_solver.hood.shell_hood import ShellHood as FeHood
-
 
 MUSCLE = 20e-3
 """m, how far a tendon is drawn proximally of its eyelet."""
@@ -130,8 +129,6 @@ class Lines:
 
 def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
     """At a state; `depth` is the hood's `guide_depth`, which no state changes."""
-    from fe_solver.forces.springs import spring_state
-
     springs, forces, c = hood.model.springs, hood.group_forces(state), state.configuration
     return FeView(
         points=c.x,
@@ -202,8 +199,6 @@ def guide_depth(hood: FeHood) -> float:
 
 def tangent_seconds(hood: FeHood, state: State) -> tuple[float, float]:
     """s that one assembly and one factorisation take at a state."""
-    from fe_solver.solver.newton_step import factorise
-
     start = perf_counter()
     e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)
     assembled = perf_counter()

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from cosim.fmu.quantity import HOOD_QUANTITIES
-from cosim.hoods.kind import BuiltHood, HoodConfig, HoodKind, Site
+from cosim.hoods.kind import BuiltHood, HoodBuilder, HoodConfig, HoodKind, Site
 from cosim.schema import units
 from cosim.schema.fields import name_of, quantity
 from cosim.schema.types import File, Switch, TendonName
@@ -59,4 +59,5 @@ def build(hood: FmuHoodConfig, site: Site) -> BuiltHood:
     return BuiltHood(unit)
 
 
-KIND = HoodKind(FmuHoodConfig, build)
+BUILDER = HoodBuilder(build)
+KIND = HoodKind(FmuHoodConfig, f"{__name__}:BUILDER")

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.errors import InputError
 from cosim.hoods.lesion import LesionConfig
 from cosim.port import Array, Motion
-
-if TYPE_CHECKING:
-    from meshes.cable_net import CableNet
-    from meshes.hood_mesh import Attachment, HoodMesh
+from meshes.cable_net import CableNet
+from meshes.hood_mesh import Attachment, HoodMesh
+from meshes.hull import DIP, PIP
+from meshes.severed import cut_net, cut_part
 
 STRUT = 5e-3
 """m, of the three springs at right angles by which a bone holds a node in every direction; long
@@ -32,15 +31,11 @@ class Adhesion:
 
 def apply_lesion_to_mesh(mesh: HoodMesh, lesion: LesionConfig | None) -> HoodMesh:
     """The mesh with all cuts made.  Raises InputError."""
-    from meshes.severed import cut_part
-
     return reduce(cut_part, lesion.cut if lesion else (), mesh)
 
 
 def apply_lesion_to_net(net: CableNet, lesion: LesionConfig | None) -> CableNet:
     """The net with all cuts made.  Raises InputError."""
-    from meshes.severed import cut_net
-
     return reduce(cut_net, lesion.cut if lesion else (), net)
 
 
@@ -57,8 +52,6 @@ def adhesions(
 ) -> dict[str, Adhesion]:
     """By part and bone, what holds the parts of a mesh or net that have grown onto bones; its nodes
     lie at `points` (n, 3) m in the poses `rest`.  Raises InputError."""
-    from meshes.hood_mesh import Attachment
-
     out = {}
     for part in lesion.adhere if lesion else ():
         nodes = _nodes(hood, part)
@@ -75,8 +68,6 @@ def adhesions(
 
 def _bone_beneath(station: Array) -> np.ndarray:
     """(n,) index of the bone that a place (mm along the finger) lies over, from joint to joint."""
-    from meshes.hull import DIP, PIP
-
     return np.searchsorted([0.0, PIP, DIP], station, side="right")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
 
 from cosim.errors import InputError
@@ -159,14 +160,22 @@ def no_variations(hood: HoodConfig) -> Iterator[Variation]:
 
 
 @dataclass(frozen=True)
-class HoodKind(Generic[H]):
-    """A kind of hood."""
+class HoodBuilder(Generic[H]):
+    """How a kind of hood is built: what knows its solver."""
 
-    table: type[H]
     build: Callable[[H, Site], BuiltHood]
     """Raises InputError for what only building finds out."""
     mesh: Callable[[H, Anatomy], HoodMesh] | None = None
     """The sheet as laid out or read, before any lesion."""
+
+
+@dataclass(frozen=True)
+class HoodKind(Generic[H]):
+    """A kind of hood: what can be said of it without its solver."""
+
+    table: type[H]
+    builder_name: str
+    """`module:name` of its HoodBuilder."""
     colours: tuple[Colour, ...] = ()
     """What reports colour it by."""
     variations: Callable[[H], Iterable[Variation]] = no_variations
@@ -178,6 +187,12 @@ class HoodKind(Generic[H]):
     def name(self) -> str:
         """The word in `hood.kind`."""
         return kind_of(self.table)
+
+    @property
+    def builder(self) -> HoodBuilder[H]:
+        """How it is built; loads its solver."""
+        builder: HoodBuilder[H] = resolve_name(self.builder_name)
+        return builder
 
 
 def kind_of(table: type[Table]) -> str:

@@ -7,11 +7,11 @@ from typing import Any
 
 from cosim.errors import nearest_names
 from cosim.hoods import fmu, pulley, split
-from cosim.hoods.cable import build as cable
+from cosim.hoods.cable import table as cable
 from cosim.hoods.kind import HoodConfig, HoodKind
 from cosim.hoods.lesion import LesionConfig
-from cosim.hoods.lumped import build as lumped
-from cosim.hoods.shell import build as shell
+from cosim.hoods.lumped import table as lumped
+from cosim.hoods.shell import kind as shell
 
 KINDS: Mapping[str, HoodKind[Any]] = {
     kind.name: kind

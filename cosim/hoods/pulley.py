@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from cosim.hoods.kind import BuiltHood, HoodConfig, HoodKind, Site
+from cosim.hoods.kind import BuiltHood, HoodBuilder, HoodConfig, HoodKind, Site
 from cosim.port import Array, Motion
 from cosim.schema.types import BodyName, Coordinate, Table, TendonName
 
@@ -61,4 +61,5 @@ def build(hood: PulleyHoodConfig, site: Site) -> BuiltHood:
     return BuiltHood(Pulleys(cables, site.rest))
 
 
-KIND = HoodKind(PulleyHoodConfig, build)
+BUILDER = HoodBuilder(build)
+KIND = HoodKind(PulleyHoodConfig, f"{__name__}:BUILDER")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field
 
 from cosim.fingers.common import EQUAL_SHARES, Extensor
-from cosim.hoods.kind import BuiltHood, HoodConfig, HoodKind, Site, no_variations
+from cosim.hoods.kind import BuiltHood, HoodBuilder, HoodConfig, HoodKind, Site, no_variations
 from cosim.hoods.variation import Variation, shift
 from cosim.schema.types import Number
 from meshes.skeleton import BODIES
@@ -73,4 +73,5 @@ def variations(hood: SplitHoodConfig) -> Iterator[Variation]:
     yield from no_variations(hood)
 
 
-KIND = HoodKind(SplitHoodConfig, build, variations=variations)
+BUILDER = HoodBuilder(build)
+KIND = HoodKind(SplitHoodConfig, f"{__name__}:BUILDER", variations=variations)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 
@@ -17,9 +17,7 @@ from cosim.hoods.view import NO_POINTS, HoodView, TrackedPoints
 from cosim.models.fit import check_fit, check_tendons
 from cosim.port import Array, Hood, Motion, OpenFinger, Pair, PairState, State, Triangles
 from cosim.tendons.muscles import CaseMuscles, live_muscles
-
-if TYPE_CHECKING:
-    from meshes.hood_mesh import HoodMesh
+from meshes.hood_mesh import HoodMesh
 
 
 @dataclass(frozen=True)
@@ -109,7 +107,7 @@ def site_of(case: Case, rest: Motion) -> Site:
 def build_hood(case: Case, site: Site) -> BuiltHood:
     """The hood of a case.  Raises InputError."""
     check_lesion(case)
-    return KINDS[case.hood.kind].build(case.hood, site)
+    return KINDS[case.hood.kind].builder.build(case.hood, site)
 
 
 def check_lesion(case: Case) -> None:
@@ -129,7 +127,7 @@ def tensions(case: Case, models: Models) -> tuple[Array, Array]:
 
 def hood_mesh(case: Case) -> HoodMesh:
     """The sheet of a case's hood, read or generated, before any lesion.  Raises InputError."""
-    mesh = KINDS[case.hood.kind].mesh
+    mesh = KINDS[case.hood.kind].builder.mesh
     if mesh is None:
         raise InputError(f"{case.name}: its hood ({case.hood.title}) has no mesh of quads")
     return mesh(case.hood, anatomy_of(case.native_finger(), case.hood.left_to_finger))

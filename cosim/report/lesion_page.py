@@ -12,10 +12,11 @@ from cosim.port import Array
 from cosim.report import drawings, words
 from cosim.report.page import cell, colours
 from cosim.report.strengths import insertion_forces, strength_of
-from cosim.report.tables import Cell, ReportTable, key_quantities
+from cosim.report.tables import Cell, ReportTable
 from cosim.report.templates import own_file, template
 from cosim.report.views import BoneSurface, Sheet, SheetField, View, limits, view_of
 from cosim.results.compare import number, unit_of, value_of
+from cosim.results.quantities import key_quantities
 from cosim.results.result import Result
 
 FIELD = "along"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,7 @@ from cosim.results.compare import (
     unit_of,
     value_of,
 )
+from cosim.results.quantities import key_quantities
 from cosim.results.result import Result
 
 FORMAT = "cosim report 1"
@@ -117,30 +118,6 @@ def _values(runs: Sequence[Result], against: Result | None, quantity: str) -> li
     base = value_of(against.summary, quantity)
     gaps = [None if v is None or base is None else v - base for v in values]
     return [*values, base, *gaps]
-
-
-def key_quantities(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Label and quantity of what one asks for first, of what the summary has."""
-    for axis in AXES:
-        yield f"fingertip force, {axis}", f"fingertip_force_N.{axis}"
-    yield "fingertip force, magnitude", "fingertip_magnitude_N"
-    for slip in summary.get("slip_force_N", ()):
-        yield f"force in the {slip} slip", f"slip_force_N.{slip}"
-    torque = summary.get("joint_torque_Nmm", {}).get("hood", {})
-    for joint in torque if any(torque.values()) else ():
-        yield f"torque of the hood, {joint.replace('_', ' ')}", f"joint_torque_Nmm.hood.{joint}"
-    for place in summary.get("glide_mm", ()):
-        yield f"glide of the {place.replace('_', ' ')}", f"glide_mm.{place}"
-    for side in summary.get("lateral_band_height_mm", ()):
-        yield f"height of the {side} lateral band at the PIP", f"lateral_band_height_mm.{side}"
-    for direction, values in summary.get("strain_percent", {}).items():
-        for which in values:
-            place = f"strain_percent.{direction}.{which}"
-            yield f"{direction} strain, central region, {which}", place
-    for joint in summary.get("posture_deg", ()):
-        yield f"{joint.replace('_', ' ')} angle", f"posture_deg.{joint}"
-    for name in summary.get("energy_mJ", ()):
-        yield f"energy: {name.replace('_', ' ')}", f"energy_mJ.{name}"
 
 
 def _tendons(run: Result, place: int) -> ReportTable:

@@ -13,6 +13,57 @@ if TYPE_CHECKING:
     import xarray
 
 
+class ArrayInfo(NamedTuple):
+    """What an array of a run is, at each state or time."""
+
+    dims: tuple[str, ...]
+    unit: str
+    meaning: str
+
+
+ARRAYS: Mapping[str, ArrayInfo] = {
+    "angle": ArrayInfo(("joint",), "rad", "joint angle"),
+    "rate": ArrayInfo(("joint",), "rad/s", "joint rate"),
+    "position": ArrayInfo(("body", "axis"), "m", "origin of the body"),
+    "rotation": ArrayInfo(("body", "axis", "body_axis"), "1", "body to world"),
+    "tension": ArrayInfo(("tendon",), "N", "tension"),
+    "own_tension": ArrayInfo(("muscle",), "N", "tension of the finger's tendons"),
+    "excursion": ArrayInfo(("tendon",), "m", "excursion, positive proximally"),
+    "hood_force": ArrayInfo(("body", "source", "axis"), "N", "force of the hood on the body"),
+    "hood_moment": ArrayInfo(
+        ("body", "source", "axis"), "N m", "moment of the hood about the body's origin"
+    ),
+    "total_force": ArrayInfo(("body", "axis"), "N", "force of the hood at the pose"),
+    "total_moment": ArrayInfo(("body", "axis"), "N m", "moment of the hood at the pose"),
+    "residual": ArrayInfo((), "1", "interface residual"),
+    "pull_force": ArrayInfo(("tendon", "axis"), "N", "tendon on the hood"),
+    "pull_moment": ArrayInfo(
+        ("tendon", "axis"), "N m", "moment of the tendon's pull about the world's origin"
+    ),
+    "tip_force": ArrayInfo(("axis",), "N", "force of the tip on the world"),
+    "tip_moment": ArrayInfo(("axis",), "N m", "moment of the tip on the world about the fingertip"),
+    "moment_arm": ArrayInfo(("joint", "tendon"), "m", "d torque / d tension"),
+    "torque": ArrayInfo(("torque_source", "joint"), "N m", "joint torque by source"),
+    "step": ArrayInfo((), "s", "time step that ended here"),
+    "finger_energy": ArrayInfo((), "J", "energy of the finger"),
+    "hood_point_position": ArrayInfo(
+        ("hood_point", "axis"), "m", "path of the named point of the hood, at the scheme's pose"
+    ),
+    "command": ArrayInfo(("cylinder",), "V", "valve voltage commanded"),
+    "pressure": ArrayInfo(("cylinder",), "Pa", "pressure above the atmosphere"),
+}
+"""Every array of a run but those of its hood's view."""
+
+
+def along(axis: str, values: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:
+    """Arrays of ARRAYS as `Arrays.of` takes them, one value for each place on the load axis."""
+    out = {}
+    for name, each in values.items():
+        dims, unit, meaning = ARRAYS[name]
+        out[name] = ((axis, *dims), np.asarray(each), {"units": unit, "long_name": meaning})
+    return out
+
+
 class Variable(NamedTuple):
     """An array with the names of its dimensions and its attributes (unit, long name)."""
 

@@ -17,8 +17,7 @@ from cosim.hoods.view import audit_of, field_of, hood_field
 from cosim.models.double_count import pairs
 from cosim.models.motion import MovingModels
 from cosim.port import AXES, Array
-from cosim.results.air import air_data, air_end
-from cosim.results.arrays import Arrays
+from cosim.results.arrays import Arrays, along
 from cosim.results.audit import MOST_DAMPING, missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis
 from cosim.results.joint_limits import is_in_range, joints_ever_at_limit, limits_of
@@ -119,7 +118,10 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
     if lengths := t.pulls.lengths(end.drive):
         out["muscle"] = {name: _muscle(case, name, length) for name, length in lengths.items()}
     if t.pulls.cylinders:
-        out["air"] = air_end(t.pulls.cylinders, last.drive)
+        out["air"] = {
+            name: {"command_V": float(volts), "pressure_kPa": 1e-3 * float(pressure)}
+            for name, (volts, pressure) in zip(t.pulls.cylinders, last.drive, strict=True)
+        }
     return out
 
 
@@ -239,25 +241,14 @@ def _arrays(case: Case, t: MovingModels, kept: MotionHistory) -> Arrays:
     finger, hood, frames = t.finger, t.hood, kept.frames
     split = len(hood.tendons)
 
-    def over_time(dims: tuple[str, ...], unit: str, values: list[Any], what: str) -> Any:
-        return (("time", *dims), np.array(values), {"units": unit, "long_name": what})
-
-    data = {
-        "angle": over_time(("joint",), "rad", [f.angles for f in frames], "joint angle"),
-        "rate": over_time(("joint",), "rad/s", [f.rates for f in frames], "joint rate"),
-        "own_tension": over_time(
-            ("muscle",), "N", [f.tension[split:] for f in frames], "of the finger's tendons"
-        ),
-        "tip_force": over_time(
-            ("axis",), "N", [tip[:3] for tip in kept.tips], "force of the tip on the world"
-        ),
-        "tip_moment": over_time(
-            ("axis",), "N m", [tip[3:] for tip in kept.tips], "its moment about the fingertip"
-        ),
-        "step": over_time(
-            (), "s", np.diff([f.time for f in frames], prepend=0.0).tolist(), "that ended here"
-        ),
-        "finger_energy": over_time((), "J", [f.energy for f in frames], "energy of the finger"),
+    values: dict[str, Any] = {
+        "angle": [f.angles for f in frames],
+        "rate": [f.rates for f in frames],
+        "own_tension": [f.tension[split:] for f in frames],
+        "tip_force": [tip[:3] for tip in kept.tips],
+        "tip_moment": [tip[3:] for tip in kept.tips],
+        "step": np.diff([f.time for f in frames], prepend=0.0),
+        "finger_energy": [f.energy for f in frames],
     }
     coords: dict[str, Any] = {
         "time": ("time", [f.time for f in frames], {"units": "s"}),
@@ -266,28 +257,14 @@ def _arrays(case: Case, t: MovingModels, kept: MotionHistory) -> Arrays:
         "axis": list(AXES),
     }
     if hood.tendons:
-        data |= {
-            "tension": over_time(("tendon",), "N", [f.tension[:split] for f in frames], "tension"),
-            "excursion": over_time(("tendon",), "m", [f.excursion for f in frames], "excursion"),
-            "hood_force": over_time(
-                ("body", "source", "axis"),
-                "N",
-                [f.wrench[..., :3] for f in frames],
-                "force of the hood on the body, at the scheme's pose",
-            ),
-            "hood_moment": over_time(
-                ("body", "source", "axis"),
-                "N m",
-                [f.wrench[..., 3:] for f in frames],
-                "moment of the hood about the body's origin, at the scheme's pose",
-            ),
-            "total_force": over_time(
-                ("body", "axis"), "N", [f.total[:, :3] for f in frames], "of the hood at the pose"
-            ),
-            "total_moment": over_time(
-                ("body", "axis"), "N m", [f.total[:, 3:] for f in frames], "of the hood at the pose"
-            ),
-            "residual": over_time((), "1", [f.residual for f in frames], "interface residual"),
+        values |= {
+            "tension": [f.tension[:split] for f in frames],
+            "excursion": [f.excursion for f in frames],
+            "hood_force": [f.wrench[..., :3] for f in frames],
+            "hood_moment": [f.wrench[..., 3:] for f in frames],
+            "total_force": [f.total[:, :3] for f in frames],
+            "total_moment": [f.total[:, 3:] for f in frames],
+            "residual": [f.residual for f in frames],
         }
         coords |= {
             "tendon": list(hood.tendons),
@@ -295,13 +272,13 @@ def _arrays(case: Case, t: MovingModels, kept: MotionHistory) -> Arrays:
             "source": list(hood.sources),
         }
     if t.point_names:
-        path = [f.points for f in frames]
-        what = "path of the named point of the hood, at the scheme's pose"
-        data["hood_point_position"] = over_time(("hood_point", "axis"), "m", path, what)
+        values["hood_point_position"] = [f.points for f in frames]
         coords["hood_point"] = list(t.point_names)
-    air, cylinders = air_data(t.pulls.cylinders, np.array([f.drive for f in frames]))
-    header = attributes(case.title, case.name)
-    return Arrays.of({**data, **air}, {**coords, **cylinders}, **header)
+    if t.pulls.cylinders:
+        drive = np.array([f.drive for f in frames])
+        values |= {"command": drive[..., 0], "pressure": drive[..., 1]}
+        coords["cylinder"] = list(t.pulls.cylinders)
+    return Arrays.of(along("time", values), coords, **attributes(case.title, case.name))
 
 
 def _ledger(t: MovingModels, kept: MotionHistory) -> Iterator[LedgerRow]:

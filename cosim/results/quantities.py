@@ -7,12 +7,12 @@ it, and refused where none can.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from cosim.errors import InputError, nearest_names
 from cosim.port import AXES
-from cosim.results.compare import Target, parts_of
+from cosim.results.compare import Target, numbers_of, parts_of
 from cosim.results.conventions import OPPOSITE
 from cosim.schema.fields import is_number
 from cosim.schema.types import TENDONS
@@ -45,121 +45,173 @@ RENAMED = {"drawn_mm": "prescribed_excursion_mm"}
 """Keys of earlier versions, and what they are called now."""
 BY_PLACE = {"0": "distal", "1": "palmar", "2": "radial"}
 """The places of components in the vectors of earlier versions."""
+
+
+class Quantity(NamedTuple):
+    """A number that a summary may have."""
+
+    path: str
+    """Keys joined by dots: `<joint>` and the like stand for one of NAMES, `*` for any name."""
+    meaning: str
+    """What it is, with the same words in angle brackets."""
+    is_asked_first: bool = False
+    """Among what one asks for first: the tables of the terminal and of reports begin with it."""
+
+
 STATE = (
-    "posture_deg.<joint>",
-    "tension_N.<tendon>",
-    "excursion_mm.<tendon>",
-    "fingertip_force_N.<axis>",
-    "fingertip_force_in_phalanx_N.<axis>",
-    "fingertip_magnitude_N",
-    "fingertip_moment_Nmm.<axis>",
-    "moment_arm_mm.<tendon>.<joint>",
-    "joint_torque_Nmm.<torque>.<joint>",
-    "joint_force_N.<joint>.<axis>",
-    "joints_at_limit.<joint>.limit_deg",
-    "joints_at_limit.<joint>.angle_deg",
-    "joints_at_limit.<joint>.limit_torque_Nmm",
-    "slip_force_N.<slip>",
-    "slip_ratio",
-    "glide_mm.<place>",
-    "lateral_band_height_mm.<side>",
-    "spring_force_N.<springs>",
-    "cable.*.tension_N",
-    "cable.*.mean_strain_percent",
-    "strain_percent.<direction>.<statistic>",
-    "region_strain_percent.<region>.<direction>.<statistic>",
-    "region_force_N.<region>",
-    "strip_arm_mm.<region>",
-    "point_displacement_mm.*.<axis>",
-    "point_strain_percent.*.<component>",
-    "gauge_strain_percent.*",
-    "grid_strain_percent.*.<direction>.<statistic>",
-    "tension_field_area_percent.<tension>",
-    "max_penetration_mm",
-    "guide_depth_mm",
-    "hood_unstable_modes",
+    Quantity("fingertip_force_N.<axis>", "fingertip force, <axis>", True),
+    Quantity("fingertip_magnitude_N", "fingertip force, magnitude", True),
+    Quantity("slip_force_N.<slip>", "force in the <slip> slip", True),
+    Quantity("joint_torque_Nmm.hood.<joint>", "torque of the hood, <joint>", True),
+    Quantity("glide_mm.<place>", "glide of the <place>", True),
+    Quantity("lateral_band_height_mm.<side>", "height of the <side> lateral band at the PIP", True),
+    Quantity(
+        "strain_percent.<direction>.<statistic>",
+        "<direction> strain, central region, <statistic>",
+        True,
+    ),
+    Quantity("posture_deg.<joint>", "<joint> angle", True),
+    Quantity("tension_N.<tendon>", "tension of <tendon>"),
+    Quantity("excursion_mm.<tendon>", "excursion of <tendon>, positive proximally"),
+    Quantity(
+        "fingertip_force_in_phalanx_N.<axis>", "fingertip force, <axis> of the distal phalanx"
+    ),
+    Quantity("fingertip_moment_Nmm.<axis>", "moment of the tip on the world, <axis>"),
+    Quantity("moment_arm_mm.<tendon>.<joint>", "moment arm of <tendon> about <joint>"),
+    Quantity("joint_torque_Nmm.<torque>.<joint>", "torque of <torque> about <joint>"),
+    Quantity("joint_force_N.<joint>.<axis>", "bone-to-bone force at <joint>, <axis>"),
+    Quantity("joints_at_limit.<joint>.limit_deg", "limit that <joint> has reached"),
+    Quantity("joints_at_limit.<joint>.angle_deg", "angle of <joint> at its limit"),
+    Quantity("joints_at_limit.<joint>.limit_torque_Nmm", "torque of the limit on <joint>"),
+    Quantity("slip_ratio", "force in the terminal slip over that in the central slip"),
+    Quantity("spring_force_N.<springs>", "force of the springs <springs>"),
+    Quantity("cable.*.tension_N", "tension of the cable *"),
+    Quantity("cable.*.mean_strain_percent", "mean strain of the cable *"),
+    Quantity(
+        "region_strain_percent.<region>.<direction>.<statistic>",
+        "<direction> strain of <region>, <statistic>",
+    ),
+    Quantity("region_force_N.<region>", "force that <region> transmits along its fibres"),
+    Quantity("strip_arm_mm.<region>", "arm of the force in <region> about the PIP"),
+    Quantity("point_displacement_mm.*.<axis>", "displacement of the point *, <axis>"),
+    Quantity("point_strain_percent.*.<component>", "<component> strain at the point *"),
+    Quantity("gauge_strain_percent.*", "strain along the gauge *"),
+    Quantity(
+        "grid_strain_percent.*.<direction>.<statistic>",
+        "<direction> strain of the grid *, <statistic>",
+    ),
+    Quantity("tension_field_area_percent.<tension>", "part of the sheet that is <tension>"),
+    Quantity("max_penetration_mm", "deepest penetration of the hood into a bone"),
+    Quantity("guide_depth_mm", "tendons' lines under the bone"),
+    Quantity("hood_unstable_modes", "ways in which the hood is unstable"),
 )
 """What a summary says of an equilibrium, loaded or `unloaded`, or of the end of a motion."""
+CHANGES = (
+    *("posture_deg", "fingertip_force_N", "fingertip_force_in_phalanx_N", "fingertip_magnitude_N"),
+    *("slip_force_N", "strain_percent", "point_displacement_mm", "point_strain_percent"),
+    *("gauge_strain_percent", "grid_strain_percent"),
+)
+"""Quantities of a state of which a summary also says the loaded less the unloaded."""
 DIFFERENCE = (
-    "posture_deg.<joint>",
-    "fingertip_force_N.<axis>",
-    "fingertip_force_in_phalanx_N.<axis>",
-    "fingertip_magnitude_N",
-    "slip_force_N.<slip>",
-    "strain_percent.<direction>.<statistic>",
-    "engineering_strain_percent.<direction>.<statistic>",
-    "region_engineering_strain_percent.<region>.<direction>.<statistic>",
-    "marker_strain_percent.<direction>.<statistic>",
-    "point_displacement_mm.*.<axis>",
-    "point_strain_percent.*.<component>",
-    "gauge_strain_percent.*",
-    "grid_strain_percent.*.<direction>.<statistic>",
-    "moment_arm_mm.<tendon>.<joint>",
-    "arm_difference_mm.<pair>",
-    "abduction_arm_mm",
+    *(q for q in STATE if q.path.split(".")[0] in CHANGES),
+    Quantity(
+        "engineering_strain_percent.<direction>.<statistic>",
+        "<direction> engineering strain, central region, <statistic>",
+    ),
+    Quantity(
+        "region_engineering_strain_percent.<region>.<direction>.<statistic>",
+        "<direction> engineering strain of <region>, <statistic>",
+    ),
+    Quantity(
+        "marker_strain_percent.<direction>.<statistic>",
+        "<direction> engineering strain between markers, <statistic>",
+    ),
+    Quantity(
+        "moment_arm_mm.<tendon>.<joint>",
+        "torque of the hood about <joint> over the tension of <tendon>",
+    ),
+    Quantity("arm_difference_mm.<pair>", "difference of the moment arms at <pair>"),
+    Quantity("abduction_arm_mm", "abduction arm at the MCP"),
 )
 """What a summary says of the loaded less the unloaded equilibrium."""
+ENERGIES = {
+    "tendons": "work of the hood's tendons",
+    "own_tendons": "work of the finger's own tendons",
+    "gravity": "work of gravity",
+    "kinetic": "gained as motion",
+    "finger": "gained by the finger",
+    "hood_stored": "stored in the hood",
+    "joints_stored": "stored in passive joints",
+    "device_stored": "stored in the fingertip's device",
+    "joints_dissipated": "dissipated in the joints",
+    "device_dissipated": "dissipated in the fingertip's device",
+    "artificial": "taken by the method",
+}
+CHECKS = {
+    "audit.hood_force_balance": "forces on the hood that do not add up, relative",
+    "audit.hood_moment_balance": "moments on the hood that do not add up, relative",
+    "audit.finger_residual": "joint torques that do not add up, relative",
+    "audit.interface_residual": "disagreement of hood and finger, relative",
+    "audit.reciprocity": "tangents of load and excursion that differ, relative",
+    "audit.torque_balance_at_rest": "torque of inertia at rest, relative",
+    "audit.artificial_energy_over_effort": "energy that the method took or gave, relative",
+    "audit.energy_put_in_over_effort": "energy that the method gave, relative",
+    "audit.last_turn_rad": "last turn of a finger in an FMU",
+    "iterations.coupling": "rounds of the coupling",
+    "iterations.newton": "Newton's steps of the hood",
+    "iterations.steps": "time steps",
+    "iterations.hood_solves": "solves of the hood",
+    "step_control.accepted": "time steps that were accepted",
+    "step_control.rejected": "time steps that were rejected",
+    "step_control.largest_error_deg": "largest error of an accepted step",
+    "step_control.shortest_half_ms": "shortest half step",
+    "step_control.longest_half_ms": "longest half step",
+}
 OF_RUN = (
-    "wall_s",
-    "hood_quads",
-    "hood_cells",
-    "joints_at_limit.<joint>.first_s",
-    "last_rate_rad_per_s",
-    "last_force_change_N",
-    "largest_interface_residual",
-    "prescribed_excursion_mm.<tendon>",
-    "air.<tendon>.command_V",
-    "air.<tendon>.pressure_kPa",
-    "muscle.<tendon>.activation",
-    "muscle.<tendon>.normalised_fibre_length",
-    "muscle.<tendon>.assumed_normalised_fibre_length_unloaded",
-    "muscle.<tendon>.pennation_deg",
-    "energy_mJ.tendons",
-    "energy_mJ.own_tendons",
-    "energy_mJ.gravity",
-    "energy_mJ.kinetic",
-    "energy_mJ.finger",
-    "energy_mJ.hood_stored",
-    "energy_mJ.joints_stored",
-    "energy_mJ.device_stored",
-    "energy_mJ.joints_dissipated",
-    "energy_mJ.device_dissipated",
-    "energy_mJ.artificial",
-    "audit.hood_force_balance",
-    "audit.hood_moment_balance",
-    "audit.finger_residual",
-    "audit.interface_residual",
-    "audit.reciprocity",
-    "audit.torque_balance_at_rest",
-    "audit.artificial_energy_over_effort",
-    "audit.energy_put_in_over_effort",
-    "audit.last_turn_rad",
-    "iterations.coupling",
-    "iterations.newton",
-    "iterations.steps",
-    "iterations.hood_solves",
-    "step_control.accepted",
-    "step_control.rejected",
-    "step_control.largest_error_deg",
-    "step_control.shortest_half_ms",
-    "step_control.longest_half_ms",
-    "rest.fingertip_force_N.<beside>",
-    "rest.hood_torque_Nmm.<beside>",
-    "rest.slip_force_N.<beside>",
-    "one_way.interface_residual",
-    "one_way.handed_over_force_balance",
-    "one_way.handed_over_moment_balance",
-    "one_way.joint_torque_Nmm.*.<joint>",
+    Quantity("wall_s", "wall time"),
+    Quantity("hood_quads", "quads of the hood's mesh"),
+    Quantity("hood_cells", "line cells of the hood"),
+    Quantity("joints_at_limit.<joint>.first_s", "when <joint> first came to its limit"),
+    Quantity("last_rate_rad_per_s", "largest joint rate at the end of a motion"),
+    Quantity("last_force_change_N", "largest change of the fingertip force at a motion's end"),
+    Quantity("largest_interface_residual", "largest disagreement of hood and finger, relative"),
+    Quantity("prescribed_excursion_mm.<tendon>", "prescribed excursion of <tendon>"),
+    Quantity("air.<tendon>.command_V", "voltage of the valve of <tendon>"),
+    Quantity("air.<tendon>.pressure_kPa", "pressure in the cylinder of <tendon>"),
+    Quantity("muscle.<tendon>.activation", "activation of <tendon>"),
+    Quantity(
+        "muscle.<tendon>.normalised_fibre_length", "fibre length of <tendon> over its optimum"
+    ),
+    Quantity(
+        "muscle.<tendon>.assumed_normalised_fibre_length_unloaded",
+        "fibre length of <tendon> over its optimum, assumed when unloaded",
+    ),
+    Quantity("muscle.<tendon>.pennation_deg", "pennation of <tendon>"),
+    *(
+        Quantity(f"energy_mJ.{name}", f"energy: {meaning}", True)
+        for name, meaning in ENERGIES.items()
+    ),
+    *(Quantity(path, meaning) for path, meaning in CHECKS.items()),
+    Quantity("rest.fingertip_force_N.<beside>", "fingertip force beside its rest: <beside>"),
+    Quantity("rest.hood_torque_Nmm.<beside>", "torque of the hood beside its rest: <beside>"),
+    Quantity("rest.slip_force_N.<beside>", "slip force beside its rest: <beside>"),
+    Quantity("one_way.interface_residual", "interface residual that one pass leaves open"),
+    Quantity(
+        "one_way.handed_over_force_balance", "forces handed over that do not add up, relative"
+    ),
+    Quantity(
+        "one_way.handed_over_moment_balance", "moments handed over that do not add up, relative"
+    ),
+    Quantity("one_way.joint_torque_Nmm.*.<joint>", "torque of * about <joint> in one pass"),
 )
-PATTERNS = tuple(
-    tuple(path.split("."))
-    for path in (
-        *STATE,
-        *(f"unloaded.{path}" for path in STATE),
-        *(f"difference.{path}" for path in DIFFERENCE),
-        *OF_RUN,
-    )
+QUANTITIES = (
+    *STATE,
+    *(Quantity(f"unloaded.{q.path}", f"{q.meaning}, unloaded") for q in STATE),
+    *(Quantity(f"difference.{q.path}", f"{q.meaning}, loaded less unloaded") for q in DIFFERENCE),
+    *OF_RUN,
 )
+"""Every number that a summary may have: `cosim list quantities` shows them."""
+PATTERNS = tuple(tuple(q.path.split(".")) for q in QUANTITIES)
 Summaries = Sequence[Mapping[str, Any]]
 Keys = Sequence[str]
 ABSENT = object()
@@ -176,6 +228,41 @@ def check_quantities(
         summaries = [summary for case, summary in runs if target.case in ("", case)]
         if summaries and (fault := _fault(target.quantity.split("."), summaries)):
             raise InputError(f"{target.name}: quantity {target.quantity}: {fault}")
+
+
+def key_quantities(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Label and path of what one asks for first, of what the summary has; torques of a hood that
+    makes none are left out."""
+    torques = summary.get("joint_torque_Nmm", {}).get("hood", {})
+    paths = list(numbers_of(summary))
+    for quantity in QUANTITIES:
+        pattern = quantity.path.split(".")
+        if quantity.is_asked_first and (
+            pattern[:2] != ["joint_torque_Nmm", "hood"] or any(torques.values())
+        ):
+            yield from (
+                (_fill(quantity, p), p)
+                for p in paths
+                if _begins(pattern, p.split("."), [summary]) and p.count(".") == len(pattern) - 1
+            )
+
+
+def meaning_of(path: str, summary: Mapping[str, Any]) -> str:
+    """What the number at a path of a summary is, in words; empty where no table says it."""
+    keys = path.split(".")
+    for quantity, pattern in zip(QUANTITIES, PATTERNS, strict=True):
+        if len(pattern) == len(keys) and _begins(pattern, keys, [summary]):
+            return _fill(quantity, path)
+    return ""
+
+
+def _fill(quantity: Quantity, path: str) -> str:
+    """The meaning, with the keys of the path in the places of what stands for them."""
+    meaning = quantity.meaning
+    for part, key in zip(quantity.path.split("."), path.split("."), strict=True):
+        if part in NAMES or part == ANY:
+            meaning = meaning.replace(part, key.replace("_", " "))
+    return meaning
 
 
 def is_known(quantity: str, summaries: Summaries = ()) -> bool:

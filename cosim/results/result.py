@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Literal
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.results.audit import Audit
-from cosim.results.compare import Comparison
+from cosim.results.compare import Comparison, numbers_of, unit_of
 from cosim.results.conventions import COMPONENTS, by_axis
 from cosim.results.parts import CaseParts, Scene
 from cosim.results.picture import as_plain_text, load_matplotlib, write_figure
+from cosim.results.quantities import meaning_of
 from cosim.results.write import copy_run, write_run
 
 if TYPE_CHECKING:
@@ -103,6 +104,22 @@ class Result(CaseParts):
         import pandas
 
         return pandas.DataFrame(self.summary.get("joint_force_N", {})).T
+
+    @property
+    def quantities(self) -> pandas.DataFrame:
+        """Every number of the summary, a row for each by its path (keys joined by dots): value,
+        unit and meaning.
+
+        >>> import cosim
+        >>> table = cosim.run(cosim.load("pulley_edc")).quantities
+        >>> table.loc["tension_N.EDC", "unit"], table.loc["tension_N.EDC", "meaning"]
+        ('N', 'tension of EDC')
+        """
+        import pandas
+
+        values = numbers_of(self.summary)
+        rows = [(v, unit_of(path), meaning_of(path, self.summary)) for path, v in values.items()]
+        return pandas.DataFrame(rows, index=list(values), columns=["value", "unit", "meaning"])
 
     @property
     def audit(self) -> Audit:

@@ -15,7 +15,7 @@ from cosim.fmu.finger import OPEN
 from cosim.hoods.view import HoodView
 from cosim.models.build import Models
 from cosim.port import AXES, Array, Finger
-from cosim.results.arrays import Arrays
+from cosim.results.arrays import Arrays, along
 from cosim.results.audit import missed_bounds
 from cosim.results.clamped_tip import arm_differences
 from cosim.results.conventions import FRAME, attributes, by_axis, vector_of
@@ -268,62 +268,30 @@ def arrays(
 ) -> Arrays:
     """All arrays against the load axis `state`, SI units."""
     hood, finger, each = models.hood, models.finger, list(states.values())
-
-    def stack(dims: tuple[str, ...], unit: str, values: list[Array], what: str) -> Any:
-        return (("state", *dims), np.stack(values), {"units": unit, "long_name": what})
-
-    data = {
-        "angle": stack(
-            ("joint",), "rad", [finger.angles(e.finger_state) for e in each], "joint angle"
-        ),
-        "position": stack(
-            ("body", "axis"), "m", [e.motion.position for e in each], "origin of the body"
-        ),
-        "rotation": stack(
-            ("body", "axis", "body_axis"), "1", [e.motion.rotation for e in each], "body to world"
-        ),
-        "tension": stack(("tendon",), "N", [e.hood_tension for e in each], "tension"),
-        "own_tension": stack(
-            ("muscle",), "N", [e.finger_tension for e in each], "tension of the finger's tendons"
-        ),
-        "excursion": stack(
-            ("tendon",), "m", [e.excursion for e in each], "excursion, positive proximally"
-        ),
-        "hood_force": stack(
-            ("body", "source", "axis"),
-            "N",
-            [e.load.wrench[..., :3] for e in each],
-            "force of the hood on the body",
-        ),
-        "hood_moment": stack(
-            ("body", "source", "axis"),
-            "N m",
-            [e.load.wrench[..., 3:] for e in each],
-            "moment of the hood about the body's origin",
-        ),
-        "pull_force": stack(
-            ("tendon", "axis"), "N", [e.load.pull[:, :3] for e in each], "tendon on the hood"
-        ),
-        "pull_moment": stack(
-            ("tendon", "axis"),
-            "N m",
-            [e.load.pull[:, 3:] for e in each],
-            "moment of the tendon's pull about the world's origin",
-        ),
-        "tip_force": stack(
-            ("axis",),
-            "N",
-            [finger.tip_force(e.finger_state) for e in each],
-            "force of the tip on the world",
-        ),
-    }
+    data = along(
+        "state",
+        {
+            "angle": [finger.angles(e.finger_state) for e in each],
+            "position": [e.motion.position for e in each],
+            "rotation": [e.motion.rotation for e in each],
+            "tension": [e.hood_tension for e in each],
+            "own_tension": [e.finger_tension for e in each],
+            "excursion": [e.excursion for e in each],
+            "hood_force": [e.load.wrench[..., :3] for e in each],
+            "hood_moment": [e.load.wrench[..., 3:] for e in each],
+            "pull_force": [e.load.pull[:, :3] for e in each],
+            "pull_moment": [e.load.pull[:, 3:] for e in each],
+            "tip_force": [finger.tip_force(e.finger_state) for e in each],
+        },
+    )
     arms = [arm for e in each if (arm := _arms_by_force(models, e)) is not None]
     if arms:
-        data["moment_arm"] = stack(("joint", "tendon"), "m", arms, "d torque / d tension")
+        data |= along("state", {"moment_arm": arms})
     every = [[f for f in view.fields() if f.in_results] for view in views.values()]
     for each_state in zip(*every, strict=True):
         f = each_state[0]
-        data[f.name] = stack(f.dimensions, f.unit, [at.values for at in each_state], f.long_name)
+        about = {"units": f.unit, "long_name": f.long_name}
+        data[f.name] = (("state", *f.dimensions), np.stack([at.values for at in each_state]), about)
     coords: dict[str, Any] = {
         "state": list(states),
         "joint": list(finger.joints),
@@ -336,8 +304,7 @@ def arrays(
     }
     if each[0].balance is not None:
         coords["torque_source"] = list(each[0].known_balance.torque)
-        torque = [np.stack(list(e.known_balance.torque.values())) for e in each]
-        data["torque"] = stack(("torque_source", "joint"), "N m", torque, "joint torque by source")
+        data |= along("state", {"torque": [list(e.known_balance.torque.values()) for e in each]})
     for view in views.values():
         coords |= view.coordinates()
     return Arrays.of(data, coords, **attributes(case.title, case.name))

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cosim.port import AXES
+from cosim.results.compare import unit_of, value_of
 from cosim.results.joint_limits import describe_limits
 from cosim.results.load_and_rest import describe_rest
+from cosim.results.quantities import key_quantities
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -16,6 +18,8 @@ LEAST_MOMENT = 1e-6
 """N mm, below which the fingertip carries none."""
 COUNTS = ("steps", "hood_solves")
 """What a summary counts that is no iteration."""
+ELSEWHERE = ("strain_percent", "energy_mJ")
+"""Quantities that have rows of another form."""
 Row = tuple[str, ...]
 
 
@@ -96,25 +100,10 @@ def _number(value: Any, digits: int = 4) -> str:
 
 
 def _states(summary: Mapping[str, Any]) -> Iterator[Row]:
-    def row(label: str, *keys: str) -> Row:
-        places = ((), ("unloaded",))
-        return (label, *(_number(_at(summary, *place, *keys)) for place in places))
-
-    for joint in _at(summary, "posture_deg") or ():
-        yield row(f"{joint} deg", "posture_deg", joint)
-    for slip in ("central", "terminal"):
-        yield row(f"force in the {slip} slip N", "slip_force_N", slip)
-    for axis in AXES:
-        yield row(f"fingertip force {axis} N", "fingertip_force_N", axis)
-    yield row("fingertip force N", "fingertip_magnitude_N")
-    torque = _at(summary, "unloaded", "joint_torque_Nmm", "hood") or {}
-    for joint in torque if any(torque.values()) else ():
-        name = joint.replace("_", " ")
-        yield row(f"torque of the hood, {name} N mm", "joint_torque_Nmm", "hood", joint)
-    for place in _at(summary, "glide_mm") or ():
-        yield row(f"glide of the {place.replace('_', ' ')} mm", "glide_mm", place)
-    for side in _at(summary, "lateral_band_height_mm") or ():
-        yield row(f"height of the {side} lateral band mm", "lateral_band_height_mm", side)
+    for label, path in key_quantities(summary):
+        if path.split(".")[0] not in ELSEWHERE:
+            values = (value_of(summary, place + path) for place in ("", "unloaded."))
+            yield (f"{label}, {unit_of(path)}", *map(_number, values))
 
 
 def _joints(summary: Mapping[str, Any]) -> tuple[str, ...]:

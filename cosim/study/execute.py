@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from cosim.case.cache_key import address, case_table, code_version
 from cosim.case.file import load_case
-from cosim.errors import InputError
+from cosim.errors import InputError, nearest_names
+from cosim.results.compare import numbers_of, value_of
 from cosim.study.engine import Solve
 from cosim.study.plan import Point, StudyPlan
-from cosim.study.quantities import check_outputs
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict, stored_outcome
 
 PACK = 5000
 """Runs solved, after which the store is packed."""
+NEAREST = 3
+"""Names that are shown in place of one that is not there."""
 
 
 @dataclass
@@ -104,6 +107,21 @@ def execute_study(
             store.pack()
     store.pack()
     return done
+
+
+def check_outputs(outputs: Mapping[str, str], summary: Mapping[str, Any]) -> None:
+    """Raises InputError, with the nearest that there are, for paths where a run has no number; a
+    ratio whose divisor is zero in this run is let pass."""
+    known = list(numbers_of(summary))
+    faults = []
+    for name, quantity in outputs.items():
+        for path in quantity.partition("/")[::2]:
+            if path and value_of(summary, path) is None:
+                near = nearest_names(path, known, NEAREST)
+                hint = f"; nearest: {', '.join(near)}" if near else ""
+                faults.append(f"outputs.{name}: the run has no number at {path}{hint}")
+    if faults:
+        raise InputError("\n  ".join(["what the study looks at is not there", *faults]))
 
 
 def _faults(error: InputError) -> str:

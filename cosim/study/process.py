@@ -11,6 +11,7 @@ from pathlib import Path
 
 from cosim.case.cache_key import code_version
 from cosim.errors import CosimError, InputError
+from cosim.outcome import Status
 from cosim.processes import (
     BLAS_THREADS,
     MALLOC_SETTINGS,
@@ -20,7 +21,7 @@ from cosim.processes import (
     WorkerProcess,
     do_with_memory,
 )
-from cosim.study.store import Status, Store
+from cosim.study.store import Store
 from cosim.study.task import Task, Verdict, row_of, run_task
 
 DEATHS = 3

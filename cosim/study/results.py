@@ -124,7 +124,6 @@ class StudyResults:
 
     def dataset(self) -> xarray.Dataset:
         """Outputs by parameters where all of these are axes, else by run."""
-
         columns = [*self.parameters, *self.outputs, "status"]
         if self.facts["sampling"] is None:
             indexed = self.table.set_index(list(self.parameters))[[*self.outputs, "status"]]

@@ -27,10 +27,9 @@ from typing import Any, Literal
 from cosim.errors import InputError
 from cosim.files import atomic_path
 from cosim.json_text import json_text
+from cosim.outcome import Status
 
 FORMAT = {"format": "cosim study store 1"}
-Status = Literal["converged", "failed", "refused", "timeout", "died"]
-"""`died`: the process that solved was ended, from outside or by a fault, more than once."""
 COLUMNS = ("key", "status", "reason", "summary", "case", "seconds", "host", "code", "limit")
 
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.errors import CosimError
 from cosim.json_text import json_text
-from cosim.study.store import Status, Store, StoreRow
+from cosim.outcome import Status, one_line
+from cosim.study.store import Store, StoreRow
 
 if TYPE_CHECKING:
     from cosim.solve.session import Session
@@ -102,7 +103,7 @@ def _solve(task: Task, store: Store, session: Session | None) -> StoreRow:
         result = run_case(case, session)
     except CosimError as error:
         seconds = time.perf_counter() - begun
-        return row_of(task, "failed", " ".join(str(error).split()), seconds, {})
+        return row_of(task, "failed", one_line(error), seconds, {})
     if task.arrays:
         _keep(result.data, task, store)
     missed = ", ".join(result.summary.get("audit_missed", ()))

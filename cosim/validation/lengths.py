@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from cosim.analyses.length_experiments import EXPERIMENT_MODELS, experiments
 from cosim.errors import ConvergenceError
+from cosim.outcome import Outcome
 from cosim.results.compare import SECOND_HAND, UNITS, Target
 from cosim.validation.trial import Trial, TrialGroup
 
@@ -54,9 +55,9 @@ def _targets(trial: Trial, which: slice) -> Iterator[Target]:
         )
 
 
-def measure_lengths(study: str, settings: Sequence[str]) -> tuple[dict[str, Any], str | None]:
+def measure_lengths(study: str, settings: Sequence[str]) -> Outcome[Mapping[str, Any]]:
     """A summary of what the shell, with settings of one's own, does in the experiments of a study;
-    and why it ends before its last value, if it does.
+    as far as it comes where it ends before its last value.
 
     Raises InputError."""
     found: dict[str, float] = {}
@@ -64,8 +65,8 @@ def measure_lengths(study: str, settings: Sequence[str]) -> tuple[dict[str, Any]
         for v in EXPERIMENT_MODELS[study].values(SHELL, settings):
             found[_key(v.experiment, v.where)] = float(v.value)
     except ConvergenceError as error:
-        return {"measured": found}, str(error)
-    return {"measured": found}, None
+        return Outcome("failed", {"measured": found}, error)
+    return Outcome("converged", {"measured": found})
 
 
 def _key(experiment: str, where: str) -> str:

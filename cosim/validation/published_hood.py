@@ -6,6 +6,7 @@ from typing import Any
 
 from cosim.validation.plan import MODULI
 from cosim.validation.trial import Trial
+from fe_solver.febio.published_hood import qian_moduli, solve_published_hood
 
 PULL = 11.8
 """N."""
@@ -13,7 +14,5 @@ PULL = 11.8
 
 def published_summary(trial: Trial) -> dict[str, Any]:
     """What the hood in the trial's file says.  Raises InputError and ConvergenceError."""
-    from fe_solver.febio.published_hood import qian_moduli, solve_published_hood
-
     moduli = qian_moduli(MODULI[trial.name.split()[-1]])
     return solve_published_hood(trial.case, moduli, PULL).summary()

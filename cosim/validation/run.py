@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.errors import ConvergenceError, InputError, Progress, nearest_names, quiet, span
+from cosim.errors import InputError, Progress, nearest_names, quiet, span
 from cosim.files import output_file
 from cosim.json_text import json_text
-from cosim.models.fit import check_fit
+from cosim.outcome import Outcome
+from cosim.pipeline import run_cases
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison, Kind, Target, as_dict, number, tally, write_json
-from cosim.results.static import observe_static
-from cosim.solve.session import Session
-from cosim.solve.solvers import solve
+from cosim.results.result import Result
 from cosim.validation.lengths import measure_lengths
 from cosim.validation.plan import groups, rows_of, split_answers
 from cosim.validation.published_hood import published_summary
@@ -45,17 +45,7 @@ from cosim.version import __version__
 FORMAT = "cosim scoreboard 3"
 SPLIT = "fixed split"
 """The null model that has no hood."""
-Task = tuple[Trial, tuple[str, ...], str]
-"""A trial, settings beside its own, and the folder for its run."""
-
-
-@dataclass(frozen=True)
-class ValidationOutcome:
-    """What a trial said, or why it said nothing or not all."""
-
-    trial: str
-    summary: dict[str, Any] | None
-    failure: str | None
+Summary = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -145,19 +135,14 @@ def run_validation(
     """Run the trials of the groups, each once, leave a run folder of each in `folder` with its
     comparison, and compare.  Raises InputError."""
     trials = {t.name: t for g in chosen_groups for t in g.trials}
-    tasks = [(t, tuple(settings), str(folder)) for t in trials.values()]
-    outcomes: dict[str, ValidationOutcome] = {}
+    outcomes: dict[str, Outcome[Summary]] = {}
     started = time.perf_counter()
-    batches = _batches(tasks)
-    if tasks:
-        told(f"0 of {len(tasks)}, in {min(workers, len(batches))} processes")
-    with process_pool(min(workers, len(batches))) as pool:
-        for ended in pool.as_ended(_run_batch, [[batch] for batch in batches]):
-            for outcome in ended:
-                outcomes[outcome.trial] = outcome
-                done, word = len(outcomes), f": {outcome.failure}" if outcome.failure else ""
-                left = (time.perf_counter() - started) / done * (len(tasks) - done)
-                told(f"{done} of {len(tasks)}, about {span(left)} left: {outcome.trial}{word}")
+    told(f"0 of {len(trials)}, in {min(workers, len(trials))} processes")
+    for name, outcome in _outcomes(list(trials.values()), settings, folder, workers):
+        outcomes[name] = outcome
+        done, word = len(outcomes), f": {outcome.reason}" if outcome.error else ""
+        left = (time.perf_counter() - started) / done * (len(trials) - done)
+        told(f"{done} of {len(trials)}, about {span(left)} left: {name}{word}")
     boards = [_board(group, outcomes) for group in chosen_groups]
     for name in trials:
         own = [row for b in boards for row in b.rows if row.target.case == name]
@@ -166,46 +151,38 @@ def run_validation(
     return boards
 
 
-def _batches(tasks: Sequence[Task]) -> list[list[Task]]:
-    """The tasks whose cases share an unloaded equilibrium, which one process solves but once, in
-    one batch each, the largest first."""
-    found: dict[str, list[Task]] = {}
-    for task in tasks:
-        key = task[0].name if task[0].is_published or task[0].study else _case(task).setting_key()
-        found.setdefault(key, []).append(task)
-    return sorted(found.values(), key=len, reverse=True)
+def _outcomes(
+    trials: Sequence[Trial], settings: Sequence[str], folder: Path, workers: int
+) -> Iterator[tuple[str, Outcome[Summary]]]:
+    """The trials' names and outcomes as they end.  Raises InputError."""
+    runs = [t for t in trials if not (t.study or t.is_published)]
+    others = [t for t in trials if t not in runs]
+    with process_pool(max(1, min(workers, len(others)))) as pool:
+        yield from pool.in_order(partial(_solve_other, settings=tuple(settings)), others)
+    cases = [_case(trial, settings) for trial in runs]
+    for i, outcome in run_cases(cases, partial(_save, folder=folder), workers):
+        if outcome.status == "refused":
+            outcome.result()
+        yield runs[i].name, outcome
 
 
-def _case(task: Task) -> Case:
+def _case(trial: Trial, settings: Sequence[str]) -> Case:
     """Raises InputError."""
-    trial, settings, _ = task
     case = load_case(trial.case, [*trial.settings, *settings])
     return case.model_copy(update={"name": folder_name(trial.name)})
 
 
-def _run_batch(batch: Sequence[Task]) -> list[ValidationOutcome]:
-    session = Session()
-    return [_run(task, session) for task in batch]
-
-
-def _run(task: Task, session: Session) -> ValidationOutcome:
-    trial, settings, folder = task
-    started = time.perf_counter()
+def _solve_other(trial: Trial, settings: tuple[str, ...]) -> tuple[str, Outcome[Summary]]:
+    """The outcome of a trial that is not the run of one case.  Raises InputError."""
     if trial.study:
-        return ValidationOutcome(
-            trial.name, *measure_lengths(trial.study, [*trial.settings, *settings])
-        )
-    if trial.is_published:
-        return ValidationOutcome(trial.name, published_summary(trial), None)
-    case = _case(task)
-    check_fit(case)
-    try:
-        models, states = solve(case, session)
-    except ConvergenceError as error:
-        return ValidationOutcome(trial.name, None, str(error))
-    made = observe_static(case, (models, states), time.perf_counter() - started)
-    made.save(folder)
-    return ValidationOutcome(trial.name, json.loads(json_text(made.summary)), None)
+        return trial.name, measure_lengths(trial.study, [*trial.settings, *settings])
+    return trial.name, Outcome("converged", published_summary(trial))
+
+
+def _save(result: Result, folder: Path) -> Summary:
+    result.save(folder)
+    summary: Summary = json.loads(json_text(result.summary))
+    return summary
 
 
 def folder_name(trial: str) -> str:
@@ -213,13 +190,15 @@ def folder_name(trial: str) -> str:
     return "".join(c if c.isalnum() else "_" for c in trial)
 
 
-def _board(group: TrialGroup, outcomes: Mapping[str, ValidationOutcome]) -> Board:
-    mine = [outcomes[t.name] for t in group.trials]
-    summaries = {o.trial: o.summary for o in outcomes.values() if o.summary is not None}
+def _board(group: TrialGroup, outcomes: Mapping[str, Outcome[Summary]]) -> Board:
+    mine = {t.name: outcomes[t.name] for t in group.trials}
+    summaries = {name: o.value for name, o in outcomes.items() if o.value is not None}
     rows = tuple(explain_misses(group.name, rows_of(group, summaries)))
-    failures = {o.trial: o.failure for o in mine if o.failure is not None}
+    failures = {name: o.reason for name, o in mine.items() if o.error is not None}
     missed = {
-        o.trial: found for o in mine if o.summary and (found := list(describe_misses(o.summary)))
+        name: misses
+        for name, o in mine.items()
+        if o.value and (misses := list(describe_misses(o.value)))
     }
     split = split_answers(group, rows, summaries)
     by_hand, noise = _by_hand(group, summaries)

@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 from cosim.analyses.identify.cases import FitCase, fit_cases, stated_cases
 from cosim.analyses.identify.fit import fit_all, identifiability, interval
 from cosim.analyses.identify.parameters import FitParameter
-from cosim.analyses.trials.outcome import Outcome
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
+from cosim.outcome import Outcome
 from cosim.results.compare import Target
 from tests.helpers.fixed_posture import HELD
 
@@ -59,7 +59,7 @@ def spring(source, settings) -> Outcome:
 @pytest.fixture(autouse=True)
 def analytic(monkeypatch) -> None:
     """No solves; a test that wants them undoes it."""
-    monkeypatch.setattr("cosim.analyses.trials.outcome.outcome", spring)
+    monkeypatch.setattr("cosim.analyses.trials.workers.run_trial", spring)
 
 
 @pytest.fixture
@@ -168,10 +168,10 @@ def failing(monkeypatch, case: str, fails) -> None:
         value = float(settings[-1].partition("=")[2].split()[0])
         found = spring(source, settings)
         if f"finger.posture.PIP={case} deg" in settings and fails(value):
-            return replace(found, status="failed", summary={}, reason="folds")
+            return Outcome("failed", None, ConvergenceError("folds"))
         return found
 
-    monkeypatch.setattr("cosim.analyses.trials.outcome.outcome", sometimes)
+    monkeypatch.setattr("cosim.analyses.trials.workers.run_trial", sometimes)
 
 
 def test_a_case_that_fails_on_the_way_makes_the_step_shorter(held, tmp_path, monkeypatch):

@@ -13,10 +13,11 @@ from typer.testing import CliRunner
 
 from cosim.analyses.identify.fit import Fit, confidence, fit, identifiability, interval, miss
 from cosim.analyses.identify.parameters import FitParameter, Free, free_built_in, read_free
-from cosim.analyses.trials.outcome import outcome
+from cosim.analyses.trials.workers import run_trial
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
+from cosim.outcome import Outcome
 from cosim.pipeline import run_case
 from cosim.results.compare import Target, read_targets, value_of
 from tests.helpers.fixed_posture import HELD
@@ -149,10 +150,10 @@ def test_a_truth_beyond_the_bounds_ends_at_the_bound(held):
 def test_solves_that_fail_on_the_way_are_listed_and_passed_by(held, monkeypatch):
     def fails_when_soft(source, settings):
         value = float(settings[-1].partition("=")[2].split()[0])
-        found = outcome(source, settings)
-        return replace(found, status="failed", summary={}, reason="soft") if value < 40 else found
+        found = run_trial(source, settings)
+        return Outcome("failed", None, ConvergenceError("soft")) if value < 40 else found
 
-    monkeypatch.setattr("cosim.analyses.trials.outcome.outcome", fails_when_soft)
+    monkeypatch.setattr("cosim.analyses.trials.workers.run_trial", fails_when_soft)
     truth = ("finger.passive.PIP.stiffness=0.06 N*m/rad",)
     target = replace(targets_of(held, truth, PASSIVE, sd=0.1)[0], reference=-47.1239)
     near = replace(stiffness(), start=900.0)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from cosim.analyses.trials.by_tangent import tangent_serves
-from cosim.analyses.trials.outcome import Outcome, outcome
-from cosim.analyses.trials.workers import SolvedCases, solve_many, solve_one
+from cosim.analyses.trials.workers import SolvedCases, Trial, run_trial, solve_many, solve_one
 from cosim.case.file import Settings, find_case, load_case
 from cosim.results.compare import value_of
 
@@ -32,7 +31,7 @@ def kept() -> SolvedCases:
     return found
 
 
-def near(kept: SolvedCases, *settings: Settings) -> list[Outcome]:
+def near(kept: SolvedCases, *settings: Settings) -> list[Trial]:
     return solve_many(kept, "hood", SOURCE, COARSE, settings, arms=True)
 
 
@@ -59,8 +58,8 @@ def near(kept: SolvedCases, *settings: Settings) -> list[Outcome]:
 )
 def test_slopes_by_the_tangent_are_those_of_solves(kept, key, value, unit):
     ends = [(*COARSE, f"{key}={value * (1 + d)!r} {unit}") for d in (-SMALL, SMALL)]
-    solved = [outcome(SOURCE, settings).summary for settings in ends]
-    found = [outcome.summary for outcome in near(kept, *ends)]
+    solved = [run_trial(SOURCE, settings).value for settings in ends]
+    found = [outcome.value for outcome in near(kept, *ends)]
     for quantity in QUANTITIES:
         slopes = [
             (value_of(b, quantity) - value_of(a, quantity)) / (2 * SMALL)
@@ -71,7 +70,7 @@ def test_slopes_by_the_tangent_are_those_of_solves(kept, key, value, unit):
 
 
 def test_no_change_is_the_solved_case(kept):
-    found, solved = near(kept, COARSE)[0].summary, outcome(SOURCE, COARSE).summary
+    found, solved = near(kept, COARSE)[0].value, run_trial(SOURCE, COARSE).value
     for quantity in QUANTITIES:
         assert value_of(found, quantity) == pytest.approx(value_of(solved, quantity), rel=1e-7)
 
@@ -79,11 +78,11 @@ def test_no_change_is_the_solved_case(kept):
 def test_moment_arms_that_nobody_asks_for_are_the_solved_ones(kept):
     other = (*COARSE, "tendons.EDC.tension=11.7 N")
     full, quick = (
-        solve_many(kept, "hood", SOURCE, COARSE, [other], arms)[0].summary for arms in (True, False)
+        solve_many(kept, "hood", SOURCE, COARSE, [other], arms)[0].value for arms in (True, False)
     )
     assert quick["slip_force_N"] == full["slip_force_N"]
     arms, moved = (found["moment_arm_mm"]["EDC"]["PIP"] for found in (quick, full))
-    solved = near(kept, COARSE)[0].summary["moment_arm_mm"]["EDC"]["PIP"]
+    solved = near(kept, COARSE)[0].value["moment_arm_mm"]["EDC"]["PIP"]
     assert arms == pytest.approx(solved, rel=1e-9)
     assert abs(moved - solved) > 1e-6
 
@@ -99,7 +98,7 @@ def test_moment_arms_that_nobody_asks_for_are_the_solved_ones(kept):
 def test_another_mesh_is_solved_from_the_solved_case(kept, setting):
     other = (*COARSE, setting)
     assert load_case(SOURCE, other).mesh_key() != load_case(SOURCE, COARSE).mesh_key()
-    found, solved = near(kept, other)[0].summary, outcome(SOURCE, other).summary
+    found, solved = near(kept, other)[0].value, run_trial(SOURCE, other).value
     assert found["iterations"]["newton"] < solved["iterations"]["newton"] / 3
     for quantity in QUANTITIES:
         assert value_of(found, quantity) == pytest.approx(value_of(solved, quantity), rel=1e-6)
@@ -108,8 +107,8 @@ def test_another_mesh_is_solved_from_the_solved_case(kept, setting):
 @pytest.mark.slow
 def test_a_case_is_solved_from_what_it_was_solved_to_last(kept):
     other = (*COARSE, "hood.extra_length.terminal_slip=-1.1 mm", "tendons.EDC.tension=11 N")
-    found = solve_one(dict(kept), "hood", SOURCE, other, arms=True, afresh=False).summary
-    solved = outcome(SOURCE, other).summary
+    found = solve_one(dict(kept), "hood", SOURCE, other, arms=True, afresh=False).value
+    solved = run_trial(SOURCE, other).value
     assert found["iterations"]["newton"] < solved["iterations"]["newton"]
     for quantity in QUANTITIES:
         assert value_of(found, quantity) == pytest.approx(value_of(solved, quantity), rel=1e-6)
@@ -117,7 +116,7 @@ def test_a_case_is_solved_from_what_it_was_solved_to_last(kept):
 
 def test_bones_that_move_are_solved_for(kept):
     moved = (*COARSE, "finger.posture.PIP=1 deg")
-    found, solved = near(kept, moved)[0].summary, outcome(SOURCE, moved).summary
+    found, solved = near(kept, moved)[0].value, run_trial(SOURCE, moved).value
     assert found["slip_force_N"] == pytest.approx(solved["slip_force_N"], rel=1e-9)
     assert found["posture_deg"]["PIP"] == pytest.approx(1.0)
 

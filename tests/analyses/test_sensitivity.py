@@ -23,7 +23,7 @@ from cosim.analyses.identify.sensitivity import (
 )
 from cosim.analyses.identify.tornado import draw_tornado
 from cosim.analyses.identify.variations import variations
-from cosim.analyses.trials.outcome import outcome
+from cosim.analyses.trials.workers import run_trial
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.cli import app
@@ -273,7 +273,7 @@ def test_the_command(held, tmp_path):
 
 
 def test_an_outcome_has_its_reason_in_one_line(held):
-    found = outcome(held, ("finger.posture.PIP=-5 deg", "finger.posture.DIP=-5 deg"))
+    found = run_trial(held, ("finger.posture.PIP=-5 deg", "finger.posture.DIP=-5 deg"))
     assert found.status == "refused"
     assert "\n" not in found.reason
     assert "2 faults" in found.reason

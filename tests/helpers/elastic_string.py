@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from cosim.hoods.kind import BuiltHood, HoodConfig, HoodKind, Site
+from cosim.hoods.kind import BuiltHood, HoodBuilder, HoodConfig, HoodKind, Site
 from cosim.hoods.view import STRAIN, Field
 from cosim.port import Array, State
 from cosim.schema import units
@@ -102,4 +102,5 @@ def slip_forces(state: State) -> dict[str, float]:
     return {"central": float(state.tension[0]), "terminal": 0.0}
 
 
-KIND = HoodKind(StringHood, build)
+BUILDER = HoodBuilder(build)
+KIND = HoodKind(StringHood, f"{__name__}:BUILDER")

@@ -117,7 +117,7 @@ def test_units_are_read_from_keys(quantity, unit):
 def test_no_key_of_a_summary_ends_in_a_unit_that_is_not_told():
     """Of every number of golden.json and every path that a target may name."""
     registry = pint.UnitRegistry()
-    paths = {*quantities.STATE, *quantities.DIFFERENCE, *quantities.OF_RUN}
+    paths = {q.path for q in quantities.QUANTITIES}
     paths.update(path for e in read_golden().values() for path in numbers_of(e["summary"]))
     for path in paths:
         unit = unit_of(path)

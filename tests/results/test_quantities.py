@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from cosim.cli import app
 from cosim.errors import InputError
 from cosim.results.compare import Target, numbers_of, unit_of
-from cosim.results.quantities import check_quantities, is_known
+from cosim.results.quantities import check_quantities, is_known, meaning_of
 from cosim.results.read import read_run, read_runs
 from cosim.results.slips import is_slack
 from tests.helpers.report_runs import DATA, run_into
@@ -68,6 +68,20 @@ def test_every_number_of_a_run_is_known_there_and_in_other_runs(case, summaries)
     for path in numbers_of(summaries[case]):
         check_quantities([target(path)], [(case, summaries[case])])
         assert is_known(path), f"{path} is missing from the table of what runs may have"
+        meaning = meaning_of(path, summaries[case])
+        assert meaning, path
+        assert not set("<>*") & set(meaning), path
+
+
+def test_a_run_shows_its_quantities_with_unit_and_meaning(folders):
+    table = read_run(folders["cable_edc"]).quantities
+    assert tuple(table.loc["unloaded.posture_deg.MCP_abduction"])[1:] == (
+        "deg",
+        "MCP abduction angle, unloaded",
+    )
+    listed = CliRunner().invoke(app, ["list", "quantities"]).output
+    assert "cable.*.tension_N" in listed
+    assert "tension of the cable *" in listed
 
 
 @pytest.mark.parametrize("stride", [19, pytest.param(1, marks=pytest.mark.slow)])

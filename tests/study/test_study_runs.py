@@ -23,13 +23,13 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.processes import WorkerProcess, do_with_memory
+from cosim.results.compare import numbers_of
 from cosim.results.conventions import by_axis
 from cosim.solve.session import Session
 from cosim.study import open_study, process
 from cosim.study import page as page_module
 from cosim.study.engine import in_this_process
-from cosim.study.execute import Count
-from cosim.study.quantities import check_outputs, paths
+from cosim.study.execute import Count, check_outputs
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict, _numbers, run_task, stored_outcome
 from tests.helpers.fixed_posture import HELD
@@ -231,7 +231,7 @@ def test_an_output_that_is_not_there_is_told_with_its_neighbours(place):
     assert done.exit_code == 2
     assert "nearest: joint_torque_Nmm.passive.PIP" in done.output
     summary = {"a": {"b": 1.0, "c": by_axis((1.0, 2.0, 3.0))}, "zero": 0.0}
-    assert list(paths(summary)) == ["a.b", "a.c.distal", "a.c.radial", "a.c.dorsal", "zero"]
+    assert list(numbers_of(summary)) == ["a.b", "a.c.distal", "a.c.radial", "a.c.dorsal", "zero"]
     check_outputs({"x": "a.b/zero"}, summary)
     with pytest.raises(InputError, match=r"at a\.d"):
         check_outputs({"x": "a.b/a.d"}, summary)
@@ -402,7 +402,7 @@ def test_by_processes_the_table_is_the_same_to_the_byte_and_no_port_opens(place,
         counts.append(sum(len(listening(p)) for p in (own, *own.children(recursive=True))))
 
     before = len(listening(psutil.Process()))
-    monkeypatch.setattr("cosim.study.progress.progress", lambda name, store: nullcontext(look))
+    monkeypatch.setattr("cosim.commands.study.progress", lambda name, store: nullcontext(look))
     done = CliRunner().invoke(
         app, ["study", "pip.toml", "--workers", "2", "--out", "two"], catch_exceptions=False
     )

@@ -17,6 +17,8 @@ from cosim.analyses.length_experiments import EXPERIMENT_MODELS, Value, experime
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
+from cosim.outcome import Outcome
+from cosim.pipeline import batches_of
 from cosim.results.audit import BOUNDS, Bound
 from cosim.results.compare import Comparison, Target, verdict
 from cosim.validation.force import AN, MYOHAND, PAST_THE_HOOD, THROUGH_THE_HOOD, two_models
@@ -27,11 +29,11 @@ from cosim.validation.reasons import MISSES, NOT_KNOWN, explain_misses, reasons
 from cosim.validation.run import (
     SPLIT,
     Board,
-    ValidationOutcome,
-    _batches,
     _board,
+    _case,
     by_kind,
     choose_groups,
+    folder_name,
     run_validation,
     scoreboard,
 )
@@ -189,10 +191,10 @@ def test_a_study_that_ends_early_keeps_what_it_measured(monkeypatch):
 
     what = "glide of the terminal slip"
     monkeypatch.setitem(EXPERIMENT_MODELS, what, EXPERIMENT_MODELS[what]._replace(values=values))
-    summary, why = measure_lengths(what, ["a=1"])
-    assert why == "no equilibrium"
+    outcome = measure_lengths(what, ["a=1"])
+    assert (outcome.status, outcome.reason) == ("failed", "no equilibrium")
     group = BY_NAME["lengths and cuts"]
-    rows = {r.target.quantity: r for r in rows_of(group, {f"lengths: {what}": summary})}
+    rows = {r.target.quantity: r for r in rows_of(group, {f"lengths: {what}": outcome.value})}
     assert rows["measured.glide_mcp_mm"].verdict == "inside 1 SD"
     assert rows["measured.glide_pip_mm"].verdict == "no value"
 
@@ -276,7 +278,7 @@ def board_of(group: TrialGroup, factor: float, **others: float) -> Board:
                 )
             }
         }
-    outcomes = {n: ValidationOutcome(n, s, None) for n, s in summaries.items()}
+    outcomes = {n: Outcome("converged", s) for n, s in summaries.items()}
     return _board(group, outcomes)
 
 
@@ -404,18 +406,20 @@ def test_the_command_runs_trials_and_leaves_runs_page_and_board(tmp_path: Path):
     assert palmar["model"] == -summary["difference"]["fingertip_force_N"]["dorsal"]
 
 
-def test_trials_that_share_an_unloaded_equilibrium_are_run_by_one_process():
-    trials = {t.name: t for g in GROUPS for t in g.trials}
-    tasks = [(t, (), "") for t in trials.values()]
-    batches = _batches(tasks)
-    assert sorted(t.name for batch in batches for t, *_ in batch) == sorted(
-        t.name for t, *_ in tasks
-    )
-    names = [[t.name for t, *_ in batch] for batch in batches]
-    (forces,) = [batch for batch in names if "force ti EDC" in batch]
-    assert set(forces) == {*(f"force ti {m}" for m in THROUGH_THE_HOOD), "qiu hood EDC 30/45/15"}
-    assert ["strain average ti 60/0/0"] in names
-    assert [len(batch) for batch in names] == sorted(map(len, names), reverse=True)
+def test_trials_that_share_an_unloaded_equilibrium_are_run_side_by_side():
+    trials = {t.name: t for g in GROUPS for t in g.trials if not (t.study or t.is_published)}
+    cases = [_case(trial, ()) for trial in trials.values()]
+    batches = batches_of(cases)
+    assert sorted(i for batch in batches for i, _ in batch) == list(range(len(cases)))
+    assert [len(batch) for batch in batches] == sorted(map(len, batches), reverse=True)
+    assert [folder_name("strain average ti 60/0/0")] in [
+        [case.name for _, case in batch if case.name.startswith("strain_average_ti_60")]
+        for batch in batches
+    ]
+    names = [case.name for batch in batches for _, case in batch]
+    forces = {f"force ti {m}" for m in THROUGH_THE_HOOD} | {"qiu hood EDC 30/45/15"}
+    places = sorted(names.index(folder_name(name)) for name in forces)
+    assert places == list(range(places[0], places[0] + len(forces)))
 
 
 @pytest.mark.slow

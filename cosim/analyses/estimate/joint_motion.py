@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
+from rigid.opensim.sto import read_sto
 
 UNITS = {"deg": np.pi / 180.0, "rad": 1.0}
 FEWEST = 4
@@ -80,7 +81,6 @@ def _filter(path: Path, time: Array, angle: Array, cutoff: float) -> Array:
 
 
 def _sto(path: Path, joints: Sequence[str]) -> tuple[Array, dict[str, Array]]:
-    from rigid.opensim.sto import read_sto
 
     table = read_sto(path, joints)
     return table.time, {

@@ -21,6 +21,8 @@ from cosim.models.build import Models, build
 from cosim.port import AXES, Array, PairState, Tensions
 from cosim.schema import units
 from cosim.solve.equilibrium import solve_equilibrium
+from rigid.mujoco.finger import MujocoFinger
+from rigid.mujoco.inverse_dynamics import needed_torque
 from rigid.muscle.least_cost import Power
 
 STAGES = (0.25, 0.5, 0.75, 1.0)
@@ -273,8 +275,6 @@ def for_motion(
 
 
 def _required_torque(s: Setup, motion: JointMotion) -> Array:
-    from rigid.mujoco.finger import MujocoFinger
-    from rigid.mujoco.inverse_dynamics import needed_torque
 
     finger = cast(MujocoFinger, s.models.finger)
     if not s.case.finger.has_mass:

@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.analyses.estimate.capacity import Capacity
+from cosim.analyses.estimate.feasible import ForceSet
+from cosim.analyses.estimate.of_case import MotionEstimate
 from cosim.port import Array
 from cosim.results.looks import look
 
@@ -13,9 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from cosim.analyses.estimate.capacity import Capacity
-    from cosim.analyses.estimate.feasible import ForceSet
-    from cosim.analyses.estimate.of_case import MotionEstimate
 
 INK, PALE, TARGET = "#0b5394", "#c9d9ea", "#b45309"
 

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from cosim.analyses.hood.poses import JOINTS, Posture
+from cosim.analyses.identify.cases import stated_cases
+from cosim.case.file import find_case
 from cosim.port import Array
 from rigid.hoods.two_band import coupled_dip, lateral_band
 
@@ -70,9 +72,6 @@ def fitted_postures(quantity: str) -> frozenset[Posture]:
     """Postures in which the packaged hood was fitted to quantities that contain `quantity`:
     cases/data/hood_fit.toml and hood_fit_rows.csv."""
     import pandas
-
-    from cosim.analyses.identify.cases import stated_cases
-    from cosim.case.file import find_case
 
     data = Path(str(resources.files("cases") / "data"))
     rows = pandas.read_csv(data / "hood_fit_rows.csv")

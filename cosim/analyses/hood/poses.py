@@ -15,12 +15,12 @@ from typing import cast
 
 import numpy as np
 
-from cosim.analyses.trials.outcome import one_line
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.hoods.fe_view import FeView
 from cosim.hoods.injury import apply_lesion_to_mesh
 from cosim.models.build import Models, build, hood_mesh
+from cosim.outcome import one_line
 from cosim.port import STATIC, Array, Response, State
 from cosim.results.audit import missed_bounds
 from cosim.results.slips import is_slack

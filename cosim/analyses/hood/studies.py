@@ -34,6 +34,7 @@ from cosim.analyses.hood.poses import (
     SolvedPose,
     pull_name,
 )
+from cosim.analyses.moment_arms import published_arms
 from cosim.case.schema import Case
 from cosim.errors import Progress, quiet
 from cosim.report.figures import Figure, FigurePage, FigureStudy
@@ -280,8 +281,6 @@ class HoodStudies:
 
     def _published_arms(self, tendons: Sequence[str]) -> pd.DataFrame:
         """Published arms of the hood's tendons in the straight finger; none but the index's."""
-        from cosim.analyses.moment_arms import published_arms
-
         known = published_arms("index")
         known = known[(known.posture_deg == "0/0/0") & known.joint.isin(JOINTS)]
         heights = [

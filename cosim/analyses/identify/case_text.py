@@ -10,7 +10,7 @@ from textwrap import wrap
 
 from cosim.analyses.identify.cases import FitCase, StatedCase
 from cosim.analyses.identify.fit import Fit, identifiability, interval
-from cosim.case.file import Settings
+from cosim.case.file import Settings, load_case
 from cosim.errors import InputError
 from cosim.results.compare import Comparison, number, reference_text
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
@@ -135,8 +135,6 @@ def _text(value: str) -> str:
 
 def check_loads(path: Path) -> None:
     """Raises InputError where the file is no case."""
-    from cosim.case.file import load_case
-
     try:
         load_case(path)
     except InputError as error:

@@ -22,8 +22,7 @@ from scipy.optimize import least_squares
 from cosim.analyses.identify.cases import FitCase, StatedCase, assign_rows
 from cosim.analyses.identify.parameters import FitParameter, Free, raise_faults
 from cosim.analyses.trials.by_tangent import tangent_serves
-from cosim.analyses.trials.outcome import Outcome
-from cosim.analyses.trials.workers import CaseWorkers
+from cosim.analyses.trials.workers import CaseWorkers, Summary, Trial
 from cosim.case.file import Settings, load_case
 from cosim.errors import ConvergenceError, InputError, Progress, quiet
 from cosim.port import Array
@@ -320,7 +319,7 @@ class _Search:
             self.progress(self.line(self.last))
         return self.last
 
-    def point(self, x: Array, outcomes: Mapping[int, Outcome]) -> _Point:
+    def point(self, x: Array, outcomes: Mapping[int, Trial]) -> _Point:
         """Raises InputError for what a case does not take, and for numbers that no run has."""
         failures, faults = [], []
         fitted: list[Comparison] = []
@@ -332,12 +331,12 @@ class _Search:
             elif outcome.status == "failed":
                 failures.append(f"{case.name}: {_values_text(self.values(x))}: {outcome.reason}")
             else:
+                summary = outcome.result()
                 pair = [
-                    compare_with_targets(t, outcome.summary, case.name)
-                    for t in (case.rows, case.held_out)
+                    compare_with_targets(t, summary, case.name) for t in (case.rows, case.held_out)
                 ]
                 faults += [
-                    _absent(row, outcome) for rows in pair for row in rows if row.model is None
+                    _absent(row, summary) for rows in pair for row in rows if row.model is None
                 ]
                 fitted += pair[0]
                 held_out += pair[1]
@@ -440,7 +439,7 @@ class _Search:
         case: FitCase,
         at: tuple[Array, Sequence[Comparison]],
         ends: Sequence[Array],
-        outcomes: Sequence[Outcome],
+        outcomes: Sequence[Trial],
     ) -> Array:
         """(m, n) of one case; NaN by a parameter to neither side of which it converged."""
         there: list[tuple[Array, Sequence[Comparison]]] = []
@@ -451,8 +450,9 @@ class _Search:
                 self.failures.append(
                     f"{case.name}: {_values_text(self.values(end))}: {outcome.reason}"
                 )
-            rows = compare_with_targets(case.rows, outcome.summary, case.name)
-            there.append((end, rows if outcome.status == "converged" else ()))
+                there.append((end, ()))
+            else:
+                there.append((end, compare_with_targets(case.rows, outcome.result(), case.name)))
         columns = []
         for i in range(len(self.parameters)):
             pair = [found for found in there[2 * i : 2 * i + 2] if found[1]]
@@ -482,11 +482,11 @@ class _Search:
         return len(keys) > 1
 
 
-def _absent(row: Comparison, outcome: Outcome) -> str:
+def _absent(row: Comparison, summary: Summary) -> str:
     """Why a run has no number there: with the nearest name where that is misspelt."""
     target = row.target
     try:
-        check_quantities([target], [(target.case, outcome.summary)])
+        check_quantities([target], [(target.case, summary)])
     except InputError as error:
         return str(error)
     return f"{target.name}: the run of {target.case} has no number at {target.quantity}"

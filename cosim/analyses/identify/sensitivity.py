@@ -13,11 +13,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from cosim.analyses.trials.outcome import Outcome, outcome
+from cosim.analyses.trials.workers import Trial, run_trial
 from cosim.case.file import Settings
 from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.variation import Side, Variation
 from cosim.json_text import json_text
+from cosim.outcome import Status
 from cosim.processes import process_pool
 from cosim.results.compare import unit_of, value_of
 
@@ -55,7 +56,7 @@ class Run:
     side: End
     set_to: str
     settings: Settings
-    status: Literal["converged", "failed", "refused", "does not apply"]
+    status: Status | Literal["does not apply"]
     reason: str
     values: Mapping[str, float | None]
 
@@ -115,7 +116,7 @@ def study(
     progress(0, total, "the case as it is")
     every = [settings, *(settings + side.settings for _, _, side in asked)]
     with process_pool(workers) as pool:
-        found = pool.in_order(partial(outcome, source), every)
+        found = pool.in_order(partial(run_trial, source), every)
         first = next(found)
         base = _base(first, quantities, also)
         outcomes = {}
@@ -131,13 +132,14 @@ def _sides(v: Variation) -> tuple[tuple[Variation, End, Side], ...]:
     return (v, "low", v.low), (v, "high", v.high)
 
 
-def _base(first: Outcome, quantities: Sequence[str], also: Sequence[str]) -> dict[str, float]:
+def _base(first: Trial, quantities: Sequence[str], also: Sequence[str]) -> dict[str, float]:
     if first.status == "refused":
         raise InputError(first.reason)
     if first.status == "failed":
         raise ConvergenceError(f"the case as it is: {first.reason}")
-    usual = () if quantities else (*QUANTITIES, *_arms(first.summary))
-    values = {q: value_of(first.summary, q) for q in (*quantities, *usual, *also)}
+    summary = first.result()
+    usual = () if quantities else (*QUANTITIES, *_arms(summary))
+    values = {q: value_of(summary, q) for q in (*quantities, *usual, *also)}
     absent = [q for q in (*quantities, *also) if values[q] is None]
     if absent:
         raise InputError(
@@ -155,11 +157,12 @@ def _arms(summary: Mapping[str, Any]) -> Iterator[str]:
         yield from (f"difference.moment_arm_mm.{tendon}.{joint}" for joint in arms)
 
 
-def _run(v: Variation, name: End, side: Side, found: Outcome | None, base: Mapping) -> Run:
+def _run(v: Variation, name: End, side: Side, found: Trial | None, base: Mapping) -> Run:
     if found is None:
         return Run(v.name, name, side.label, (), "does not apply", side.why_not, {})
-    values = {q: value_of(found.summary, q) for q in base}
-    missed = ", ".join(found.summary.get("audit_missed", ()))
+    summary = found.value or {}
+    values = {q: value_of(summary, q) for q in base}
+    missed = ", ".join(summary.get("audit_missed", ()))
     reason = f"audit missed: {missed}" if missed else found.reason
     return Run(v.name, name, side.label, side.settings, found.status, reason, values)
 

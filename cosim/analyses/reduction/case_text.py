@@ -6,7 +6,7 @@ import json
 import tomllib
 from collections.abc import Iterator
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,11 +24,9 @@ from cosim.analyses.reduction.walks import (
     SEED,
 )
 from cosim.case.file import Settings
+from cosim.hoods.lumped.reduction import Potential
 from cosim.schema import units
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
-
-if TYPE_CHECKING:
-    from cosim.hoods.lumped.reduction import Potential
 
 WIDTH, DIGITS = 98, 9
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,12 +29,10 @@ from cosim.errors import InputError, Progress, quiet
 from cosim.fingers.common import Extensor
 from cosim.fingers.kinds import anatomy_of, live_finger
 from cosim.hoods.kinds import fitting_kinds
-from cosim.hoods.lumped.reduction import Sample, fit_potential, stack
+from cosim.hoods.lumped.build import build_reduced_hood
+from cosim.hoods.lumped.reduction import Potential, Sample, fit_potential, stack
 from cosim.models.build import build
 from cosim.port import Array
-
-if TYPE_CHECKING:
-    from cosim.hoods.lumped.reduction import Potential
 
 BATCH = 20_000
 
@@ -187,8 +185,6 @@ def state_in_words(angle: Array, tension: Array, tendons: Sequence[str]) -> str:
 
 def _rate(potential: Potential, samples: Sequence[Sample], case: Case) -> Rate:
     """Measured: states one by one behind the port, and a batch."""
-    from cosim.hoods.lumped.build import build_reduced_hood
-
     finger = live_finger(case.native_finger(), case.hood.left_to_finger)
     model = anatomy_of(case.finger, Extensor()).model
     hood = build_reduced_hood(potential, model, finger.bodies)

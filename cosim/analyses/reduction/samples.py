@@ -19,6 +19,7 @@ from cosim.case.file import load_case
 from cosim.errors import ConvergenceError
 from cosim.hoods.lumped.reduction import Sample
 from cosim.models.build import Models, build
+from cosim.outcome import one_line
 from cosim.port import STATIC, Array, Load, State
 from cosim.processes import process_pool
 
@@ -98,7 +99,7 @@ def on_models(models: Models, walk: Walk) -> Iterator[Sample | FailedSample]:
             state = _move_hood(models, state, at, angle, loads[0])
             at = angle
         except ConvergenceError as error:
-            yield from (FailedSample(angle, load, _line(error)) for load in loads)
+            yield from (FailedSample(angle, load, one_line(error)) for load in loads)
             continue
         yield from _load_in_posture(models, state, angle, loads)
 
@@ -111,14 +112,10 @@ def _load_in_posture(
         try:
             found = sample(models, state, angle, tension)
         except ConvergenceError as error:
-            yield FailedSample(angle, tension, _line(error))
+            yield FailedSample(angle, tension, one_line(error))
             continue
         state = found[1]
         yield found[0]
-
-
-def _line(error: ConvergenceError) -> str:
-    return " ".join(str(error).split())
 
 
 def _place(models: Models, angle: Array) -> State:

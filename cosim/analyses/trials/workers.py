@@ -11,20 +11,25 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-from cosim.analyses.trials import outcome as trials
 from cosim.analyses.trials.by_tangent import predict_summary, solve_from
-from cosim.analyses.trials.outcome import Outcome, one_line
 from cosim.case.file import Settings, load_case
 from cosim.case.schema import Case
-from cosim.errors import ConvergenceError, CosimError, InputError
+from cosim.errors import ConvergenceError
 from cosim.models.build import Models
-from cosim.models.fit import check_fit
+from cosim.outcome import Outcome, outcome_of
+from cosim.pipeline import run_case
 from cosim.processes import ProcessPool, one_blas_thread
 from cosim.results.static import observe_static
 from cosim.solve.solvers import solve
 from cosim.solve.states import States
+
+Summary = Mapping[str, Any]
+Trial = Outcome[Summary]
+"""The summary of a case with settings, or why there is none."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class CaseWorkers:
         moment arms by force, as in `by_tangent.predict_summary`."""
         self._cases, self._pool, self._arms = cases, pool, arms
 
-    def solve(self, settings: Mapping[int, Settings], afresh: bool = False) -> dict[int, Outcome]:
+    def solve(self, settings: Mapping[int, Settings], afresh: bool = False) -> dict[int, Trial]:
         """An outcome for each case by its place, with its settings; `afresh` from scratch."""
         asked = {}
         for i, own in settings.items():
@@ -63,7 +68,7 @@ class CaseWorkers:
 
     def solve_beside(
         self, around: Sequence[Settings], beside: Sequence[Sequence[Settings]]
-    ) -> list[list[Outcome]]:
+    ) -> list[list[Trial]]:
         """Outcomes, by case, of settings that differ little from those `around`: by the tangent
         where that serves."""
         whole: dict[int, Future] = {}
@@ -91,24 +96,26 @@ class CaseWorkers:
 @one_blas_thread()
 def solve_one(
     kept: SolvedCases, name: str, source: Path, settings: Settings, arms: bool, afresh: bool
-) -> Outcome:
+) -> Trial:
     """The case solved, with a `name` from what is kept, if anything is, and not `afresh`."""
     if not name:
-        return trials.outcome(source, settings)
-    try:
+        return run_trial(source, settings)
+
+    def summary() -> Summary:
         case = load_case(source, settings)
-    except InputError as error:
-        return Outcome("refused", {}, one_line(error))
-    try:
         models, states = _solve(case, None if afresh else kept.get(name), arms)
         kept[name] = SolvedCase(case, settings, models, states)
-        return Outcome("converged", observe_static(case, (models, states), 0.0).summary)
-    except CosimError as error:
-        return Outcome("failed", {}, one_line(error))
+        return observe_static(case, (models, states), 0.0).summary
+
+    return outcome_of(summary)
+
+
+def run_trial(source: Path, settings: Settings) -> Trial:
+    """The case at `source` with settings on top, solved from scratch."""
+    return outcome_of(lambda: run_case(load_case(source, settings)).summary)
 
 
 def _solve(case: Case, before: SolvedCase | None, arms: bool) -> tuple[Models, States]:
-    check_fit(case)
     if before is not None:
         with suppress(ConvergenceError):
             found = solve_from(case, before.models, before.states, arms)
@@ -125,30 +132,22 @@ def solve_many(
     around: Settings,
     beside: Sequence[Settings],
     arms: bool,
-) -> list[Outcome]:
+) -> list[Trial]:
     """The case with each of the settings `beside`, which differ little from those `around`."""
     if name not in kept or kept[name].settings != around:
         found = solve_one(kept, name, source, around, arms, afresh=False)
         if found.status != "converged":
             return [found] * len(beside)
-    return [_beside(kept[name], source, settings, arms) for settings in beside]
+    return [outcome_of(partial(_beside, kept[name], source, s, arms)) for s in beside]
 
 
-def _beside(solved: SolvedCase, source: Path, settings: Settings, arms: bool) -> Outcome:
-    """The outcome by the tangent; where the mesh changes by Newton's method from the solved case,
+def _beside(solved: SolvedCase, source: Path, settings: Settings, arms: bool) -> Summary:
+    """The summary by the tangent; where the mesh changes by Newton's method from the solved case,
     because the nodes' coordinates are rounded; from scratch where neither serves."""
-    try:
-        case = load_case(source, settings)
-    except InputError as error:
-        return Outcome("refused", {}, one_line(error))
-    try:
-        if case.mesh_key() == solved.case.mesh_key():
-            summary = predict_summary(case, solved.models, solved.states, arms)
-        else:
-            found = solve_from(case, solved.models, solved.states, arms)
-            summary = None if found is None else observe_static(case, found, 0.0).summary
-    except CosimError as error:
-        return Outcome("failed", {}, one_line(error))
-    return (
-        Outcome("converged", summary) if summary is not None else trials.outcome(source, settings)
-    )
+    case = load_case(source, settings)
+    if case.mesh_key() == solved.case.mesh_key():
+        summary = predict_summary(case, solved.models, solved.states, arms)
+    else:
+        reached = solve_from(case, solved.models, solved.states, arms)
+        summary = None if reached is None else observe_static(case, reached, 0.0).summary
+    return run_case(case).summary if summary is None else summary

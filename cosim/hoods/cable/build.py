@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,14 +13,18 @@ from cosim.hoods.cable.table import CableHoodConfig
 from cosim.hoods.cable.view import view_of
 from cosim.hoods.fe_view import slip_forces, tangent_seconds
 from cosim.hoods.injury import adhesions, apply_lesion_to_net, longer
-from cosim.hoods.kind import BuiltHood, HoodKind, Site, skeleton_of
+from cosim.hoods.kind import BuiltHood, HoodBuilder, Site, skeleton_of
 from cosim.hoods.lesion import LesionConfig
 from cosim.port import Motion
-
-if TYPE_CHECKING:
-    from fe_solver.forces.cables import Cables
-    from fe_solver.hood.shell_hood import ShellHood as FeHood
-    from meshes.cable_net import CableNet
+from fe_solver.forces.cables import Cables
+from fe_solver.hood.build_cable import Net, cable_hood
+from fe_solver.hood.build_shell import ContactLaw, SpringGroup, TendonEnd
+from fe_solver.hood.shell_hood import ShellHood as FeHood
+from fe_solver.solver.newton import NewtonOptions
+from meshes.cable_net import CableNet, lay
+from meshes.hull import along, carriers
+from meshes.robot_net import keep_extensor
+from meshes.skeleton import BODIES
 
 ENDS = {
     "index": {"EDC": "central", "EI": "indicis", "LUM": "radial", "FPI": "ulnar"},
@@ -44,9 +47,6 @@ def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
 
 def build_net(hood: CableHoodConfig, anatomy: Anatomy) -> CableNet:
     """The net of a cable hood; where the extensor alone pulls without the other tendons' ends."""
-    from meshes.cable_net import lay
-    from meshes.robot_net import keep_extensor
-
     net = lay(
         skeleton_of(anatomy),
         *contact_levels(hood.contact, anatomy.bones, skeleton_of(anatomy)),
@@ -60,12 +60,6 @@ def build_net(hood: CableHoodConfig, anatomy: Anatomy) -> CableNet:
 
 def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
     """The net over the bones as a case describes it, behind the port.  Raises InputError."""
-    from fe_solver.hood.build_cable import Net, cable_hood
-    from fe_solver.hood.build_shell import ContactLaw, SpringGroup, TendonEnd
-    from fe_solver.solver.newton import NewtonOptions
-    from meshes.hull import along, carriers
-    from meshes.skeleton import BODIES
-
     if "central_slip" not in hood.springs:
         raise InputError(
             "hood.springs: nothing holds the central slip; give hood.springs a table central_slip"
@@ -102,8 +96,6 @@ def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
 
 def cable_law(hood: CableHoodConfig, net: CableNet, lesion: LesionConfig | None = None) -> Cables:
     """The cells' law; a strand that is longer than laid is so in all its cells."""
-    from fe_solver.forces.cables import Cables
-
     tables = [hood.cables[name] for name in net.cable]
     stated = zip(net.strands, (table.extra_length for table in tables), strict=True)
     extra = longer(dict(stated), lesion)
@@ -126,4 +118,4 @@ def cable_law(hood: CableHoodConfig, net: CableNet, lesion: LesionConfig | None 
     )
 
 
-KIND = HoodKind(CableHoodConfig, build)
+BUILDER = HoodBuilder(build)

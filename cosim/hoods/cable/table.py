@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from cosim.fingers.common import PostureConfig
-from cosim.hoods.kind import HoodConfig
+from cosim.hoods.kind import HoodConfig, HoodKind
 from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts
 from cosim.hoods.supports import ContactConfig, SpringConfig
 from cosim.schema import units
@@ -92,3 +92,6 @@ class CableHoodConfig(HoodConfig):
 
     def parts(self) -> InjurableParts:
         return PARTS
+
+
+KIND = HoodKind(CableHoodConfig, "cosim.hoods.cable.build:BUILDER")

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
 from cosim.hoods.view import STRAIN, Field
 from cosim.port import Array, State
-from meshes.skeleton import JOINTS
-
-if TYPE_CHECKING:
-    from fe_solver.hood.shell_hood import ShellHood as FeHood
-    from meshes.cable_net import CableNet
-    from meshes.skeleton import Skeleton
+from fe_solver.hood.build_cable import pulls_in
+from fe_solver.hood.shell_hood import ShellHood as FeHood
+from meshes.bands import net_bands
+from meshes.cable_net import CableNet
+from meshes.glide import net_places
+from meshes.skeleton import JOINTS, Skeleton
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,15 +81,11 @@ class CableView(FeView):
 
 def view_of(hood: FeHood, net: CableNet, skeleton: Skeleton) -> Callable[[State], CableView]:
     """What there is to see at a state."""
-    from meshes.bands import net_bands
-    from meshes.glide import net_places
-
     lines = Lines(net_places(net), net_bands(net), skeleton.axis[JOINTS.index("PIP")])
     return partial(_view, hood, net, guide_depth(hood), lines)
 
 
 def _view(hood: FeHood, net: CableNet, depth: float, lines: Lines, state: State) -> CableView:
-    from fe_solver.hood.build_cable import pulls_in
 
     seen, pull = view_at(hood, depth, lines, state), pulls_in(hood, state)
     points = state.solution.evaluation.points

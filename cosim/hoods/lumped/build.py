@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.hoods.kind import BuiltHood, HoodKind, Site
+from cosim.hoods.kind import BuiltHood, HoodBuilder, Site
 from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.lumped.table import (
     JOINTS,
@@ -20,12 +19,14 @@ from cosim.hoods.lumped.table import (
     TwoBandHoodConfig,
 )
 from cosim.port import Hood, Motion, State
-
-if TYPE_CHECKING:
-    from rigid.hoods.hinge_angle import HingeAngle
-    from rigid.hoods.network import Arms, Network
-    from rigid.hoods.reduced import ReducedHood, ReducedPotential
-    from rigid.model import FingerModel
+from rigid.chain.hinge import BODIES
+from rigid.hoods.hinge_angle import HingeAngle, angles, flexion_angles
+from rigid.hoods.network import Arms, Network
+from rigid.hoods.network_hood import NetworkHood as OnBodies
+from rigid.hoods.reduced import ReducedHood, ReducedPotential
+from rigid.hoods.two_band import arms, band_stiffnesses
+from rigid.hoods.universal_angle import Joint, joints_of
+from rigid.model import FingerModel
 
 
 def build(hood: NetworkHoodConfig, site: Site) -> BuiltHood:
@@ -79,8 +80,6 @@ def _tendons(hood: NetworkHoodConfig, part: str, key: str) -> list[str]:
 def build_lumped_hood(hood: NetworkHoodConfig, model: FingerModel | None, rest: Motion) -> Hood:
     """The network on the flexion angles of a finger (None: hinges in a plane), excursions counted
     from the poses `rest`."""
-    from rigid.hoods.network_hood import NetworkHood as OnBodies
-
     if hood.reduced is not None:
         return build_reduced_hood(potential(hood.reduced), model, rest.bodies)
     hinges = _hinges(model)
@@ -92,8 +91,6 @@ def slip_forces(
 ) -> dict[str, float]:
     """N, what bears on the middle phalanx ("central": it crosses the PIP last) and on the distal
     one ("terminal") of a hood's connecting tendons."""
-    from rigid.hoods.hinge_angle import angles
-
     if hood.reduced is not None:
         made = build_reduced_hood(potential(hood.reduced), model, state.motion.bodies)
         return made.slip_forces(state)
@@ -112,8 +109,6 @@ def slip_forces(
 
 
 def _hinges(model: FingerModel | None) -> tuple[HingeAngle, ...]:
-    from rigid.chain.hinge import BODIES
-    from rigid.hoods.hinge_angle import HingeAngle, flexion_angles
 
     if model is not None:
         return flexion_angles(model)
@@ -125,10 +120,6 @@ def build_reduced_hood(
     made: ReducedPotential, model: FingerModel | None, bodies: tuple[str, ...]
 ) -> ReducedHood:
     """A potential behind the port, on every hinge of a finger (None: hinges in a plane)."""
-    from rigid.hoods.hinge_angle import HingeAngle
-    from rigid.hoods.reduced import ReducedHood
-    from rigid.hoods.universal_angle import Joint, joints_of
-
     hinges: tuple[Joint, ...]
     if model is None:
         joints = zip(made.joints, bodies[:-1], bodies[1:], strict=True)
@@ -140,8 +131,6 @@ def build_reduced_hood(
 
 def potential(hood: ReductionConfig) -> ReducedPotential:
     """The potential that a case states."""
-    from rigid.hoods.reduced import ReducedPotential
-
     low, high = np.array(list(hood.angles.values())).T
     return ReducedPotential(
         tuple(hood.angles),
@@ -159,7 +148,6 @@ def potential(hood: ReductionConfig) -> ReducedPotential:
 
 
 def _network(hood: NetworkHoodConfig) -> Network:
-    from rigid.hoods.network import Network
 
     muscles, tendons = tuple(hood.muscles), list(hood.connecting.values())
     connection = np.array([[t.muscle == m for m in muscles] for t in tendons], dtype=float)
@@ -176,8 +164,6 @@ def _network(hood: NetworkHoodConfig) -> Network:
 
 def as_network(hood: TwoBandHoodConfig) -> NetworkHoodConfig:
     """The same two springs on one junction."""
-    from rigid.hoods.two_band import band_stiffnesses
-
     middle, lateral = band_stiffnesses(hood.elasticity, hood.lateral_share)
     return NetworkHoodConfig.model_construct(
         kind="network",
@@ -196,10 +182,9 @@ def as_network(hood: TwoBandHoodConfig) -> NetworkHoodConfig:
 
 
 def _arms(columns: Sequence[dict[str, ArmConfig]]) -> Arms:
-    from rigid.hoods.two_band import arms
 
     return arms([{j: (a.constant, a.slope) for j, a in column.items()} for column in columns])
 
 
-NETWORK = HoodKind(NetworkHoodConfig, build)
-TWO_BANDS = HoodKind(TwoBandHoodConfig, build_two_bands)
+NETWORK = HoodBuilder(build)
+TWO_BANDS = HoodBuilder(build_two_bands)

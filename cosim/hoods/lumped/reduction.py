@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from cosim.port import Array
+from rigid.hoods.reduced import ReducedPotential as Potential
 from rigid.hoods.reduced_sample import Sample as Sample
 from rigid.hoods.reduced_sample import stack as stack
-
-if TYPE_CHECKING:
-    from rigid.hoods.reduced import ReducedPotential as Potential
+from rigid.hoods.reduction import reduce_hood
 
 
 def fit_potential(
@@ -19,6 +16,4 @@ def fit_potential(
     maps: Array | None = None,
 ) -> Potential:
     """The potential of a hood from samples of it, see `rigid.hoods.reduction.reduce_hood`."""
-    from rigid.hoods.reduction import reduce_hood
-
     return reduce_hood(samples, joints, tendons, maps=maps)

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from cosim.fingers.common import JointAngle
-from cosim.hoods.kind import HoodConfig
+from cosim.hoods.kind import HoodConfig, HoodKind
 from cosim.hoods.lesion import SLIPS, InjurableParts, LesionConfig
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
@@ -185,3 +185,7 @@ class TwoBandHoodConfig(HoodConfig):
             return self
         left = {name: arms for name, arms in self.muscles.items() if name not in ("FDP", "FDS")}
         return self.model_copy(update={"muscles": left})
+
+
+NETWORK = HoodKind(NetworkHoodConfig, "cosim.hoods.lumped.build:NETWORK")
+TWO_BANDS = HoodKind(TwoBandHoodConfig, "cosim.hoods.lumped.build:TWO_BANDS")

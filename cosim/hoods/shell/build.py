@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,26 +12,38 @@ from cosim.fingers.kind import Anatomy
 from cosim.hoods.bone_surfaces import contact_levels
 from cosim.hoods.fe_view import slip_forces, tangent_seconds
 from cosim.hoods.injury import adhesions, apply_lesion_to_mesh, longer
-from cosim.hoods.kind import BuiltHood, HoodKind, Site, skeleton_of
+from cosim.hoods.kind import BuiltHood, HoodBuilder, Site, skeleton_of
+from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.shell import table
 from cosim.hoods.shell.fibre_table import FibrousConfig
 from cosim.hoods.shell.fibres import Fibres, fibres_of
 from cosim.hoods.shell.gauges import points_on
 from cosim.hoods.shell.table import ShellHoodConfig
-from cosim.hoods.shell.variation import scale_moduli, variations
-from cosim.hoods.shell.view import COLOURS, view_of
+from cosim.hoods.shell.view import view_of
 from cosim.hoods.view import TrackedPoints
 from cosim.port import Array, Motion
 from cosim.schema.types import RegionConfig
-
-if TYPE_CHECKING:
-    from cosim.hoods.lesion import LesionConfig
-    from fe_solver.hood.build_shell import TendonEnd
-    from fe_solver.hood.shell_hood import ShellHood as FeHood
-    from fe_solver.materials.linear import Law, LinearLaw, Real
-    from fe_solver.materials.tension_field import TensionField
-    from fe_solver.sheet import ShellPart
-    from meshes.hood_mesh import HoodMesh
+from fe_solver.elements.mesh_geometry import node_directors, node_means
+from fe_solver.hood.build_shell import (
+    ContactLaw,
+    SpringGroup,
+    TendonEnd,
+    heights,
+    shell_hood,
+)
+from fe_solver.hood.shell_hood import ShellHood as FeHood
+from fe_solver.materials import crossed_fibres, hyperelastic
+from fe_solver.materials import fibres as fibre_materials
+from fe_solver.materials import linear as materials
+from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
+from fe_solver.materials.linear import Law, LinearLaw, Real
+from fe_solver.materials.tension_field import TensionField
+from fe_solver.sheet import Sheet, ShellPart
+from fe_solver.solver.newton import NewtonOptions
+from meshes.hood import generate
+from meshes.hood_lines import even_shares
+from meshes.hood_mesh import REGIONS, HoodMesh, read
+from meshes.skeleton import BODIES
 
 WHOLE, ULNAR = np.zeros(3), np.array([0.0, -1.0, 0.0])
 PALMAR, DORSAL = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
@@ -95,8 +106,6 @@ class _MeshInput:
 
 @lru_cache(maxsize=8)
 def _generate(laying: _MeshInput) -> HoodMesh:
-    from meshes.hood import generate
-    from meshes.hood_mesh import read
 
     hood, anatomy = laying.hood, laying.anatomy
     skeleton = skeleton_of(anatomy)
@@ -124,12 +133,7 @@ def _generate(laying: _MeshInput) -> HoodMesh:
 
 def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     """The hood over the bones as a case describes it, behind the port.  Raises InputError."""
-    from fe_solver.hood.build_shell import ContactLaw, SpringGroup, heights, shell_hood
-    from fe_solver.sheet import Sheet
-    from fe_solver.solver.newton import NewtonOptions
-    from meshes.hood_mesh import REGIONS
     from meshes.hull import along, carriers
-    from meshes.skeleton import BODIES
 
     missing = [REGIONS[i] for i in np.unique(mesh.region) if REGIONS[i] not in hood.regions]
     if missing:
@@ -196,10 +200,6 @@ def _part(
 ) -> ShellPart:
     """The material of a region (its number), with the hood's own bending; `laid` (ne,) m thick,
     `growth` (ne, 2) where no fibre is stretched in situ."""
-    from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
-    from fe_solver.sheet import ShellPart
-    from meshes.hood_mesh import REGIONS
-
     region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
     stretch = 1.0 if region.fibrous is None else region.fibrous.in_situ_stretch
     each = np.full(len(cells), stretch)
@@ -226,16 +226,11 @@ def _law(name: str, region: RegionConfig, angle: Real) -> Law | TensionField:
     """A region's material, its second family at `angle` (rad) from the first.
 
     Raises InputError, with its name, for one that is none."""
-    from fe_solver.materials.tension_field import TensionField
-
     law = _bare_law(name, region, angle)
     return TensionField(law) if region.tension_field else law
 
 
 def _bare_law(name: str, region: RegionConfig, angle: Real) -> Law:
-    from fe_solver.materials import crossed_fibres, hyperelastic
-    from fe_solver.materials import fibres as fibre_materials
-    from fe_solver.materials import linear as materials
 
     def bulk(modulus: float | None) -> float:
         return np.inf if modulus is None else modulus
@@ -281,8 +276,6 @@ def _bare_law(name: str, region: RegionConfig, angle: Real) -> Law:
 
 def thickness_of(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
     """(ne,) m."""
-    from meshes.hood_mesh import REGIONS
-
     out = np.full(len(mesh.quads), hood.thickness)
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], mesh.region == i
@@ -297,8 +290,6 @@ def thickness_of(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
 def _leave_face(mesh: HoodMesh, thickness: Array) -> Array:
     """Mid-surface points (n, 3) that leave the face towards the bones where the sheet that the mesh
     was laid for has it."""
-    from fe_solver.elements.mesh_geometry import node_directors, node_means
-
     rise = (node_means(thickness, mesh.quads, len(mesh.points)) - mesh.thickness) / 2
     if np.abs(rise).max() < 1e-12:
         return mesh.points
@@ -360,9 +351,6 @@ def _sides(anatomy: Anatomy) -> dict[str, tuple[float, ...]]:
 def _tendons(mesh: HoodMesh, anatomy: Anatomy) -> dict[str, TendonEnd]:
     """Each tendon's end nodes, their shares of a pull that is even over them, or over half, and its
     eyelet where the end lies distal of it."""
-    from fe_solver.hood.build_shell import TendonEnd
-    from meshes.hood_lines import even_shares
-
     out = {}
     for tendon, (end, side) in ENDS[anatomy.finger].items():
         nodes = mesh.ends[end]
@@ -381,4 +369,4 @@ def _tendons(mesh: HoodMesh, anatomy: Anatomy) -> dict[str, TendonEnd]:
     return out
 
 
-KIND = HoodKind(ShellHoodConfig, build, generate_mesh, COLOURS, variations, scale_moduli)
+BUILDER = HoodBuilder(build, generate_mesh)

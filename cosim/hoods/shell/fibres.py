@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,11 +11,17 @@ from cosim.errors import InputError
 from cosim.hoods.shell.fibre_table import DirectionConfig
 from cosim.port import Array
 from cosim.schema.types import RegionConfig
-
-if TYPE_CHECKING:
-    from meshes.hood_mesh import HoodMesh
-    from meshes.region_places import Turns
-    from meshes.skeleton import Skeleton
+from fe_solver.elements.fibres import (
+    angle_between,
+    follow_mesh,
+    gauss_points,
+    normals,
+    smooth_fibres,
+    turn_in_sheet,
+)
+from meshes.hood_mesh import REGIONS, HoodMesh, has_lateral_fibres
+from meshes.region_places import Turns, region_places, side_of, turns
+from meshes.skeleton import Skeleton
 
 
 @dataclass(frozen=True)
@@ -36,9 +41,6 @@ def fibres_of(
     """The directions of a case's regions on a mesh whose mid-surface is at points (n, 3).
 
     Raises InputError for a field that the mesh does not have."""
-    from fe_solver.elements.fibres import angle_between
-    from meshes.hood_mesh import REGIONS
-
     laid = _FibreMesh(mesh, points, skeleton)
     first, second, angle = laid.own.copy(), {}, {}
     for i in np.unique(mesh.region):
@@ -58,8 +60,6 @@ def at_gauss_points(mesh: HoodMesh, fibre: Array) -> Array:
     """(ne, g, 3) of directions (ne, 3).  Those of quadratic elements follow the mesh's lines; one
     an element, smoothed, is of first order at a region's edge, where a soft matrix is drawn aside
     by the width of a column."""
-    from fe_solver.elements.fibres import follow_mesh, smooth_fibres
-
     if mesh.quadratic:
         return follow_mesh(mesh.points, mesh.quads, fibre)
     return smooth_fibres(mesh.quads, fibre, mesh.region)
@@ -78,14 +78,12 @@ class _FibreMesh:
         cells = self.mesh.region == region
         if stated.field is not None:
             return at_gauss_points(self.mesh, self._field(region, stated.field, key))[cells]
-        from fe_solver.elements.fibres import turn_in_sheet
 
         return turn_in_sheet(
             self.points, self.mesh.quads[cells], self.own[cells], self._angles(region, stated)
         )
 
     def _field(self, region: int, name: str, key: str) -> Array:
-        from meshes.hood_mesh import REGIONS
 
         if name not in self.mesh.fields:
             known = ", ".join(self.mesh.fields) or "none"
@@ -97,10 +95,6 @@ class _FibreMesh:
 
     def _angles(self, region: int, stated: DirectionConfig) -> Array:
         """(k, g) rad from the mesh's own direction, counter-clockwise about the normal."""
-        from fe_solver.elements.fibres import gauss_points, normals
-        from meshes.hood_mesh import REGIONS, has_lateral_fibres
-        from meshes.region_places import region_places, side_of, turns
-
         laid = self._turns = self._turns or turns(self.mesh, self.skeleton)
         quads = self.mesh.quads[self.mesh.region == region]
         turn, station, outward = (

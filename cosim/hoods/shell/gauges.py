@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.errors import InputError
 from cosim.hoods.shell.point_table import GridConfig, read_points
+from cosim.hoods.shell.table import ShellHoodConfig
 from cosim.port import AXES, Array
-
-if TYPE_CHECKING:
-    from cosim.hoods.shell.table import ShellHoodConfig
+from meshes.hood_mesh import display_quads
 
 FARTHEST = 3e-3
 """m from the mid-surface: a point farther off is on no hood."""
@@ -76,8 +74,6 @@ def points_on(config: ShellHoodConfig, x: Array, quads: np.ndarray) -> Gauges:
     (ne, 4 or 9).
 
     Raises InputError for a point that is not on it."""
-    from meshes.hood_mesh import display_quads
-
     shown = display_quads(quads)
     triangles = np.concatenate([shown[:, [0, 1, 2]], shown[:, [0, 2, 3]]])
     element = np.tile(np.arange(len(shown)) // (len(shown) // len(quads)), 2)

@@ -16,16 +16,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.port import Array, State
-
-if TYPE_CHECKING:
-    from fe_solver.hood.shell_hood import ShellHood as FeHood
-    from meshes.hood_mesh import HoodMesh
-    from meshes.skeleton import Skeleton
+from fe_solver.elements.shell import element_response
+from fe_solver.hood.shell_hood import ShellHood as FeHood
+from meshes.hood_mesh import REGIONS, HoodMesh, has_lateral_fibres
+from meshes.hull import PIP
+from meshes.region_places import region_places, turns
+from meshes.skeleton import Skeleton
 
 PAST_PIP = 4.1
 """mm from the PIP's station to where the strips over it are cut: past the wings, short of where the
@@ -57,9 +57,6 @@ def crossing(quads: np.ndarray, elements: np.ndarray, beyond: np.ndarray) -> Cro
 
 def middle_crossings(mesh: HoodMesh, skeleton: Skeleton) -> dict[str, Crossing]:
     """Where the middle line of each region of the mesh runs, by its name."""
-    from meshes.hood_mesh import REGIONS, has_lateral_fibres
-    from meshes.region_places import region_places, turns
-
     turn, out = turns(mesh, skeleton).turn, {}
     for region in np.unique(mesh.region):
         name, own = REGIONS[region], np.flatnonzero(mesh.region == region)
@@ -76,8 +73,6 @@ def middle_crossings(mesh: HoodMesh, skeleton: Skeleton) -> dict[str, Crossing]:
 
 def element_forces(hood: FeHood, state: State) -> Array:
     """(ne, k, 3) N, the gradient of each element's energy by the places of its nodes."""
-    from fe_solver.elements.shell import element_response
-
     model, c = hood.model, state.configuration
     nodes = np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1)
     gradient = element_response(model.tables, model.section, nodes).gradient
@@ -105,8 +100,6 @@ def region_forces(
 
 def strip_crossings(mesh: HoodMesh) -> dict[str, Crossing]:
     """Where the strips over the PIP are cut just past it, by region; of those that the mesh has."""
-    from meshes.hull import PIP
-
     beyond = mesh.station > PIP + PAST_PIP
     found = {
         name: crossing(mesh.quads, np.flatnonzero(mesh.cells(name)), beyond) for name in STRIPS

@@ -14,11 +14,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
+from cosim.hoods.shell.fibres import at_gauss_points
 from cosim.hoods.shell.gauges import STRAIN_COMPONENTS, Gauges, neighbour_strains, strain_between
 from cosim.hoods.shell.region_forces import (
     Crossing,
@@ -28,16 +29,17 @@ from cosim.hoods.shell.region_forces import (
     strip_arms,
     strip_crossings,
 )
-from cosim.hoods.view import FAMILIES, STRAIN, Colour, Field
+from cosim.hoods.view import FAMILIES, STRAIN, Field
 from cosim.port import Array, State
-from meshes.hood_mesh import REGIONS, display_quads
-from meshes.skeleton import BODIES, JOINTS
-
-if TYPE_CHECKING:
-    from fe_solver.hood.shell_hood import ShellHood as FeHood
-    from meshes.hood_mesh import HoodMesh
-    from meshes.markers import Markers
-    from meshes.skeleton import Skeleton
+from fe_solver.elements.fibres import angle_between
+from fe_solver.hood.fibre_families import fibre_families
+from fe_solver.hood.shell_hood import ShellHood as FeHood
+from fe_solver.solver.fields import contact_pressure, energy_fields, fields
+from meshes.bands import sheet_bands
+from meshes.glide import sheet_places
+from meshes.hood_mesh import REGIONS, HoodMesh, display_quads
+from meshes.markers import Markers
+from meshes.skeleton import BODIES, JOINTS, Skeleton
 
 SAME_LINE = 1e-9
 """rad, fibres and mesh lines nearer than that are one."""
@@ -48,33 +50,6 @@ GAUGE = 2e-3
 """m, the standard deviation of the bell over which a gauge at a marker reads the sheet (what lies
 within 2.4 mm weighs by half and more); an assumption.  What single elements bear says nothing: at
 the corners of what holds the sheet it grows without bound as they get smaller."""
-_COLOURS: tuple[tuple[str, str, str, tuple[str, int | None], float, str, float], ...] = (
-    ("along", "Green-Lagrange strain along the fibres", "%", ("strain", 0), 100, STRAIN, 100),
-    ("across", "Green-Lagrange strain across", "%", ("strain", 1), 100, "transverse_strain", 100),
-    ("shear", "Green-Lagrange shear strain", "%", ("strain", 2), 50, "shear_strain", 100),
-    (
-        *("stress_along", "Stress along the fibres (2nd P-K)", "MPa"),
-        *(("stress", 0), 1e-6, "fibre_stress", 1e-6),
-    ),
-    (
-        *("stress_across", "Stress across (2nd P-K)", "MPa"),
-        *(("stress", 1), 1e-6, "transverse_stress", 1e-6),
-    ),
-    ("pressure", "Contact pressure", "MPa", ("pressure", None), 1e-6, "contact_pressure", 1e-6),
-    (
-        *("energy_density", "Strain energy density", "kJ/m3"),
-        *(("strain_energy_density", None), 1e-3, "strain_energy_density", 1e-3),
-    ),
-    (
-        *("thickness_stretch", "Stretch of the thickness", ""),
-        *(("thickness_stretch", None), 1, "thickness_stretch", 1),
-    ),
-    (
-        *("tension_state", "Tension field: 0 taut, 1 wrinkled, 2 slack (-1: bears compression)"),
-        *("", ("tension_state", None), 1, "tension_state", 1),
-    ),
-)
-COLOURS = tuple(Colour(*row) for row in _COLOURS)
 CENTRAL = ("extensor_tendon_distal", "central_band", "central_slip")
 
 
@@ -234,8 +209,6 @@ def view_of(
     hood: FeHood, mesh: HoodMesh, skeleton: Skeleton, gauges: Gauges
 ) -> Callable[[State], ShellView]:
     """What there is to see at a state; the mesh lies on a finger of that skeleton."""
-    from meshes.bands import sheet_bands
-    from meshes.glide import sheet_places
     from meshes.markers import markers
 
     turn = _line_angle(hood, mesh)
@@ -247,9 +220,6 @@ def view_of(
 
 def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
     """(ne,) rad from the fibre to the mesh's own line in each element, 0 where they are one."""
-    from cosim.hoods.shell.fibres import at_gauss_points
-    from fe_solver.elements.fibres import angle_between
-
     fibre, lines = hood.model.tables.frame[:, :, 0], at_gauss_points(mesh, mesh.fibre)
     angle = angle_between(hood.model.reference, mesh.quads, fibre, lines)
     twice = np.stack([np.cos(2 * angle), np.sin(2 * angle)]).mean(axis=2)
@@ -277,8 +247,6 @@ def _view(
     gauges: Gauges,
     state: State,
 ) -> ShellView:
-    from fe_solver.hood.fibre_families import fibre_families
-    from fe_solver.solver.fields import contact_pressure, energy_fields, fields
 
     field = fields(hood.model, state.configuration)
     energy = energy_fields(hood.model, state.configuration)
