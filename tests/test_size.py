@@ -21,7 +21,7 @@ CEILINGS = {
     "cosim/fingers": 1249,
     "cosim/fmu": 1544,
     "cosim/fmu_export": 1295,
-    "cosim/hoods": 4843,
+    "cosim/hoods": 4070,
     "cosim/kernels": 216,
     "cosim/models": 682,
     "cosim/papers": 3443,
@@ -37,12 +37,12 @@ CEILINGS = {
     "fe_solver/elements": 1274,
     "fe_solver/febio": 2892,
     "fe_solver/forces": 1086,
-    "fe_solver/hood": 1234,
+    "fe_solver/hood": 1113,
     "fe_solver/job": 1558,
     "fe_solver/materials": 1719,
     "fe_solver/solver": 2715,
     "fe_solver/surfaces": 1181,
-    "fe_solver/verification": 5918,
+    "fe_solver/verification": 5908,
     "meshes": 2917,
     "meshes/imported": 1203,
     "rigid": 185,
@@ -56,7 +56,7 @@ CEILINGS = {
     "rigid/opensim": 1788,
     "rigid/papers": 3426,
     "rigid/verification": 2507,
-    "tests": 40858,
+    "tests": 40714,
 }
 
 

@@ -20,7 +20,7 @@ from cosim.hoods.cable.table import CableHoodConfig
 from cosim.port import STATIC, Motion
 from cosim.report.views import view_of
 from cosim.results.read import read_run
-from fe_solver.hood.build_cable import pulls_in
+from fe_solver.hood.build import pulls_in
 from fe_solver.hood.shell_hood import ShellHood
 from meshes.cable_net import CABLES, CableNet, cable_of, lay
 from meshes.hull import PIP

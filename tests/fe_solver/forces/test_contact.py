@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.errors import ConvergenceError, InputError
-from cosim.hoods.bone_surfaces import pose_surfaces
+from cosim.hoods.fe_supports import pose_surfaces
 from cosim.port import Array, rotation_matrix
 from fe_solver.forces.contact import (
     REACH,
