@@ -108,6 +108,15 @@ class SpringSet:
     length: Array
     """(k,) m at rest."""
 
+    @staticmethod
+    def to_body(
+        name: str, law: SpringLaw, nodes: Ints, body: int, anchor: Array, length: Array | float
+    ) -> SpringSet:
+        """Return springs that all end at one body, of the rest length (k,) m or one for all."""
+        k = len(nodes)
+        rest = np.array(np.broadcast_to(length, k), dtype=float)
+        return SpringSet(name, law, nodes, np.full(k, body), anchor, np.full(k, -1), rest)
+
 
 @dataclass(frozen=True)
 class ContactPair:
@@ -170,8 +179,8 @@ def attach(
     length = np.linalg.norm(points[nodes] - position - anchors @ rotation.T, axis=1) + slack
     shares = np.ones(len(nodes)) if attached.shares is None else attached.shares
     each = replace(law, stiffness=law.stiffness * shares / shares.sum())
-    body = np.full(len(nodes), rest.bodies.index(attached.body))
-    return SpringSet(name, each, nodes, body, anchors, np.full(len(nodes), -1), length)
+    body = rest.bodies.index(attached.body)
+    return SpringSet.to_body(name, each, nodes, body, anchors, length)
 
 
 def ties_of(

@@ -179,16 +179,9 @@ def _with_adhesions(job: Job) -> Job:
 
 
 def _adhesion(job: Job, tied: Tied, body: Body) -> SpringSet:
-    n = len(tied.nodes)
-    return SpringSet(
-        f"adhesion at node {job.sheet.node_ids[tied.nodes[0]]}",
-        SpringLaw(ADHESION / n),
-        tied.nodes,
-        np.full(n, tied.body),
-        job.sheet.points[tied.nodes] - body.origin,
-        np.full(n, -1),
-        np.zeros(n),
-    )
+    name = f"adhesion at node {job.sheet.node_ids[tied.nodes[0]]}"
+    law, anchor = SpringLaw(ADHESION / len(tied.nodes)), job.sheet.points[tied.nodes] - body.origin
+    return SpringSet.to_body(name, law, tied.nodes, tied.body, anchor, 0.0)
 
 
 def _observe(job: Job, state: ShellState) -> PublishedHood:

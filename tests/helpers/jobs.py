@@ -10,18 +10,17 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 from cosim.port import Motion
-from fe_solver.forces.guides import Guides, Ropes
-from fe_solver.forces.springs import Springs
+from fe_solver.hood.build import ContactLaw, HoodSupports, TendonEnd, shell_hood
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
 from fe_solver.job.model import JobOptions
 from fe_solver.materials.linear import Isotropic
-from fe_solver.sheet import plate as make_plate
+from fe_solver.sheet import even_sheet, plate
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.supports import Body, ContactPair, SpringLaw, SpringSet, Tied
 from fe_solver.surfaces.shapes import Capsule
-from tests.helpers.shells import clamp, contact, guide, map_grid, sheet
+from tests.helpers.shells import map_grid
 
 LENGTH, WIDTH, THICK, E = 20e-3, 5e-3, 0.5e-3, 100e6
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
@@ -37,7 +36,7 @@ def change_job(job: Job, **more) -> Job:
 
 def strip(nx: int = 10, ny: int = 3, nu: float = 0.0, **more) -> Job:
     """A flat strip along x, its nodes on the mid-surface."""
-    sheet = make_plate(LENGTH, WIDTH, nx, ny, Isotropic(E, nu), THICK)
+    sheet = plate(LENGTH, WIDTH, nx, ny, Isotropic(E, nu), THICK)
     ids = {"node_ids": np.arange(1, len(sheet.points) + 1) * 10}
     ids["element_ids"] = np.arange(1, len(sheet.quads) + 1)
     parts = (replace(sheet.parts[0], name="skin"),)
@@ -77,15 +76,8 @@ def spring_job(law: SpringLaw, force: float, other: bool = False) -> Job:
     """A strip that slides along x, held by one spring against a force."""
     job = strip()
     first, last = int(nodes_at(job, 0.0)[0]), nodes_at(job, LENGTH)
-    spring = SpringSet(
-        "string",
-        law,
-        np.array([first]),
-        np.array([0]),
-        np.array([[-4e-3, 0.0, 0.0]]),
-        np.array([-1]),
-        np.array([3.5e-3]),
-    )
+    end = np.array([[-4e-3, 0.0, 0.0]])
+    spring = SpringSet.to_body("string", law, np.array([first]), 0, end, 3.5e-3)
     load = NodalForce(last, np.array([force / len(last), 0, 0]), RAMP)
     return replace(
         job, bodies=(body(),), held=fix_components(job, 1, 2), springs=(spring,), forces=(load,)
@@ -134,54 +126,41 @@ def job_normal_up(job: Job) -> bool:
     return bool(node_directors(job.sheet.points, job.sheet.quads)[:, 2].mean() > 0)
 
 
-def rod_hood() -> tuple[ShellHood, dict]:
+def rod_hood(springs=(), eyelet=None) -> tuple[ShellHood, dict]:
     """A sheet over a rod, tied, sprung, touching it and pulled by one tendon."""
 
     def shape(uv):
         a, r = (uv[:, 1] - 0.5) * 15 / 8, 8.3e-3 + 0.05e-3 * (1 - uv[:, 0])
         return np.column_stack([30e-3 * uv[:, 0], r * np.sin(a), r * np.cos(a)])
 
-    X, quads = map_grid(14, 8, shape)
-    model = sheet(X, quads, E, 0.4, THICK, bodies=("rod", "tip"))
-    model = clamp(model, np.flatnonzero(X[:, 0] > 29e-3), 1)
-    model = guide(model, [np.flatnonzero(X[:, 0] == 0)], [(-1.0, 0, 0)])
-    free = np.flatnonzero((X[:, 0] > 0) & (X[:, 0] < 29e-3))
+    hooded = even_sheet(*map_grid(14, 8, shape), Isotropic(E, 0.4), THICK)
+    X, end = hooded.points, hooded.edge("x0")
     rod = Capsule(np.array([-0.01, 0, 0]), np.array([0.04, 0, 0]), 8e-3)
-    touching = replace(contact(model, rod, free, 2e11, 2e-6), offset=np.full(len(free), THICK / 2))
-    model = replace(model, contacts=(touching,))
-    rest = Motion(("rod", "tip"), np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
-    carriers = np.tile([1.0, 0.0], (len(X), 1))
+    supports = HoodSupports(
+        Motion(("rod", "tip"), np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1))),
+        np.tile([1.0, 0.0], (len(X), 1)),
+        springs,
+        (Tied(np.flatnonzero(X[:, 0] > 29e-3), 1),),
+        "rod",
+        np.array([-1.0, 0, 0]),
+        {"EDC": TendonEnd(end, np.full(len(end), 1 / len(end)), eyelet)},
+        ContactLaw(2e11, 2e-6, {"rod": rod}, {"rod": 0.0}),
+        NewtonOptions(tolerance=1e-9),
+    )
     round_ = trimesh.creation.cylinder(8e-3, sections=256, segment=[[-0.01, 0, 0], [0.04, 0, 0]])
     bones = {"rod": (np.array(round_.vertices), np.array(round_.faces))}
-    hood = ShellHood(model, ("EDC",), rest, carriers, (), NewtonOptions(tolerance=1e-9))
-    return hood, bones
+    return shell_hood(hooded, supports), bones
 
 
 def roped_hood() -> tuple[ShellHood, dict]:
     """The same, its tendon hung on ropes through an eyelet 12 mm off, with one-sided springs to the
     rod that set in over a toe: two taut, two within their toe, two slack far beyond it."""
-    hood, bones = rod_hood()
-    model, end = hood.model, hood.model.guides.node
-    X, k = model.reference, len(hood.model.guides.node)
-    eyelet = np.tile([-12e-3, 2e-3, 8.4e-3], (k, 1))
-    length = np.linalg.norm(X[end] - eyelet, axis=1)
-    pull, share = np.tile([-1.0, 0, 0], (k, 1)), np.full((1, k), 1 / k)
-    first = np.zeros(k, dtype=np.intp)
-    ropes = Ropes(end, first, eyelet, pull, length, share, hood.tendons)
+    X = rod_hood()[0].model.reference
     held = np.flatnonzero(np.isclose(X[:, 0], X[:, 0].max() / 2))[[0, 1, 3, 5, 7, 8]]
-    anchor = X[held] + np.array([3e-3, 0.0, 0.0])
     slack = 3e-3 + 1e-3 * np.array([-0.8, 0.2, 2.5, 2.5, 0.2, -0.8])
-    only, toe, none = np.full(6, True), np.full(6, 0.6e-3), np.zeros(6, dtype=np.intp)
-    springs = Springs(held, none, anchor, np.full(6, 300.0), slack, only, none, toe=toe)
-    changed = replace(
-        model,
-        guides=Guides.none(),
-        share=np.zeros((1, 0)),
-        ropes=ropes,
-        springs=springs,
-        groups=("band",),
-    )
-    return replace(hood, model=changed, groups=("band",)), bones
+    law = SpringLaw(300.0, tension_only=True, toe=0.6e-3)
+    band = SpringSet.to_body("band", law, held, 0, X[held] + np.array([3e-3, 0.0, 0.0]), slack)
+    return rod_hood((band,), np.array([-12e-3, 2e-3, 8.4e-3]))
 
 
 def run(*words: str):

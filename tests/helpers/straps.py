@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
 from cosim.port import Array
-from fe_solver.forces.springs import NodeSprings, Springs
+from fe_solver.forces.springs import NodeSprings
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
+from fe_solver.supports import SpringLaw, SpringSet, springs_of
 from fe_solver.surfaces.spline_distance import Sphere
 from tests.helpers import shells
 from tests.helpers.shells import clamp, guide, sheet
@@ -26,24 +27,8 @@ def springs(
     stiffness: float,
     length: Array | float,
     only: bool,
-) -> Springs:
-    k = len(nodes)
-    return Springs(
-        nodes,
-        np.full(k, body),
-        anchors,
-        np.full(k, stiffness),
-        length * np.ones(k),
-        np.full(k, only),
-        np.zeros(k, dtype=np.intp),
-    )
-
-
-def join_springs(*parts: Springs) -> Springs:
-    names = [f.name for f in fields(Springs) if f.name not in ("group", "curves", "toe")]
-    columns = {name: np.concatenate([getattr(s, name) for s in parts]) for name in names}
-    group = np.repeat(np.arange(len(parts)), [len(s.node) for s in parts])
-    return Springs(**columns, group=group)
+) -> SpringSet:
+    return SpringSet.to_body("strings", SpringLaw(stiffness, only), nodes, body, anchors, length)
 
 
 def strap() -> ShellModel:
@@ -77,10 +62,12 @@ def strap() -> ShellModel:
         model,
         contacts=(touching,),
         links=across,
-        springs=join_springs(
-            springs(a, 1, X[a] + low, 200.0, 5.5e-3, only=False),
-            springs(b, 2, X[b] + low, 300.0, 3e-3, only=True),
-            springs(c, 2, X[c] + low, 300.0, 9e-3, only=True),
+        springs=springs_of(
+            [
+                springs(a, 1, X[a] + low, 200.0, 5.5e-3, only=False),
+                springs(b, 2, X[b] + low, 300.0, 3e-3, only=True),
+                springs(c, 2, X[c] + low, 300.0, 9e-3, only=True),
+            ]
         ),
     )
 

@@ -262,8 +262,7 @@ def test_springs_with_a_toe_and_of_several_stiffnesses_pull_as_they_say(tmp_path
     law = SpringLaw(np.array([1e3, 2e3]), tension_only=True, toe=0.5e-3)
     job, first = strip(), nodes_at(strip(), 0.0)[:2]
     places = job.sheet.points[first] - np.array([4e-3, 0, 0])
-    none = np.array([-1, -1])
-    strings = SpringSet("strings", law, first, np.zeros(2, int), places, none, np.full(2, 4e-3))
+    strings = SpringSet.to_body("strings", law, first, 0, places, 4e-3)
     load = NodalForce(nodes_at(job, LENGTH), np.array([0.1, 0, 0]), RAMP)
     job = replace(
         job, bodies=(body(),), held=fix_components(job, 1, 2), springs=(strings,), forces=(load,)

@@ -35,16 +35,9 @@ def at(job: Job, x: float) -> NDArray[np.intp]:
 
 def strings(job: Job, nodes: Sequence[int], reach: Sequence[float], **law: bool) -> SpringSet:
     """To points of the first body, at rest."""
-    k = len(nodes)
-    return SpringSet(
-        "strings",
-        SpringLaw(1e3, **law),
-        np.array(nodes),
-        np.zeros(k, dtype=np.intp),
-        job.sheet.points[nodes] + np.array(reach),
-        np.full(k, -1),
-        np.full(k, np.linalg.norm(reach)),
-    )
+    anchor, law = job.sheet.points[nodes] + np.array(reach), SpringLaw(1e3, **law)
+    rest = float(np.linalg.norm(reach))
+    return SpringSet.to_body("strings", law, np.array(nodes), 0, anchor, rest)
 
 
 def pins(job: Job, *held: tuple[int, int]) -> tuple[PrescribedDisplacement, ...]:

@@ -18,10 +18,11 @@ from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.newton_step import LONG, descent_step, factorise, limit_step, newton_step
 from fe_solver.solver.residual import residual_norm
+from fe_solver.supports import springs_of
 from fe_solver.surfaces.spline_distance import Sphere
 from tests.helpers import shells
 from tests.helpers.shells import NO_TENSION, at_rest, clamp, guide, plate, sheet
-from tests.helpers.straps import TENSION, TIGHT, join_springs, perturb, springs, strap
+from tests.helpers.straps import TENSION, TIGHT, perturb, springs, strap
 
 
 @pytest.fixture(scope="module")
@@ -189,9 +190,8 @@ def test_a_sheet_hangs_on_its_taut_springs():
     X, quads = plate(20e-3, 10e-3, 4, 2)
     corners = np.flatnonzero(np.isin(X[:, 0], [0, 20e-3]) & np.isin(X[:, 1], [0, 10e-3]))
     up = np.array([0.0, 0, 10e-3])
-    held = join_springs(
-        springs(corners, 0, X[corners] + up, 1e3, 10e-3, only=True),
-        springs(corners, 0, X[corners] - up, 1e3, 10e-3, only=True),
+    held = springs_of(
+        [springs(corners, 0, X[corners] + z, 1e3, 10e-3, only=True) for z in (up, -up)]
     )
     dead = np.tile([0.0, 0, -0.01], (len(X), 1))
     model = replace(sheet(X, quads, 1e8, 0.3, 0.5e-3), springs=held, dead=dead)
