@@ -180,7 +180,7 @@ def guide_depth(hood: FeHood) -> float:
     The bone would pinch the sheet against such a line, with a force that grows as the mesh gets
     finer.  (Intrinsic tendons, which run palmar of the axis, pass beside the head.)"""
     model = hood.model
-    lift = np.broadcast_to(hood.lift, len(model.reference))
+    lift = hood.lift
     start = (model.reference[model.guides.node] - hood.rest.position[0]) @ hood.rest.rotation[0]
     dorsal = start[:, 2] > 0
     way = lines_to_joint(start[dorsal])

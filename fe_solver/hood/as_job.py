@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cosim.errors import InputError
 from cosim.port import Array, Ints, Motion
 from fe_solver.elements.mesh_geometry import is_triangle, node_directors
-from fe_solver.elements.mitc4 import GAUSS, shape
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
 from fe_solver.forces.ramp import ramp
@@ -20,8 +19,6 @@ from fe_solver.job.curves import Drive, Extension, LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
 from fe_solver.job.model import corner_means
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
-from fe_solver.materials.in_situ import in_situ_stretch, thickness_as_laid
-from fe_solver.materials.section import Patch
 from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.model import ShellModel
 from fe_solver.supports import Body, ContactPair, SpringLaw, SpringSet, Tied
@@ -57,35 +54,28 @@ def job_of_hood(
     Raises InputError for what a job cannot say: stress-free growth but a stretch in situ, materials
     that vary within a region, springs with tables, tendons that do not slide along an axis of one
     body."""
-    model = hood.model
-    _check(hood)
+    model, sheet = hood.model, _writable_sheet(hood)
     frame = int(model.guides.body[0]) if len(model.guides.node) else 0
     rest, there = _in_frame_of(hood.rest, frame), _in_frame_of(motion, frame)
-    points = (model.reference - hood.rest.position[frame]) @ hood.rest.rotation[frame]
+    flat = points = (sheet.points - hood.rest.position[frame]) @ hood.rest.rotation[frame]
     turned = on_face and _bones_lie_below(model, hood.rest)
-    quads = _reverse_winding(model.quads) if turned else model.quads
-    stretch = in_situ_stretch(model.tables.growth)
-    thickness = _corners(thickness_as_laid(model.section.thickness, model.tables.growth))
-    height = model.tables.height
+    quads, parts, height = sheet.quads, sheet.parts, sheet.height
+    thickness = np.array(np.broadcast_to(sheet.thickness.T, quads.T.shape).T)
     if turned:
-        thickness, height = (
-            _reorder_corners(model.quads, thickness),
-            -_reorder_corners(model.quads, height),
+        quads, thickness, height = (
+            _reorder_corners(sheet.quads, values) for values in (quads, thickness, -height)
         )
-    flat = points
+        parts = tuple(_turn_over(part) for part in parts)
     if on_face:
-        points = points + corner_means(quads, height + thickness / 2, len(points))[
-            :, None
-        ] * node_directors(points, quads)
+        over = corner_means(quads, height + thickness / 2, len(points))
+        points = points + over[:, None] * node_directors(points, quads)
         height = -thickness / 2
-    part, parts = _parts(model, stretch, turned)
-    frames = _mean_direction(model.tables.frame[:, :, 0])
-    fibre = frames @ hood.rest.rotation[frame]
+    fibre = _mean_direction(model.tables.frame[:, :, 0]) @ hood.rest.rotation[frame]
     sheet = Sheet(
         points,
         quads,
         parts,
-        part,
+        sheet.part,
         thickness,
         fibre / np.linalg.norm(fibre, axis=1, keepdims=True),
         height,
@@ -105,34 +95,39 @@ def job_of_hood(
     )
     side = 1 if turned else -1
     # facets that touch at points of their own, as the format's do, need no lift
-    lift = np.broadcast_to(hood.lift, len(points))
-    pairs = [_pair(job, k, lift[k.nodes], side, bones, hood.bodies) for k in model.contacts]
+    pairs = [_pair(job, k, hood.lift[k.nodes], side, bones, hood.bodies) for k in model.contacts]
     return replace(job, contacts=tuple(pairs))
 
 
-def _check(hood: ShellHood) -> None:
-    m = hood.model
-    if len(m.cables.nodes):
+def _writable_sheet(hood: ShellHood) -> Sheet:
+    m, sheet = hood.model, hood.sheet
+    if sheet is None:
         raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
-    if m.quads.shape[1] != 4:
+    if sheet.quads.shape[1] != 4:
         raise InputError(
             "a hood of nine-node elements cannot be written: FEBio's format has no such shell; set "
             'hood.mesh.elements to "linear"'
         )
-    if any(p.bending.any() for p in m.section.patches):
+    if any(part.bending.any() for part in sheet.parts):
         raise InputError(
             "a hood with a bending modulus of its own cannot be written: in FEBio's format a shell "
             "bends as its material does; set hood.bending_stiffness to zero"
         )
-    if np.isnan(in_situ_stretch(m.tables.growth)).any():
+    if sheet.growth is not None and sheet.growth[sheet.stretch == 1.0].any():
         raise InputError(
             "a hood with extra length in its slips cannot be written: FEBio's format has no "
             "stress-free growth but a stretch in situ; set hood.extra_length to zero"
         )
+    for patch in m.section.patches:
+        varies = any(np.ndim(value) for value in vars(patch.law).values())
+        if varies or not np.allclose(patch.factor, 1.0):
+            name = m.regions[patch.elements[0]]
+            raise InputError(f"the region {name!r} has a material that varies within it")
     if m.springs.curves:
         raise InputError("a hood whose springs follow tables is not written")
     if len(set(m.guides.body.tolist())) > 1:
         raise InputError("a hood whose tendons slide along several bodies is not written")
+    return sheet
 
 
 def _in_frame_of(motion: Motion, frame: int) -> Motion:
@@ -151,22 +146,10 @@ def _bones_lie_below(model: ShellModel, rest: Motion) -> bool:
     return total > 0
 
 
-def _reverse_winding(quads: Ints) -> Ints:
-    return np.asarray(_reorder_corners(quads, quads))
-
-
 def _reorder_corners(quads: Ints, values: Array | Ints) -> NDArray:
     """What the corners (ne, 4) hold, in the order of the elements wound the other way."""
     triangle = is_triangle(quads)[:, None]
     return np.where(triangle, values[:, [1, 0, 2, 3]], values[:, [0, 3, 2, 1]])
-
-
-def _corners(gauss: Array) -> Array:
-    """(ne, 4) at the corners of what the Gauss points have."""
-    if np.ptp(gauss, axis=1).max() < SAME * gauss.max():
-        return np.array(np.broadcast_to(gauss.mean(axis=1)[:, None], gauss.shape))
-    weight = np.stack([shape(r, s)[0] for r, s in GAUSS])
-    return np.asarray(gauss @ np.linalg.inv(weight).T)
 
 
 def _mean_direction(gauss: Array) -> Array:
@@ -175,22 +158,12 @@ def _mean_direction(gauss: Array) -> Array:
     return np.asarray((gauss * np.where(sense < 0, -1.0, 1.0)[..., None]).mean(axis=1))
 
 
-def _parts(model: ShellModel, stretch: Array, turned: bool) -> tuple[Ints, tuple[ShellPart, ...]]:
-    part, parts = np.zeros(len(model.quads), dtype=np.intp), []
-    for i, patch in enumerate(model.section.patches):
-        part[patch.elements] = i
-        name = model.regions[patch.elements[0]] if model.regions else f"part {i + 1}"
-        law = _law(patch, name)
-        if turned and isinstance(law, CrossedLinear | CrossedFibres):
-            law = replace(law, angle=-np.asarray(law.angle).item())  # about the other normal
-        parts.append(ShellPart(name, law, float(stretch[patch.elements[0]])))
-    return part, tuple(parts)
-
-
-def _law(patch: Patch, name: str):  # type: ignore[no-untyped-def]
-    if not np.allclose(patch.factor, 1.0) or any(np.ndim(v) for v in vars(patch.law).values()):
-        raise InputError(f"the region {name!r} has a material that varies within it")
-    return patch.law
+def _turn_over(part: ShellPart) -> ShellPart:
+    """The material of elements wound the other way: an angle is about the other normal."""
+    law = part.law
+    if isinstance(law, CrossedLinear | CrossedFibres):
+        law = replace(law, angle=-np.asarray(law.angle).item())
+    return replace(part, law=law)
 
 
 def _bodies(rest: Motion, there: Motion, bones: Mapping[str, Triangles]) -> tuple[Body, ...]:

@@ -114,8 +114,7 @@ def shell_hood(sheet: Sheet, supports: HoodSupports) -> ShellHood:
     """Return the hood of a sheet.  Raises InputError where nothing holds it."""
     law, bodies = supports.contact, supports.rest.bodies
     hood = _hood(sheet.model(bodies=bodies), supports, partial(_contacts, sheet, bodies, law))
-    stretched = bool((sheet.stretch != 1.0).any())
-    return replace(hood, lift=sheet.lift, stretched=stretched)
+    return replace(hood, sheet=sheet)
 
 
 def cable_hood(net: Net, supports: HoodSupports) -> ShellHood:

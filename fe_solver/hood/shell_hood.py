@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError, InputError, say
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
+from fe_solver.sheet import Sheet
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import rope_travel, wrenches
 from fe_solver.solver.continuation import Attempt, first_success
@@ -80,10 +81,9 @@ class ShellHood:
     contacts may rub; a state then remembers their pressures and where they stick.  With `softer`
     below 1 a large change is solved with that much of the contact's stiffness first: what slides on
     a bone without resisting, as slack cables do, follows its curvature in steps that are longer the
-    softer the contact.  No joint turns further than by `leap`, rad, in one solve.  `lift` (n,) or
-    one for all, m, is how much of the contact's offset makes up for the chords on which the sheet
-    runs between its nodes.  `stretched`: the sheet's fibres are stretched as it is laid out, so
-    that it is not in equilibrium there and is solved in the rest pose before anything moves."""
+    softer the contact.  No joint turns further than by `leap`, rad, in one solve.  `sheet` is what
+    the model was made of, None of a net; one whose fibres are stretched as it is laid out is not in
+    equilibrium there, and is solved in the rest pose before anything moves."""
 
     model: ShellModel
     tendons: tuple[str, ...]
@@ -94,13 +94,19 @@ class ShellHood:
     augment: AugmentOptions | None = None
     softer: float = 1.0
     leap: float = MAX_TURN
-    lift: Array | float = 0.0
-    stretched: bool = False
+    sheet: Sheet | None = None
 
     @property
     def bodies(self) -> tuple[str, ...]:
         """Names of the bodies that are shared with the other side."""
         return self.model.bodies
+
+    @property
+    def lift(self) -> Array:
+        """(n,) m, how much of the contact's offset makes up for the chords on which the sheet runs
+        between its nodes."""
+        lift = 0.0 if self.sheet is None else self.sheet.lift
+        return np.broadcast_to(lift, len(self.model.reference))
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -300,7 +306,8 @@ class ShellHood:
     def _solve_in_steps(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
         """Solve at `motion` and, where that is far, on the way there, loosely unless friction holds
         what it meets; a sheet stretched in situ is balanced first where it was laid out."""
-        if self.stretched and state.solution is None:
+        stretched = self.sheet is not None and (self.sheet.stretch != 1.0).any()
+        if stretched and state.solution is None:
             state = self._reach(state, state.motion, tension, MOST_HALVINGS)
         begin, before = state.motion, state.solution.tension if state.solution else tension
         steps = int(np.ceil(_largest_turn(begin, motion) / self.leap))

@@ -172,7 +172,7 @@ def test_a_hood_shows_its_families_and_its_strain_along_the_finger():
 def test_fibres_stretched_in_situ_are_balanced_before_anything_moves():
     names = ("central_band", "lateral_band_radial", "lateral_band_ulnar")
     _, hood = hood_with(*(region_setting(name, "in_situ_stretch", "1.01") for name in names))
-    assert hood.stretched
+    assert (hood.sheet.stretch != 1.0).any()
     posed = hood.advance(hood.start(hood.rest), hood.rest, np.full(4, 0.05), 0.0)
     strain, cells = hood.strain(posed.state)[:, :, 0].mean(axis=1), mesh().cells(*names)
     assert strain[cells].mean() > 0.004

@@ -17,7 +17,6 @@ from fe_solver.hood.as_job import job_of_hood
 from fe_solver.job.job import NodalForce
 from fe_solver.job.mid_surface import move_to_mid_surface
 from fe_solver.job.solve import solve_job
-from fe_solver.materials.section import Section
 from fe_solver.supports import Body, SpringLaw, SpringSet, Tied
 from fe_solver.verification.febio.compare import quantities
 from tests.helpers.folders import TEST_DATA
@@ -146,15 +145,11 @@ def test_what_a_job_cannot_say_of_a_hood_is_refused():
     hood, bones = rod_hood()
     with pytest.raises(InputError, match="surface is not given"):
         job_of_hood(hood, hood.rest, np.array([1.0]), {})
-    longer = np.tile([0.1, 0.0], (len(hood.model.quads), 1))
-    model = replace(hood.model, tables=replace(hood.model.tables, growth=longer))
-    with pytest.raises(InputError, match="extra length"):
-        job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
-    (patch,) = hood.model.section.patches
-    stiff = Section((replace(patch, bending=1e7 * np.eye(3)),))
-    model = replace(hood.model, section=stiff)
-    with pytest.raises(InputError, match="bending_stiffness"):
-        job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
+    longer = replace(hood.sheet, growth=np.tile([0.1, 0.0], (len(hood.model.quads), 1)))
+    stiff = replace(hood.sheet, parts=(replace(hood.sheet.parts[0], bending=1e7 * np.eye(3)),))
+    for sheet, words in ((longer, "extra length"), (stiff, "bending_stiffness"), (None, "cables")):
+        with pytest.raises(InputError, match=words):
+            job_of_hood(replace(hood, sheet=sheet), hood.rest, np.array([1.0]), bones)
 
 
 def test_heads_covered_by_less_than_the_back_are_refused_with_what_to_write(tmp_path):
