@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,18 +12,15 @@ from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.materials import vector_in
 from fe_solver.febio.mesh import SHELLS, FebMesh, read_mesh_section
-from fe_solver.febio.write_conditions import number, row, whole
-from fe_solver.febio.xml import FebTag, read_xml
+from fe_solver.febio.write import axes_tag, domain_tag, elements_tag, nodes_tag
+from fe_solver.febio.xml import FebTag, read_xml, tag, write_xml
 from meshes.imported.raw import FIBRE, RawMesh
 
 USED = ("Module", "Mesh", "MeshDomains", "MeshData")
 RIGID = "rigid body"
 ROUNDS = 50
 """Most rounds in which the mid-surface is moved to the face."""
-PLACEHOLDER = (
-    '<material id="1" name="placeholder" type="isotropic elastic"><density>1</density><E>100</E>'
-    "<v>0.4</v></material>"
-)
+PLACEHOLDER = "placeholder"
 """The format wants a material; a hood's own are in what `cosim export` writes."""
 
 
@@ -151,50 +148,39 @@ def _sections(root: FebTag) -> list[str]:
 def write_feb_mesh(raw: RawMesh, path: Path) -> None:
     """Write the mesh with its sets: a part of each region with its thickness and, where the mesh
     has fibres, the material axes along them; springs as discrete sets."""
-    path.write_text("\n".join(_mesh_lines(raw)) + "\n", encoding="utf-8")
-
-
-def _mesh_lines(raw: RawMesh) -> Iterator[str]:
     thickness = np.zeros(len(raw.quads)) if raw.thickness is None else raw.thickness
-    yield '<?xml version="1.0" encoding="UTF-8"?>\n<febio_spec version="4.0">'
-    yield f'<Module type="solid"/>\n<Material>{PLACEHOLDER}</Material>\n<Mesh>\n<Nodes>'
-    for i, x in enumerate(_face(raw.points, raw.quads, thickness), 1):
-        yield f'<node id="{i}">{row(x)}</node>'
-    yield "</Nodes>"
-    for name, cells in raw.cells.items():
-        yield f'<Elements type="quad4" name="{name}">'
-        for i in cells:
-            yield f'<elem id="{i + 1}">{whole(raw.quads[i] + 1)}</elem>'
-        yield "</Elements>"
-    for name, nodes in raw.nodes.items():
-        yield f'<NodeSet name="{name}">{whole(nodes + 1)}</NodeSet>'
-    for name, pairs in raw.lines.items():
-        springs = "".join(f"<delem>{whole(pair)}</delem>" for pair in pairs + 1)
-        yield f'<DiscreteSet name="{name}">{springs}</DiscreteSet>'
-    yield "</Mesh>\n<MeshDomains>"
-    for name, cells in raw.cells.items():
-        mean = number(thickness[cells].mean())
-        yield (
-            f'<ShellDomain name="{name}" mat="placeholder"><shell_thickness>{mean}'
-            "</shell_thickness></ShellDomain>"
-        )
-    yield "</MeshDomains>"
-    if FIBRE in raw.fields:
-        yield "<MeshData>"
-        for name, cells in raw.cells.items():
-            yield f'<ElementData type="mat_axis" elem_set="{name}">'
-            yield from _axes(raw.points[raw.quads[cells]], raw.fields[FIBRE][cells])
-            yield "</ElementData>"
-        yield "</MeshData>"
-    yield "</febio_spec>"
-
-
-def _axes(corners: Array, fibre: Array) -> Iterator[str]:
-    """Axis 1 along the fibre, axis 2 across it in the plane of its quad."""
-    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    for i, (a, d) in enumerate(zip(fibre, np.cross(normal, fibre), strict=True), 1):
-        across = d / np.linalg.norm(d)
-        yield f'<elem lid="{i}"><a>{row(a)}</a><d>{row(across)}</d></elem>'
+    face = _face(raw.points, raw.quads, thickness)
+    values = {"density": 1, "E": 100.0, "v": 0.4}
+    material = [tag(name, value) for name, value in values.items()]
+    elements = [
+        elements_tag("quad4", name, raw.quads[cells] + 1, cells + 1)
+        for name, cells in raw.cells.items()
+    ]
+    sets = [tag("NodeSet", nodes + 1, name=name) for name, nodes in raw.nodes.items()]
+    springs = [
+        tag("DiscreteSet", *[tag("delem", pair) for pair in pairs + 1], name=name)
+        for name, pairs in raw.lines.items()
+    ]
+    domains = [
+        domain_tag(name, PLACEHOLDER, thickness[cells].mean()) for name, cells in raw.cells.items()
+    ]
+    axes = [
+        axes_tag(name, raw.points[raw.quads[cells]], raw.fields[FIBRE][cells])
+        for name, cells in raw.cells.items()
+        if FIBRE in raw.fields
+    ]
+    root = tag(
+        "febio_spec",
+        tag("Module", type="solid"),
+        tag(
+            "Material", tag("material", *material, id=1, name=PLACEHOLDER, type="isotropic elastic")
+        ),
+        tag("Mesh", nodes_tag(face, range(1, len(face) + 1)), *elements, *sets, *springs),
+        tag("MeshDomains", *domains),
+        *([tag("MeshData", *axes)] if axes else []),
+        version="4.0",
+    )
+    write_xml(path, root)
 
 
 def _face(points: Array, quads: np.ndarray, thickness: Array) -> Array:

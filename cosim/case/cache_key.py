@@ -21,7 +21,7 @@ ABOUT_RESULTS = (
     *("cosim/commands/report.py", "cosim/commands/study.py"),
 )
 """What only shows results or says how runs are spread; it changes no number."""
-LIBRARIES = ("numpy", "scipy", "mujoco", "numba", "feral-solver", "pypardiso", "scikit-sparse")
+LIBRARIES = ("numpy", "scipy", "mujoco", "numba", "feral-solver", "pypardiso")
 """What computes: the last four where they are installed."""
 CHOICES = ("FE_SOLVER_LINEAR", "FE_SOLVER_NO_NUMBA")
 """Variables of the environment that say by what."""

@@ -83,7 +83,7 @@ def solve(
         from fe_solver.job.model import JobOptions
         from fe_solver.job.results import SUMMARY, write_job
         from fe_solver.job.solve import solve_job, spread_times
-        from fe_solver.verification.febio.solid_solve import alternatives, solve_solid
+        from fe_solver.q4ans.solve import alternatives, solve_solid
 
         folder = out or Path("runs") / model.stem
         check_folder(folder, SUMMARY)
@@ -131,7 +131,7 @@ def _length(text: str) -> float:
 
 def _why_own_shell(job: Job, element: ShellElement, asked: Sequence[str]) -> list[str]:
     """Say what a job is solved with and why; the reasons for our own shell, none for FEBio's."""
-    from fe_solver.verification.febio.solid_model import obstacles
+    from fe_solver.q4ans.model import obstacles
 
     if asked:
         typer.echo(f"element: our own shell, since {' and '.join(asked)} asks for it")

@@ -16,7 +16,7 @@ from meshes.skeleton import BODIES
 
 if TYPE_CHECKING:
     from cosim.fmu.finger import FmuFinger as Unit
-    from cosim.fmu.moving_finger import FmuMovingFinger
+    from cosim.fmu.finger import FmuMovingFinger
 
 
 class FmuFingerConfig(FingerConfig):
@@ -62,7 +62,7 @@ class FmuFingerConfig(FingerConfig):
 
     def in_motion(self) -> FmuMovingFinger:
         """The unit, for a motion in time.  Raises InputError."""
-        from cosim.fmu.moving_finger import FmuMovingFinger
+        from cosim.fmu.finger import FmuMovingFinger
 
         names = self.bodies, self.joints, self.tendons
         return FmuMovingFinger(self.path, *names, self.map, assume_si=self.assume_si)

@@ -2,5 +2,5 @@
 
 `quantity` names what crosses the border.  `archive` opens a stranger's unit, `mapping` finds the
 port's quantities among its variables, `unit` drives it, `kinematics` asks where a finger's bodies
-are; `hood`, `finger` and `moving_finger` put it behind the port.
+are; `hood` and `finger` put it behind the port.
 """

@@ -1,4 +1,5 @@
-"""A static finger over an FMU, behind `cosim.port.Finger`.
+"""A finger over an FMU: at rest, behind `cosim.port.Finger`, and in motion, as
+`cosim.coupling.motion.RecordedFinger` so far as a unit tells it.
 
 A unit tells where its bodies are and what its fingertip does, not what it is made of: neither
 torques by source nor the forces in its joints are known, and its ledger stays open.
@@ -6,22 +7,26 @@ torques by source nor the forces in its joints are known, and its ledger stays o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 
 from cosim.errors import InputError
 from cosim.fmu.hood import SHORT
-from cosim.fmu.kinematics import OPTIONAL, FmuKinematics, FmuPose
+from cosim.fmu.kinematics import OPTIONAL, QUERY_ANGLE, FmuKinematics, FmuPose
 from cosim.fmu.mapping import places
-from cosim.fmu.quantity import Quantity, finger_quantities
+from cosim.fmu.quantity import KINEMATICS, Quantity, finger_quantities, moving_quantities
 from cosim.fmu.unit import SavedState, Unit
-from cosim.port import Array, Load, Motion
+from cosim.port import AffineLoad, Array, Load, Motion
 
 OPEN = "the FMU's own: tendons, joints, limits"
 """What no ledger of a finger in an FMU holds."""
+AFFINE_LOAD = ("load_motion", "load_position", "load_rotation")
+"""Quantities of a load that follows the bodies."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +46,34 @@ class FmuFingerState:
         return self.pose.motion
 
 
-class FmuFinger:
-    """A static finger; a state may be stepped from any number of times.
+@dataclass(frozen=True)
+class FmuMovingState:
+    """A finger in motion at one time."""
 
-    `names` maps quantities of `finger_quantities` (see `mapping.places`).
+    saved: SavedState
+    angles: Array
+    """(nq,) rad."""
+    rates: Array
+    """(nq,) rad/s."""
+    tip: Array
+    """(6,) N and N m, of the fingertip on the world; no moment where the unit tells none."""
+    energy: float
+    """J."""
+    dissipation: float
+    """W."""
+
+
+FingerState = TypeVar("FingerState", FmuFingerState, FmuMovingState)
+
+
+class _UnitFinger(ABC, Generic[FingerState]):
+    """A finger whose unit has the quantities QUANTITIES, of which it may lack those of MAY_LACK.
+
+    `names` maps them (see `mapping.places`).
     Raises InputError for an FMU that cannot be opened or does not map."""
+
+    QUANTITIES: ClassVar[Callable[..., tuple[Quantity, ...]]]
+    MAY_LACK: ClassVar[tuple[str, ...]]
 
     def __init__(
         self,
@@ -58,12 +86,41 @@ class FmuFinger:
         assume_si: bool = False,
     ) -> None:
         self.bodies, self.joints, self.tendons = bodies, joints, tendons
-        self.unit = Unit(path)
-        quantities: tuple[Quantity, ...] = finger_quantities(bodies, joints, tendons)
-        optional = (*OPTIONAL, "load_motion")
-        self._place = places(self.unit.opened, quantities, names or {}, optional, assume_si)
+        self.unit, quantities = Unit(path), type(self).QUANTITIES(bodies, joints, tendons)
+        self._place = places(self.unit.opened, quantities, names or {}, self.MAY_LACK, assume_si)
         self.kinematics = FmuKinematics(self.unit, self._place, bodies)
-        self._begin = self._read_state()
+        self._begin: FingerState = self._read_state()
+        self._first_motion = self.kinematics.at(self._begin.angles).motion
+
+    def rest(self) -> Motion:
+        """The poses at zero angles; those of the start where the unit does not tell others."""
+        if self.kinematics.tells_any:
+            return self.kinematics.at(np.zeros(len(self.joints))).motion
+        return self._first_motion
+
+    @abstractmethod
+    def _read_state(self) -> FingerState:
+        """The state that the unit is in."""
+
+    def _get(self, name: str) -> Array:
+        return self.unit.get(self._place[name])
+
+    def _fingertip(self, pose: FmuPose, wrench: Array) -> dict[str, Array]:
+        """The ledger of what the world does to the fingertip, which does `wrench` (6,) to it about
+        its point; none where that point is not known: a unit tells no other force."""
+        if pose.tip is None:
+            return {}
+        out = np.zeros((len(self.bodies), 6))
+        out[-1] = -wrench
+        out[-1, 3:] -= np.cross(pose.tip - pose.motion.position[-1], wrench[:3])
+        return {"fingertip": out}
+
+
+class FmuFinger(_UnitFinger[FmuFingerState]):
+    """A static finger; a state may be stepped from any number of times."""
+
+    QUANTITIES = staticmethod(finger_quantities)
+    MAY_LACK = (*OPTIONAL, "load_motion")
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -73,12 +130,6 @@ class FmuFinger:
     def start(self, posture: Mapping[str, float]) -> FmuFingerState:
         """The unit as it was initialised, in its own posture."""
         return self._begin
-
-    def rest(self) -> Motion:
-        """The poses at zero angles; those of the start where the unit does not tell others."""
-        if self.kinematics.tells_any:
-            return self.kinematics.at(np.zeros(len(self.joints))).motion
-        return self._begin.motion
 
     def angles(self, state: FmuFingerState) -> Array:
         return state.angles
@@ -114,13 +165,8 @@ class FmuFinger:
         return self.kinematics.jacobian(state.angles) if self.kinematics.tells_any else None
 
     def ledger(self, state: FmuFingerState, load: Load, tension: Array) -> dict[str, Array]:
-        """The fingertip's, where its point is known: a unit tells no other force."""
-        if state.pose.tip is None:
-            return {}
-        out, held = np.zeros((len(self.bodies), 6)), -state.tip_force
-        lever = state.pose.tip - state.motion.position[-1]
-        out[-1] = np.concatenate([held, np.cross(lever, held)])
-        return {"fingertip": out}
+        """The fingertip's alone."""
+        return self._fingertip(state.pose, np.concatenate([state.tip_force, np.zeros(3)]))
 
     def tendon_paths(self, state: FmuFingerState) -> dict[str, Array]:
         """A line through the bodies' origins."""
@@ -144,14 +190,107 @@ class FmuFinger:
                 f"{self.unit.opened.path}: this FMU takes held loads only (it has no load_motion), "
                 'and this scheme gives it one that follows; write coupling.scheme = "implicit"'
             )
-        self.unit.restore(state.saved)
-        for name, value in {**given, "tension": tension}.items():
-            if name in self._place:
-                self.unit.set(self._place[name], value)
-        self.unit.step(SHORT)
+        self.unit.step_from(state.saved, self._place, {**given, "tension": tension}, SHORT)
         return self._read_state()
 
     def _read_state(self) -> FmuFingerState:
-        angles = self.unit.get(self._place["angle"])
-        pose, force = self.kinematics.read_pose(angles), self.unit.get(self._place["tip_force"])
+        angles = self._get("angle")
+        pose, force = self.kinematics.read_pose(angles), self._get("tip_force")
         return FmuFingerState(self.unit.save(), angles, pose, force)
+
+
+class FmuMovingFinger(_UnitFinger[FmuMovingState]):
+    """A finger in motion; a state may be stepped from any number of times."""
+
+    QUANTITIES = staticmethod(moving_quantities)
+    MAY_LACK = (*AFFINE_LOAD, "tip", "tip_moment", QUERY_ANGLE, KINEMATICS.name)
+
+    def begin(self, posture: Mapping[str, float]) -> FmuMovingState:
+        """The unit as it was initialised, in its own posture; raises InputError for another."""
+        if posture:
+            raise InputError(f"{self.unit.opened.path}: this FMU begins in a posture of its own")
+        # As the native finger's: no load has been given when a motion begins.
+        return replace(self._begin, tip=np.zeros(6))
+
+    def angles(self, state: FmuMovingState) -> Array:
+        return state.angles
+
+    def rates(self, state: FmuMovingState) -> Array:
+        return state.rates
+
+    def energy(self, state: FmuMovingState) -> float:
+        return state.energy
+
+    def dissipation(self, state: FmuMovingState) -> float:
+        """W, of the damping of joints and limits."""
+        return state.dissipation
+
+    def device_loss(self, state: FmuMovingState) -> float:
+        """Zero: an FMU reports none."""
+        return 0.0
+
+    def stored_energy(self, state: FmuMovingState) -> dict[str, float]:
+        """Empty: an FMU reports their sum alone."""
+        return {}
+
+    def tip_wrench(self, state: FmuMovingState) -> Array:
+        """(6,) N, and N m about the fingertip, of it on the world, world frame."""
+        return state.tip
+
+    def motion(self, angles: Array) -> Motion:
+        """Raises InputError for angles not reached of a unit that does not tell others."""
+        return self.kinematics.at(angles).motion
+
+    def jacobian(self, angles: Array) -> Array:
+        return self.kinematics.jacobian(angles)
+
+    def path_lengths(self, angles: Array) -> Array:
+        return self.kinematics.at(angles).path
+
+    def tip(self, angles: Array) -> Array | None:
+        """(3,) m, where the unit tells it."""
+        return self.kinematics.at(angles).tip
+
+    def lines(self, angles: Array) -> dict[str, Array]:
+        """(k, 3) m, a line through the bodies' origins."""
+        return {"bones": self.kinematics.at(angles).line}
+
+    def step(
+        self, state: FmuMovingState, load: AffineLoad, tension: Array, dt: float
+    ) -> FmuMovingState:
+        """Raises InputError for a load on other bodies, or one that follows them where the unit
+        takes held loads only; ConvergenceError."""
+        if load.at.bodies != self.bodies:
+            raise InputError(f"load on bodies {load.at.bodies}: the finger's are {self.bodies}")
+        given = {"force": load.wrench[:, :3], "moment": load.wrench[:, 3:], "tension": tension}
+        if all(name in self._place for name in AFFINE_LOAD):
+            poses = {"load_position": load.at.position, "load_rotation": load.at.rotation}
+            given |= {"load_motion": load.by_motion, **poses}
+        elif load.by_motion.any():
+            raise InputError(
+                f"{self.unit.opened.path}: this FMU takes loads that are held over a step (it has "
+                f"no {', '.join(AFFINE_LOAD)}), and the schemes linear and newton give it one that "
+                'follows; write coupling.scheme = "explicit" or "implicit"'
+            )
+        self.unit.step_from(state.saved, self._place, given, dt)
+        return self._read_state()
+
+    def ledger(
+        self,
+        before: tuple[Array, Array],
+        now: tuple[Array, Array],
+        dt: float,
+        hood: Array,
+        tension: Array,
+        tip: Array,
+    ) -> dict[str, Array]:
+        """The fingertip's alone."""
+        return self._fingertip(self.kinematics.at(now[0]), tip)
+
+    def _read_state(self) -> FmuMovingState:
+        answers = ("angle", "rate", "tip_force", "tip_moment", "energy", "dissipation")
+        told = self.unit.values(self._place, answers)
+        self.kinematics.read_pose(told["angle"])
+        tip = np.concatenate([told["tip_force"], told.get("tip_moment", np.zeros(3))])
+        power = float(told["energy"]), float(told["dissipation"])
+        return FmuMovingState(self.unit.save(), told["angle"], told["rate"], tip, *power)

@@ -66,7 +66,7 @@ class FmuHood:
         tangent = [q.name for q in tangent_of(bodies, tendons)]
         optional = (*tangent, STATIC_STEP.name, TOLERANCE.name, WITH_TANGENT.name)
         self._place = places(self.unit.opened, quantities, names or {}, optional, assume_si)
-        self._tangent = {n: self._place[n] for n in tangent if n in self._place}
+        self._tangent = [name for name in tangent if name in self._place]
         self.tangent_by: TangentBy = "differences"
         if self.unit.opened.differentiates:
             self.tangent_by = "directional derivatives"
@@ -108,7 +108,6 @@ class FmuHood:
     def _do_step(
         self, start: SavedState, motion: Motion, tension: Array, dt: float
     ) -> tuple[Load, Array]:
-        self.unit.restore(start)
         given: dict[str, Array | float] = {
             "position": motion.position,
             "rotation": motion.rotation,
@@ -117,10 +116,7 @@ class FmuHood:
             TOLERANCE.name: self._tolerance,
             WITH_TANGENT.name: float(self.tangent_by == "outputs"),
         }
-        for name, value in given.items():
-            if name in self._place:
-                self.unit.set(self._place[name], value)
-        self.unit.step(self._communication_step(dt))
+        self.unit.step_from(start, self._place, given, self._communication_step(dt))
         force, moment, excursion = self._answers()
         pull = np.hstack([self._get("pull_force"), self._get("pull_moment")])
         wrench = np.concatenate([force, moment], axis=2)
@@ -147,7 +143,7 @@ class FmuHood:
     def _read_jacobian(self, state: FmuState) -> HoodJacobian:
         self.unit.restore(state.after)
         n, nt = 6 * len(self.bodies), len(self.tendons)
-        read = {name: self.unit.get(place) for name, place in self._tangent.items()}
+        read = self.unit.values(self._place, self._tangent)
         return HoodJacobian(
             read["load_motion"].reshape(n, n),
             read["load_tension"].reshape(n, nt),

@@ -84,18 +84,12 @@ class FmuKinematics:
                 f"{QUERY_ANGLE}, and a unit that can be taken back (canGetAndSetFMUstate). The "
                 "scheme explicit of a motion does without, and linear or newton of an equilibrium"
             )
-        self._unit.restore(self._begin)
-        self._unit.set(self._place[QUERY_ANGLE], angles)
-        self._unit.set(self._place[KINEMATICS.name], 1.0)
-        self._unit.step(SHORT)
+        asked: dict[str, Array | float] = {QUERY_ANGLE: angles, KINEMATICS.name: 1.0}
+        self._unit.step_from(self._begin, self._place, asked, SHORT)
         return self._keep(angles, self._read())
 
     def _read(self) -> FmuPose:
-        told = {
-            name: self._unit.get(self._place[name])
-            for name in ("position", "rotation", "tip", "path")
-            if name in self._place
-        }
+        told = self._unit.values(self._place, ("position", "rotation", "tip", "path"))
         motion = Motion(self._bodies, told["position"], told["rotation"])
         return FmuPose(motion, told.get("tip"), told.get("path", np.zeros(0)))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, field
 from functools import cache, partial
@@ -23,6 +23,9 @@ from cosim.port import Array
 
 MOST_LOGGED = 5
 T = TypeVar("T")
+Places = Mapping[str, VariablePlace]
+"""Where a unit's quantities are, by name."""
+Values = Mapping[str, Array | float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +92,20 @@ class Unit:
             f"could not step from {self.time:g} s by {dt:g} s",
         )
         self.time += dt
+
+    def step_from(self, saved: SavedState, place: Places, given: Values, dt: float) -> None:
+        """Step from a saved state under what is `given` of the quantities that the unit has.
+
+        Raises InputError and ConvergenceError."""
+        self.restore(saved)
+        for name, value in given.items():
+            if name in place:
+                self.set(place[name], value)
+        self.step(dt)
+
+    def values(self, place: Places, names: Iterable[str]) -> dict[str, Array]:
+        """The values of the quantities that the unit has."""
+        return {name: self.get(place[name]) for name in names if name in place}
 
     def derivative(
         self, unknown: Sequence[VariablePlace], known: Sequence[VariablePlace], seed: Array

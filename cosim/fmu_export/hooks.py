@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cosim.errors import ConvergenceError
-from cosim.fmu_export.border import fault_of
-from cosim.fmu_export.run import UnitRun
+from cosim.fmu_export.run import UnitRun, fault_of
 from cosim.fmu_export.state import SerialisedState, Snapshot
 
 

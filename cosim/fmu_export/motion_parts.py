@@ -25,7 +25,13 @@ from cosim.fmu.quantity import (
     moving_quantities,
     tensions_of,
 )
-from cosim.fmu_export.part import UnitPart, motion_of_input, poses
+from cosim.fmu_export.part import (
+    UnitPart,
+    excursions,
+    finger_places,
+    motion_of_input,
+    poses,
+)
 from cosim.models.motion import MovingModels, moving_models
 from cosim.models.states import special_states
 from cosim.port import AffineLoad, Array, State
@@ -74,7 +80,7 @@ def _answers(finger: RecordedFinger, state: State) -> dict[str, Array]:
     }
 
 
-class MovingFingerPart:
+class MovingFingerPart(UnitPart):
     """The finger alone, under a load that holds at the end of each of its steps."""
 
     def __init__(self, both: MovingModels, tangent: bool = True) -> None:
@@ -89,7 +95,7 @@ class MovingFingerPart:
             "load_rotation": motion.rotation,
             "tension": both.first_tensions()[len(both.hood.tendons) :],
         }
-        self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
+        self.begin_at(at_start)
 
     def start(self) -> State:
         return self.finger.begin(self._posture)
@@ -110,12 +116,6 @@ class MovingFingerPart:
         moved = self.step(start, given, MOMENT * self._longest)[1]
         return start, {**self._outputs(start), **{name: moved[name] for name in REACTIONS}}
 
-    def template(self) -> State:
-        return self.start()
-
-    def special(self) -> Special:
-        return {}
-
     def _load(self, state: State, given: Values) -> AffineLoad:
         bodies, n = self.finger.bodies, 6 * len(self.finger.bodies)
         wrench = np.hstack([given["force"], given["moment"]])
@@ -133,13 +133,11 @@ class MovingFingerPart:
         }
 
     def _places(self, angles: Array) -> dict[str, Array]:
-        tip = self.finger.tip(angles)
-        out = {"path": self.finger.path_lengths(angles), **poses(self.finger.motion(angles))}
-        told = out if tip is None else {**out, "tip": tip}
-        return {name: value for name, value in told.items() if value.size}
+        f = self.finger
+        return finger_places(f.motion(angles), f.tip(angles), f.path_lengths(angles))
 
 
-class MovingCoupledPart:
+class MovingCoupledPart(UnitPart):
     """Finger and hood in motion by the case's scheme, from rest in the posture with the hood in
     equilibrium at the case's first tensions.
 
@@ -148,14 +146,12 @@ class MovingCoupledPart:
     def __init__(self, both: MovingModels) -> None:
         self.both, finger, hood = both, both.finger, both.hood
         self.tendons = (*hood.tendons, *finger.tendons)
-        away = "How far the tendon's end has moved along its pull since rest."
-        pulled: tuple[tuple[str, tuple[str, ...]], ...] = (("tendon", hood.tendons),)
         residual = "Relative, of the loads at the interface, in the last step."
         whole = (
             *tensions_of(self.tendons),
             *moving_answers(finger.joints),
             *motion_of(finger.bodies, "output"),
-            Quantity("excursion", "output", "m", away, pulled),
+            excursions(hood.tendons),
             Quantity("residual", "output", "", residual),
         )
         self.quantities = tuple(q for q in whole if 0 not in q.shape)
@@ -165,7 +161,7 @@ class MovingCoupledPart:
             **poses(finger.motion(finger.angles(start))),
             "tension": both.first_tensions(),
         }
-        self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
+        self.begin_at(at_start)
 
     def start(self) -> State:
         """Before the first step, which first finds the hood's equilibrium in the posture."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from abc import ABC, abstractmethod
 
 import numpy as np
 
@@ -15,43 +15,55 @@ ORTHONORMAL = 1e-6
 """How far from a rotation the matrix of a pose may be."""
 
 
-class UnitPart(Protocol):
+class UnitPart(ABC):
     """What an FMU holds."""
 
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """The inputs, parameters and outputs."""
-        ...
+    quantities: tuple[Quantity, ...]
+    """The inputs, parameters and outputs."""
+    begin: Values
+    """What they are at the start."""
 
-    @property
-    def begin(self) -> Values:
-        """What inputs, parameters and outputs are at the start."""
-        ...
+    def begin_at(self, values: Values) -> None:
+        """Let the quantities begin with these values, those that are left out at zero."""
+        self.begin = {q.name: values.get(q.name, q.zero()) for q in self.quantities}
 
+    @abstractmethod
     def start(self) -> State:
         """The state to begin from."""
-        ...
 
+    @abstractmethod
     def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
         """The state and the outputs after `dt` s of constant inputs.
 
         Raises InputError and ConvergenceError; `state` stays valid."""
-        ...
 
     def initial(self, given: Values) -> tuple[State, Values]:
-        """The state to begin from and the outputs at the start under the inputs `given`.
+        """The state to begin from and the outputs at the start under the inputs `given`: the end of
+        a step, where nothing moves in time.
 
         Raises InputError and ConvergenceError."""
-        ...
+        return self.step(self.start(), given, 0.0)
 
     def template(self) -> State:
         """A state after a step, by which written ones are read."""
-        ...
+        return self.start()
 
     def special(self) -> Special:
         """How states are written that hold more than arrays.  Raises InputError where they cannot
         be."""
-        ...
+        return {}
+
+
+def excursions(tendons: tuple[str, ...]) -> Quantity:
+    """The output of a coupled finger by which its tendons have moved."""
+    moved = "How far the tendon's end has moved along its pull since rest."
+    return Quantity("excursion", "output", "m", moved, (("tendon", tendons),))
+
+
+def finger_places(motion: Motion, tip: Array | None, path: Array) -> dict[str, Array]:
+    """Where a finger's parts are as an FMU's values, of what it has."""
+    values = {"path": path, **poses(motion)} | ({} if tip is None else {"tip": tip})
+    return {name: value for name, value in values.items() if value.size}
 
 
 def loads(response: Response) -> Values:

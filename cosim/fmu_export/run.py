@@ -3,7 +3,8 @@ and the border that no exception crosses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -12,19 +13,55 @@ from uuid import NAMESPACE_URL, uuid5
 import numpy as np
 
 from cosim.case.file import load_case
+from cosim.case.schema import Case
 from cosim.coupling.state_arrays import Special
-from cosim.errors import InputError
+from cosim.errors import CosimError, InputError
 from cosim.fmu.quantity import Quantity, Values
 from cosim.fmu.unit_format import read_about
-from cosim.fmu_export.border import fault_of
+from cosim.fmu_export.motion_parts import moving_part
 from cosim.fmu_export.part import UnitPart
-from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.state import SerialisedState, Snapshot
+from cosim.fmu_export.static_parts import CoupledPart, FingerPart, HoodPart
+from cosim.models.build import Models, build
 from cosim.port import Array, State
 from cosim.processes import one_blas_thread
 
 CASE = "case.toml"
 """The resolved case, a file of the unit's resources."""
+PARTS = ("hood", "finger", "coupled")
+
+
+def part_of(case: Case, part: str, tangent: bool = True) -> UnitPart:
+    """The hood, the finger or both of a case, at rest or, of one with a table [forward], in motion;
+    the hood and the finger without the tangent of the hood's load where none is wanted.
+
+    Raises InputError."""
+    if part not in PARTS:
+        raise InputError(f"part {part!r}: write {', '.join(PARTS[:-1])} or {PARTS[-1]}")
+    if case.forward is not None and part != "hood":
+        return moving_part(case, case.forward, part, tangent)
+    makers: Mapping[str, Callable[[Case, Models], UnitPart]] = {
+        "hood": partial(HoodPart, tangent=tangent),
+        "finger": partial(FingerPart, tangent=tangent),
+        "coupled": CoupledPart,
+    }
+    return makers[part](case, build(case))
+
+
+def fault_of(call: Callable[[], None]) -> str:
+    """What went wrong in a call from the simulator; empty where nothing did.
+
+    An exception that crosses this border ends the simulator's process, so all are told: a panic of
+    a compiled library is a BaseException and no Exception.  The user's own Ctrl-C passes."""
+    try:
+        call()
+    except KeyboardInterrupt:
+        raise
+    except CosimError as error:
+        return str(error)
+    except BaseException as error:
+        return f"a fault of the program, {type(error).__name__}: {error}"
+    return ""
 
 
 class UnitRun:

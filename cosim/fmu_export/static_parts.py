@@ -26,13 +26,20 @@ from cosim.fmu.quantity import (
     hood_quantities,
     tensions_of,
 )
-from cosim.fmu_export.part import loads, motion_of_input, poses
+from cosim.fmu_export.part import (
+    UnitPart,
+    excursions,
+    finger_places,
+    loads,
+    motion_of_input,
+    poses,
+)
 from cosim.models.build import Models, tensions
 from cosim.models.states import special_states
 from cosim.port import STATIC, Array, Hood, Load, PairState, Response, State, Tensions
 
 
-class HoodPart:
+class HoodPart(UnitPart):
     """The hood alone; a step is `Hood.advance`."""
 
     def __init__(self, case: Case, models: Models, tangent: bool = True) -> None:
@@ -51,7 +58,7 @@ class HoodPart:
             "tension": tensions(case, models)[0],
             STATIC_STEP.name: np.array(1.0),
         }
-        self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
+        self.begin_at(at_start)
         self._motion = motion
         self._first: tuple[list[Array], Response] | None = None
 
@@ -100,7 +107,7 @@ class HoodPart:
         return self.hood.with_tolerance(tolerance) if tolerance > 0 else self.hood
 
 
-class FingerPart:
+class FingerPart(UnitPart):
     """The static finger alone: a step ends in its equilibrium under a load that follows its bodies.
 
     So far from equilibrium that a joint turns by more than a few degrees, it is a state on the way
@@ -115,7 +122,7 @@ class FingerPart:
             **self._outputs(self.start(), np.zeros(3)),
             "tension": tensions(case, models)[1],
         }
-        self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
+        self.begin_at(at_start)
 
     def start(self) -> State:
         return self.finger.start(self._posture)
@@ -132,16 +139,6 @@ class FingerPart:
         new, balance = balance_finger(self.finger, state, load, tension, slope, self.tolerance)
         return new, self._outputs(new, balance.tip_force)
 
-    def initial(self, given: Values) -> tuple[State, Values]:
-        """The end of a step from the posture."""
-        return self.step(self.start(), given, 0.0)
-
-    def template(self) -> State:
-        return self.start()
-
-    def special(self) -> Special:
-        return {}
-
     def _at(self, angles: Array) -> State:
         """The finger at joint angles, with no reaction."""
         start = self.start()
@@ -154,12 +151,8 @@ class FingerPart:
         return {**found, **self._places(state)}
 
     def _places(self, state: State) -> dict[str, Array]:
-        places = {
-            "tip": self.finger.tip(state),
-            "path": self.finger.path_lengths(state),
-            **poses(self.finger.motion(state)),
-        }
-        return {name: value for name, value in places.items() if value.size}
+        f = self.finger
+        return finger_places(f.motion(state), f.tip(state), f.path_lengths(state))
 
 
 @dataclass(frozen=True)
@@ -171,7 +164,7 @@ class _CoupledPartState:
     rest_path: Array
 
 
-class CoupledPart:
+class CoupledPart(UnitPart):
     """Hood and finger in equilibrium after each step, from rest at the resting tensions.
 
     A muscle's fibre is not part of it: tensions are inputs."""
@@ -181,17 +174,15 @@ class CoupledPart:
         self.options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
         hood, finger = models.hood, models.finger
         self.tendons = (*hood.tendons, *finger.tendons)
-        pulled: tuple[tuple[str, tuple[str, ...]], ...] = (("tendon", self.tendons),)
-        paths = "How far the tendon's end has moved along its pull since rest."
         self.quantities: tuple[Quantity, ...] = (
             *tensions_of(self.tendons),
             *finger_answers(finger.joints),
-            Quantity("excursion", "output", "m", paths, pulled),
+            excursions(self.tendons),
             *self._slips(),
         )
         posture = finger.angles(finger.start(models.posture))
         at_start = {"angle": posture, "tension": np.concatenate(tensions(case, models))}
-        self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
+        self.begin_at(at_start)
 
     def start(self) -> State:
         """Before the first step, which first finds rest at the resting tensions."""
@@ -204,10 +195,6 @@ class CoupledPart:
         now = self._solve(state.now, given["tension"])
         state = _CoupledPartState(now, state.rest_excursion, state.rest_path)
         return state, self._outputs(state)
-
-    def initial(self, given: Values) -> tuple[State, Values]:
-        """The equilibrium under the tensions."""
-        return self.step(None, given, 0.0)
 
     def template(self) -> State:
         return self._rest()
@@ -225,8 +212,8 @@ class CoupledPart:
         return _CoupledPartState(rest, rest.excursion, finger.path_lengths(rest.finger_state))
 
     def _solve(self, before: Equilibrium, tension: Array) -> Equilibrium:
-        """Like `cosim.pipeline`: a hood whose tensions change is carried to its bodies anew; under
-        the tensions that it balances an equilibrium stays as it is."""
+        """The equilibrium under other tensions: a hood whose tensions change is carried to its
+        bodies anew.  Under the tensions that it balances an equilibrium stays as it is."""
         if np.array_equal(tension, [*before.hood_tension, *before.finger_tension]):
             return before
         hood, finger = np.split(tension, [len(self.models.hood.tendons)])

@@ -15,8 +15,8 @@ def special_states(hood: Hood, finger: RecordedFinger | None = None) -> Special:
     which its tangent is made anew; an FMU's is what it writes itself.
 
     Raises InputError for a hood or a unit whose states cannot be."""
+    from cosim.fmu.finger import FmuMovingFinger
     from cosim.fmu.hood import FmuHood
-    from cosim.fmu.moving_finger import FmuMovingFinger
     from cosim.fmu.unit import state_serialisers
     from fe_solver.hood.shell_hood import HoodState, ShellHood
 

@@ -15,10 +15,9 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.checks import Row, Study
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
-from cosim.fmu.finger import FmuFinger
+from cosim.fmu.finger import FmuFinger, FmuMovingFinger
 from cosim.fmu.hood import FmuHood
-from cosim.fmu.moving_finger import FmuMovingFinger
-from cosim.fmu_export.part_of import PARTS
+from cosim.fmu_export.run import PARTS
 from cosim.fmu_export.write import write_fmu
 from cosim.models.build import Models, build, tensions
 from cosim.models.motion import MovingModels, moving_models

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,27 @@ class Units:
     def stress(self) -> float:
         """1 Pa in the file's units."""
         return self.force / self.length**2
+
+
+class Dof(NamedTuple):
+    """A degree of freedom of a rigid body: the tag that fixes it, its name and the condition that
+    prescribes it."""
+
+    fixed: str
+    name: str
+    kind: str
+
+    def unit(self, units: Units) -> float:
+        """m or rad in the file's unit of it."""
+        return 1.0 if self.kind == "rigid_rotation" else units.length
+
+
+DOFS = (
+    *(Dof(f"R{axis}_dof", axis, "rigid_displacement") for axis in AXES),
+    *(Dof(f"R{turn}_dof", f"R{turn}", "rigid_rotation") for turn in "uvw"),
+)
+"""Displacements along x, y, z, then the components of the rotation vector."""
+RIGID_CONDITIONS = ("rigid_fixed", "rigid_displacement", "rigid_rotation")
 
 
 @dataclass(frozen=True)
@@ -102,9 +124,7 @@ def read_curves(section: FebTag | None) -> dict[str, LoadCurve | FebTag]:
 
 def read_curve(t: FebTag, across: float = 1.0, along: float = 1.0) -> LoadCurve:
     """The points of a tag, times scaled by `across` and values by `along`."""
-    points = t.one("points")
-    if points is None:
-        raise t.fault("<points> is missing: <pt>time,value</pt>...")
+    points = t.needed("points", "<pt>time,value</pt>...")
     _, line, values = rows_of(points, 2)
     back = np.flatnonzero(np.diff(values[:, 0]) < 0)
     if len(back):
@@ -113,12 +133,8 @@ def read_curve(t: FebTag, across: float = 1.0, along: float = 1.0) -> LoadCurve:
             f"a curve's points must ascend, but {after:g} follows {before:g}",
             int(line[back[0] + 1]),
         )
-    between = t.word("interpolate", "LINEAR").upper()
-    beyond = t.word("extend", "CONSTANT").upper()
-    if between not in list(Interpolation):
-        raise t.fault(f"interpolation {between!r} is not read; known: {', '.join(Interpolation)}")
-    if beyond not in list(Extension):
-        raise t.fault(f"extension {beyond!r} is not read; known: {', '.join(Extension)}")
+    between = t.known("interpolation", t.word("interpolate", "LINEAR").upper(), list(Interpolation))
+    beyond = t.known("extension", t.word("extend", "CONSTANT").upper(), list(Extension))
     times, height = (values * (across, along)).T.tolist() if len(line) else ([], [])
     with t.naming_place():
         return LoadCurve(tuple(times), tuple(height), Interpolation(between), Extension(beyond))
@@ -165,11 +181,11 @@ def triangles_of(facets: Ints) -> Ints:
 
 
 def read_bodies(
-    model: Model, parts: Parts, sections: list[FebTag], touched: dict[int, list[Ints]]
+    model: Model, parts: Parts, tags: list[FebTag], touched: dict[int, list[Ints]]
 ) -> tuple[tuple[Body, ...], list[Ints]]:
     """The bodies, and the mesh nodes of each one's vertices.  `touched` holds the facets (k, 4) of
     contact surfaces by body."""
-    motion = _motions(model, sections)
+    motion = _motions(model, tags)
     bodies, vertices = [], []
     for i, name in enumerate(model.rigid):
         own = [b.quads for b in parts.rigid[name] if b.kind in SHELLS]
@@ -191,43 +207,36 @@ def read_bodies(
     return tuple(bodies), vertices
 
 
-def _motions(model: Model, sections: list[FebTag]) -> list[list[Drive]]:
+def _motions(model: Model, tags: list[FebTag]) -> list[list[Drive]]:
     """Each body's displacement along x, y, z and the components of its rotation vector."""
     given: list[dict[int, Drive]] = [{} for _ in model.rigid]
     fixed: list[set[int]] = [set() for _ in model.rigid]
-    for t in [t for s in sections for t in s.all("rigid_bc")]:
-        body, kind = model.body_of(t, t.word("rb", "")), t.attribute("type")
-        if kind == "rigid_fixed":
-            names = ("Rx", "Ry", "Rz", "Ru", "Rv", "Rw")
-            fixed[body] |= {i for i, n in enumerate(names) if t.flag(f"{n}_dof")}
-        elif kind in ("rigid_displacement", "rigid_rotation"):
-            i, drive = _read_motion(model, t, kind == "rigid_rotation")
+    for t in tags:
+        body = model.body_of(t, t.word("rb", ""))
+        if t.kind_of("rigid condition", RIGID_CONDITIONS) == RIGID_CONDITIONS[0]:
+            fixed[body] |= {i for i, d in enumerate(DOFS) if t.flag(d.fixed)}
+        else:
+            i, drive = _read_motion(model, t)
             if i in given[body]:
                 raise t.fault(f"this motion of {model.rigid[body]!r} is prescribed twice")
             given[body][i] = drive
-        else:
-            raise t.fault(
-                f"the rigid condition {kind!r} is not read; known: rigid_fixed, "
-                "rigid_displacement, rigid_rotation"
-            )
     for body, name in enumerate(model.rigid):
         _check_motion(model, name, given[body], fixed[body])
     return [[own.get(i, Drive()) for i in range(6)] for own in given]
 
 
-def _read_motion(model: Model, t: FebTag, turns: bool) -> tuple[int, Drive]:
-    names = ("Ru", "Rv", "Rw") if turns else ("x", "y", "z")
+def _read_motion(model: Model, t: FebTag) -> tuple[int, Drive]:
+    names = {d.name: i for i, d in enumerate(DOFS) if d.kind == t.attribute("type")}
     dof, value = t.word("dof", ""), t.one("value")
     if dof not in names or value is None:
         raise t.fault(f"expected <dof> with one of {', '.join(names)}, and <value>")
     t.all("relative")
-    unit = 1.0 if turns else model.units.length
-    return names.index(dof) + 3 * turns, model.drive(value, unit)
+    return names[dof], model.drive(value, DOFS[names[dof]].unit(model.units))
 
 
 def _check_motion(model: Model, name: str, given: dict[int, Drive], fixed: set[int]) -> None:
     m = next(m for m in model.materials if m.name == name)
-    free = [n for i, n in enumerate(("x", "y", "z", "Ru", "Rv", "Rw")) if i not in {*given, *fixed}]
+    free = [d.name for i, d in enumerate(DOFS) if i not in {*given, *fixed}]
     if free:
         raise m.tag.fault(
             f"the rigid body {name!r} is free in {', '.join(free)}: only bodies whose motion is "

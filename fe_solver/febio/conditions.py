@@ -12,6 +12,7 @@ from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement, 
 from fe_solver.supports import SpringLaw, SpringSet, Tied
 
 SIZE_OF_FORCE = 3
+SPRINGS = ("linear spring", "tension-only linear spring", "nonlinear spring")
 
 
 def _on_sheet(model: Model, tag: FebTag, nodes: Ints, what: str) -> Ints:
@@ -25,10 +26,10 @@ def _on_sheet(model: Model, tag: FebTag, nodes: Ints, what: str) -> Ints:
     return index[index >= 0]
 
 
-def read_ties(model: Model, sections: list[FebTag]) -> tuple[Tied, ...]:
+def read_ties(model: Model, tags: list[FebTag]) -> tuple[Tied, ...]:
     """Rigid boundary conditions, and shell nodes that are also a rigid element's."""
     out = []
-    for t in _conditions(sections, "rigid"):
+    for t in _conditions(tags, "rigid"):
         body = model.body_of(t, t.word("rb", ""))
         nodes = model.shell[model.mesh.nodes_of(t, t.attribute("node_set"))]
         if (nodes >= 0).any():
@@ -39,15 +40,15 @@ def read_ties(model: Model, sections: list[FebTag]) -> tuple[Tied, ...]:
     return tuple(out)
 
 
-def _conditions(sections: list[FebTag], kind: str) -> list[FebTag]:
-    """Boundary conditions of a type; all of them are looked at, whatever their type."""
-    return [t for s in sections for t in s.all("bc") if t.attribute("type") == kind]
+def _conditions(tags: list[FebTag], kind: str) -> list[FebTag]:
+    """Boundary conditions of a type."""
+    return [t for t in tags if t.attribute("type") == kind]
 
 
-def nodes_at_rest(model: Model, sections: list[FebTag]) -> Ints:
+def nodes_at_rest(model: Model, tags: list[FebTag]) -> Ints:
     """Mesh nodes of which all three displacements are zero."""
     held = np.zeros((3, len(model.shell)), dtype=bool)
-    for t in _conditions(sections, "zero displacement"):
+    for t in _conditions(tags, "zero displacement"):
         nodes = model.mesh.nodes_of(t, t.attribute("node_set"))
         for i, axis in enumerate(AXES):
             held[i, nodes] |= t.flag(f"{axis}_dof")
@@ -55,27 +56,23 @@ def nodes_at_rest(model: Model, sections: list[FebTag]) -> Ints:
 
 
 def read_displacements(
-    model: Model, sections: list[FebTag], tied: tuple[Tied, ...]
+    model: Model, tags: list[FebTag], tied: tuple[Tied, ...]
 ) -> tuple[tuple[PrescribedDisplacement, ...], tuple[HeldDirector, ...]]:
     """Given displacements of nodes, and of directors through FEBio's back faces.
 
     Raises InputError for a condition that is not read."""
     known = ("rigid", "zero displacement", "prescribed displacement", "zero shell displacement")
-    for t in [t for s in sections for t in s.all("bc")]:
-        if t.attribute("type") not in known:
-            raise t.fault(
-                f"the boundary condition {t.attribute('type')!r} is not read; known: "
-                f"{', '.join(known)}"
-            )
+    for t in tags:
+        t.kind_of("boundary condition", known)
     taken = np.concatenate([np.zeros(0, dtype=np.intp), *[t.nodes for t in tied]])
     held = []
-    for t in _conditions(sections, "zero displacement"):
+    for t in _conditions(tags, "zero displacement"):
         nodes = _free(model, t, taken)
         held += [
             PrescribedDisplacement(nodes, i) for i, axis in enumerate(AXES) if t.flag(f"{axis}_dof")
         ]
     still = tuple(held)
-    for t in _conditions(sections, "prescribed displacement"):
+    for t in _conditions(tags, "prescribed displacement"):
         dof, value = t.word("dof", ""), t.one("value")
         if dof not in tuple(AXES) or value is None:
             raise t.fault("expected <dof> with x, y or z, and <value>")
@@ -83,7 +80,7 @@ def read_displacements(
         drive = model.drive(value, model.units.length)
         held.append(PrescribedDisplacement(_free(model, t, taken), AXES.index(dof), drive))
     held = [h for h in held if len(h.nodes)]
-    return tuple(held), _read_director_supports(model, sections, still, taken)
+    return tuple(held), _read_director_supports(model, tags, still, taken)
 
 
 def _free(model: Model, t: FebTag, taken: Ints) -> Ints:
@@ -99,10 +96,10 @@ def _free(model: Model, t: FebTag, taken: Ints) -> Ints:
 
 
 def _read_director_supports(
-    model: Model, sections: list[FebTag], held: tuple[PrescribedDisplacement, ...], taken: Ints
+    model: Model, tags: list[FebTag], held: tuple[PrescribedDisplacement, ...], taken: Ints
 ) -> tuple[HeldDirector, ...]:
     out = []
-    for t in _conditions(sections, "zero shell displacement"):
+    for t in _conditions(tags, "zero shell displacement"):
         nodes = _free(model, t, taken)
         for i, axis in enumerate(AXES):
             if t.flag(f"s{axis}_dof") and len(nodes):
@@ -116,19 +113,17 @@ def _read_director_supports(
     return tuple(out)
 
 
-def read_forces(model: Model, sections: list[FebTag]) -> tuple[NodalForce, ...]:
+def read_forces(model: Model, tags: list[FebTag]) -> tuple[NodalForce, ...]:
     """Raises InputError for a load that is not read."""
     out = []
-    for t in [t for s in sections for t in s.all("nodal_load")]:
+    for t in tags:
         kind, nodes = t.attribute("type"), model.mesh.nodes_of(t, t.attribute("node_set"))
         if kind != "nodal_force":
             raise t.fault(f"the nodal load {kind!r} is not read, only nodal_force")
         for name in ("shell_bottom", "relative"):
             if t.flag(name):
                 raise t.fault(f"<{name}> other than 0 is not read")
-        value = t.one("value")
-        if value is None:
-            raise t.fault("<value> is missing: three components")
+        value = t.needed("value", "three components")
         force = np.array(value.numbers(SIZE_OF_FORCE)) * model.units.force
         on_sheet = _on_sheet(model, t, nodes, "the force")
         if len(on_sheet):
@@ -162,12 +157,12 @@ def _turn(model: Model, a: Ints, b: Ints) -> Array:
     return np.asarray(np.einsum("ki,ki->k", *normals))
 
 
-def read_pressures(model: Model, sheet: FebShells, sections: list[FebTag]) -> tuple[Pressure, ...]:
+def read_pressures(model: Model, sheet: FebShells, tags: list[FebTag]) -> tuple[Pressure, ...]:
     """FEBio's positive pressure pushes against the normal of the facets.
 
     Raises InputError for a load that is not read."""
     out = []
-    for t in [t for s in sections for t in s.all("surface_load")]:
+    for t in tags:
         kind, value = t.attribute("type"), t.one("pressure")
         if kind != "pressure" or value is None:
             raise t.fault(f"the surface load {kind!r} is not read, only pressure with <pressure>")
@@ -181,17 +176,19 @@ def read_pressures(model: Model, sheet: FebShells, sections: list[FebTag]) -> tu
     return tuple(out)
 
 
-def read_springs(model: Model, sections: list[FebTag], fixed: Ints) -> tuple[SpringSet, ...]:
+def read_springs(
+    model: Model, materials: list[FebTag], sets: list[FebTag], fixed: Ints
+) -> tuple[SpringSet, ...]:
     """Discrete sets with their materials; ends on rigid bodies become points of those, ends on the
     mesh nodes `fixed` off the sheet points of the ground (the body after the last).
 
     Raises InputError for a law that is not read and for an end that nothing holds."""
     laws: dict[str, SpringLaw] = {}
-    for t in [t for s in sections for t in s.all("discrete_material")]:
+    for t in materials:
         own = _spring_law(model, t)
         laws[t.attribute("id")] = laws[t.attributes.get("name", "")] = own
     out = []
-    for t in [t for s in sections for t in s.all("discrete")]:
+    for t in sets:
         name, law = t.attribute("discrete_set"), laws.get(t.attribute("dmat"))
         if law is None:
             raise t.fault(f"there is no discrete_material {t.attribute('dmat')!r}")
@@ -204,24 +201,15 @@ def read_springs(model: Model, sections: list[FebTag], fixed: Ints) -> tuple[Spr
 
 
 def _spring_law(model: Model, t: FebTag) -> SpringLaw:
-    kind, units = t.attribute("type"), model.units
-    if kind in ("linear spring", "tension-only linear spring"):
-        if t.one("E") is None:
-            raise t.fault("<E> is missing")
-        stiffness = t.value("E", 0.0) * units.force / units.length
+    kind, units = t.kind_of("spring", SPRINGS), model.units
+    if kind != SPRINGS[-1]:
+        stiffness = t.needed("E").number() * units.force / units.length
         if stiffness < 0:
             raise t.fault("the stiffness E must not be negative")
         return SpringLaw(stiffness, kind.startswith("tension-only"))
-    if kind != "nonlinear spring":
-        raise t.fault(
-            f"the spring {kind!r} is not read; known: linear spring, tension-only linear spring, "
-            "nonlinear spring"
-        )
     if t.word("measure", "elongation") != "elongation":
         raise t.fault("a nonlinear spring's <measure> is read as elongation only")
-    force, scale = t.one("force"), t.value("scale", 1.0) * units.force
-    if force is None:
-        raise t.fault("<force> is missing")
+    force, scale = t.needed("force"), t.value("scale", 1.0) * units.force
     if force.attributes.get("type") == "point":
         return SpringLaw(0.0, False, read_curve(force, units.length, scale))
     curve = model.curve(force)

@@ -1,30 +1,22 @@
-"""FEBio's materials as laws of the sheet, and the directions of their fibres.
-
-Parameters as in FEBio's feature manual; stresses are scaled by `stress` Pa, the file's unit.
-"""
+"""The materials of a FEBio 4 file, and the directions of their fibres."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from cosim.port import Array
+from fe_solver.febio.laws import fibre_in_axes, read_law
 from fe_solver.febio.mesh import rows_of
 from fe_solver.febio.xml import FebTag
 from fe_solver.materials.crossed_fibres import CrossedFibres
-from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
-from fe_solver.materials.hyperelastic import NeoHookean
-from fe_solver.materials.linear import Isotropic, Law, Orthotropic
+from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.materials.linear import Law, Orthotropic
 
 RIGID = "rigid body"
 IN_PLANE = 0.9
 """Least cosine between the third material axis and the sheet's normal."""
-MATRICES, EXPONENTIAL = ("Mooney-Rivlin", "trans iso Mooney-Rivlin"), "uncoupled fiber-exp-linear"
-"""What may be the matrix of a mixture, and its fibres."""
-OFF_PLANE = 1e-9
-"""Third component of a mixture's fibre that is rounding."""
-NO_FIBRES = {"c3": 0.0, "c4": 1.0, "c5": 0.0, "lam_max": 2.0}
 
 
 @dataclass(frozen=True)
@@ -47,7 +39,9 @@ class Material:
 
 
 def read_materials(section: FebTag, stress: float) -> list[Material]:
-    """Raises InputError for a material or a parameter that is not known, or not allowed."""
+    """The materials, stresses in units of `stress` Pa.
+
+    Raises InputError for a material or a parameter that is not known, or not allowed."""
     out: list[Material] = []
     for t in section.all("material"):
         number = t.attributes.get("id", str(len(out) + 1))
@@ -58,7 +52,7 @@ def read_materials(section: FebTag, stress: float) -> list[Material]:
         if t.attribute("type") == RIGID:
             out.append(Material(t, name, number, None, _centre(t), t))
         else:
-            law, holder, stretch = _deformable(t, stress)
+            law, holder, stretch = read_law(t, stress)
             out.append(Material(t, name, number, law, None, holder, stretch))
     return out
 
@@ -79,139 +73,6 @@ def _centre(t: FebTag) -> Array | None:
     return None if centre is None else np.array(centre.numbers(3))
 
 
-def _require_values(t: FebTag, *names: str) -> list[float]:
-    missing = [n for n in names if t.one(n) is None]
-    if missing:
-        raise t.fault(f"the parameter <{missing[0]}> is missing")
-    return [t.value(n, 0.0) for n in names]
-
-
-def _deformable(t: FebTag, stress: float) -> tuple[Law, FebTag, float]:
-    """The law, the tag that says its fibre, and the fibres' stretch in situ."""
-    kind = t.attribute("type")
-    if kind == "uncoupled solid mixture":
-        return *_mixture(t, stress), 1.0
-    if kind in ("prestrain elastic", "uncoupled prestrain elastic"):
-        return _read_prestrain(t, stress)
-    return _law(t, stress), t, 1.0
-
-
-def _read_prestrain(t: FebTag, stress: float) -> tuple[Law, FebTag, float]:
-    """A law whose fibres are stretched in situ."""
-    inner, made = t.one("elastic"), t.one("prestrain")
-    if inner is None or made is None:
-        raise t.fault("expected <elastic> and <prestrain>")
-    if inner.attribute("type") != "trans iso Mooney-Rivlin":
-        raise inner.fault("prestrain is read of trans iso Mooney-Rivlin alone")
-    if made.attribute("type") != "in-situ stretch":
-        raise made.fault("prestrain is read as an in-situ stretch alone")
-    if not made.value("isochoric", 1.0):
-        raise made.fault("an in-situ stretch that changes the volume is not read; set isochoric 1")
-    stretch = _require_values(made, "stretch")[0]
-    if not (np.isfinite(stretch) and stretch > 0):
-        raise made.fault(f"the stretch must be positive, got {stretch:g}")
-    return _mooney_rivlin(inner, stress, False, t), inner, stretch
-
-
-def _mixture(t: FebTag, stress: float) -> tuple[Law, FebTag]:
-    """Matrix and one or two fibre families: a Mooney-Rivlin law with or without a fibre, and
-    `uncoupled fiber-exp-linear` fibres."""
-    solids = t.all("solid")
-    kinds = [s.attribute("type") for s in solids]
-    matrices = [s for s, k in zip(solids, kinds, strict=True) if k in MATRICES]
-    fibres = [s for s, k in zip(solids, kinds, strict=True) if k == EXPONENTIAL]
-    families = len(fibres) + sum(k == MATRICES[1] for k in kinds)
-    if len(matrices) != 1 or len(matrices) + len(fibres) != len(solids) or families not in (1, 2):
-        raise t.fault(
-            f"a mixture is read of one {MATRICES[0]} or {MATRICES[1]} and {EXPONENTIAL} fibres, of "
-            f"one or two families in all; got {', '.join(kinds) or 'none'}"
-        )
-    plain = matrices[0].attribute("type") == MATRICES[0]
-    law = _mooney_rivlin(matrices[0], stress, plain, t)
-    holder = fibres[0] if plain else matrices[0]
-    if plain:
-        with fibres[0].naming_place():
-            law = replace(law, **vars(_family(fibres[0], stress)))
-    if families == 1:
-        return law, holder
-    with t.naming_place():
-        return CrossedFibres(law, _family(fibres[-1], stress), _turn(holder, fibres[-1])), holder
-
-
-def _family(t: FebTag, stress: float) -> ExponentialFamily:
-    c3, c4, c5, lam_max = _require_values(t, "c3", "c4", "c5", "lambda")
-    with t.naming_place():
-        return ExponentialFamily(c3 * stress, c4, c5 * stress, lam_max)
-
-
-def _turn(first: FebTag, second: FebTag) -> float:
-    """rad, from one solid's fibre to another's, counter-clockwise about the third material axis."""
-    (a, b, c), (x, y, z) = (_in_axes(t) for t in (first, second))
-    if abs(c) + abs(z) > OFF_PLANE:
-        raise second.fault("the fibres of a mixture must lie in the sheet: x, y, 0")
-    return float(np.arctan2(a * y - b * x, a * x + b * y))
-
-
-def _in_axes(t: FebTag) -> list[float]:
-    """A solid's fibre in the material axes."""
-    tag = t.one("fiber")
-    if tag is None:
-        return [1.0, 0.0, 0.0]
-    if tag.attributes.get("type", "vector") != "vector":
-        raise tag.fault("in a mixture of two fibre families a fibre is read as a vector alone")
-    return (tag.one("vector") or tag).numbers(3)
-
-
-def _law(t: FebTag, stress: float) -> Law:
-    kind = t.attribute("type")
-    if kind == "isotropic elastic":
-        E, v = _require_values(t, "E", "v")
-        with t.naming_place():
-            return Isotropic(E * stress, v)
-    if kind == "neo-Hookean":
-        E, v = _require_values(t, "E", "v")
-        with t.naming_place():
-            return NeoHookean(E * stress, v)
-    if kind in ("trans iso Mooney-Rivlin", "Mooney-Rivlin"):
-        return _mooney_rivlin(t, stress, kind == "Mooney-Rivlin")
-    if kind == "Holzapfel-Gasser-Ogden":
-        _pressure_model(t, "3", "Abaqus (GOH)")
-        c, k1, k2, kappa, gamma, k = _require_values(t, "c", "k1", "k2", "kappa", "gamma", "k")
-        gamma = float(np.radians(gamma))
-        with t.naming_place():
-            return HolzapfelGasserOgden(c * stress, k1 * stress, k2, kappa, gamma, k * stress)
-    if kind == "orthotropic elastic":
-        E1, E2, v12, *G = _require_values(t, "E1", "E2", "v12", "G12", "G31", "G23")
-        E3, v23, v31 = t.value("E3", E2) * stress, t.value("v23", 0.0), t.value("v31", 0.0)
-        G12, G13, G23 = (g * stress for g in G)
-        with t.naming_place():
-            return Orthotropic(E1 * stress, E2 * stress, v12, G12, G13, G23, E3, v23, v31)
-    raise t.fault(
-        f"the material {kind!r} is not known; known: isotropic elastic, neo-Hookean, "
-        "Mooney-Rivlin, trans iso Mooney-Rivlin, Holzapfel-Gasser-Ogden, orthotropic elastic, "
-        "uncoupled solid mixture, uncoupled prestrain elastic, rigid body"
-    )
-
-
-def _mooney_rivlin(
-    t: FebTag, stress: float, plain: bool, volume: FebTag | None = None
-) -> TransIsoMooneyRivlin:
-    """The law; its bulk modulus is said in the tag `volume`, of a material that wraps it."""
-    _pressure_model(volume or t, "0", "default")
-    (c1, c2), (k,) = _require_values(t, "c1", "c2"), _require_values(volume or t, "k")
-    names = tuple(NO_FIBRES)
-    c3, c4, c5, lam = NO_FIBRES.values() if plain else _require_values(t, *names)
-    fibre = (c3 * stress, c4, c5 * stress, lam)
-    with t.naming_place():
-        return TransIsoMooneyRivlin(c1 * stress, c2 * stress, *fibre, k * stress)
-
-
-def _pressure_model(t: FebTag, *allowed: str) -> None:
-    child = t.one("pressure_model")
-    if child is not None and child.text.strip() not in allowed:
-        raise child.fault(f"only the material's own pressure model ({allowed[1]!r}) is read")
-
-
 def fibre_directions(
     m: Material, corners: Array, given: dict[str, FebTag], maps: dict[str, FebTag]
 ) -> Array:
@@ -224,7 +85,7 @@ def fibre_directions(
         return np.einsum("kij,kj->ki", axes, _fibre(m, corners, given, maps))
     if isinstance(m.law, CrossedFibres):
         _check_axes_up(m, corners, axes)
-        return np.einsum("kij,j->ki", axes, _in_axes(m.holder))
+        return np.einsum("kij,j->ki", axes, fibre_in_axes(m.holder))
     if isinstance(m.law, HolzapfelGasserOgden | Orthotropic):
         normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         cosine = np.abs(np.einsum("ki,ki->k", axes[:, :, 2], _unit(normal)))
@@ -283,10 +144,7 @@ def _axes(m: Material, corners: Array, given: dict[str, FebTag]) -> Array:
 
 def vector_in(tag: FebTag, name: str) -> list[float]:
     """The three numbers of the child of that name.  Raises InputError where there are none."""
-    child = tag.one(name)
-    if child is None:
-        raise tag.fault(f"<{name}> is missing: three numbers")
-    return child.numbers(3)
+    return tag.needed(name, "three numbers").numbers(3)
 
 
 def _local(tag: FebTag, count: int, default: tuple[int, ...]) -> list[int]:

@@ -127,9 +127,7 @@ def _sheet(
 
 
 def _check_domain(t: FebTag, block: Block, notes: list[str]) -> None:
-    kind = t.attributes.get("type", DOMAINS[0])
-    if kind not in DOMAINS:
-        raise t.fault(f"the shell formulation {kind!r} is not read; known: {', '.join(DOMAINS)}")
+    t.known("shell formulation", t.attributes.get("type", DOMAINS[0]), DOMAINS)
     if not t.value("shell_normal_nodal", 1.0):
         notes.append(
             f"{t.path} {t.attribute('name')!r} (line {t.line}): element normals as directors are "

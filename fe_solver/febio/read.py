@@ -81,10 +81,9 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     _check_sheet(path, parts.sheet, mesh)
     _check_initial(sections, notes)
     rigid = tuple(m.name for m in materials if m.rigid)
-    boundary = [t for s in sections.of("Boundary") for t in s.all("bc")]
     shell = np.full(len(mesh.points), -1)
     shell[parts.sheet.nodes] = np.arange(len(parts.sheet.nodes))
-    body = owners(mesh, parts, boundary, rigid, materials)
+    body = owners(mesh, parts, sections.all("Boundary", "bc"), rigid, materials)
     curves = read_curves(root.one("LoadData"))
     model = Model(mesh, units, materials, rigid, shell, body, curves, notes)
     job = _job(path.stem, model, parts, sections)
@@ -106,15 +105,13 @@ class _Sections:
                         "the top level and let a load curve switch them"
                     )
 
-    def of(self, name: str) -> list[FebTag]:
+    def all(self, section: str, kind: str) -> list[FebTag]:
+        """The tags of one kind in a section."""
         places = [self.root, *(self.steps if len(self.steps) == 1 else [])]
-        return [t for place in places for t in place.all(name)]
+        return [t for place in places for s in place.all(section) for t in s.all(kind)]
 
     def one(self, name: str) -> FebTag:
-        found = self.root.one(name)
-        if found is None:
-            raise self.root.fault(f"the section <{name}> is missing")
-        return found
+        return self.root.needed(name, "a section of every FEBio 4 file")
 
 
 def _check_header(root: FebTag) -> None:
@@ -151,7 +148,7 @@ def _check_sheet(path: Path, sheet: FebShells, mesh: FebMesh) -> None:
 
 
 def _check_initial(sections: _Sections, notes: list[str]) -> None:
-    for t in [t for s in sections.of("Initial") for t in s.all("ic")]:
+    for t in sections.all("Initial", "ic"):
         if "velocity" not in t.attribute("type"):
             raise t.fault(f"the initial condition {t.attribute('type')!r} is not read")
         notes.append(f"{t.path} (line {t.line}): a static solve has no velocities")
@@ -160,17 +157,21 @@ def _check_initial(sections: _Sections, notes: list[str]) -> None:
 
 def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
     sheet, units, mesh = parts.sheet, model.units, model.mesh
-    tied = read_ties(model, sections.of("Boundary"))
-    held, directors = read_displacements(model, sections.of("Boundary"), tied)
+    boundary = sections.all("Boundary", "bc")
+    tied = read_ties(model, boundary)
+    held, directors = read_displacements(model, boundary, tied)
     springs = read_springs(
-        model, sections.of("Discrete"), nodes_at_rest(model, sections.of("Boundary"))
+        model,
+        sections.all("Discrete", "discrete_material"),
+        sections.all("Discrete", "discrete"),
+        nodes_at_rest(model, boundary),
     )
-    pairs = _contact_tags(mesh, sections.of("Contact"))
+    pairs = _contact_tags(mesh, sections.all("Contact", "contact"))
     sides = [_sides(model, sheet, t, pair) for t, pair in pairs]
     touched: dict[int, list[Ints]] = {}
     for _, _, body, facets in sides:
         touched.setdefault(body, []).append(facets)
-    bodies, vertices = read_bodies(model, parts, sections.of("Rigid"), touched)
+    bodies, vertices = read_bodies(model, parts, sections.all("Rigid", "rigid_bc"), touched)
     if any((s.body == len(bodies)).any() for s in springs):
         bodies += (Body(GROUND),)
     contacts = tuple(
@@ -197,8 +198,8 @@ def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
         held=held,
         held_directors=directors,
         springs=springs,
-        forces=read_forces(model, sections.of("Loads")),
-        pressures=read_pressures(model, sheet, sections.of("Loads")),
+        forces=read_forces(model, sections.all("Loads", "nodal_load")),
+        pressures=read_pressures(model, sheet, sections.all("Loads", "surface_load")),
         contacts=contacts,
         bodies=bodies,
         steps=_steps(sections),
@@ -229,14 +230,11 @@ def _steps(sections: _Sections) -> tuple[Step, ...]:
     return tuple(out)
 
 
-def _contact_tags(mesh: FebMesh, sections: list[FebTag]) -> list[tuple[FebTag, tuple[str, str]]]:
+def _contact_tags(mesh: FebMesh, tags: list[FebTag]) -> list[tuple[FebTag, tuple[str, str]]]:
     out = []
-    for t in [t for s in sections for t in s.all("contact")]:
+    for t in tags:
         name = t.attribute("surface_pair")
-        if t.attribute("type") not in CONTACTS:
-            raise t.fault(
-                f"the contact {t.attribute('type')!r} is not read; known: {', '.join(CONTACTS)}"
-            )
+        t.kind_of("contact", CONTACTS)
         if name not in mesh.pairs:
             raise t.fault(f"there is no SurfacePair {name!r}")
         out.append((t, mesh.pairs[name]))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -14,17 +13,14 @@ from cosim.files import output_file
 from cosim.port import Array, Ints
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.bodies import Units
-from fe_solver.febio.law_write import law_line, needs_fibre
-from fe_solver.febio.write_conditions import SAME_POINT, Conditions, Lines, number, row, whole
+from fe_solver.febio.laws import law_tag, needs_fibre
+from fe_solver.febio.write_conditions import SAME_POINT, Conditions, curve_tags
+from fe_solver.febio.xml import Element, tag, write_xml
 from fe_solver.job.job import Job
 from fe_solver.materials.linear import Law
 
-HEAD = (
-    '<?xml version="1.0" encoding="UTF-8"?>\n<febio_spec version="4.0">\n<Module type="solid"/>\n'
-    "<Globals><Constants><T>0</T><R>0</R><Fc>0</Fc></Constants></Globals>"
-)
 PLOTTED = ("displacement", "stress", "shell thickness", "contact gap", "discrete element force")
-RIGID_THICKNESS = "0.01"
+RIGID_THICKNESS = 0.01
 """Thickness of rigid shells, which FEBio wants but does not use."""
 
 
@@ -46,8 +42,9 @@ def write_feb(
         raise InputError(f"points have shape {own.shape}, expected {job.sheet.points.shape}")
     _check_names(job)
     w = Conditions(job, face_points(job, own), Units(length_unit, force_unit))
+    root = _document(w)
     with output_file(path) as part:
-        part.write_text("\n".join(_lines(w)) + "\n", encoding="utf-8")
+        write_xml(part, root)
 
 
 def _check_names(job: Job) -> None:
@@ -76,31 +73,35 @@ def face_points(job: Job, points: Array) -> Array:
     return points + mean[:, None] * node_directors(points, job.sheet.quads)
 
 
-def _lines(w: Conditions) -> Lines:
-    """The whole file.  The mesh comes before the conditions that name its sets, so these are made
-    first."""
-    conditions = list(w.lines())
-    blocks = list(_blocks(w.job))
-    yield HEAD
-    if len(w.job.steps) == 1:
-        yield _control(w.job, 0.0, 0)
-    yield "<Material>"
-    yield from _materials(w)
-    yield "</Material>\n<Mesh>"
-    yield from _nodes(w)
-    yield from _elements(w, blocks)
-    yield from w.sets
-    yield "</Mesh>\n<MeshDomains>"
-    yield from _domains(w, blocks)
-    yield "</MeshDomains>\n<MeshData>"
-    for block in blocks:
-        yield from _mesh_data(w, block)
-    yield "</MeshData>"
-    yield from conditions
-    yield from _steps(w.job)
-    yield from _load_data(w)
-    variables = "".join(f'<var type="{v}"/>' for v in PLOTTED)
-    yield f'<Output><plotfile type="febio">{variables}</plotfile></Output>\n</febio_spec>'
+def _document(w: Conditions) -> Element:
+    """The whole file.  The mesh comes after the conditions that name its sets and its nodes."""
+    conditions, blocks = w.sections(), list(_blocks(w.job))
+    none = [tag(name, 0) for name in ("T", "R", "Fc")]
+    controls, steps = _controls(w.job), []
+    if len(controls) > 1:
+        names = [step.name for step in w.job.steps]
+        steps = [tag("step", c, id=i + 1, name=names[i]) for i, c in enumerate(controls)]
+        controls, steps = [], [tag("Step", *steps)]
+    variables = [tag("var", type=variable) for variable in PLOTTED]
+    curves = [
+        tag("load_controller", *curve_tags(c), id=number, type="loadcurve")
+        for c, number in w.curves.items()
+    ]
+    return tag(
+        "febio_spec",
+        tag("Module", type="solid"),
+        tag("Globals", tag("Constants", *none)),
+        *controls,
+        tag("Material", *_materials(w)),
+        tag("Mesh", _nodes(w), *_elements(w, blocks), *w.sets),
+        tag("MeshDomains", *_domains(w, blocks)),
+        tag("MeshData", *[data for block in blocks for data in _mesh_data(w, block)]),
+        *conditions,
+        *steps,
+        tag("LoadData", *curves),
+        tag("Output", tag("plotfile", *variables, type="febio")),
+        version="4.0",
+    )
 
 
 class _Block(NamedTuple):
@@ -125,109 +126,97 @@ def _blocks(job: Job) -> Iterator[_Block]:
             yield _Block(name, part.name, part.law, triangles, 3)
 
 
-def _materials(w: Conditions) -> Lines:
-    for index, part in enumerate(w.job.sheet.parts, 1):
-        yield law_line(index, part.name, part.law, w.units.stress, part.in_situ_stretch)
-    for index, body in enumerate(w.job.bodies, len(w.job.sheet.parts) + 1):
-        yield (
-            f'<material id="{index}" name={quoteattr(body.name)} type="rigid body"><density>1'
-            "</density><E>1</E><v>0</v><center_of_mass>"
-            f"{row(body.origin / w.units.length)}</center_of_mass></material>"
-        )
+def _materials(w: Conditions) -> Iterator[Element]:
+    for number, part in enumerate(w.job.sheet.parts, 1):
+        yield law_tag(number, part.name, part.law, w.units.stress, part.in_situ_stretch)
+    for number, body in enumerate(w.job.bodies, len(w.job.sheet.parts) + 1):
+        inner = {"density": 1, "E": 1, "v": 0, "center_of_mass": body.origin / w.units.length}
+        tags = [tag(name, value) for name, value in inner.items()]
+        yield tag("material", *tags, id=number, name=body.name, type="rigid body")
 
 
-def _nodes(w: Conditions) -> Lines:
-    yield '<Nodes name="all nodes">'
-    for i, x in zip(w.job.sheet.node_ids, w.points / w.units.length, strict=True):
-        yield f'<node id="{i}">{row(x)}</node>'
+def _nodes(w: Conditions) -> Element:
     rest = [b.origin + v for b in w.job.bodies for v in b.vertices] + [x for _, x in w.extra]
-    for i, x in enumerate(rest, w.first_vertex(0)):
-        yield f'<node id="{i}">{row(x / w.units.length)}</node>'
-    yield "</Nodes>"
+    places = np.concatenate([w.points, np.reshape(rest, (-1, 3))]) / w.units.length
+    ids = [*w.job.sheet.node_ids, *range(w.first_vertex(0), w.first_vertex(0) + len(rest))]
+    return nodes_tag(places, ids, name="all nodes")
 
 
-def _elements(w: Conditions, blocks: list[_Block]) -> Lines:
+def nodes_tag(points: Array, ids: Iterable[int], **attributes: object) -> Element:
+    """Nodes with their points (n, 3) and numbers (n,)."""
+    rows = (tag("node", x, id=i) for i, x in zip(ids, points, strict=True))
+    return tag("Nodes", *rows, **attributes)
+
+
+def elements_tag(kind: str, name: str, nodes: Ints, ids: Iterable[int]) -> Element:
+    """Elements of one kind with their nodes' numbers (k, m) and their own (k,)."""
+    rows = (tag("elem", corners, id=i) for i, corners in zip(ids, nodes, strict=True))
+    return tag("Elements", *rows, type=kind, name=name)
+
+
+def domain_tag(name: str, material: str, thickness: float) -> Element:
+    """What a part of shells is made of, and how thick."""
+    return tag("ShellDomain", tag("shell_thickness", thickness), name=name, mat=material)
+
+
+def axes_tag(name: str, corners: Array, fibre: Array) -> Element:
+    """The axes of a part's elements with corners (k, 4, 3): axis 1 along the fibre (k, 3), axis 2
+    across it in the element's plane."""
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    across = np.cross(normal, fibre)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    rows = [
+        tag("elem", tag("a", a), tag("d", d), lid=i)
+        for i, (a, d) in enumerate(zip(fibre, across, strict=True), 1)
+    ]
+    return tag("ElementData", *rows, type="mat_axis", elem_set=name)
+
+
+def _elements(w: Conditions, blocks: list[_Block]) -> Iterator[Element]:
     job = w.job
     for b in blocks:
+        nodes = job.sheet.node_ids[job.sheet.quads[b.elements, : b.corners]]
         kind = "tri3" if b.corners == 3 else "q4ans"
-        yield f'<Elements type="{kind}" name={quoteattr(b.name)}>'
-        for i in b.elements:
-            nodes = job.sheet.node_ids[job.sheet.quads[i, : b.corners]]
-            yield f'<elem id="{job.sheet.element_ids[i]}">{whole(nodes)}</elem>'
-        yield "</Elements>"
+        yield elements_tag(kind, b.name, nodes, job.sheet.element_ids[b.elements])
     following = int(job.sheet.element_ids.max()) + 1
     for index, body in enumerate(job.bodies):
+        count = len(body.triangles)
+        if count:
+            nodes, ids = body.triangles + w.first_vertex(index), range(following, following + count)
+            yield elements_tag("tri3", body.name, nodes, ids)
+        following += count
+
+
+def _domains(w: Conditions, blocks: list[_Block]) -> Iterator[Element]:
+    for b in blocks:
+        yield domain_tag(b.name, b.part, w.job.sheet.thickness[b.elements[0], 0] / w.units.length)
+    for body in w.job.bodies:
         if len(body.triangles):
-            yield f'<Elements type="tri3" name={quoteattr(body.name)}>'
-            for i, t in enumerate(body.triangles + w.first_vertex(index), following):
-                yield f'<elem id="{i}">{whole(t)}</elem>'
-            yield "</Elements>"
-        following += len(body.triangles)
+            yield domain_tag(body.name, body.name, RIGID_THICKNESS)
 
 
-def _domains(w: Conditions, blocks: list[_Block]) -> Lines:
-    parts = [
-        (b.name, b.part, number(w.job.sheet.thickness[b.elements[0], 0] / w.units.length))
-        for b in blocks
-    ]
-    parts += [(b.name, b.name, RIGID_THICKNESS) for b in w.job.bodies if len(b.triangles)]
-    for name, material, thickness in parts:
-        yield (
-            f"<ShellDomain name={quoteattr(name)} mat={quoteattr(material)}>"
-            f"<shell_thickness>{thickness}</shell_thickness></ShellDomain>"
-        )
-
-
-def _mesh_data(w: Conditions, b: _Block) -> Lines:
+def _mesh_data(w: Conditions, b: _Block) -> Iterator[Element]:
     thickness = w.job.sheet.thickness[b.elements, : b.corners] / w.units.length
     if np.ptp(thickness):
-        yield f'<ElementData type="shell thickness" elem_set={quoteattr(b.name)}>'
-        for i, values in enumerate(thickness, 1):
-            yield f'<e lid="{i}">{row(values)}</e>'
-        yield "</ElementData>"
+        rows = [tag("e", values, lid=i) for i, values in enumerate(thickness, 1)]
+        yield tag("ElementData", *rows, type="shell thickness", elem_set=b.name)
     if needs_fibre(b.law):
-        yield from _axes(w, b)
-
-
-def _axes(w: Conditions, b: _Block) -> Lines:
-    """Axis 1 along the fibre, axis 2 across it in the element's plane."""
-    x, fibre = w.points[w.job.sheet.quads[b.elements]], w.job.sheet.fibre[b.elements]
-    across = np.cross(np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]), fibre)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    yield f'<ElementData type="mat_axis" elem_set={quoteattr(b.name)}>'
-    for i, (a, d) in enumerate(zip(fibre, across, strict=True), 1):
-        yield f'<elem lid="{i}"><a>{row(a)}</a><d>{row(d)}</d></elem>'
-    yield "</ElementData>"
-
-
-def _control(job: Job, start: float, index: int) -> str:
-    step = job.steps[index]
-    size = number((step.end - start) / step.increments)
-    return (
-        f"<Control><analysis>STATIC</analysis><time_steps>{step.increments}</time_steps>"
-        f'<step_size>{size}</step_size><solver type="solid"><symmetric_stiffness>symmetric'
-        "</symmetric_stiffness></solver></Control>"
-    )
-
-
-def _steps(job: Job) -> Lines:
-    if len(job.steps) > 1:
-        yield "<Step>"
-        start = 0.0
-        for i, step in enumerate(job.steps):
-            control = _control(job, start, i)
-            yield f'<step id="{i + 1}" name={quoteattr(step.name)}>{control}</step>'
-            start = step.end
-        yield "</Step>"
-
-
-def _load_data(w: Conditions) -> Lines:
-    yield "<LoadData>"
-    for c, index in w.curves.items():
-        points = "".join(f"<pt>{row(p)}</pt>" for p in zip(c.times, c.values, strict=True))
-        yield (
-            f'<load_controller id="{index}" type="loadcurve">'
-            f"<interpolate>{c.interpolation}</interpolate><extend>{c.extension}</extend>"
-            f"<points>{points}</points></load_controller>"
+        yield axes_tag(
+            b.name, w.points[w.job.sheet.quads[b.elements]], w.job.sheet.fibre[b.elements]
         )
-    yield "</LoadData>"
+
+
+def _controls(job: Job) -> list[Element]:
+    """The settings of each step."""
+    symmetric = ("symmetric_stiffness", "symmetric")
+    starts = [0.0, *(step.end for step in job.steps)]
+    return [
+        tag(
+            "Control",
+            tag("analysis", "STATIC"),
+            tag("time_steps", step.increments),
+            tag("step_size", (step.end - start) / step.increments),
+            tag("solver", tag(*symmetric), type="solid"),
+        )
+        for start, step in zip(starts, job.steps, strict=False)
+    ]

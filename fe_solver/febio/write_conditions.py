@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from xml.sax.saxutils import escape, quoteattr
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints
-from fe_solver.febio.bodies import AXES, Units
-from fe_solver.job.curves import Drive, LoadCurve
+from fe_solver.febio.bodies import AXES, DOFS, Units
+from fe_solver.febio.xml import Element, tag
+from fe_solver.job.curves import Drive, Extension, LoadCurve
 from fe_solver.job.job import Job
 from fe_solver.supports import SpringLaw, SpringSet
-
-Lines = Iterator[str]
 
 SAME_POINT = 1e-12
 """m: an anchor that near a vertex of its body is that vertex."""
@@ -23,32 +21,17 @@ SAME_LENGTH = 1e-12
 """m: a spring's rest length that near its initial one needs no table."""
 
 
-def number(value: float) -> str:
-    """A number as XML text."""
-    return repr(float(value))
-
-
-def row(values: Iterable[float]) -> str:
-    """Numbers of one row as XML text."""
-    return ",".join(repr(float(v)) for v in values)
-
-
-def whole(values: Iterable[int]) -> str:
-    """Whole numbers as XML text."""
-    return ",".join(str(int(v)) for v in values)
-
-
 @dataclass
 class Conditions:
     """A job with its nodes at `points` (n, 3) m on the face that FEBio puts them on, and what a
-    file of it has numbered and named so far: load curves, lines of sets, and nodes (with their
+    file of it has numbered and named so far: load curves, sets, and nodes (with their
     body) that only springs end at, m."""
 
     job: Job
     points: Array
     units: Units
     curves: dict[LoadCurve, int] = field(default_factory=dict)
-    sets: list[str] = field(default_factory=list)
+    sets: list[Element] = field(default_factory=list)
     extra: list[tuple[int, Array]] = field(default_factory=list)
 
     def first_vertex(self, body: int) -> int:
@@ -56,35 +39,32 @@ class Conditions:
         counts = [len(b.vertices) for b in self.job.bodies[:body]]
         return int(self.job.sheet.node_ids.max()) + 1 + sum(counts)
 
-    def lines(self) -> Lines:
+    def sections(self) -> list[Element]:
         """All sections.  The springs go first: they make nodes that the boundary section ties."""
-        discrete = list(self._discrete())
-        yield from self._boundary()
-        yield from self._rigid()
-        yield from self._loads()
-        yield from self._contact()
-        yield from discrete
+        discrete = tag("Discrete", *self._discrete())
+        return [
+            tag("Boundary", *self._boundary()),
+            tag("Rigid", *self._rigid()),
+            tag("Loads", *self._loads()),
+            tag("Contact", *self._contact()),
+            discrete,
+        ]
 
-    def _lc(self, curve: LoadCurve | None) -> str:
+    def _scaled(self, kind: str, value: object, curve: LoadCurve | None) -> Element:
+        """A value that a load curve, where there is one, scales."""
         if curve is None:
-            return ""
-        return f' lc="{self.curves.setdefault(curve, len(self.curves) + 1)}"'
+            return tag(kind, value)
+        return tag(kind, value, lc=self.curves.setdefault(curve, len(self.curves) + 1))
 
-    def _value(self, drive: Drive, unit: float, tag: str = "value") -> str:
-        return f"<{tag}{self._lc(drive.curve)}>{number(drive.value / unit)}</{tag}>"
-
-    def _node_set(self, name: str, nodes: Ints) -> str:
-        self.sets.append(
-            f"<NodeSet name={quoteattr(name)}>{whole(self.job.sheet.node_ids[nodes])}</NodeSet>"
-        )
-        return quoteattr(name)
+    def _value(self, drive: Drive, unit: float, kind: str = "value") -> Element:
+        return self._scaled(kind, drive.value / unit, drive.curve)
 
     def _surface(self, name: str, facets: Iterable[tuple[int, ...]]) -> None:
-        self.sets.append(f"<Surface name={quoteattr(name)}>")
-        for i, facet in enumerate(facets, 1):
-            kind = "tri3" if len(facet) == 3 else "quad4"
-            self.sets.append(f'<{kind} id="{i}">{whole(facet)}</{kind}>')
-        self.sets.append("</Surface>")
+        rows = [
+            tag("tri3" if len(facet) == 3 else "quad4", facet, id=i)
+            for i, facet in enumerate(facets, 1)
+        ]
+        self.sets.append(tag("Surface", *rows, name=name))
 
     def _facets(self, quads: Ints, sign: Ints) -> Iterator[tuple[int, ...]]:
         for i, s in zip(quads, sign, strict=True):
@@ -92,109 +72,84 @@ class Conditions:
             facet = facet[:3] if facet[2] == facet[3] else facet
             yield facet if s > 0 else facet[::-1]
 
-    def _boundary(self) -> Lines:
-        yield "<Boundary>"
-        job = self.job
-        for i, t in enumerate(job.ties):
-            name = self._node_set(f"tied {i + 1}", t.nodes)
-            clamp = "" if t.clamped else "<clamp_shells>0</clamp_shells>"
-            body = escape(job.bodies[t.body].name)
-            yield f'<bc name={name} node_set={name} type="rigid"><rb>{body}</rb>{clamp}</bc>'
-        for i, h in enumerate(job.held):
-            name = self._node_set(f"held {i + 1}", h.nodes)
-            axis = AXES[h.component]
+    def _on_nodes(
+        self, kind: str, name: str, ids: Iterable[int], how: str, *content: Element
+    ) -> Element:
+        """A condition `how` on nodes (their numbers), with the set of them."""
+        self.sets.append(tag("NodeSet", ids, name=name))
+        return tag(kind, *content, name=name, node_set=name, type=how)
+
+    def _boundary(self) -> Iterator[Element]:
+        job, ids = self.job, self.job.sheet.node_ids
+        for i, t in enumerate(job.ties, 1):
+            inner = [tag("rb", job.bodies[t.body].name)]
+            inner += [] if t.clamped else [tag("clamp_shells", 0)]
+            yield self._on_nodes("bc", f"tied {i}", ids[t.nodes], "rigid", *inner)
+        for i, h in enumerate(job.held, 1):
+            name, axis = f"held {i}", AXES[h.component]
             if h.displacement == Drive():
-                inner = f"<{axis}_dof>1</{axis}_dof>"
-                yield f'<bc name={name} node_set={name} type="zero displacement">{inner}</bc>'
+                how, inner = "zero displacement", [tag(f"{axis}_dof", 1)]
             else:
-                inner = f"<dof>{axis}</dof>{self._value(h.displacement, self.units.length)}"
-                yield (
-                    f'<bc name={name} node_set={name} type="prescribed displacement">{inner}'
-                    "<relative>0</relative></bc>"
+                how, value = (
+                    "prescribed displacement",
+                    self._value(h.displacement, self.units.length),
                 )
-        for i, d in enumerate(job.held_directors):
-            name = self._node_set(f"held directors {i + 1}", d.nodes)
-            axis = AXES[d.component]
-            inner = f"<s{axis}_dof>1</s{axis}_dof>"
-            yield f'<bc name={name} node_set={name} type="zero shell displacement">{inner}</bc>'
+                inner = [tag("dof", axis), value, tag("relative", 0)]
+            yield self._on_nodes("bc", name, ids[h.nodes], how, *inner)
+        for i, d in enumerate(job.held_directors, 1):
+            name, dof = f"held directors {i}", tag(f"s{AXES[d.component]}_dof", 1)
+            yield self._on_nodes("bc", name, ids[d.nodes], "zero shell displacement", dof)
+        first = self.first_vertex(len(job.bodies))
         for index in sorted({b for b, _ in self.extra}):
-            ids = [
-                self.first_vertex(len(self.job.bodies)) + i
-                for i, (b, _) in enumerate(self.extra)
-                if b == index
-            ]
-            name = quoteattr(f"anchors {index + 1}")
-            self.sets.append(f"<NodeSet name={name}>{whole(ids)}</NodeSet>")
-            rb = escape(job.bodies[index].name)
-            yield f'<bc name={name} node_set={name} type="rigid"><rb>{rb}</rb></bc>'
-        yield "</Boundary>"
+            anchors = [first + i for i, (b, _) in enumerate(self.extra) if b == index]
+            rb = tag("rb", job.bodies[index].name)
+            yield self._on_nodes("bc", f"anchors {index + 1}", anchors, "rigid", rb)
 
-    def _rigid(self) -> Lines:
-        yield "<Rigid>"
+    def _rigid(self) -> Iterator[Element]:
         for body in self.job.bodies:
-            name = escape(body.name)
-            fixed = ""
-            moved = []
-            for axis, u, drive in zip(
-                "xyzuvw", "xyz" + "uvw", (*body.displacement, *body.rotation), strict=True
-            ):
-                still = drive == Drive()
-                fixed += f"<R{axis}_dof>{int(still)}</R{axis}_dof>"
-                if not still:
-                    turns = u in "uvw"
-                    kind = "rigid_rotation" if turns else "rigid_displacement"
-                    value = self._value(drive, 1.0 if turns else self.units.length)
-                    dof = f"R{u}" if turns else u
-                    moved.append(
-                        f'<rigid_bc type="{kind}"><rb>{name}</rb><dof>{dof}</dof>{value}</rigid_bc>'
-                    )
-            yield f'<rigid_bc type="rigid_fixed"><rb>{name}</rb>{fixed}</rigid_bc>'
-            yield from moved
-        yield "</Rigid>"
+            drives = dict(zip(DOFS, (*body.displacement, *body.rotation), strict=True))
+            fixed = [tag(d.fixed, drive == Drive()) for d, drive in drives.items()]
+            yield tag("rigid_bc", tag("rb", body.name), *fixed, type="rigid_fixed")
+            for d, drive in drives.items():
+                if drive != Drive():
+                    value = self._value(drive, d.unit(self.units))
+                    inner = (tag("rb", body.name), tag("dof", d.name), value)
+                    yield tag("rigid_bc", *inner, type=d.kind)
 
-    def _loads(self) -> Lines:
-        yield "<Loads>"
-        for i, f in enumerate(self.job.forces):
-            name = self._node_set(f"loaded {i + 1}", f.nodes)
-            value = f"<value{self._lc(f.curve)}>{row(f.force / self.units.force)}</value>"
-            yield f'<nodal_load name={name} node_set={name} type="nodal_force">{value}</nodal_load>'
-        for i, p in enumerate(self.job.pressures):
-            name = f"pressed {i + 1}"
+    def _loads(self) -> Iterator[Element]:
+        for i, f in enumerate(self.job.forces, 1):
+            value = self._scaled("value", f.force / self.units.force, f.curve)
+            ids = self.job.sheet.node_ids[f.nodes]
+            yield self._on_nodes("nodal_load", f"loaded {i}", ids, "nodal_force", value)
+        for i, p in enumerate(self.job.pressures, 1):
+            name = f"pressed {i}"
             self._surface(name, self._facets(p.quads, p.sign))
-            value = self._value(p.pressure, self.units.stress, "pressure")
-            yield (
-                f'<surface_load name={quoteattr(name)} surface={quoteattr(name)} type="pressure">'
-                f"{value}<linear>{int(p.dead)}</linear></surface_load>"
+            inner = (
+                self._value(p.pressure, self.units.stress, "pressure"),
+                tag("linear", p.dead),
             )
-        yield "</Loads>"
+            yield tag("surface_load", *inner, name=name, surface=name, type="pressure")
 
-    def _contact(self) -> Lines:
-        yield "<Contact>"
-        for i, c in enumerate(self.job.contacts):
-            shell, rigid, pair = (f"{w} {i + 1}" for w in ("sliding", "slid on", "contact"))
+    def _contact(self) -> Iterator[Element]:
+        for i, c in enumerate(self.job.contacts, 1):
+            shell, rigid, pair = (f"{w} {i}" for w in ("sliding", "slid on", "contact"))
             self._surface(shell, self._facets(c.quads, np.ones_like(c.quads)))
             first = self.first_vertex(c.body)
             self._surface(rigid, ((*(t + first).tolist(),) for t in c.triangles))
-            self.sets.append(
-                f"<SurfacePair name={quoteattr(pair)}><primary>{shell}</primary>"
-                f"<secondary>{rigid}</secondary></SurfacePair>"
-            )
+            sides = (tag("primary", shell), tag("secondary", rigid))
+            self.sets.append(tag("SurfacePair", *sides, name=pair))
             if len(np.unique(c.side)) > 1:
                 raise InputError(f"contact {c.name!r}: FEBio's contact is on one face of the shell")
             unit = 1.0 if c.automatic else self.units.force / self.units.length**3
-            inner = f"<penalty>{number(c.penalty / unit)}</penalty>"
-            inner += f"<auto_penalty>{int(c.automatic)}</auto_penalty>"
-            if c.friction:
-                inner += f"<fric_coeff>{number(c.friction)}</fric_coeff>"
-            if c.gap:
-                inner += f"<offset>{number(c.gap / self.units.length)}</offset>"
-            if (c.side < 0).any():
-                inner += "<shell_bottom_primary>1</shell_bottom_primary>"
-            yield (
-                f"<contact name={quoteattr(c.name)} surface_pair={quoteattr(pair)} "
-                f'type="sliding-elastic">{inner}</contact>'
-            )
-        yield "</Contact>"
+            inner = {
+                "penalty": c.penalty / unit,
+                "auto_penalty": c.automatic,
+                "fric_coeff": c.friction,
+                "offset": c.gap / self.units.length,
+                "shell_bottom_primary": bool((c.side < 0).any()),
+            }
+            tags = [tag(k, v) for k, v in inner.items() if v or k.endswith("penalty")]
+            yield tag("contact", *tags, name=c.name, surface_pair=pair, type="sliding-elastic")
 
     def _anchor(self, body: int, point: Array) -> int:
         """The number of the node that a spring ends at on a body."""
@@ -211,27 +166,24 @@ class Conditions:
         self.extra.append((body, place))
         return self.first_vertex(len(self.job.bodies)) + len(self.extra) - 1
 
-    def _spring_sets(self) -> Iterator[tuple[str, str]]:
-        """Name and law of each set that FEBio needs: springs rest at their initial length there, so
-        that those of one slack make a set."""
+    def _spring_sets(self) -> Iterator[tuple[str, SpringLaw, float]]:
+        """Name, law and slack (m) of each set that FEBio needs: springs rest at their initial
+        length there, so that those of one slack make a set."""
         for s in self.job.springs:
             slack = s.length - self._initial(s)
             slack[np.abs(slack) < SAME_LENGTH] = 0.0
             levels = np.unique(slack)
             for i, level in enumerate(levels):
-                own = np.flatnonzero(slack == level)
                 name = s.name if len(levels) == 1 else f"{s.name} {i + 1}"
-                self.sets.append(f"<DiscreteSet name={quoteattr(name)}>")
-                for k in own:
-                    far = int(s.other[k])
-                    end = (
-                        int(self.job.sheet.node_ids[far])
-                        if s.body[k] < 0
-                        else self._anchor(int(s.body[k]), s.anchor[k])
-                    )
-                    self.sets.append(f"<delem>{self.job.sheet.node_ids[s.nodes[k]]},{end}</delem>")
-                self.sets.append("</DiscreteSet>")
-                yield name, self._spring_law(s.law, float(level))
+                rows = [self._ends(s, int(k)) for k in np.flatnonzero(slack == level)]
+                self.sets.append(tag("DiscreteSet", *rows, name=name))
+                yield name, s.law, float(level)
+
+    def _ends(self, s: SpringSet, k: int) -> Element:
+        """The nodes that a set's spring k joins."""
+        ids = self.job.sheet.node_ids
+        end = ids[s.other[k]] if s.body[k] < 0 else self._anchor(int(s.body[k]), s.anchor[k])
+        return tag("delem", (ids[s.nodes[k]], end))
 
     def _initial(self, s: SpringSet) -> Array:
         """(k,) m between the ends as the file has them."""
@@ -241,38 +193,43 @@ class Conditions:
         )
         return np.asarray(np.linalg.norm(far - self.points[s.nodes], axis=1))
 
-    def _spring_law(self, law: SpringLaw, slack: float) -> str:
+    def _spring_law(self, law: SpringLaw, slack: float) -> tuple[str, Element]:
+        """The spring's type and what says its force."""
         if law.toe or np.ndim(law.stiffness):
             raise InputError(
                 "a set of springs with a toe, or of several stiffnesses, is not written in FEBio's "
                 "format; give the toe as a table, and a set to each stiffness"
             )
-        each = float(law.stiffness)
+        stiffness = float(law.stiffness)
         if law.table is None and not slack:
             kind = "tension-only linear spring" if law.tension_only else "linear spring"
-            stiffness = each * self.units.length / self.units.force
-            return f'type="{kind}"><E>{number(stiffness)}</E>'
-        curve = law.table
-        if curve is None:
+            return kind, tag("E", stiffness * self.units.length / self.units.force)
+        if law.table is None:
             span = abs(slack)
-            left = 0.0 if law.tension_only else -each * span
-            points = [(slack - span, left), (slack, 0.0), (slack + span, each * span)]
-            how = "<interpolate>LINEAR</interpolate><extend>EXTRAPOLATE</extend>"
+            left = 0.0 if law.tension_only else -stiffness * span
+            times, values = (slack - span, slack, slack + span), (left, 0.0, stiffness * span)
+            curve = LoadCurve(times, values, extension=Extension.EXTRAPOLATE)
         elif law.tension_only:
             raise InputError("FEBio has no tension-only spring with a table; make the table zero")
         else:
-            points = [(x + slack, f) for x, f in zip(curve.times, curve.values, strict=True)]
-            how = f"<interpolate>{curve.interpolation}</interpolate>"
-            how += f"<extend>{curve.extension}</extend>"
-        scale = (self.units.length, self.units.force)
-        rows = "".join(f"<pt>{row((x / scale[0], f / scale[1]))}</pt>" for x, f in points)
-        return f'type="nonlinear spring"><force type="point">{how}<points>{rows}</points></force>'
+            curve = replace(law.table, times=tuple(x + slack for x in law.table.times))
+        inner = curve_tags(curve, self.units.length, self.units.force)
+        return "nonlinear spring", tag("force", *inner, type="point")
 
-    def _discrete(self) -> Lines:
-        yield "<Discrete>"
-        springs = list(self._spring_sets())
-        for i, (name, law) in enumerate(springs, 1):
-            yield f'<discrete_material id="{i}" name={quoteattr(name)} {law}</discrete_material>'
-        for i, (name, _) in enumerate(springs, 1):
-            yield f'<discrete dmat="{i}" discrete_set={quoteattr(name)}/>'
-        yield "</Discrete>"
+    def _discrete(self) -> Iterator[Element]:
+        sets = list(self._spring_sets())
+        for i, (name, law, slack) in enumerate(sets, 1):
+            kind, force = self._spring_law(law, slack)
+            yield tag("discrete_material", force, id=i, name=name, type=kind)
+        for i, (name, _, _) in enumerate(sets, 1):
+            yield tag("discrete", dmat=i, discrete_set=name)
+
+
+def curve_tags(c: LoadCurve, across: float = 1.0, along: float = 1.0) -> list[Element]:
+    """A curve, its times over `across` and its values over `along`."""
+    points = zip(c.times, c.values, strict=True)
+    return [
+        tag("interpolate", c.interpolation),
+        tag("extend", c.extension),
+        tag("points", *[tag("pt", (x / across, y / along)) for x, y in points]),
+    ]

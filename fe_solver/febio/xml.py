@@ -1,11 +1,14 @@
-"""The tags of FEBio's files."""
+"""The tags of FEBio's files, read and made."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar, Self, TypeAlias
+
+import numpy as np
+from lxml import etree
 
 from cosim import xml_tree
 from cosim.errors import InputError
@@ -59,6 +62,24 @@ class FebTag(xml_tree.Tag):
             raise self.fault(f"the attribute {name!r} is missing")
         return self.attributes[name].strip()
 
+    def known(self, what: str, kind: str, known: Collection[str]) -> str:
+        """`kind`, which must be one of those known.  Raises InputError."""
+        if kind not in known:
+            raise self.fault(f"the {what} {kind!r} is not read; known: {', '.join(known)}")
+        return kind
+
+    def kind_of(self, what: str, known: Collection[str]) -> str:
+        """The attribute `type`, which must be one of those known.  Raises InputError."""
+        return self.known(what, self.attribute("type"), known)
+
+    def needed(self, name: str, words: str = "") -> Self:
+        """The child of that name.  Raises InputError, with `words` for what it holds, where there
+        is none."""
+        child = self.one(name)
+        if child is None:
+            raise self.fault(f"<{name}> is missing" + (f": {words}" if words else ""))
+        return child
+
     def number(self) -> float:
         """A number that does not change in time or space."""
         for name in ("lc", "type"):
@@ -86,3 +107,38 @@ class FebTag(xml_tree.Tag):
 def read_xml(path: Path, root: str) -> FebTag:
     """The tree of a file of FEBio's whose root has that name.  Raises InputError."""
     return read_tree(path, root, FebTag, LIMITS)
+
+
+Element: TypeAlias = Any
+"""A tag of lxml's, which has no types."""
+
+
+def tag(kind: str, *content: object, **attributes: object) -> Element:
+    """A tag that holds other tags, or a text: numbers as `text` says.
+
+    Raises InputError for a text with characters that XML has no place for."""
+    out = etree.Element(kind)
+    try:
+        for name, value in attributes.items():
+            out.set(name, text(value))
+        for part in content:
+            if etree.iselement(part):
+                out.append(part)
+            else:
+                out.text = text(part)
+    except ValueError as error:
+        raise InputError(f"<{kind}> cannot be written: {error}") from error
+    return out
+
+
+def text(value: Any) -> str:
+    """A text as it is, a number with all of its digits (a truth as 1 or 0), several with commas
+    between."""
+    if isinstance(value, str):
+        return value
+    return ",".join(map(repr, (np.ravel(value) * 1).tolist()))
+
+
+def write_xml(path: Path, root: Element) -> None:
+    """Write a tree as a file of FEBio's."""
+    etree.ElementTree(root).write(path, encoding="UTF-8", xml_declaration=True, pretty_print=True)

@@ -143,7 +143,7 @@ class Orthotropic(LinearLaw):
     the contraction across a pull along it, G12, G13 and G23 (Pa) are shear moduli.
 
     E3 (as E2 where None), nu23 and nu31 are of the thickness, which a sheet in plane stress does
-    not ask for and a solid does (`verification.febio.solid_laws`).
+    not ask for and a solid does (`q4ans.laws`).
 
     Raises InputError where the parameters make no positive definite law.
 

@@ -1,9 +1,8 @@
 """The sparse direct solvers, behind one small protocol: analyse a pattern once, factor often.
 
 feral is installed with the program where it has a wheel, and SciPy's SuperLU is always there.
-PARDISO (pypardiso) and CHOLMOD (scikit-sparse; its supernodal part is GPL, so it is never required)
-are taken where they are installed.  The first of `BACKENDS` that is there is used; the environment
-variable FE_SOLVER_LINEAR names another choice.
+PARDISO (pypardiso) is taken where it is installed.  The first of `BACKENDS` that is there is used;
+the environment variable FE_SOLVER_LINEAR names another choice.
 """
 
 from __future__ import annotations
@@ -25,19 +24,10 @@ import scipy.sparse.linalg as spla
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array, Ints
 
-BACKENDS = {
-    "pardiso": "pypardiso",
-    "feral": "feral",
-    "cholmod": "sksparse",
-    "superlu": "scipy",
-}
+BACKENDS = {"pardiso": "pypardiso", "feral": "feral", "superlu": "scipy"}
 """Name and module, in the order in which they are taken.  Times of one factorisation over that of
-SuperLU: PARDISO 0.3, feral 0.55, CHOLMOD 1.2; CHOLMOD solves for many right-hand sides three times
-as fast as the others."""
-FASTER = {
-    "pardiso": "PARDISO (factorises in a third of the time): pip install 'cosim-hand[mkl]'",
-    "cholmod": "CHOLMOD (condensed tangents; needs SuiteSparse): pip install 'cosim-hand[fast]'",
-}
+SuperLU: PARDISO 0.3, feral 0.55."""
+FASTER = {"pardiso": "PARDISO (factorises in a third of the time): pip install 'cosim-hand[mkl]'"}
 VARIABLE = "FE_SOLVER_LINEAR"
 MOST_PRODUCTS = 10
 """Iterations of conjugate gradients with a nearby factor; more cost what a factorisation does."""
@@ -48,7 +38,7 @@ RANK = 1e-13
 
 
 class NotPositiveDefiniteError(ArithmeticError):
-    """A symmetric matrix that a Cholesky factorisation refuses."""
+    """A symmetric matrix that conjugate gradients refuse."""
 
 
 class Factor(Protocol):
@@ -69,10 +59,8 @@ class Analysis(Protocol):
     """Whether a factorisation takes longer than MOST_PRODUCTS solutions and products."""
 
     def factor(self, data: Array) -> Factor:
-        """Numeric factor of the symmetric matrix whose entries are taken from `data`.
-
-        Raises NotPositiveDefiniteError where the method needs a positive definite matrix and it is
-        not, and ConvergenceError for a singular one."""
+        """Numeric factor of the symmetric matrix whose entries are taken from `data`, definite or
+        not.  Raises ConvergenceError for a singular one."""
         ...
 
 
@@ -110,7 +98,6 @@ def analyse(slots: sp.csc_array, backend: str | None = None) -> Analysis:
     """
     backend = backend or backend_name()
     kinds: dict[str, Callable[[sp.csc_array], Analysis]] = {
-        "cholmod": CholmodAnalysis,
         "feral": FeralAnalysis,
         "pardiso": PardisoAnalysis,
         "superlu": SuperLUAnalysis,
@@ -230,47 +217,6 @@ class _OrderedLU:
     @property
     def negative(self) -> int:
         return int((self.lu.U.diagonal() < 0).sum())
-
-
-@dataclass(frozen=True)
-class CholmodAnalysis:
-    """Supernodal Cholesky; positive definite values only, of which it reads the lower half."""
-
-    dear: ClassVar[bool] = True
-    slots: sp.csc_array
-
-    @cached_property
-    def _lower(self) -> tuple[sp.csc_array, Ints, Any]:
-        from sksparse.cholmod import analyze
-
-        lower = sp.csc_array(sp.tril(self.slots, format="csc"))
-        lower.sort_indices()
-        slots = positions(lower)
-        return lower, slots, analyze(_legacy(lower, np.ones(len(slots))), mode="supernodal")
-
-    def factor(self, data: Array) -> Factor:
-        """The numeric factor of the matrix with entries from `data`."""
-        from sksparse.cholmod import CholmodNotPositiveDefiniteError
-
-        lower, slots, symbolic = self._lower
-        try:
-            return _Cholesky(symbolic.cholesky(_legacy(lower, data[slots])))
-        except CholmodNotPositiveDefiniteError as error:
-            raise NotPositiveDefiniteError(str(error)) from error
-
-
-def _legacy(pattern: sp.csc_array, data: Array) -> sp.csc_matrix:
-    """scikit-sparse 0.4 knows sparse matrices only."""
-    return sp.csc_matrix((data, pattern.indices, pattern.indptr), shape=pattern.shape)
-
-
-@dataclass(frozen=True)
-class _Cholesky:
-    symbolic: Any
-    negative: ClassVar[int] = 0
-
-    def solve(self, right: Array) -> Array:
-        return np.asarray(self.symbolic(right))
 
 
 class _ThreadSolvers(threading.local):

@@ -30,10 +30,7 @@ FAR = 0.2
 
 def factorise(model: ShellModel, data: Array) -> Factor:
     """Factor of the free part of the tangent, definite or not."""
-    try:
-        return _analysis(model).factor(data)
-    except NotPositiveDefiniteError:
-        return model.pattern.general.factor(data)
+    return _analysis(model).factor(data)
 
 
 def newton_step(
@@ -61,8 +58,6 @@ def newton_step(
             step[free] = -factor.solve(gradient[free])
             if step[free] @ gradient[free] <= 0:
                 return step, factor
-        except NotPositiveDefiniteError:
-            pass
         except ConvergenceError as error:
             singular = error
         data = data.copy() if shift == 0.0 else data

@@ -153,7 +153,7 @@ def test_what_is_refused(settings: list[str], words: str):
 
 
 def test_an_fmu_in_motion_takes_tensions():
-    from cosim.fmu_export.part_of import part_of
+    from cosim.fmu_export.run import part_of
 
     case = load_case("pulley_edc", [PLAIN, *LOOSE, SHORT, draws("FDP")])
     with pytest.raises(InputError, match="an FMU in motion takes tensions"):

@@ -168,7 +168,7 @@ def test_what_is_refused(name: str, setting: str, words: str):
 
 
 def test_an_fmu_leaves_its_steps_to_its_master():
-    from cosim.fmu_export.part_of import part_of
+    from cosim.fmu_export.run import part_of
 
     case = load_case("pulley_edc", [*FREE, forward("0.1 deg")])
     with pytest.raises(InputError, match="the steps of an FMU are its master's"):

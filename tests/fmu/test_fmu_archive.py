@@ -17,7 +17,7 @@ from cosim.fmu.archive import unpack_fmu
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import hood_quantities
 from cosim.fmu.unit import Unit
-from cosim.fmu_export.part_of import part_of
+from cosim.fmu_export.run import part_of
 from cosim.fmu_export.write import write_fmu
 from tests.helpers.fmus import NEEDS_FMU, change_archive, change_description
 

@@ -20,15 +20,14 @@ from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.hooks import Stateful
-from cosim.fmu_export.part_of import part_of
-from cosim.fmu_export.run import UnitRun
+from cosim.fmu_export.run import UnitRun, part_of
 from cosim.fmu_export.state import SerialisedState
 from cosim.fmu_export.static_parts import HoodPart
 from cosim.fmu_export.write import write_fmu
 from cosim.models.build import build, tensions
 from cosim.port import STATIC, PairState, Tensions, rotation_matrix
 from cosim.solve.solvers import solve
-from tests.helpers.fmus import NEEDS_FMU, InitialUnit, places_of
+from tests.helpers.fmus import NEEDS_FMU, InitialUnit, places_of, run_in_fmpy
 
 pytestmark = NEEDS_FMU
 PARTS = ("hood", "finger", "coupled")
@@ -53,18 +52,11 @@ def written(case, tmp_path_factory) -> dict[tuple[str, int], Path]:
 @pytest.mark.parametrize("part", PARTS)
 def test_fmpy_finds_no_problem_and_runs_a_second(tmp_path, written, case, part, fmi):
     """Of FMI 2 without the tangent's hundreds of names, of which FMPy parses each."""
-    from fmpy import simulate_fmu
-    from fmpy.validation import validate_fmu
-
-    path = str(written[part, fmi])
+    path = written[part, fmi]
     if fmi == 2:
-        path = str(tmp_path / "short.fmu")
-        write_fmu(case, part, fmi, Path(path), tangent=False)
-    assert validate_fmu(path) == []
-    result = simulate_fmu(path, stop_time=1.0, output_interval=0.1)
-    assert result["time"][-1] == pytest.approx(1.0)
-    plain = result.view(np.ndarray)
-    assert all(np.isfinite(plain[name]).all() for name in plain.dtype.names)
+        path = tmp_path / "short.fmu"
+        write_fmu(case, part, fmi, path, tangent=False)
+    run_in_fmpy(path, 1.0)
 
 
 def test_another_importer_gets_the_native_force(written, case):

@@ -197,7 +197,7 @@ def test_the_command_runs_it_from_a_file_beside(written, models, tmp_path, monke
     assert CliRunner().invoke(app, ["check", str(case)]).exit_code == 0
     done = CliRunner().invoke(app, ["run", str(case), "--out", str(tmp_path / "runs")])
     assert done.exit_code == 0, done.output
-    assert "fingertip force N" in done.stdout
+    assert "fingertip force, magnitude, N" in done.stdout
     files = {p.name for p in (tmp_path / "runs" / "unit").iterdir()}
     assert {"summary.json", "results.nc", "ledger.csv", "picture.png", "case.toml"} <= files
 

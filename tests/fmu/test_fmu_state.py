@@ -14,8 +14,7 @@ from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, StoppedError
 from cosim.fmu.mapping import VariablePlace
 from cosim.fmu.unit import Unit
-from cosim.fmu_export.part_of import PARTS
-from cosim.fmu_export.run import UnitRun
+from cosim.fmu_export.run import PARTS, UnitRun
 from cosim.fmu_export.state import Snapshot
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cosim.case.file import load_case
@@ -16,7 +17,7 @@ from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.unit import Unit
-from cosim.fmu_export.part_of import part_of
+from cosim.fmu_export.run import part_of
 from cosim.verification.fmu import MOTION
 
 NEEDS_FMU = [
@@ -88,3 +89,15 @@ class InitialUnit(Unit):
     def leave_initialization(self) -> None:
         """Raises InputError."""
         self._call(self._fmu.exitInitializationMode, InputError, "cannot be initialised")
+
+
+def run_in_fmpy(path: Path, seconds: float) -> None:
+    """FMPy finds no problem in a unit, and runs it so long with finite values."""
+    from fmpy import simulate_fmu
+    from fmpy.validation import validate_fmu
+
+    assert validate_fmu(str(path)) == []
+    result = simulate_fmu(str(path), stop_time=seconds, output_interval=seconds / 10)
+    assert result["time"][-1] == pytest.approx(seconds)
+    plain = result.view(np.ndarray)
+    assert all(np.isfinite(plain[name]).all() for name in plain.dtype.names)

@@ -1,1 +1,1 @@
-"""FEBio's own shell and contact, made from its documentation, to compare ours with."""
+"""Our answers and costs beside FEBio's."""

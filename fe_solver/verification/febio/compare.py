@@ -21,8 +21,8 @@ from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
 from fe_solver.job.results import displacement
 from fe_solver.job.solve import JobResult, JobState, solve_job
+from fe_solver.q4ans.solve import solve_solid
 from fe_solver.verification.febio.figures import PUBLISHED, REFERENCE_S, Published
-from fe_solver.verification.febio.solid_solve import solve_solid
 
 TOLERANCE = 0.03
 REFERENCE_JOB = "reference_job.py"

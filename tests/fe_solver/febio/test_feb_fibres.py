@@ -21,7 +21,7 @@ from fe_solver.materials.fibres import (
     TransIsoMooneyRivlin,
 )
 from fe_solver.materials.linear import Law, Orthotropic
-from fe_solver.verification.febio.solid_model import obstacles
+from fe_solver.q4ans.model import obstacles
 from tests.helpers.feb_files import ISOTROPIC, change_section, read, same
 from tests.helpers.jobs import change_job
 

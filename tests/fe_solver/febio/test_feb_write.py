@@ -217,6 +217,10 @@ def test_what_febio_cannot_say_is_not_written(tmp_path: Path) -> None:
         ({"parts": twins}, "are called 'strip'"),
         ({"contacts": (mixed,)}, "one face"),
         ({"steps": ()}, "no time steps"),
+        (
+            {"parts": (dataclasses.replace(job.sheet.parts[0], name="\x01"), job.sheet.parts[1])},
+            "control char",
+        ),
     ):
         with pytest.raises(InputError, match=words):
             write_feb(change_job(job, **changes), path)

@@ -14,11 +14,11 @@ from fe_solver.job.job import HeldDirector, Job, NodalForce, PrescribedDisplacem
 from fe_solver.job.model import JobOptions, job_model
 from fe_solver.job.solve import solve_job, spread_times
 from fe_solver.materials.linear import Isotropic
+from fe_solver.q4ans.solve import solve_solid
 from fe_solver.sheet import plate
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.supports import WALL, Body, SpringLaw, SpringSet, Tied
 from fe_solver.surfaces.shapes import HalfSpace
-from fe_solver.verification.febio.solid_solve import solve_solid
 from tests.helpers.jobs import (
     LENGTH,
     PLAIN,

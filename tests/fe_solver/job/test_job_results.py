@@ -18,10 +18,10 @@ from fe_solver.job.curves import LoadCurve
 from fe_solver.job.model import JobOptions
 from fe_solver.job.results import write_job
 from fe_solver.job.solve import _advice, solve_job
+from fe_solver.q4ans.solve import alternatives, solve_solid
 from fe_solver.supports import SpringLaw
 from fe_solver.verification.febio.compare import Formulation, quantities, rows
 from fe_solver.verification.febio.figures import PUBLISHED
-from fe_solver.verification.febio.solid_solve import alternatives, solve_solid
 from tests.helpers.jobs import (
     PLAIN,
     bending_job,

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from cosim.errors import InputError
-from rigid.hoods.network import Network
 from rigid.hoods.two_band import (
     ELASTICITY,
     JOINTS,
@@ -21,7 +19,6 @@ from rigid.hoods.two_band import (
     shift_difference,
     two_band,
 )
-from rigid.papers.networks.human_network import human_finger
 
 PARABOLA = TABLE_1["ED", "PIP"].slope / TABLE_1["ED", "DIP"].radius
 
@@ -73,24 +70,10 @@ def test_in_flexion_of_the_ip_joints_ed_and_the_interossei_run_alike():
     assert np.degrees(at[-1, 2]) == pytest.approx(73.0, abs=0.05)
 
 
-def switch(network: Network, muscle: int, slip: int, pip: float) -> float:
-    """DIP angle (rad) at which the slip bears what its stiffness alone would give it."""
-    own = network.connection[:, muscle] * network.stiffness
-    even, force = own[slip] / own.sum(), np.full(len(network.muscles), 10.0)
-
-    def excess(dip: float) -> float:
-        share = network.distribution(np.array([0.0, pip, dip]), force)
-        return float(share[slip, muscle] - even)
-
-    return float(brentq(excess, -0.5, 2.0, xtol=1e-13))
-
-
-@pytest.mark.parametrize(("make", "slip"), [(human_finger, 3), (two_band, 0)])
-def test_the_coupling_curve_is_a_parabola(make, slip):
-    """Equation 6, on which both networks switch from one tendon to the other."""
-    network = make()
-    for pip in np.linspace(0.05, 1.9, 12):
-        assert switch(network, 0, slip, pip) == pytest.approx(PARABOLA * pip**2, abs=1e-9)
+def test_the_coupling_curve_is_a_parabola():
+    """Equation 6; that both networks switch on it is a row of each in `cosim verify hoods`."""
+    pip = np.linspace(0.05, 1.9, 12)
+    assert coupled_dip(pip) == pytest.approx(PARABOLA * pip**2, rel=1e-12)
 
 
 def test_off_the_switch_the_arm_is_that_of_one_band():

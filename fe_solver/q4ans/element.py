@@ -1,4 +1,4 @@
-"""FEBio's `q4ans` shell, from its documentation: the element of `cosim solve --element q4ans`.
+"""FEBio's `q4ans` shell, from its documentation: the element that `cosim solve` takes where it can.
 
 Each node is a pair, one on either face of the sheet; the element is the solid between the faces,
 linear through the thickness (FEBio theory manual 3.4, section 4.2; user manual 3.4, section 3.6.2:
@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from cosim.port import Array
 from fe_solver.elements.mitc4 import CORNERS, GAUSS, shape
 from fe_solver.materials.linear import Law
-from fe_solver.verification.febio.solid_laws import (
+from fe_solver.q4ans.laws import (
     FIRST,
     PAIRS,
     SECOND,

@@ -31,24 +31,18 @@ from fe_solver.job.model import (
     follower_pressure,
 )
 from fe_solver.materials.linear import Law
-from fe_solver.sheet import Sheet, ShellPart
-from fe_solver.solver.linear_algebra import (
-    Analysis,
-    Factor,
-    NotPositiveDefiniteError,
-    SuperLUAnalysis,
-    analyse,
-)
-from fe_solver.supports import ContactPair, links_of, springs_of
-from fe_solver.surfaces.closing import border_edges, merge_vertices
-from fe_solver.verification.febio.facets import Facets, Pressed, cut, find_triangles, pressures
-from fe_solver.verification.febio.q4ans import (
+from fe_solver.q4ans.element import (
     SolidTables,
     cross_matrix,
     solid_response,
     solid_tables,
 )
-from fe_solver.verification.febio.solid_laws import law_obstacle, normal_modulus
+from fe_solver.q4ans.facets import Facets, Pressed, cut, find_triangles, pressures
+from fe_solver.q4ans.laws import law_obstacle, normal_modulus
+from fe_solver.sheet import Sheet, ShellPart
+from fe_solver.solver.linear_algebra import Analysis, Factor, analyse
+from fe_solver.supports import ContactPair, links_of, springs_of
+from fe_solver.surfaces.closing import border_edges, merge_vertices
 
 ON_FACE = 1e-9
 """Share of the thickness by which a node may lie off the sheet's face."""
@@ -358,11 +352,7 @@ class SolidPattern:
 
     def factorise(self, terms: Sequence[Term]) -> Factor:
         """The tangent, which may be indefinite.  Raises ConvergenceError where it is singular."""
-        data = self.data(terms)
-        try:
-            return self.analysis.factor(data)
-        except NotPositiveDefiniteError:
-            return SuperLUAnalysis(self.slots).factor(data)
+        return self.analysis.factor(self.data(terms))
 
 
 def _pattern(groups: Sequence[Ints], free: NDArray[np.bool_]) -> SolidPattern:

@@ -23,17 +23,17 @@ from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
 from fe_solver.job.rigid_modes import FreeMotions, Pieces, free_motions, unsupported
 from fe_solver.job.solve import JobResult, JobState, output_times
-from fe_solver.solver.continuation import TimeSteps
-from fe_solver.solver.linear_algebra import Factor, has_mechanism, positions
-from fe_solver.vectors import cross
-from fe_solver.verification.febio.solid_model import (
+from fe_solver.q4ans.model import (
     Loads,
     SolidModel,
     Term,
     obstacles,
     solid_model,
 )
-from fe_solver.verification.febio.solid_state import SolidEquilibrium, solid_state
+from fe_solver.q4ans.state import SolidEquilibrium, solid_state
+from fe_solver.solver.continuation import TimeSteps
+from fe_solver.solver.linear_algebra import Factor, has_mechanism, positions
+from fe_solver.vectors import cross
 
 TOLERANCE = 1e-7
 """Residual over the largest force at a spring, in contact or of all reactions."""

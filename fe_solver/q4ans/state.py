@@ -10,13 +10,13 @@ from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.springs import node_spring_state, spring_state
 from fe_solver.job.solve import JobState, forces_by_set
+from fe_solver.q4ans.element import solid_strain
+from fe_solver.q4ans.laws import solid_stress
+from fe_solver.q4ans.model import Loads, SolidModel, Source, Term
 from fe_solver.solver.continuation import Effort
 from fe_solver.solver.fields import Fields
 from fe_solver.solver.model import Configuration
 from fe_solver.vectors import cross
-from fe_solver.verification.febio.q4ans import solid_strain
-from fe_solver.verification.febio.solid_laws import solid_stress
-from fe_solver.verification.febio.solid_model import Loads, SolidModel, Source, Term
 
 GROUND = "ground"
 """The body that bears the reactions of held displacements."""

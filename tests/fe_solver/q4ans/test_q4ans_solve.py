@@ -25,12 +25,12 @@ from fe_solver.job.solve import solve_job
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import ExponentialFamily
 from fe_solver.materials.linear import Isotropic, Orthotropic
+from fe_solver.q4ans.model import obstacles, solid_model
+from fe_solver.q4ans.solve import solve_solid
 from fe_solver.sheet import ShellPart
 from fe_solver.supports import SpringLaw, SpringSet, Tied
 from fe_solver.verification.febio.compare import ComparedQuantity, Formulation, quantities, rows
 from fe_solver.verification.febio.figures import PUBLISHED
-from fe_solver.verification.febio.solid_model import obstacles, solid_model
-from fe_solver.verification.febio.solid_solve import solve_solid
 from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
 from tests.helpers.folders import TEST_DATA
 from tests.helpers.jobs import (
@@ -370,7 +370,7 @@ def test_a_sheet_that_can_move_and_one_that_finds_no_rest_are_told(monkeypatch):
     with pytest.raises(InputError, match="nothing resists"):
         solve_solid(job)
     job = add_load(end, [0, 0, 0.01])
-    monkeypatch.setattr("fe_solver.verification.febio.solid_solve.MOST_ITERATIONS", 1)
+    monkeypatch.setattr("fe_solver.q4ans.solve.MOST_ITERATIONS", 1)
     with pytest.raises(ConvergenceError, match=r"no equilibrium of q4ans.*--own-shell"):
         solve_solid(job)
 

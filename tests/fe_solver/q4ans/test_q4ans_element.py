@@ -20,14 +20,14 @@ from fe_solver.materials.fibres import (
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Orthotropic
 from fe_solver.materials.tension_field import TensionField
-from fe_solver.verification.febio.facets import Facets, cut, find_triangles, pressures
-from fe_solver.verification.febio.q4ans import (
+from fe_solver.q4ans.element import (
     SolidTables,
     solid_response,
     solid_strain,
     solid_tables,
 )
-from fe_solver.verification.febio.solid_laws import in_situ_strain, normal_modulus, solid_stress
+from fe_solver.q4ans.facets import Facets, cut, find_triangles, pressures
+from fe_solver.q4ans.laws import in_situ_strain, normal_modulus, solid_stress
 from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
 from tests.helpers.jobs import COARSE, LENGTH, THICK, WIDTH, E, strip
 from tests.helpers.shells import map_grid
