@@ -15,7 +15,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array, Ints
 from fe_solver.elements.kinds import kind_of
-from fe_solver.elements.mesh_geometry import node_directors
+from fe_solver.elements.mesh_geometry import node_directors, node_means
 from fe_solver.elements.shell import shell_tables
 from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
 from fe_solver.materials.linear import Law
@@ -139,6 +139,11 @@ class Sheet:
                 if len(of_part)
             ]
         )
+
+    def moved(self, over: Array) -> Array:
+        """(n, 3) m, the nodes moved along their directors by the mean at each of `over` (ne, k)."""
+        mean = node_means(over, self.quads, len(self.points))
+        return self.points + mean[:, None] * self.directors
 
     def model(self, **more: Any) -> ShellModel:
         """Return the solver's model of the sheet, with `more` of `ShellModel`'s fields: what holds,

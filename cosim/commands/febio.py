@@ -79,8 +79,7 @@ def solve(
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
     with exit_on_error():
         from fe_solver.febio.read import read_feb
-        from fe_solver.job.mid_surface import move_to_mid_surface
-        from fe_solver.job.model import JobOptions
+        from fe_solver.job.model import JobOptions, move_to_mid_surface
         from fe_solver.job.results import SUMMARY, write_job
         from fe_solver.job.solve import solve_job, spread_times
         from fe_solver.q4ans.solve import alternatives, solve_solid

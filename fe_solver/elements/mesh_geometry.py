@@ -34,8 +34,10 @@ def node_directors(points: Array, quads: Ints) -> Array:
 
 
 def node_means(values: Array, quads: Ints, count: int) -> Array:
-    """(n,) mean of the quads' values (ne,) that meet at each node."""
-    total = np.bincount(quads.ravel(), weights=np.repeat(values, quads.shape[1]), minlength=count)
+    """(n,) mean at each node of the values (ne,) of the elements that meet there, or of those
+    (ne, k) that they have at it."""
+    each = np.broadcast_to(values.T, quads.T.shape).T.ravel()
+    total = np.bincount(quads.ravel(), weights=each, minlength=count)
     return total / np.maximum(np.bincount(quads.ravel(), minlength=count), 1)
 
 

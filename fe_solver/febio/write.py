@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +12,6 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.port import Array, Ints
-from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.bodies import Units
 from fe_solver.febio.laws import law_tag, needs_fibre
 from fe_solver.febio.write_conditions import SAME_POINT, Conditions, curve_tags
@@ -67,10 +67,7 @@ def face_points(job: Job, points: Array) -> Array:
     off = job.sheet.height + job.sheet.thickness / 2
     if not (np.abs(off) > SAME_POINT).any():
         return points
-    count = np.bincount(job.sheet.quads.ravel(), minlength=len(points))
-    total = np.bincount(job.sheet.quads.ravel(), weights=off.ravel(), minlength=len(points))
-    mean = total / np.maximum(count, 1)
-    return points + mean[:, None] * node_directors(points, job.sheet.quads)
+    return replace(job.sheet, points=points).moved(off)
 
 
 def _document(w: Conditions) -> Element:

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints, Motion
-from fe_solver.elements.mesh_geometry import is_triangle, node_directors
+from fe_solver.elements.mesh_geometry import is_triangle, node_directors, node_means
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
 from fe_solver.forces.ramp import ramp
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.curves import Drive, Extension, LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
-from fe_solver.job.model import corner_means
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.model import ShellModel
@@ -67,7 +66,7 @@ def job_of_hood(
         )
         parts = tuple(_turn_over(part) for part in parts)
     if on_face:
-        over = corner_means(quads, height + thickness / 2, len(points))
+        over = node_means(height + thickness / 2, quads, len(points))
         points = points + over[:, None] * node_directors(points, quads)
         height = -thickness / 2
     fibre = _mean_direction(model.tables.frame[:, :, 0]) @ hood.rest.rotation[frame]
@@ -268,7 +267,7 @@ def _pair(
         raise InputError(f"the hood touches the body {name!r}, whose surface is not given")
     own = np.isin(job.sheet.quads, contact.nodes).all(axis=1)
     sheet = job.sheet
-    half = corner_means(sheet.quads, sheet.thickness, len(sheet.points))[contact.nodes] / 2
+    half = node_means(sheet.thickness, sheet.quads, len(sheet.points))[contact.nodes] / 2
     gap = contact.offset - half - lift
     if np.ptp(gap) > SAME:
         raise InputError(f"the contact level over the body {name!r} varies from node to node")

@@ -147,7 +147,6 @@ def _hood(
     ties = ties_of(s.ties, X, bare.directors, rest.position, rest.rotation)
     guided, share = shares_of(s.tendons)
     held = [own for own in s.springs if len(own.nodes)]
-    names = tuple(own.name for own in held)
     model = replace(
         bare,
         springs=springs_of(held),
@@ -155,11 +154,11 @@ def _hood(
         guides=guides_of(X, rest, s.guide_body, s.pull, guided),
         share=share,
         contacts=contacts(np.setdiff1d(np.arange(len(X)), np.concatenate([ties.node, guided]))),
-        groups=names,
+        groups=tuple(springs.name for springs in held),
         ropes=ropes_of(X, rest, s.guide_body, s.pull, s.tendons),
     )
     augment = s.contact.augment()
-    return ShellHood(model, tuple(s.tendons), rest, s.carriers, names, s.options, augment)
+    return ShellHood(model, tuple(s.tendons), rest, s.carriers, s.options, augment)
 
 
 def shares_of(tendons: Mapping[str, TendonEnd]) -> tuple[Ints, Array]:

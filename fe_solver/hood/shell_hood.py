@@ -76,7 +76,7 @@ class ShellHood:
     """A shell over the bones as a Hood of the port.
 
     `carriers` (n, nb) say how much of each node's motion each body carries in a large change of
-    pose; `groups` names the springs' groups, each a source of the load; `rest` is the pose in
+    pose; `rest` is the pose in
     which the mesh was laid.  With `augment` no node penetrates further than it says, and
     contacts may rub; a state then remembers their pressures and where they stick.  With `softer`
     below 1 a large change is solved with that much of the contact's stiffness first: what slides on
@@ -89,7 +89,6 @@ class ShellHood:
     tendons: tuple[str, ...]
     rest: Motion
     carriers: Array
-    groups: tuple[str, ...]
     options: NewtonOptions = field(default_factory=NewtonOptions)
     augment: AugmentOptions | None = None
     softer: float = 1.0
@@ -100,6 +99,11 @@ class ShellHood:
     def bodies(self) -> tuple[str, ...]:
         """Names of the bodies that are shared with the other side."""
         return self.model.bodies
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the springs' groups, each a source of the load."""
+        return self.model.groups
 
     @property
     def lift(self) -> Array:

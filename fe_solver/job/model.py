@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints
-from fe_solver.elements.mesh_geometry import node_areas
+from fe_solver.elements.mesh_geometry import node_areas, node_means
 from fe_solver.forces.contact import Contact, needed_distance
 from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.loads import pressure_forces
@@ -24,7 +24,16 @@ from fe_solver.job.job import Job
 from fe_solver.sheet import Sheet
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
-from fe_solver.supports import STILL, ZERO, Body, ContactPair, links_of, springs_of, ties_of
+from fe_solver.supports import (
+    STILL,
+    ZERO,
+    Body,
+    ContactPair,
+    SpringSet,
+    links_of,
+    springs_of,
+    ties_of,
+)
 from fe_solver.surfaces.closing import close_surface
 from fe_solver.surfaces.spline_distance import SplineDistance, Surface, cache_folder
 
@@ -226,7 +235,7 @@ def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> C
     area = node_areas(sheet.points, quads)
     # how far the face that is meant lies beyond the nodes, towards the body
     beyond = pair.side[:, None] * sheet.height[pair.quads] + sheet.thickness[pair.quads] / 2
-    offset = pair.gap + corner_means(quads, beyond, len(sheet.points))[nodes]
+    offset = pair.gap + node_means(beyond, quads, len(sheet.points))[nodes]
     return Contact(
         pair.body,
         _surface(job, pair, float(offset.max(initial=0.0)), options),
@@ -237,12 +246,6 @@ def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> C
         options.smoothing,
         friction=pair.friction,
     )
-
-
-def corner_means(quads: Ints, values: Array, count: int) -> Array:
-    """(n,) mean of the corners' values (k, 4) at each node."""
-    total = np.bincount(quads.ravel(), weights=values.ravel(), minlength=count)
-    return total / np.maximum(np.bincount(quads.ravel(), minlength=count), 1)
 
 
 def sheet_stiffness(sheet: Sheet, quads: Ints) -> float:
@@ -273,3 +276,31 @@ def _surface(job: Job, pair: ContactPair, offset: float, options: JobOptions) ->
         raise InputError(
             f"{job.name}: contact {pair.name!r} with the body {body.name!r}: {error}"
         ) from error
+
+
+def move_to_mid_surface(job: Job) -> Job:
+    """The same sheet in the same place, with what holds and loads it acting on its mid-surface;
+    springs keep their slack.
+
+    A force F along a face of a sheet of thickness t is a couple F t / 2 on it.  Where that is many
+    times the sheet's bending stiffness E t^3 / 12, as a point spring's on a thin sheet, the sheet
+    turns about the point until the couple is gone, which no mesh of elements longer than thick can
+    follow."""
+    sheet = job.sheet
+    points = sheet.moved(sheet.height)
+    springs = tuple(_move(job, s, points) for s in job.springs)
+    height = node_means(sheet.height, sheet.quads, len(points))[sheet.quads]
+    moved = replace(sheet, points=points, height=sheet.height - height)
+    return replace(job, sheet=moved, springs=springs)
+
+
+def _move(job: Job, s: SpringSet, points: Array) -> SpringSet:
+    before, after = (_lengths(job, s, x) for x in (job.sheet.points, points))
+    return replace(s, length=s.length + after - before)
+
+
+def _lengths(job: Job, s: SpringSet, points: Array) -> Array:
+    """(k,) m of the springs with the sheet at rest."""
+    origin = np.array([b.origin for b in job.bodies] or [np.zeros(3)])
+    end = np.where((s.body >= 0)[:, None], origin[s.body] + s.anchor, points[s.other])
+    return np.asarray(np.linalg.norm(points[s.nodes] - end, axis=1))

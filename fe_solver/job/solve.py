@@ -169,8 +169,8 @@ def _advice(job: Job, steps: int, ways: Sequence[str]) -> str:
     tries = [*ways] if steps else []
     if job.springs and job.sheet.height.any():
         tries.append(
-            "--mid-surface (fe_solver.job.mid_surface: the springs pull at a face of the sheet, on "
-            "a thin one a couple beyond its bending stiffness)"
+            "--mid-surface (fe_solver.job.model.move_to_mid_surface: the springs pull at a face of "
+            "the sheet, on a thin one a couple beyond its bending stiffness)"
         )
     return f" To try, the nearest first: {'; '.join(tries)}." if tries else ""
 

@@ -26,7 +26,6 @@ from fe_solver.job.job import Job
 from fe_solver.job.model import (
     body_poses,
     check_supports,
-    corner_means,
     dead_loads,
     follower_pressure,
 )
@@ -279,9 +278,7 @@ def solid_model(job: Job) -> SolidModel:
     if reasons:
         raise InputError(f"{job.name}: --element q4ans does not cover it: {'; '.join(reasons)}")
     sheet, quads = job.sheet, job.sheet.quads
-    n = len(sheet.points)
-    mean = corner_means(quads, sheet.height, n)
-    rest = np.concatenate([sheet.points, sheet.points + 2 * mean[:, None] * sheet.directors])
+    rest = np.concatenate([sheet.points, sheet.moved(2 * sheet.height)])
     parts = [_part(job, np.flatnonzero(sheet.part == i), p) for i, p in enumerate(sheet.parts)]
     parts = [p for p in parts if len(p.elements)]
     volume, modulus = np.zeros(len(quads)), np.zeros(len(quads))

@@ -12,8 +12,8 @@ from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.supports import SpringLaw, SpringSet, springs_of
 from fe_solver.surfaces.spline_distance import Sphere
-from tests.helpers import shells
-from tests.helpers.shells import clamp, guide, sheet
+from fe_solver.verification import sheets
+from fe_solver.verification.sheets import clamp, guide, sheet
 
 TIGHT = NewtonOptions(tolerance=1e-12)
 TENSION = np.array([3.0, 1.5])
@@ -40,14 +40,14 @@ def strap() -> ShellModel:
         x, y = LENGTH * (uv[:, 0] - 0.5), WIDTH * (uv[:, 1] - 0.5)
         return np.column_stack([x, y, 2e-3 - 12.0 * x**2 + 0.05 * y])
 
-    X, quads = shells.map_grid(8, 4, bowed)
+    X, quads = sheets.map_grid(8, 4, bowed)
     model = sheet(X, quads, 5e7, 0.3, 0.5e-3, growth=0.02, bodies=("hand", "bone", "ball"))
     model = clamp(model, np.flatnonzero(X[:, 0] > LENGTH / 2 - 1e-6), body=1)
     end = np.flatnonzero(X[:, 0] < -LENGTH / 2 + 1e-6)
     model = guide(model, [end[:3], end[3:]], [(-1.0, 0, -0.4), (-1.0, 0.1, -0.4)])
     middle = np.flatnonzero((np.abs(X[:, 0]) < 12e-3) & (X[:, 0] > -12e-3))
     ball = Sphere(np.array([0.5e-3, 0.3e-3, -9.8e-3]), 11e-3)
-    touching = replace(shells.contact(model, ball, middle, 2e10, 1e-4), body=2)
+    touching = replace(sheets.contact(model, ball, middle, 2e10, 1e-4), body=2)
     a, b, c = middle[[0, 4]], middle[[10, 14]], middle[[20, 24]]
     low = np.array([0.0, 0, -5e-3])
     other = X[[b, c]]

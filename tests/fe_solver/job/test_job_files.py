@@ -15,7 +15,7 @@ from fe_solver.febio.write import write_feb
 from fe_solver.forces.springs import ROPE
 from fe_solver.hood.as_job import job_of_hood
 from fe_solver.job.job import NodalForce
-from fe_solver.job.mid_surface import move_to_mid_surface
+from fe_solver.job.model import move_to_mid_surface
 from fe_solver.job.solve import solve_job
 from fe_solver.supports import Body, SpringLaw, SpringSet, Tied
 from fe_solver.verification.febio.compare import quantities

@@ -17,8 +17,15 @@ from fe_solver.solver.model import Configuration, Forces, ShellModel
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.solver.residual import is_folded, residual_norm
 from fe_solver.supports import springs_of
-from fe_solver.verification.sheets import with_nine_nodes
-from tests.helpers.shells import NO_TENSION, at_rest, clamp, guide, plate, sheet
+from fe_solver.verification.sheets import (
+    NO_TENSION,
+    at_rest,
+    clamp,
+    guide,
+    plate,
+    sheet,
+    with_nine_nodes,
+)
 from tests.helpers.straps import TENSION, TIGHT, perturb, springs, strap
 
 LONGEST = 3e-3, 0.6
