@@ -6,14 +6,13 @@ Lengths in m, forces in N, angles in rad.  A body is known by its number among t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Protocol
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.port import Array, Ints, Motion, rotation_matrix
+from cosim.port import Array, Ints, rotation_matrix
 from fe_solver.forces.guides import Ties
 from fe_solver.forces.ramp import ramp
 from fe_solver.forces.springs import ForceCurve, NodeSprings, Springs
@@ -138,49 +137,6 @@ class ContactPair:
     """Coulomb's coefficient."""
     gap: float = 0.0
     """m that is kept between the faces."""
-
-
-class Attached(Protocol):
-    """Nodes and the points of a body that springs join them to."""
-
-    @property
-    def body(self) -> str:
-        """Name of the body."""
-        ...
-
-    @property
-    def nodes(self) -> Ints:
-        """Indices (k,) of the nodes."""
-        ...
-
-    @property
-    def anchors(self) -> Array:
-        """Points (k, 3) on the body, in its frame, m."""
-        ...
-
-    @property
-    def shares(self) -> Array | None:
-        """Proportions (k,) in which the springs share the stiffness, or None for even ones."""
-        ...
-
-
-def attach(
-    name: str,
-    attached: Attached,
-    law: SpringLaw,
-    points: Array,
-    rest: Motion,
-    slack: float = 0.0,
-) -> SpringSet:
-    """Return springs that share the stiffness of `law`, at rest when they are longer by `slack` (m)
-    than at points (n, 3) m in the pose `rest`."""
-    nodes, anchors = attached.nodes, attached.anchors
-    position, rotation = rest.of(attached.body)
-    length = np.linalg.norm(points[nodes] - position - anchors @ rotation.T, axis=1) + slack
-    shares = np.ones(len(nodes)) if attached.shares is None else attached.shares
-    each = replace(law, stiffness=law.stiffness * shares / shares.sum())
-    body = rest.bodies.index(attached.body)
-    return SpringSet.to_body(name, each, nodes, body, anchors, length)
 
 
 def ties_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -17,7 +18,7 @@ from cosim.port import Array, Motion, Triangles
 from fe_solver.forces.contact import needed_distance
 from fe_solver.hood.build import ContactLaw, HoodSupports, TendonEnd
 from fe_solver.solver.newton import NewtonOptions
-from fe_solver.supports import SpringLaw, SpringSet, Tied, attach
+from fe_solver.supports import SpringLaw, SpringSet, Tied
 from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
 from meshes.cable_net import CableNet
 from meshes.cover import Head, Joint, thinner
@@ -46,7 +47,7 @@ def supports_of(
     skeleton, contact = site.skeleton, hood.contact
     rest = Motion(BODIES, *skeleton.pose(laid.rest_posture))
     springs = [
-        attach(
+        _attach(
             name,
             laid.springs[name],
             SpringLaw(s.stiffness, s.tension_only, toe=s.toe),
@@ -76,6 +77,20 @@ def supports_of(
     )
 
 
+def _attach(
+    name: str, held: Attachment, law: SpringLaw, points: Array, rest: Motion, slack: float = 0.0
+) -> SpringSet:
+    """Springs that share the stiffness of `law`, at rest when they are longer by `slack` (m) than
+    at points (n, 3) m in the pose `rest`."""
+    position, rotation = rest.of(held.body)
+    reach = points[held.nodes] - position - held.anchors @ rotation.T
+    length = np.linalg.norm(reach, axis=1) + slack
+    shares = np.ones(len(held.nodes)) if held.shares is None else held.shares
+    each = replace(law, stiffness=law.stiffness * shares / shares.sum())
+    body = rest.bodies.index(held.body)
+    return SpringSet.to_body(name, each, held.nodes, body, held.anchors, length)
+
+
 def adhesions(
     lesion: LesionConfig | None, hood: HoodMesh | CableNet, points: Array, rest: Motion
 ) -> list[SpringSet]:
@@ -93,7 +108,7 @@ def adhesions(
             stiffness = 3 * lesion.adhesion * len(on_bone) / len(nodes) if lesion else 0.0
             held = Attachment(body, np.repeat(on_bone, 3), anchors)
             name = f"adhesion_{part}_{body}"
-            out.append(attach(name, held, SpringLaw(stiffness), points, rest))
+            out.append(_attach(name, held, SpringLaw(stiffness), points, rest))
     return out
 
 

@@ -11,10 +11,13 @@ from cosim.errors import InputError
 from cosim.port import Array, Ints
 from fe_solver.febio.bodies import AXES, DOFS, Units
 from fe_solver.febio.xml import Element, tag
+from fe_solver.forces.ramp import ramp
 from fe_solver.job.curves import Drive, Extension, LoadCurve
 from fe_solver.job.job import Job
 from fe_solver.supports import SpringLaw, SpringSet
 
+TOE_POINTS = 21
+"""Of the table that a spring's toe becomes."""
 SAME_POINT = 1e-12
 """m: an anchor that near a vertex of its body is that vertex."""
 SAME_LENGTH = 1e-12
@@ -168,16 +171,17 @@ class Conditions:
 
     def _spring_sets(self) -> Iterator[tuple[str, SpringLaw, float]]:
         """Name, law and slack (m) of each set that FEBio needs: springs rest at their initial
-        length there, so that those of one slack make a set."""
+        length there, so that those of one stiffness and slack make a set."""
         for s in self.job.springs:
             slack = s.length - self._initial(s)
             slack[np.abs(slack) < SAME_LENGTH] = 0.0
-            levels = np.unique(slack)
-            for i, level in enumerate(levels):
-                name = s.name if len(levels) == 1 else f"{s.name} {i + 1}"
-                rows = [self._ends(s, int(k)) for k in np.flatnonzero(slack == level)]
+            each = np.column_stack([np.broadcast_to(s.law.stiffness, slack.shape), slack])
+            kinds, kind = np.unique(each, axis=0, return_inverse=True)
+            for i, (stiffness, level) in enumerate(kinds.tolist()):
+                name = s.name if len(kinds) == 1 else f"{s.name} {i + 1}"
+                rows = [self._ends(s, int(k)) for k in np.flatnonzero(kind.reshape(-1) == i)]
                 self.sets.append(tag("DiscreteSet", *rows, name=name))
-                yield name, s.law, float(level)
+                yield name, replace(s.law, stiffness=stiffness), level
 
     def _ends(self, s: SpringSet, k: int) -> Element:
         """The nodes that a set's spring k joins."""
@@ -195,12 +199,9 @@ class Conditions:
 
     def _spring_law(self, law: SpringLaw, slack: float) -> tuple[str, Element]:
         """The spring's type and what says its force."""
-        if law.toe or np.ndim(law.stiffness):
-            raise InputError(
-                "a set of springs with a toe, or of several stiffnesses, is not written in FEBio's "
-                "format; give the toe as a table, and a set to each stiffness"
-            )
         stiffness = float(law.stiffness)
+        if law.tension_only and law.toe:
+            law = SpringLaw(stiffness, table=_toe_table(stiffness, law.toe))
         if law.table is None and not slack:
             kind = "tension-only linear spring" if law.tension_only else "linear spring"
             return kind, tag("E", stiffness * self.units.length / self.units.force)
@@ -223,6 +224,13 @@ class Conditions:
             yield tag("discrete_material", force, id=i, name=name, type=kind)
         for i, (name, _, _) in enumerate(sets, 1):
             yield tag("discrete", dmat=i, discrete_set=name)
+
+
+def _toe_table(stiffness: float, toe: float) -> LoadCurve:
+    """N by elongation (m) of a spring that sets in over a toe, straight beyond it: slack before."""
+    stretch = toe * np.concatenate([[-2.0], np.linspace(-1.0, 1.0, TOE_POINTS), [2.0]])
+    times, values = tuple(stretch.tolist()), tuple((stiffness * ramp(stretch, toe)[1]).tolist())
+    return LoadCurve(times, values, extension=Extension.EXTRAPOLATE)
 
 
 def curve_tags(c: LoadCurve, across: float = 1.0, along: float = 1.0) -> list[Element]:

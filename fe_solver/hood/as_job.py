@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints, Motion
-from fe_solver.elements.mesh_geometry import is_triangle, node_directors, node_means
+from fe_solver.elements.mesh_geometry import is_triangle, node_means
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
-from fe_solver.forces.ramp import ramp
 from fe_solver.hood.shell_hood import ShellHood
-from fe_solver.job.curves import Drive, Extension, LoadCurve
+from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
+from fe_solver.job.model import move_nodes
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.model import ShellModel
@@ -26,8 +26,6 @@ Triangles = tuple[Array, Ints]
 
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 INCREMENTS = 10
-TOE_POINTS = 21
-"""Of the table that a spring's toe becomes."""
 SAME = 1e-9
 """m, or relative: what differs by less is one."""
 
@@ -56,7 +54,6 @@ def job_of_hood(
     model, sheet = hood.model, _writable_sheet(hood)
     frame = int(model.guides.body[0]) if len(model.guides.node) else 0
     rest, there = _in_frame_of(hood.rest, frame), _in_frame_of(motion, frame)
-    flat = points = (sheet.points - hood.rest.position[frame]) @ hood.rest.rotation[frame]
     turned = on_face and _bones_lie_below(model, hood.rest)
     quads, parts, height = sheet.quads, sheet.parts, sheet.height
     thickness = np.array(np.broadcast_to(sheet.thickness.T, quads.T.shape).T)
@@ -65,11 +62,8 @@ def job_of_hood(
             _reorder_corners(sheet.quads, values) for values in (quads, thickness, -height)
         )
         parts = tuple(_turn_over(part) for part in parts)
-    if on_face:
-        over = node_means(height + thickness / 2, quads, len(points))
-        points = points + over[:, None] * node_directors(points, quads)
-        height = -thickness / 2
     fibre = _mean_direction(model.tables.frame[:, :, 0]) @ hood.rest.rotation[frame]
+    points = (sheet.points - hood.rest.position[frame]) @ hood.rest.rotation[frame]
     sheet = Sheet(
         points,
         quads,
@@ -81,17 +75,23 @@ def job_of_hood(
         node_ids=np.arange(1, len(points) + 1),
         element_ids=np.arange(1, len(quads) + 1),
     )
-    ropes = _ropes(model, rest, points, np.asarray(tension))
+    springs = [
+        replace(s, anchor=np.einsum("kij,kj->ki", rest.rotation[s.body], s.anchor))
+        for s in hood.springs
+    ]
     job = Job(
         sheet,
         ties=_ties(model),
         held=_supports(model.guides),
-        springs=(*_springs(model, rest, flat, points), *ropes),
+        springs=(*springs, *_ropes(model, rest, points, np.asarray(tension))),
         forces=_pulls(hood, tension),
         bodies=_bodies(rest, there, bones),
         steps=(Step("pose and tension", 1.0, INCREMENTS),),
         name=name,
     )
+    if on_face:
+        job = move_nodes(job, height + thickness / 2)
+        job = replace(job, sheet=replace(job.sheet, height=-thickness / 2))
     side = 1 if turned else -1
     # facets that touch at points of their own, as the format's do, need no lift
     pairs = [_pair(job, k, hood.lift[k.nodes], side, bones, hood.bodies) for k in model.contacts]
@@ -199,37 +199,6 @@ def _supports(guides: Guides) -> tuple[PrescribedDisplacement, ...]:
         if held.any():
             out.append(PrescribedDisplacement(guides.node[held], component))
     return tuple(out)
-
-
-def _springs(model: ShellModel, rest: Motion, flat: Array, points: Array) -> tuple[SpringSet, ...]:
-    """One set for each group; where its springs are not alike, one for each kind of them."""
-    s, out = model.springs, []
-    toes = np.zeros(len(s.node)) if s.toe is None else s.toe * s.tension_only
-    kinds = np.stack([s.group, s.stiffness, s.tension_only, toes], axis=1)
-    unique, kind = np.unique(kinds, axis=0, return_inverse=True)
-    for i, (group, stiffness, only, toe) in enumerate(unique):
-        own = np.flatnonzero(kind.reshape(-1) == i)
-        node, body = s.node[own], s.body[own]
-        anchor = np.einsum("kij,kj->ki", rest.rotation[body], s.anchor[own])
-        there = rest.position[body] + anchor
-        slack = s.length[own] - np.linalg.norm(flat[node] - there, axis=1)
-        length = slack + np.linalg.norm(points[node] - there, axis=1)
-        group_name = model.groups[int(group)] if model.groups else f"springs {int(group) + 1}"
-        alone = (unique[:, 0] == group).sum() == 1
-        table = _toe_table(float(stiffness), float(toe)) if toe else None
-        law = SpringLaw(float(stiffness), bool(only) and table is None, table)
-        title = group_name if alone else f"{group_name} {i + 1}"
-        out.append(SpringSet(title, law, node, body, anchor, np.full(len(own), -1), length))
-    return tuple(out)
-
-
-def _toe_table(stiffness: float, toe: float) -> LoadCurve:
-    """N by elongation (m) of a spring that sets in over a toe, straight beyond it: slack before."""
-    stretch = toe * np.append(-2.0, np.linspace(-1.0, 1.0, TOE_POINTS))
-    force = stiffness * ramp(stretch, toe)[1]
-    return LoadCurve(
-        tuple(stretch.tolist()), tuple(force.tolist()), extension=Extension.EXTRAPOLATE
-    )
 
 
 def _ropes(model: ShellModel, rest: Motion, points: Array, tension: Array) -> Iterator[SpringSet]:

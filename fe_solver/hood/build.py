@@ -157,8 +157,8 @@ def _hood(
         groups=tuple(springs.name for springs in held),
         ropes=ropes_of(X, rest, s.guide_body, s.pull, s.tendons),
     )
-    augment = s.contact.augment()
-    return ShellHood(model, tuple(s.tendons), rest, s.carriers, s.options, augment)
+    tendons, augment = tuple(s.tendons), s.contact.augment()
+    return ShellHood(model, tendons, rest, s.carriers, s.options, augment, springs=tuple(held))
 
 
 def shares_of(tendons: Mapping[str, TendonEnd]) -> tuple[Ints, Array]:

@@ -20,6 +20,7 @@ from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.relaxation import relax
 from fe_solver.solver.residual import residual_norm
+from fe_solver.supports import SpringSet
 from fe_solver.vectors import cross
 
 TIE = "terminal_slip"
@@ -83,7 +84,8 @@ class ShellHood:
     a bone without resisting, as slack cables do, follows its curvature in steps that are longer the
     softer the contact.  No joint turns further than by `leap`, rad, in one solve.  `sheet` is what
     the model was made of, None of a net; one whose fibres are stretched as it is laid out is not in
-    equilibrium there, and is solved in the rest pose before anything moves."""
+    equilibrium there, and is solved in the rest pose before anything moves.  `springs` are the sets
+    that the model's springs were made of."""
 
     model: ShellModel
     tendons: tuple[str, ...]
@@ -94,6 +96,7 @@ class ShellHood:
     softer: float = 1.0
     leap: float = MAX_TURN
     sheet: Sheet | None = None
+    springs: tuple[SpringSet, ...] = ()
 
     @property
     def bodies(self) -> tuple[str, ...]:

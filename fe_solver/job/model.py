@@ -286,17 +286,20 @@ def move_to_mid_surface(job: Job) -> Job:
     times the sheet's bending stiffness E t^3 / 12, as a point spring's on a thin sheet, the sheet
     turns about the point until the couple is gone, which no mesh of elements longer than thick can
     follow."""
+    return move_nodes(job, job.sheet.height)
+
+
+def move_nodes(job: Job, over: Array) -> Job:
+    """The same sheet in the same place, its nodes moved along their directors by the mean at each
+    of `over` (ne, 4) m, with what holds and loads them; springs keep their slack."""
     sheet = job.sheet
-    points = sheet.moved(sheet.height)
-    springs = tuple(_move(job, s, points) for s in job.springs)
-    height = node_means(sheet.height, sheet.quads, len(points))[sheet.quads]
-    moved = replace(sheet, points=points, height=sheet.height - height)
-    return replace(job, sheet=moved, springs=springs)
-
-
-def _move(job: Job, s: SpringSet, points: Array) -> SpringSet:
-    before, after = (_lengths(job, s, x) for x in (job.sheet.points, points))
-    return replace(s, length=s.length + after - before)
+    points, moved = sheet.moved(over), node_means(over, sheet.quads, len(sheet.points))
+    springs = [
+        replace(s, length=s.length + _lengths(job, s, points) - _lengths(job, s, sheet.points))
+        for s in job.springs
+    ]
+    sheet = replace(sheet, points=points, height=sheet.height - moved[sheet.quads])
+    return replace(job, sheet=sheet, springs=springs)
 
 
 def _lengths(job: Job, s: SpringSet, points: Array) -> Array:
