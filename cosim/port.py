@@ -279,6 +279,33 @@ class Hood(Protocol):
         ...
 
 
+def check_tensions(
+    who: str, tendons: tuple[str, ...], tension: Array, *, none_negative: bool = False
+) -> None:
+    """Raises InputError for tensions (nt,) N that are not one for each tendon and finite."""
+    fits = np.shape(tension) == (len(tendons),) and np.isfinite(tension).all()
+    if not fits or (none_negative and (np.asarray(tension) < 0).any()):
+        kind = ", none negative" if none_negative else ""
+        raise InputError(
+            f"{who}: expected {len(tendons)} finite tensions (N){kind}, one for each of {tendons}, "
+            f"got {tension!r}"
+        )
+
+
+def check_step(
+    who: str, hood: Hood, motion: Motion, tension: Array, dt: float, *, none_negative: bool = False
+) -> None:
+    """Raises InputError for what no hood can be advanced with: other bodies than its own, tensions
+    that `check_tensions` refuses, a time step (s) that is not positive."""
+    if motion.bodies != hood.bodies:
+        raise InputError(
+            f"{who}: its bodies are {hood.bodies}, in this order; the motion has {motion.bodies}"
+        )
+    check_tensions(who, hood.tendons, tension, none_negative=none_negative)
+    if not dt > 0:
+        raise InputError(f"{who}: expected a positive time step (s), got {dt}")
+
+
 @dataclass(frozen=True)
 class Balance:
     """Static equilibrium of a finger under a load."""

@@ -68,7 +68,7 @@ FLOORS = (
     {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels", "cosim.json_text"},
     {"cosim.port"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
-    {"cosim.processes", "cosim.xml_tree"},
+    {"cosim.processes", "cosim.xml_tree", "cosim.text_tables"},
     {"cosim.tendons"},
     {"cosim.coupling"},
     {"cosim.fmu"},
@@ -81,7 +81,6 @@ FLOORS = (
     {"cosim.pipeline"},
     {"cosim.fmu_export", "cosim.report"},
     {"cosim.anatomy", "cosim.analyses", "cosim.study"},
-    {"cosim.papers"},
     {"cosim.validation", "cosim.verification"},
     {"cosim.arguments"},
     {"cosim.face"},
@@ -89,12 +88,12 @@ FLOORS = (
     {"cosim.cli"},
     {"cosim.__main__"},
 )
-# The papers' models and studies, and what may use them: proofs, and the command that shows them.
-PAPERS = ("cosim.papers", "rigid.papers")
+# The papers' scripts and models, and what may use them: proofs.
+PAPERS = ("cases.papers", "rigid.papers")
 PROOFS = ("cosim.verification", "fe_solver.verification", "rigid.verification")
-USE_THE_PAPERS = ("cosim.commands.reproduce", "cosim.verification", "rigid.verification")
-# A kind of finger or hood is built on a solver; the papers are about the solvers' own models.
-ROOMS_OF_SOLVERS = ("cosim.fingers", "cosim.hoods", "cosim.papers")
+USE_THE_PAPERS = ("cosim.verification", "rigid.verification")
+# A kind of finger or hood is built on a solver.
+ROOMS_OF_SOLVERS = ("cosim.fingers", "cosim.hoods")
 # They ask live hoods behind the port, which have no tables: for their states, and for FEBio.
 LIVE = {"cosim.models.states", "cosim.commands.febio"}
 KNOW_THE_SOLVERS = {

@@ -27,14 +27,16 @@ READMES = (
     "",
     "cosim",
     "cosim/study",
-    "cosim/papers",
+    "cases/papers",
     "fe_solver",
     "rigid",
     "meshes",
     "cases",
     "tests",
 )
-TEXTS = {place: (ROOT / place / "README.md").read_text(encoding="utf-8") for place in READMES}
+PAGES = {place: ROOT / place / "README.md" for place in READMES}
+PAGES["cosim/developers"] = ROOT / "cosim" / "DEVELOPERS.md"
+TEXTS = {place: path.read_text(encoding="utf-8") for place, path in PAGES.items()}
 TOP = TEXTS[""]
 BLOCKS = {
     f"{place or 'top'}-{i}": block
@@ -154,11 +156,11 @@ def skill_text(skill: dict) -> str:
     return f"{skill['skill']:.2g} ({skill['low']:.2g} to {skill['high']:.2g})"
 
 
-@pytest.mark.parametrize("place", READMES)
+@pytest.mark.parametrize("place", PAGES)
 def test_links_lead_somewhere(place: str):
     for link in re.findall(r"\]\((?!https?:)([^)]*)\)", TEXTS[place]):
         file, _, heading = link.partition("#")
-        target = (ROOT / place / (file or "README.md")).resolve()
+        target = (PAGES[place].parent / file).resolve() if file else PAGES[place]
         assert target.exists(), link
         if heading:
             said = target.read_text(encoding="utf-8")
@@ -182,7 +184,7 @@ def test_the_catalogue_has_every_family_with_its_picture():
         assert picture.stat().st_size < 60_000
 
 
-CATALOGUE, PAPERS = TEXTS["cases"], TEXTS["cosim/papers"]
+CATALOGUE, PAPERS = TEXTS["cases"], TEXTS["cases/papers"]
 
 
 def table_under(text: str, head: str) -> list[list[str]]:

@@ -7,11 +7,9 @@ lesion does is the difference between the case with it and without.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Any, NamedTuple
 
 from cosim.case.file import load_case
@@ -19,6 +17,7 @@ from cosim.case.schema import Case
 from cosim.checks import Row
 from cosim.fingers.kinds import skeleton_of
 from cosim.pipeline import run_case
+from cosim.text_tables import CsvRow, packaged_rows
 
 HOODS = {"shell": "", "net of cables": "base/cable", "network": "base/network"}
 """Case that states each hood; the shell is the experiments' own."""
@@ -72,17 +71,15 @@ class Value(NamedTuple):
 @cache
 def experiments() -> Mapping[str, Experiment]:
     """The packaged experiments by name."""
-    text = (files("cases") / "data" / "length_experiments.csv").read_text(encoding="utf-8")
-    lines = [line for line in text.splitlines() if not line.startswith("#")]
-    return {row["name"]: _experiment(row) for row in csv.DictReader(lines)}
+    return {row.cells["name"]: _experiment(row) for row in packaged_rows("length_experiments")}
 
 
-def _experiment(row: Mapping[str, str]) -> Experiment:
-    mean, sd, at_least = (float(row[c]) if row[c] else None for c in ("mean", "sd", "at_least"))
-    name, measured, unit, source, read = (
-        row[c] for c in ("name", "measured", "unit", "source", "read")
+def _experiment(row: CsvRow) -> Experiment:
+    mean, sd, at_least = (row.number(c) for c in ("mean", "sd", "at_least"))
+    name, measured, unit, n, source, read = (
+        row.cells[c] for c in ("name", "measured", "unit", "n", "source", "read")
     )
-    return Experiment(name, measured, unit, mean, sd, at_least, int(row["n"]), source, read)
+    return Experiment(name, measured, unit, mean, sd, at_least, int(n), source, read)
 
 
 def case_with(name: str, hood: str, settings: Sequence[str] = (), *, injured: bool = True) -> Case:

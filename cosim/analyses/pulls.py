@@ -7,10 +7,8 @@ pulls, and for each the linear solves that it once took.
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 from itertools import groupby
 from time import process_time
 from typing import Any, ClassVar, NamedTuple, cast
@@ -21,6 +19,7 @@ from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.models.build import build
 from cosim.port import STATIC, Array, Hood, Motion, Response, State
+from cosim.text_tables import packaged_rows
 from fe_solver.hood.shell_hood import ShellHood
 
 JOINTS = ("MCP", "PIP", "DIP")
@@ -53,8 +52,6 @@ class MeasuredPull(NamedTuple):
 
 def read_pulls() -> list[Pull]:
     """The pulls of the packaged table."""
-    text = (files("cases") / "data" / "pulls.csv").read_text(encoding="utf-8")
-    lines = (line for line in text.splitlines() if not line.startswith("#"))
     return [
         Pull(
             row["case"],
@@ -63,11 +60,11 @@ def read_pulls() -> list[Pull]:
             float(row["force_N"] or 0),
             int(row["solves_before"]),
         )
-        for row in csv.DictReader(lines)
+        for row in (row.cells for row in packaged_rows("pulls"))
     ]
 
 
-def _settings(row: dict[str, str]) -> tuple[str, ...]:
+def _settings(row: Mapping[str, str]) -> tuple[str, ...]:
     joints = zip(JOINTS, row["posture_deg"].split(), strict=False)
     held = [f"finger.posture.{joint}={angle} deg" for joint, angle in joints]
     if held:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from cosim.files import check_folder, output_folder
 from cosim.hoods.shell.table import ShellHoodConfig
 from cosim.models.fit import check_fit
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
+from cosim.text_tables import notes, toml_text
 from meshes.hood_mesh import write
 from rigid.mjcf.write import mjcf_xml
 
@@ -57,8 +57,7 @@ def write_case(part: Path, name: str, given: UserAnatomy, made: Built) -> None:
         text = _obj(points / [scale, 1.0, 1.0], faces)
         (part / f"{body}.obj").write_text(text, encoding="utf-8")
     (part / CASE_SCHEMA).write_text(json.dumps(json_schema(), ensure_ascii=False), encoding="utf-8")
-    lines = "\n".join(_case_lines(name, given, made))
-    (part / f"{name}.toml").write_text(lines + "\n", encoding="utf-8")
+    (part / f"{name}.toml").write_text(_case_text(name, given, made), encoding="utf-8")
     (part / REPORT).write_text("\n".join(made.report) + "\n", encoding="utf-8")
 
 
@@ -69,31 +68,39 @@ def _obj(points: np.ndarray, faces: np.ndarray) -> str:
     return "\n".join(rows) + "\n"
 
 
-def _case_lines(name: str, given: UserAnatomy, made: Built) -> Iterator[str]:
-    yield schema_line(CASE_SCHEMA)
-    yield f"# Written by `cosim new`; {REPORT} says what was read, assumed, repaired and dropped."
-    yield "# Materials, springs, passive joints, posture: the base case's until you state yours."
-    yield f'extends = "{BASE if made.hood is not None else BARE}"'
-    yield f"title = {json.dumps(f'{name}: own anatomy')}"
-    yield "\n[finger]"
+def _case_text(name: str, given: UserAnatomy, made: Built) -> str:
+    said = [
+        f"Written by `cosim new`; {REPORT} says what was read, assumed, repaired and dropped.",
+        "Materials, springs, passive joints, posture: the base case's until you state yours.",
+        "Tendons pull by a tension, or by an activation of the greatest force: "
+        "EDC = { activation = 0.1 }.",
+    ]
+    finger: dict[str, Any] = {}
     if made.model is not None:
-        yield 'path = "finger.xml"'
+        finger["path"] = "finger.xml"
     elif given.length_scale != 1.0:
-        yield f"length_scale = {given.length_scale!r}"
-        yield "# The surfaces below are stored for a finger of length 1, which the scale lengthens."
-    for body in made.bones.surfaces if made.bones else ():
-        yield f'\n[finger.bones.{body}]\nsurface = "{body}.obj"\nunit = "m"\nframe = "ours"'
-    yield "\n[tendons]     # what pulls: a tension, or an activation of the greatest force"
-    for tendon, force in made.max_force.items():
-        yield f'{tendon} = {{ max_force = "{force:.6g} N" }}'
-    yield "# EDC = { activation = 0.1 }"
-    if made.hood is None:
-        return
-    yield f'\n[hood]\nthickness = "{1e3 * made.hood.thickness:.6g} mm"'
-    yield '\n[hood.mesh]\nkind = "file"\npath = "hood.json"'
-    yield "\n[hood.contact.offset]"
-    for body, height in made.offset.items():
-        yield f'{body} = "{1e3 * height:.6g} mm"'
+        finger["length_scale"] = given.length_scale
+        said.append("Bones are stored for a finger of length 1, which the scale lengthens.")
+    if made.bones:
+        finger["bones"] = {
+            body: {"surface": f"{body}.obj", "unit": "m", "frame": "ours"}
+            for body in made.bones.surfaces
+        }
+    values: dict[str, Any] = {
+        "extends": BASE if made.hood is not None else BARE,
+        "title": f"{name}: own anatomy",
+        "finger": finger,
+        "tendons": {
+            tendon: {"max_force": f"{force:.6g} N"} for tendon, force in made.max_force.items()
+        },
+    }
+    if made.hood is not None:
+        values["hood"] = {
+            "thickness": f"{1e3 * made.hood.thickness:.6g} mm",
+            "mesh": {"kind": "file", "path": "hood.json"},
+            "contact": {"offset": {body: f"{1e3 * mm:.6g} mm" for body, mm in made.offset.items()}},
+        }
+    return f"{schema_line(CASE_SCHEMA)}\n{notes(said)}{toml_text(values)}"
 
 
 def _check(path: Path) -> None:

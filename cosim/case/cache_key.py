@@ -17,7 +17,7 @@ from cosim.version import __version__
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes")
 ABOUT_RESULTS = (
-    *("cosim/report", "cosim/papers", "cosim/study"),
+    *("cosim/report", "cosim/study"),
     *("cosim/commands/report.py", "cosim/commands/study.py"),
 )
 """What only shows results or says how runs are spread; it changes no number."""

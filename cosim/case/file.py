@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
@@ -17,11 +15,11 @@ from cosim.case.schema import Case, CaseFile, as_stated
 from cosim.errors import InputError, nearest_names
 from cosim.files import relative_path, shown_path
 from cosim.schema.json_schema import CASE_SCHEMA, editor_schema, schema_line
+from cosim.text_tables import read_toml, toml_text, toml_value
 
 Settings = tuple[str, ...]
 """KEY=VALUE, as --set takes them; a later one has the last word."""
 
-BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 NO_FAMILIES = {"base", "studies", "data"}  # folders of cases/
 
 
@@ -101,7 +99,7 @@ def _read_layers(source: Path, above: tuple[Path, ...]) -> list[Layer]:
     if source in above:
         chain = " -> ".join(shown_path(p) for p in (*above, source))
         raise InputError(f"these files extend each other in a circle: {chain}")
-    return _layers_of(_read_toml(source), shown_path(source), source, above)
+    return _layers_of(read_toml(source), shown_path(source), source, above)
 
 
 def _layers_of(
@@ -118,37 +116,6 @@ def _layers_of(
     except InputError as error:
         raise InputError(f"{where}: extends {error}") from None
     return [*_read_layers(found, (*above, source)), here]
-
-
-def _read_toml(source: Path) -> dict[str, Any]:
-    try:
-        text = source.read_bytes().decode("utf-8-sig")
-        return tomllib.loads(text)
-    except OSError as error:
-        raise InputError(f"{shown_path(source)}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{shown_path(source)}: is not a text file in UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(_toml_fault(shown_path(source), text, str(error))) from error
-    except ValueError as error:  # e.g. an integer of thousands of digits
-        raise InputError(f"{shown_path(source)}: is not valid TOML: {error}") from error
-    except RecursionError:
-        raise InputError(f"{shown_path(source)}: tables are nested too deeply") from None
-
-
-def _toml_fault(shown: str, text: str, message: str) -> str:
-    """tomllib's message with the line it is about, in plain words."""
-    place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
-    what = message[: place.start()] if place else message
-    twice = re.search(
-        r"Cannot overwrite a value|Cannot (?:declare|mutate).*(?:twice|namespace)", what
-    )
-    if twice:
-        what = "this key or table is given twice; keep one"
-    if not place or not place[1]:
-        return f"{shown}: is not valid TOML: {what} (at the end of the file)"
-    line = text.splitlines()[int(place[1]) - 1].strip() if text.splitlines() else ""
-    return f"{shown}, line {place[1]}, column {place[2]}: {what}\n  {line[:100]}"
 
 
 def _anchor_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -184,16 +151,8 @@ def _override(text: str) -> Layer:
         raise InputError(f"{text!r}: write key=value, for example hood.mesh.quads=250")
     if any("\ud800" <= c <= "\udfff" for c in text):
         raise InputError(f"{text!a}: is not text in UTF-8")
-    table = nested(".".join(names), _value(value.strip()))
+    table = nested(".".join(names), toml_value(value.strip()))
     return f"setting {key.strip()}", _anchor_paths(table, Path.cwd())
-
-
-def _value(text: str) -> Any:
-    try:
-        parsed = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
-        return text
-    return parsed["value"] if len(parsed) == 1 else text
 
 
 def resolved_toml(case: Case) -> str:
@@ -212,32 +171,7 @@ def moved_toml(text: str, folder: Path) -> str:
 
 
 def _whole_toml(values: Mapping[str, Any]) -> str:
-    return "\n".join([schema_line(f"../{CASE_SCHEMA}"), *_toml_lines(values, ())]) + "\n"
-
-
-def _toml_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
-    plain = {key: value for key, value in table.items() if not isinstance(value, dict)}
-    lines = ["", f"[{'.'.join(map(_toml_key, path))}]"] if path and (plain or not table) else []
-    lines += [f"{_toml_key(key)} = {_toml_value(value)}" for key, value in plain.items()]
-    for key, value in table.items():
-        if isinstance(value, dict):
-            lines += _toml_lines(value, (*path, key))
-    return lines
-
-
-def _toml_key(key: str) -> str:
-    return key if BARE_KEY.fullmatch(key) else str(_toml_value(key))
-
-
-def _toml_value(value: Any) -> str:
-    match value:
-        case list():
-            return f"[{', '.join(map(_toml_value, value))}]"
-        case dict():
-            pairs = (f"{_toml_key(k)} = {_toml_value(v)}" for k, v in value.items())
-            return f"{{{', '.join(pairs)}}}"
-    # JSON's strings, numbers and truth values are TOML's, but for DEL
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return f"{schema_line(f'../{CASE_SCHEMA}')}\n{toml_text(values)}"
 
 
 def json_schema() -> dict[str, Any]:

@@ -25,7 +25,7 @@ from cosim.commands.bench_growth import bench_growth
 from cosim.commands.bench_pulls import bench_pulls
 from cosim.commands.febio import bench_fe, bench_febio
 from cosim.commands.finger import bench_fingers, bench_opensim, bench_robotic_finger
-from cosim.commands.run import Settings
+from cosim.commands.options import Settings
 from cosim.commands.study import bench_studies
 from cosim.commands.terminal import exit_on_error, stages
 from cosim.errors import InputError, nearest_names

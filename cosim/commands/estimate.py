@@ -22,15 +22,14 @@ from cosim.analyses.estimate.of_case import (
     force_basis,
     forward_run_text,
     parse_force,
-    parse_values,
     setup,
 )
 from cosim.case.file import load_case
+from cosim.commands.options import CaseName, Settings, quantities, quantity
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
 from cosim.files import check_folder
 from cosim.schema import units
-from cosim.schema.units import Kind
 
 
 class CostName(StrEnum):
@@ -57,7 +56,7 @@ class WeightName(StrEnum):
 
 
 def estimate(
-    case: Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")],
+    case: CaseName,
     force: Annotated[
         str | None,
         typer.Option(
@@ -108,10 +107,7 @@ def estimate(
             help="Of a motion: torque that may lack where tensions make no more.",
         ),
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
-    ] = None,
+    settings: Settings = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path(
         "estimates"
     ),
@@ -135,8 +131,8 @@ def estimate(
             checked,
             weights.value,
             POWER[cost],
-            parse_values("--area", area or (), units.AREA),
-            parse_values("--most", most or (), units.FORCE),
+            quantities("--area", area, units.AREA),
+            quantities("--most", most, units.FORCE),
         )
         if motion is not None:
             _motion(folder, made, motion, samples, cutoff, reserve, started)
@@ -158,21 +154,13 @@ def _motion(
     started: float,
 ) -> None:
 
-    highest = None if cutoff is None else _parse("--cutoff", cutoff, units.FREQUENCY)
-    lacking = 0.0 if reserve is None else _parse("--reserve", reserve, units.TORQUE)
+    highest = None if cutoff is None else quantity("--cutoff", cutoff, units.FREQUENCY)
+    lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
     motion = read_motion(path, s.models.finger.joints, s.models.posture, samples, highest)
     found = for_motion(s, motion, _say, lacking)
     write_motion(folder, s, found, time.perf_counter() - started)
     _show_motion(s, found)
     typer.echo(f"results in {folder}")
-
-
-def _parse(option: str, text: str, kind: Kind) -> float:
-
-    try:
-        return units.parse(text, kind)
-    except ValueError as error:
-        raise InputError(f'{option} "{text}": {error}') from error
 
 
 def _target(
@@ -183,7 +171,7 @@ def _target(
     if force is not None:
         answer = for_force(s, parse_force(force), _say)
     elif torque:
-        answer = for_torques(s, parse_values("--torque", torque, units.TORQUE), _say)
+        answer = for_torques(s, quantities("--torque", torque, units.TORQUE), _say)
     forces = _forces(s, answer)
     write_answer(folder, s, answer, forces, time.perf_counter() - started)
     if answer is not None:

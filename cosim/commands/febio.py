@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.commands.options import CaseName, Settings
 from cosim.commands.terminal import console, exit_on_error, stages
-from cosim.errors import InputError
+from cosim.errors import ConvergenceError, InputError
 from cosim.files import check_file, check_folder
 
 if TYPE_CHECKING:
@@ -24,13 +26,14 @@ if TYPE_CHECKING:
 Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
 QUADS = (500, 2000, 8000)
 NO_LIMIT = "none"
+OWN_SHELL = "element: our own shell"
 PENETRATION = 2e-6
 """m, the largest of our own shell where none is asked for."""
 
 
 class ShellElement(StrEnum):
     """What a model is solved with: FEBio's own shell and contact, or ours; `auto` is FEBio's where
-    it covers the model."""
+    they cover the model and find its equilibrium."""
 
     AUTO = "auto"
     Q4ANS = "q4ans"
@@ -60,8 +63,8 @@ def solve(
     element: Annotated[
         ShellElement,
         typer.Option(
-            help="FEBio's shell and contact as documented (q4ans), our own shell, or the first "
-            "where it covers the model (auto)."
+            help="FEBio's shell and contact as documented (q4ans), our own shell, or (auto) the "
+            "first where it covers the model and finds its equilibrium."
         ),
     ] = ShellElement.AUTO,
     own_shell: Annotated[
@@ -100,20 +103,27 @@ def solve(
         unit, grid = _length(f"1 {length_unit}"), _length(spacing)
         limit = None if penetration in (None, NO_LIMIT) else _length(penetration)
         job = read_feb(model, unit)
-        why = _why_own_shell(job, element, asked)
-        if why and penetration is None:
-            limit = PENETRATION
-        options = JobOptions(penetration=limit, spacing=grid)
-        ways, times = alternatives(job), spread_times(job, until, states)
+        ways, times = alternatives(job) if asked else [], spread_times(job, until, states)
+        is_own = _takes_own_shell(job, element, asked)
         if mid_surface:
             job = move_to_mid_surface(job)
+        result: JobResult | None = None
         with stages(model.name) as told:
             told.say(f"solving {len(job.sheet.quads)} elements")
-            result: JobResult = (
-                solve_job(job, options=options, times=times, ways=ways)
-                if why
-                else solve_solid(job, options=options, times=times)
-            )
+            options = JobOptions(penetration=limit, spacing=grid)
+            if not is_own:
+                try:
+                    result = solve_solid(job, options=options, times=times)
+                except ConvergenceError as error:
+                    if element == ShellElement.Q4ANS:
+                        raise ConvergenceError(f"{error} To try: --own-shell") from error
+                    typer.echo(
+                        f"{OWN_SHELL}, since FEBio's (q4ans) finds no equilibrium:\n  {error}"
+                    )
+            if result is None:
+                if penetration is None:
+                    options = replace(options, penetration=PENETRATION)
+                result = solve_job(job, options=options, times=times, ways=ways)
         _show(result)
         typer.echo(f"results in {write_job(folder, result)}")
 
@@ -128,24 +138,24 @@ def _length(text: str) -> float:
         raise InputError(str(error)) from error
 
 
-def _why_own_shell(job: Job, element: ShellElement, asked: Sequence[str]) -> list[str]:
-    """Say what a job is solved with and why; the reasons for our own shell, none for FEBio's."""
+def _takes_own_shell(job: Job, element: ShellElement, asked: Sequence[str]) -> bool:
+    """Say what a job is solved with, our own shell or FEBio's, and why."""
     from fe_solver.q4ans.model import obstacles
 
     if asked:
-        typer.echo(f"element: our own shell, since {' and '.join(asked)} asks for it")
-        return [*asked]
+        typer.echo(f"{OWN_SHELL}, since {' and '.join(asked)} asks for it")
+        return True
     if element == ShellElement.Q4ANS:
         typer.echo("element: FEBio's shell and contact, since --element q4ans asks for them")
-        return []
+        return False
     reasons = obstacles(job)
     if not reasons:
         typer.echo("element: FEBio's shell and contact (q4ans), which cover all of the model")
-        return []
-    typer.echo("element: our own shell, since FEBio's (q4ans) does not cover all of the model:")
+        return False
+    typer.echo(f"{OWN_SHELL}, since FEBio's (q4ans) does not cover all of the model:")
     for reason in reasons:
         typer.echo(f"  {reason}")
-    return reasons
+    return True
 
 
 def _show(result: JobResult) -> None:
@@ -189,10 +199,8 @@ def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
 
 
 def export(
-    case: Annotated[str, typer.Argument(help="Case file, or name of a packaged case.")],
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a value.")
-    ] = None,
+    case: CaseName,
+    settings: Settings = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="The FEBio file to write.")] = Path(
         "hood.feb"
     ),

@@ -18,6 +18,7 @@ from cosim.analyses.moment_arms import (
     sweep,
 )
 from cosim.case.file import load_case
+from cosim.commands.options import CaseName, Settings
 from cosim.commands.terminal import exit_on_error, print_table, stages
 from cosim.errors import InputError
 from cosim.files import check_file, output_file
@@ -31,12 +32,6 @@ from rigid.verification.robot_bench import PAPER_LOOP, PAPER_QP, bench_robot
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
-
-CaseName = Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
-]
 
 
 def moment_arms(

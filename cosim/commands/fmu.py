@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from cosim.case.file import load_case
-from cosim.commands.finger import CaseName, Settings
+from cosim.commands.options import CaseName, Settings
 from cosim.commands.terminal import exit_on_error, stages
 from cosim.files import check_file
 from cosim.fmu_export.write import write_fmu

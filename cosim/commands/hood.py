@@ -9,7 +9,7 @@ import typer
 
 from cosim.analyses.hood.studies import HoodStudies
 from cosim.case.file import load_case
-from cosim.commands.identify import Settings
+from cosim.commands.options import Settings
 from cosim.commands.terminal import exit_on_error
 from cosim.hoods.kinds import KINDS
 from cosim.report.figures import choose_studies, write_figures

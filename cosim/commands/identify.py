@@ -21,6 +21,7 @@ from cosim.analyses.identify.sensitivity import Sensitivity, bars, study, to_csv
 from cosim.analyses.identify.tornado import draw_tornado
 from cosim.analyses.identify.variations import variations
 from cosim.case.file import base_name, load_case
+from cosim.commands.options import CaseName, Settings, Workers
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
 from cosim.files import check_file, output_file
@@ -28,13 +29,6 @@ from cosim.hoods.variation import Variation
 from cosim.results.compare import Comparison, Target, number, read_targets, reference_text, unit_of
 from cosim.results.picture import write_figure
 
-CaseName = Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
-]
-Workers = Annotated[int, typer.Option(min=1, max=61, help="Processes that solve side by side.")]
-"""A pool of processes has at most 61 on Windows."""
 STRONGEST = 6
 """Rows for each quantity in the terminal."""
 

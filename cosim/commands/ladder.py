@@ -21,7 +21,7 @@ from cosim.analyses.ladder import (
     to_markdown,
 )
 from cosim.case.file import load_case
-from cosim.commands.identify import CaseName, Settings, Workers
+from cosim.commands.options import CaseName, Settings, Workers
 from cosim.commands.terminal import exit_on_error, print_table, stages
 from cosim.files import check_folder, output_folder
 from cosim.processes import process_context

@@ -13,7 +13,7 @@ from rich.table import Table as Grid
 from cosim.analyses.lesion import TIPS, both_sides, lesion_text, named_parts
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.commands.identify import Workers
+from cosim.commands.options import Settings, Workers
 from cosim.commands.terminal import console, exit_on_error, stages, warn_of_audits
 from cosim.files import check_file, output_file
 from cosim.pipeline import run_cases
@@ -31,10 +31,7 @@ def lesion(
     case: Annotated[
         str, typer.Argument(help="Case file with a table [lesion], or a packaged one.")
     ],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
-    ] = None,
+    settings: Settings = None,
     page: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The report to write; else CASE.html.")
     ] = None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -17,6 +16,7 @@ from cosim.hoods.kinds import KINDS
 from cosim.results.compare import unit_of
 from cosim.results.quantities import QUANTITIES, STATE
 from cosim.study.file import packaged_studies
+from cosim.text_tables import read_toml
 from cosim.validation.plan import groups
 
 Schema = Mapping[str, Any]
@@ -73,7 +73,7 @@ def _studies() -> tuple[tuple[str, ...], Rows]:
 
 
 def _title(path: Path) -> str:
-    return str(tomllib.loads(path.read_text(encoding="utf-8")).get("title", ""))
+    return str(read_toml(path).get("title", ""))
 
 
 def _trials() -> tuple[tuple[str, ...], Rows]:

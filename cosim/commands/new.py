@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
@@ -13,9 +12,11 @@ import typer
 
 from cosim.anatomy.case_folder import new_case
 from cosim.anatomy.read import UserAnatomy
+from cosim.commands.options import pairs_of, quantity, three_numbers
 from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
 from cosim.schema import units
+from cosim.text_tables import read_toml
 from meshes.imported.checks import Placing, parse_axes
 
 Unit = Literal["m", "cm", "mm", "um", "in"]
@@ -81,7 +82,7 @@ def new(
     """Make a case of your own hood mesh, bones and finger, and tell what was found, assumed and
     dropped."""
     with exit_on_error():
-        centre = np.array(_numbers(origin, "--origin", "0 0 0"))
+        centre = np.array(three_numbers("--origin", origin, "0 0 0"))
         placing = Placing(unit, parse_axes(axes), centre)
         given = UserAnatomy(
             hood,
@@ -106,19 +107,9 @@ def _show(case: Path, report: Sequence[str], given: UserAnatomy) -> None:
     typer.echo(f"case in {case}; for example: cosim run {case}{pulled}")
 
 
-def _numbers(text: str, option: str, example: str) -> list[float]:
-    try:
-        numbers = [float(word) for word in text.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) == 3 and all(map(math.isfinite, numbers)):
-        return numbers
-    raise InputError(f'{option} {text!r}: write three numbers, for example "{example}"')
-
-
 def _posture(text: str) -> dict[str, float]:
     """rad."""
-    angles = _numbers(text, "--posture", "20 40 11")
+    angles = three_numbers("--posture", text, "20 40 11")
     limits = {"MCP": (-30, 90), "PIP": (0, 110), "DIP": (0, 70)}
     for (joint, (low, high)), angle in zip(limits.items(), angles, strict=True):
         if not low <= angle <= high:
@@ -127,16 +118,12 @@ def _posture(text: str) -> dict[str, float]:
 
 
 def _thickness(text: str | None) -> float | None:
-
     if text is None:
         return None
-    try:
-        value = units.parse(text, units.LENGTH)
-    except ValueError as error:
-        raise InputError(f"--thickness {text!r}: {error}") from None
+    value = quantity("--thickness", text, units.LENGTH)
     if not 0 < value <= 5e-3:
         raise InputError(f"--thickness {text!r}: expected a thickness up to 5 mm")
-    return float(value)
+    return value
 
 
 def _scale(scale: float, finger: Path | None) -> float:
@@ -149,19 +136,14 @@ def _scale(scale: float, finger: Path | None) -> float:
 
 def _names(file: Path | None, settings: Sequence[str]) -> dict[str, str]:
     out = {} if file is None else _table(file)
-    for text in settings:
-        ours, equals, theirs = text.partition("=")
-        if not (equals and ours.strip() and theirs.strip()):
-            raise InputError(f"--set-name {text!r}: write OURS=YOURS, as end_central=NSET_12")
-        out[ours.strip()] = theirs.strip()
-    return out
+    return out | dict(pairs_of("--set-name", settings, "end_central=NSET_12"))
 
 
 def _table(file: Path) -> dict[str, str]:
     try:
-        values = tomllib.loads(file.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"--names {file}: cannot be read as TOML ({error})") from error
+        values = read_toml(file)
+    except InputError as error:
+        raise InputError(f"--names {error}") from None
     wrong = [name for name, value in values.items() if not isinstance(value, str)]
     if wrong:
         raise InputError(f'--names {file}: {wrong[0]}: write a name, as {wrong[0]} = "NSET_12"')

@@ -11,6 +11,7 @@ import typer
 
 from cosim.analyses.opensim.loads import Handover, mass_centres, write_loads
 from cosim.analyses.opensim.tensions import read_tensions, tensions_at, write_case
+from cosim.commands.options import pairs_of, three_numbers
 from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
 from cosim.port import Array
@@ -185,10 +186,7 @@ def loads(
 
 def _pairs(texts: Sequence[str], option: str, example: str) -> list[tuple[str, str]]:
     """Both sides of each `A=B`.  Raises InputError for other texts and for one that comes twice."""
-    pairs = [(a.strip(), b.strip()) for a, _, b in (text.partition("=") for text in texts)]
-    for text, (left, right) in zip(texts, pairs, strict=True):
-        if not left or not right:
-            raise InputError(f"{option} {text!r}: write, for example, {option} {example}")
+    pairs = pairs_of(option, texts, example)
     for sides in ([left for left, _ in pairs], [right for _, right in pairs]):
         if twice := [side for side in sides if sides.count(side) > 1]:
             raise InputError(f"{option}: {twice[0]!r} comes twice; name it once")
@@ -209,16 +207,9 @@ def _points(names: Sequence[str], model: Path | None, texts: Sequence[str]) -> d
     there = {} if model is None else mass_centres(model)
     stated = {}
     for name, text in (_split_point(text) for text in texts):
-        try:
-            place = np.array([float(word) for word in text.split()])
-        except ValueError:
-            place = np.zeros(0)
-        if place.shape != (3,) or not np.isfinite(place).all() or name not in names:
-            raise InputError(
-                f"--point {name}={text}: write a body named with --body and three numbers, m, for "
-                'example proximal="0.02 0 0"'
-            )
-        stated[name] = place
+        if name not in names:
+            raise InputError(f"--point {name}={text}: {name!r} is no body named with --body")
+        stated[name] = np.array(three_numbers(f"--point {name}", text, "0.02 0 0"))
     for name in names:
         if model is not None and name not in there:
             raise InputError(f"{model}: has no body {name!r}; it has {', '.join(there)}")

@@ -13,7 +13,7 @@ from cosim.analyses.reduction.errors import errors
 from cosim.analyses.reduction.reduce import Reduction, read_grid, reduce_case
 from cosim.analyses.reduction.walks import SPREAD
 from cosim.case.file import base_name, load_case
-from cosim.commands.identify import CaseName, Settings, Workers
+from cosim.commands.options import CaseName, Settings, Workers
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.files import check_file, output_file
 

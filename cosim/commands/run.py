@@ -16,6 +16,7 @@ import typer
 from cosim.case.file import json_schema, load_case
 from cosim.case.schema import Case
 from cosim.case.usual import unusual_values
+from cosim.commands.options import AsJsonLines, Cases, Quiet, Settings, Workers
 from cosim.commands.terminal import (
     INCOMPLETE,
     console,
@@ -50,16 +51,6 @@ from cosim.study.file import is_study, study_schema
 from cosim.study.plan import read_plan
 
 Voice = Literal["plain", "quiet", "json"]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]
-AsJson = Annotated[
-    bool, typer.Option("--json", help="Tell stages and results as lines of JSON, for machines.")
-]
-Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
-Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes that solve side by side.")]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of every case; repeatable."),
-]
 
 
 class Ended(NamedTuple):
@@ -98,7 +89,7 @@ def run(
         bool, typer.Option("--restart", help="Begin motions anew of which a part is kept.")
     ] = False,
     quiet: Quiet = False,
-    as_json: AsJson = False,
+    as_json: AsJsonLines = False,
 ) -> None:
     """Run cases; each leaves its results in a folder of its name. Of one case what came out is
     shown; of several each is counted as it ends, and a table has them all side by side."""
@@ -252,7 +243,7 @@ def _check_unfinished(cases: Sequence[Case], out: Path, restart: bool) -> None:
 def resume(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run that was cut off.")],
     quiet: Quiet = False,
-    as_json: AsJson = False,
+    as_json: AsJsonLines = False,
 ) -> None:
     """Go on with a motion that was stopped or killed, from its last checkpoint."""
     name = run.name.removesuffix(UNFINISHED)

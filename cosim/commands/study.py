@@ -11,6 +11,7 @@ import typer
 from rich import box
 from rich.table import Table
 
+from cosim.commands.options import Settings
 from cosim.commands.terminal import console, exit_on_error, print_table
 from cosim.errors import InputError, span
 from cosim.results.compare import number
@@ -36,10 +37,7 @@ def study(
         str | None,
         typer.Option(metavar="CASE", help="Case file or name, in place of the study's own."),
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
-    ] = None,
+    settings: Settings = None,
     workers: Annotated[
         int,
         typer.Option(min=0, max=1024, help="Processes on this machine; 0: in this process alone."),

@@ -12,7 +12,8 @@ import typer
 
 import cosim
 from cosim.anatomy.write import check_ending, write_hood
-from cosim.commands.run import Settings, load_cases
+from cosim.commands.options import Settings
+from cosim.commands.run import load_cases
 from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
 from cosim.files import check_file, shown_path

@@ -15,7 +15,7 @@ from cosim.errors import InputError
 from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.quantity import STATIC_STEP, TOLERANCE, WITH_TANGENT, hood_quantities, tangent_of
 from cosim.fmu.unit import SavedState, Unit
-from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
+from cosim.port import Array, HoodJacobian, Load, Motion, Response, check_step, skew
 
 TangentBy = Literal["outputs", "directional derivatives", "differences"]
 ANSWERS = ("force", "moment", "excursion")
@@ -82,7 +82,7 @@ class FmuHood:
         """Raises InputError, among others where a step must be repeated that the unit cannot
         repeat, and ConvergenceError where the unit reports an error."""
         tension = np.asarray(tension, dtype=float)
-        self._check(motion, tension, dt)
+        check_step(str(self.unit.opened.path), self, motion, tension, dt)
         load, excursion = self._do_step(state.after, motion, tension, dt)
         new = FmuState(state.after, self.unit.save(), motion, tension, dt)
         return Response(new, load, excursion)
@@ -188,16 +188,6 @@ class FmuHood:
         span = 2 * step if not pull.any() else (step + min(step, float(state.tension @ pull)))
         slope: Array = (ends[0] - ends[1]) / span
         return slope
-
-    def _check(self, motion: Motion, tension: Array, dt: float) -> None:
-        if motion.bodies != self.bodies:
-            raise InputError(f"the hood shares the bodies {self.bodies}, got {motion.bodies}")
-        if tension.shape != (len(self.tendons),) or not np.isfinite(tension).all():
-            raise InputError(
-                f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
-            )
-        if not dt > 0:
-            raise InputError(f"expected a positive time step (s), got {dt}")
 
 
 def _stack(answers: list[Array]) -> Array:

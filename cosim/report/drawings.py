@@ -1,42 +1,42 @@
-"""The still drawings of a report, as SVG: force vectors in the sagittal plane, and for each row of
-a comparison where the model lies beside the reference's SD and band."""
+"""The still drawings of a report: force vectors in the sagittal plane, and for each row of a
+comparison where the model lies beside the reference's SD and band."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from string import ascii_uppercase
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.port import Array
-from cosim.results.compare import Comparison, ForceVector, Verdict, force_vectors, value_of
+from cosim.report.figures import new_picture, style_axes
+from cosim.results.compare import Comparison, ForceVector, force_vectors, value_of
 from cosim.results.looks import look
+from cosim.results.picture import as_png, data_address
 from cosim.results.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 INKS = ("#00446b", "#0a7d6c", "#5b3a8e", "#2e6b3e", "#8c1d40", "#4d4d4d")
 """Dark enough for paper and for the letters of the legend."""
 REFERENCE = "#b3540a"
-SHAFT, DASHED = 2.4, (2.5, 1.7)
-"""Width of an arrow, px, and the dashes of one that is not the answer itself."""
+SHAFT, DASHED = 1.8, (2.5, 1.7)
+"""Width of an arrow, points, and the dashes of one that is not the answer itself."""
 DOTTED = (1.0, 1.2)
 """The dashes of what is there at rest, of several runs."""
 REST, LESS = "unloaded.", "difference."
 PLACES = {"": "loaded", REST: "at rest", LESS: "loaded less at rest"}
 """What a report draws of a run's fingertip force, by where the summary has it."""
-SHAPES: dict[Verdict, str] = {
-    "inside 1 SD": "●",
-    "inside the band": "◆",
-    "outside": "▲",
-    "nothing to judge by": "○",
-    "no value": "–",
-}
-"""What a verdict looks like besides its word and colour."""
 LEAST = 1e-6
 """N, below which a force is none."""
-WIDE, MARGIN, TOP = 420.0, 46.0, 26.0
+WIDE, LEAST_WIDE, AROUND = 4.2, 2.6, 0.7
+"""Inches: the longer side of the plane, its width at least, and what stands around it."""
+DPI = 150
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,6 @@ def letter(n: int) -> str:
     return ascii_uppercase[n % 26] + (str(n // 26 + 1) if n >= 26 else "")
 
 
-Place = Callable[[float, float], tuple[float, float]]
-"""Where a force (distal, dorsal) N stands in a drawing."""
 Drawn = tuple[str, tuple[float, float], str, tuple[float, ...], tuple[float, float] | None]
 
 
@@ -120,90 +118,68 @@ def _reference(vector: ForceVector) -> Drawn:
     return f"{vector.kind}: {vector.label}{spread}", vector.reference, REFERENCE, DASHED, vector.sd
 
 
-def sagittal(arrows: Sequence[Arrow]) -> str:
-    """The arrows from one origin; seen from the radial side: distal to the left, dorsal up."""
-    reach = [np.zeros(2)]
-    for arrow in arrows:
-        sd = np.array(arrow.sd or (0.0, 0.0))
-        reach += [np.array(arrow.tip) - sd, np.array(arrow.tip) + sd]
-    low, high = np.min(reach, axis=0), np.max(reach, axis=0)
-    span = max(float((high - low).max()), 1e-6)
-    low, high = low - 0.12 * span, high + 0.12 * span
-    unit = (WIDE - 2 * MARGIN) / max(float((high - low)[0]), float((high - low)[1]), 1e-9)
-    tall = float((high - low)[1]) * unit + TOP + MARGIN
-
-    def at(distal: float, dorsal: float) -> tuple[float, float]:
-        middle = (low[0] + high[0]) / 2
-        return WIDE / 2 - (distal - middle) * unit, TOP + (high[1] - dorsal) * unit
-
-    parts = [*_grid(low, high, at, tall), *(p for a in arrows for p in _arrow(a, at, unit))]
-    label = "Fingertip forces in the sagittal plane: " + "; ".join(
+def plane(arrows: Sequence[Arrow]) -> str:
+    """The picture of the arrows as an element of HTML."""
+    words = "Fingertip forces in the sagittal plane: " + "; ".join(
         f"{a.letter} {a.label}, {a.magnitude:.3g} N in the plane" for a in arrows
     )
+    picture = sagittal(arrows)
+    address, width = data_address(as_png(picture, DPI)), 96 * picture.get_size_inches()[0]
     return (
-        f'<svg class="plane" viewBox="0 0 {WIDE:.0f} {tall:.0f}" role="img" '
-        f'aria-label="{escape(label, quote=True)}">{"".join(parts)}</svg>'
+        f'<img alt="{escape(words)}" style="width: {width:.0f}px; max-width: 100%" src="{address}">'
     )
 
 
-def _grid(low: Array, high: Array, at: Place, tall: float) -> Iterator[str]:
-    for axis, (first, last) in enumerate(zip(low, high, strict=True)):
-        for tick in ticks(float(first), float(last)):
-            ends = (
-                [(tick, low[1]), (tick, high[1])]
-                if axis == 0
-                else [(low[0], tick), (high[0], tick)]
-            )
-            (x1, y1), (x2, y2) = (at(*end) for end in ends)
-            kind = "axis" if tick == 0 else "grid"
-            yield f'<line class="{kind}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
-            text = f"{tick:.4g}".replace("-", "−")
-            if axis == 0:
-                yield f'<text x="{x1:.1f}" y="{tall - 28:.1f}" text-anchor="middle">{text}</text>'
-            else:
-                x = max(x1, x2) + 6
-                yield f'<text x="{x:.1f}" y="{y1 + 4:.1f}">{text}</text>'
-    yield f'<text class="what" x="6" y="{tall - 8:.1f}">← distal, N</text>'
-    yield '<text class="what" x="6" y="16">↑ dorsal, N</text>'
+def sagittal(arrows: Sequence[Arrow]) -> Figure:
+    """The arrows from one origin; seen from the radial side: distal to the left, dorsal up."""
+    tips = np.array([arrow.tip for arrow in arrows])
+    spread = np.array([arrow.sd or (0.0, 0.0) for arrow in arrows])
+    reach = np.vstack([np.zeros(2), tips - spread, tips + spread])
+    low, high = reach.min(axis=0), reach.max(axis=0)
+    room = 0.14 * max(float((high - low).max()), 1e-6)
+    low, high = low - room, high + room
+    wide, tall = WIDE * (high - low) / (high - low).max()
+    figure = new_picture(max(wide, LEAST_WIDE) + AROUND, tall + AROUND)
+    axes = figure.subplots()
+    style_axes(axes, "← distal, N", "dorsal, N →")
+    axes.set_aspect("equal")
+    axes.set(xlim=(high[0], low[0]), ylim=(low[1], high[1]))
+    axes.axhline(0.0, color="0.5", lw=0.8, zorder=1)
+    axes.axvline(0.0, color="0.5", lw=0.8, zorder=1)
+    for arrow in arrows:
+        _draw_arrow(axes, arrow)
+    return figure
 
 
-def ticks(low: float, high: float) -> list[float]:
-    """About five round numbers from low to high."""
-    rough = (high - low) / 5
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(m * power for m in (1, 2, 5, 10) if m * power >= rough)
-    first, last = math.ceil(low / step), math.floor(high / step)
-    return [round(k * step, 12) for k in range(first, last + 1)]
+def _draw_arrow(axes: Axes, arrow: Arrow) -> None:
+    """An arrow from the origin with its letter beyond its head, and the ellipse of its SD."""
+    from matplotlib.patches import Ellipse
 
-
-def _arrow(arrow: Arrow, at: Place, unit: float) -> Iterator[str]:
-    (x0, y0), (x, y) = at(0.0, 0.0), at(*arrow.tip)
-    lengths = " ".join(f"{SHAFT * part:g}" for part in arrow.dashes)
-    dash = f' stroke-dasharray="{lengths}"' if lengths else ""
     if arrow.sd is not None:
-        rx, ry = (max(s * unit, 0.5) for s in arrow.sd)
-        yield (
-            f'<ellipse cx="{x:.1f}" cy="{y:.1f}" rx="{rx:.1f}" ry="{ry:.1f}" fill="{arrow.ink}" '
-            f'fill-opacity="0.12" stroke="{arrow.ink}" stroke-dasharray="3 3"/>'
-        )
-    length = math.hypot(x - x0, y - y0)
-    if length > 1:
-        ux, uy = (x - x0) / length, (y - y0) / length
-        size = min(10.0, length / 2)
-        bx, by = x - size * ux, y - size * uy
-        wing = 0.38 * size
-        yield (
-            f'<line x1="{x0:.1f}" y1="{y0:.1f}" x2="{bx:.1f}" y2="{by:.1f}" '
-            f'stroke="{arrow.ink}" stroke-width="{SHAFT}"{dash}/>'
-            f'<polygon fill="{arrow.ink}" points="{x:.1f},{y:.1f} {bx - wing * uy:.1f},'
-            f'{by + wing * ux:.1f} {bx + wing * uy:.1f},{by - wing * ux:.1f}"/>'
+        width, height = (2 * sd for sd in arrow.sd)
+        axes.add_patch(Ellipse(arrow.tip, width, height, fc=arrow.ink, alpha=0.12))
+        axes.add_patch(Ellipse(arrow.tip, width, height, fill=False, ec=arrow.ink, ls=":"))
+    unit = np.array([1.0, 0.0])
+    if arrow.magnitude > LEAST:
+        unit = np.array(arrow.tip) / arrow.magnitude
+        dashes = {"linestyle": (0, arrow.dashes)} if arrow.dashes else {}
+        style = {"arrowstyle": "-", "lw": SHAFT, "color": arrow.ink, "shrinkA": 0, **dashes}
+        axes.annotate("", arrow.tip, (0, 0), arrowprops={**style, "shrinkB": 5}, zorder=3)
+        head = {"arrowstyle": "-|>,head_length=.6,head_width=.25", "lw": 0, "color": arrow.ink}
+        axes.annotate(
+            "", arrow.tip, (0, 0), arrowprops={**head, "shrinkA": 0, "shrinkB": 0}, zorder=3
         )
     else:
-        ux, uy = -1.0, 0.0
-        yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="{arrow.ink}"/>'
-    yield (
-        f'<text class="letter" style="fill:{arrow.ink}" text-anchor="middle" '
-        f'x="{x + 12 * ux:.1f}" y="{y + 12 * uy + 4:.1f}">{arrow.letter}</text>'
+        axes.plot(*arrow.tip, "o", color=arrow.ink, ms=4)
+    axes.annotate(
+        arrow.letter,
+        arrow.tip,
+        (-9 * unit[0], 9 * unit[1]),
+        textcoords="offset points",
+        color=arrow.ink,
+        weight="bold",
+        ha="center",
+        va="center",
     )
 
 

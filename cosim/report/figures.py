@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from cosim.errors import InputError, Progress
 from cosim.files import output_folder
-from cosim.report.templates import own_file, template
-from cosim.results.picture import write_figure
-from cosim.version import __version__
+from cosim.report.templates import template
+from cosim.results.picture import as_png, data_address
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Sheet
+    from matplotlib.figure import Figure as Picture
 
 MARK = "index.html"
 DPI = 150
@@ -28,22 +26,23 @@ MOST_ROWS, MOST_COLUMNS = 16, 8
 """A table that is no larger is shown on the page too."""
 WIDE = 40  # characters of a cell beyond which its column's lines are broken
 DIGITS = "{:.4g}".format
+HEADROOM = 0.06
+"""Of a line chart's range, above and below its lines."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One picture with the table behind it.  `draw` fills a fresh matplotlib figure of `size`
-    inches; `tables` by file name hold every number that is drawn, with units in their headings."""
+    """One picture with the tables behind it."""
 
     name: str
-    """A file's name without its ending: "figure_3_contours"."""
+    """Its file's name without the ending: "figure_3_contours"."""
     title: str
     caption: str
     """What is seen, what the paper says of it, and what is ours: assumptions, labels, misses."""
-    draw: Callable[[Sheet], None] | None
-    """None: a table alone."""
+    picture: Picture | None
+    """None: tables alone."""
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
-    size: tuple[float, float] = (7.0, 4.5)
+    """By file name every number that is drawn, with units in the headings."""
 
 
 @dataclass(frozen=True)
@@ -63,15 +62,45 @@ class FigurePage:
     """As in `cosim reproduce NAME`."""
     title: str
     studies: tuple[FigureStudy, ...]
-    kind: str = "A paper's figures, computed anew"
+    kind: str = "Published figures and tables, computed anew"
     """What the page is, in a line above its title."""
     made_by: str = ""
     """The command, where it is not `cosim reproduce NAME`."""
+    notes: tuple[str, ...] = ()
+    """Paragraphs under the title."""
 
     @property
     def command(self) -> str:
         """The command that makes the page."""
         return self.made_by or f"cosim reproduce {self.name}"
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a cell of a script shows."""
+
+    picture: Picture | None
+    table: pd.DataFrame | None
+    """Written under the cell's name, as the picture is."""
+    tables: Mapping[str, pd.DataFrame]
+    """Others, by the names that they are written under."""
+
+    def _repr_html_(self) -> str:
+        """As a notebook shows it."""
+        parts = []
+        if self.picture is not None:
+            parts.append(f'<img src="{data_address(as_png(self.picture, DPI))}">')
+        first = [] if self.table is None else [self.table]
+        return "".join([*parts, *map(_html, [*first, *self.tables.values()])])
+
+
+def show(
+    picture: Picture | None = None, table: pd.DataFrame | None = None, /, **tables: pd.DataFrame
+) -> Shown:
+    """Show a picture and a table, written under the cell's name, and tables under their own.
+
+    One of these whose `attrs` hold a "title" begins a figure."""
+    return Shown(picture, table, tables)
 
 
 def choose_studies(page: FigurePage, only: Sequence[str]) -> list[FigureStudy]:
@@ -106,34 +135,27 @@ def _write_and_show(
     folder: Path, page: FigurePage, study: FigureStudy, figure: Figure
 ) -> dict[str, object]:
     """Write a figure's files; what the page shows of it."""
-    picture = b"" if figure.draw is None else _picture(figure.draw, figure.size)
+    picture = b"" if figure.picture is None else as_png(figure.picture, DPI)
     if picture:
         (folder / f"{figure.name}.png").write_bytes(picture)
     for name, table in figure.tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
     return {
         "figure": figure,
-        "picture": b64encode(picture).decode("ascii"),
-        "small": list(_small(figure)),
-        "files": [f"{name}.csv" for name in figure.tables],
+        "image": data_address(picture) if picture else "",
+        "width": 0 if figure.picture is None else int(96 * figure.picture.get_size_inches()[0]),
+        "small": [_html(table) for table in figure.tables.values() if _is_small(table)],
         "command": f"{page.command} --only {study.name}",
     }
 
 
-def _picture(draw: Callable[[Sheet], None], size: tuple[float, float]) -> bytes:
-    from matplotlib.figure import Figure as Blank
-
-    sheet, out = Blank(figsize=size, layout="constrained"), BytesIO()
-    draw(sheet)
-    write_figure(sheet, out, DPI)
-    return out.getvalue()
+def _is_small(table: pd.DataFrame) -> bool:
+    return table.shape[0] <= MOST_ROWS and table.shape[1] <= MOST_COLUMNS
 
 
-def _small(figure: Figure) -> Iterator[tuple[str, str]]:
-    """File name and HTML of the tables that a page has room for."""
-    for name, table in figure.tables.items():
-        if table.shape[0] <= MOST_ROWS and table.shape[1] <= MOST_COLUMNS:
-            yield f"{name}.csv", _html(table)
+def _code(text: str) -> str:
+    """A paragraph as HTML: what stands between backticks as code."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def _html(table: pd.DataFrame) -> str:
@@ -162,14 +184,19 @@ def _page(
     page: FigurePage, studies: Sequence[FigureStudy], shown: Sequence[dict[str, object]]
 ) -> str:
     whole = len(studies) == len(page.studies)
-    return template("cosim.report", "figures.html.j2").render(
+    return template("cosim.report", "figures.html.j2", {"code": _code}).render(
         page=page,
         shown=shown,
-        style=own_file("page.css"),
-        version=__version__,
         command=page.command + ("" if whole else "".join(f" --only {s.name}" for s in studies)),
         left_out=[s for s in page.studies if s not in studies],
     )
+
+
+def new_picture(width: float = 7.0, height: float = 4.5) -> Picture:
+    """An empty picture of this size in inches."""
+    from matplotlib.figure import Figure as Blank
+
+    return Blank(figsize=(width, height), layout="constrained")
 
 
 def style_axes(axes: Axes, x: str, y: str) -> None:
@@ -178,3 +205,29 @@ def style_axes(axes: Axes, x: str, y: str) -> None:
     axes.grid(color="0.9", lw=0.7)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def legend_below(picture: Picture, columns: int, axes: Axes | None = None, **style: Any) -> None:
+    """One legend under all panels, of the curves of `axes` alone where they are given."""
+    handles = () if axes is None else axes.get_legend_handles_labels()
+    picture.legend(*handles, loc="outside lower center", ncols=columns, frameon=False, **style)
+
+
+def line_chart(
+    lines: Mapping[str, tuple[Any, Any, Mapping[str, Any]]],
+    x: str,
+    y: str,
+    size: tuple[float, float] = (7.0, 4.5),
+) -> Picture:
+    """Curves in one panel: by name the abscissa, the ordinate and matplotlib's style of each."""
+    picture = new_picture(*size)
+    axes = picture.subplots()
+    for name, (at, value, style) in lines.items():
+        axes.plot(at, value, label=name, **{"lw": 1.8, **style})
+    style_axes(axes, x, y)
+    low, high = axes.dataLim.y0, axes.dataLim.y1
+    room = HEADROOM * (high - low or 1.0)
+    axes.set_ylim(low - room if low < 0 else min(0.0, low), high + room)
+    if len(lines) > 1:
+        legend_below(picture, min(3, len(lines)))
+    return picture

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.port import Array
 from cosim.report import drawings, words
-from cosim.report.page import cell, colours
+from cosim.report.figures import new_picture
+from cosim.report.page import cell
 from cosim.report.strengths import insertion_forces, strength_of
 from cosim.report.tables import Cell, ReportTable
-from cosim.report.templates import own_file, template
+from cosim.report.templates import template
 from cosim.report.views import BoneSurface, Sheet, SheetField, View, limits, view_of
 from cosim.results.compare import number, unit_of, value_of
+from cosim.results.picture import as_png, data_address
 from cosim.results.quantities import key_quantities
 from cosim.results.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FIELD = "along"
 LEAST_ANGLE, LEAST_FORCE = 0.05, 0.005
@@ -31,14 +37,6 @@ class RunPair:
     tip: str
     before: Result
     after: Result
-
-
-@dataclass(frozen=True)
-class Map:
-    """A strain map and whose it is."""
-
-    title: str
-    drawing: str
 
 
 def tables_of_lesion(pairs: Sequence[RunPair]) -> list[ReportTable]:
@@ -157,7 +155,6 @@ def lesion_page(
     """The whole page; `lesion` in words, `marked` the names of regions that the maps frame."""
     seen = [(pair, view_of(pair.before), view_of(pair.after)) for pair in pairs]
     arrows = [arrow for pair in pairs if pair.tip == "held" for arrow in _arrows(pair)]
-    maps, bar = _maps(seen, marked)
     return template("cosim.report", "lesion.html.j2", {"cell": cell}).render(
         words=words,
         title=title,
@@ -168,11 +165,9 @@ def lesion_page(
         tables=tables_of_lesion(pairs),
         question=words.question(pairs[0].after),
         postures=[(p, postures(a, b)) for p, a, b in seen if a.bones and b.bones],
-        maps=maps,
-        bar=bar,
+        maps=_maps(seen, marked),
         arrows=arrows,
-        plane=drawings.sagittal(arrows) if arrows else "",
-        style=own_file("page.css"),
+        plane=drawings.plane(arrows) if arrows else "",
     )
 
 
@@ -189,27 +184,20 @@ def _arrows(pair: RunPair) -> list[drawings.Arrow]:
     return arrows if any(arrow.magnitude > drawings.LEAST for arrow in arrows) else []
 
 
-def _maps(
-    seen: Sequence[tuple[RunPair, View, View]], marked: Sequence[str]
-) -> tuple[list[Map], str]:
-    """All maps of strain along the fibres on one scale, and the scale; none without sheets."""
-    views = [view for _, a, b in seen for view in (a, b)]
-    fields = [f for v in views if v.sheet is not None for f in v.sheet.fields if f.key == FIELD]
-    if len(fields) < len(views):
-        return [], ""
-    scale, inks, out = limits(views)[FIELD], colours(), []
-    for pair, *both in seen:
-        for side, run, view in zip(
-            ("before", "after"), (pair.before, pair.after), both, strict=True
-        ):
-            first, sheet = both[0].sheet, view.sheet
-            assert first is not None  # every view has a field, so a sheet
-            assert sheet is not None
-            flat = same_layout(sheet, _lay_out(run), first, _lay_out(pair.before))
-            field = next(f for f in sheet.fields if f.key == FIELD)
-            drawn = strain_map(sheet, flat, field, scale, inks, marked)
-            out.append(Map(f"{side}, fingertip {pair.tip}", drawn))
-    return out, colour_bar(fields[0], scale, inks)
+def _maps(seen: Sequence[tuple[RunPair, View, View]], marked: Collection[str]) -> str:
+    """All maps of strain along the fibres, as HTML; empty without sheets."""
+    maps = []
+    for pair, before, after in seen:
+        for side, run, view in (("before", pair.before, before), ("after", pair.after, after)):
+            if before.sheet is None or view.sheet is None:
+                return ""
+            field = next((f for f in view.sheet.fields if f.key == FIELD), None)
+            if field is None:
+                return ""
+            flat = same_layout(view.sheet, _lay_out(run), before.sheet, _lay_out(pair.before))
+            maps.append(StrainMap(f"{side}, fingertip {pair.tip}", view.sheet, flat, field))
+    scale = limits([view for _, *both in seen for view in both])[FIELD]
+    return draw_maps(maps, scale, marked)
 
 
 def _lay_out(run: Result) -> Array:
@@ -220,11 +208,12 @@ def _lay_out(run: Result) -> Array:
 
 SLICES = 28
 """Slices of a bone along its axis, for its outline."""
-WIDE, MARGIN = 760.0, 14.0
+DPI = 150
+WIDE = 8.0
+"""Inches, of the page's pictures."""
 BEFORE, AFTER, MARK = "#8a949c", "#00446b", "#c2410c"
 SAME_PLACE = 1e-7
 """m."""
-Place = Callable[[Array], Array]
 
 
 def outline(bone: BoneSurface, frame: int) -> Array:
@@ -245,25 +234,31 @@ def outline(bone: BoneSurface, frame: int) -> Array:
 
 
 def postures(before: View, after: View) -> str:
-    """Both fingers in their last frames, seen from the radial side: distal to the left, dorsal up;
-    before in grey, dashed, and after in blue with its hood."""
-    shapes = [[outline(bone, -1) for bone in view.bones] for view in (before, after)]
-    drawn = [p for shape in shapes for p in shape]
-    drawn += [line for view in (before, after) for line in _hood(view)]
-    at, tall = _fit_to_pixels(np.concatenate(drawn), WIDE)
-    parts = []
-    for view, shape, ink, dash in zip(
-        (before, after), shapes, (BEFORE, AFTER), (' stroke-dasharray="5 3"', ""), strict=True
-    ):
-        fill = "#eef1f3" if dash else "#cfe0ea"
-        parts += [
-            f'<path d="{_path(at(p))}" fill="{fill}" fill-opacity=".55" stroke="{ink}" '
-            f'stroke-width="1.4"{dash}/>'
-            for p in shape
-        ]
-        parts += _lines(view, at, ink, dash)
-    label = f"Postures: {before.name} dashed, {after.name} full"
-    return _svg(parts, WIDE, tall, label)
+    """Both fingers in their last frames, as HTML, seen from the radial side: distal to the left,
+    dorsal up; before in grey, dashed, and after in blue with its hood."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    looks = ((before, BEFORE, "#eef1f3", "--"), (after, AFTER, "#cfe0ea", "-"))
+    bones = [[outline(bone, -1) for bone in view.bones] for view in (before, after)]
+    hoods = [_hood(view) for view in (before, after)]
+    drawn = np.concatenate([line for lines in (*bones, *hoods) for line in lines])
+    wide, tall = np.ptp(drawn, axis=0)
+    picture = new_picture(WIDE, WIDE * float(tall / wide) + 0.2)
+    axes = picture.subplots()
+    for shapes, lines, (view, ink, fill, dash) in zip(bones, hoods, looks, strict=True):
+        for shape in shapes:
+            axes.fill(*shape.T, fc=(fill, 0.55), ec=ink, lw=1.1, ls=dash)
+        if view.sheet is not None:
+            quads = PolyCollection(lines, fc=(ink, 0.03), ec=(ink, 0.25), lw=0.35)
+            axes.add_collection(quads)
+        else:
+            axes.add_collection(LineCollection(lines, colors=[(ink, 0.6)], lw=0.8, ls=dash))
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.invert_xaxis()
+    axes.axis("off")
+    words = f"Postures: {before.name} dashed, {after.name} full"
+    return f'<img alt="{escape(words)}" src="{data_address(as_png(picture, DPI))}">'
 
 
 def _hood(view: View) -> list[Array]:
@@ -271,44 +266,6 @@ def _hood(view: View) -> list[Array]:
     if view.sheet is not None:
         return list(view.sheet.points[-1][view.sheet.quads][..., [0, 2]])
     return [np.asarray(path)[:, [0, 2]] for path in view.tendons[-1].values()]
-
-
-def _lines(view: View, at: Place, ink: str, dash: str) -> list[str]:
-    """The hood from the side."""
-    closed = view.sheet is not None
-    path = "".join(_path(at(line), close=closed) for line in _hood(view))
-    fill = f'fill="{ink}" fill-opacity=".10"' if closed else 'fill="none"'
-    faint, width = (".28", ".4") if closed else (".6", "1")
-    dash = "" if closed else dash
-    return [
-        f'<path d="{path}" {fill} stroke="{ink}" stroke-opacity="{faint}" '
-        f'stroke-width="{width}"{dash}/>'
-    ]
-
-
-def _fit_to_pixels(points: Array, width: float) -> tuple[Place, float]:
-    """From (k, 2) m, distal and up, to pixels, distal to the left; and the drawing's height."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    unit = (width - 2 * MARGIN) / float(high[0] - low[0])
-
-    def at(p: Array) -> Array:
-        return np.stack(
-            [MARGIN + (high[0] - p[:, 0]) * unit, MARGIN + (high[1] - p[:, 1]) * unit], axis=1
-        )
-
-    return at, float(high[1] - low[1]) * unit + 2 * MARGIN
-
-
-def _path(points: Array, close: bool = True) -> str:
-    text = "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
-    return f"M{text}{'Z' if close else ''}"
-
-
-def _svg(parts: Sequence[str], wide: float, tall: float, label: str) -> str:
-    return (
-        f'<svg class="plane" viewBox="0 0 {wide:.0f} {tall:.0f}" role="img" '
-        f'aria-label="{escape(label)}">{"".join(parts)}</svg>'
-    )
 
 
 def same_layout(sheet: Sheet, reference: Array, other: Sheet, theirs: Array) -> Array:
@@ -320,31 +277,62 @@ def same_layout(sheet: Sheet, reference: Array, other: Sheet, theirs: Array) -> 
     return other.flat[which] if far.max() < SAME_PLACE else sheet.flat
 
 
-def strain_map(
-    sheet: Sheet,
-    flat: Array,
-    field: SheetField,
-    scale: tuple[float, float],
-    colours: Sequence[str],
-    marked: Collection[str],
+@dataclass(frozen=True)
+class StrainMap:
+    """A sheet laid out flat at `flat` (n, 2) m, coloured by the last values of a field."""
+
+    title: str
+    sheet: Sheet
+    flat: Array
+    field: SheetField
+
+
+def draw_maps(
+    maps: Sequence[StrainMap], scale: tuple[float, float], marked: Collection[str]
 ) -> str:
-    """The sheet laid out flat at `flat` (n, 2) m, distal to the left and radial up, each quad in
-    the colour of the field's last values; the regions `marked` are framed."""
-    values = field.values[-1]
-    share = np.clip((values - scale[0]) / (scale[1] - scale[0]), 0, 1)
-    index = np.round(share * (len(colours) - 1)).astype(int)
-    at, tall = _fit_to_pixels(flat, WIDE / 2)
-    cells = [at(corners) for corners in flat[sheet.quads]]
-    parts = [
-        f'<path d="{_path(cell)}" fill="{colours[i]}" stroke="{colours[i]}" stroke-width=".3">'
-        f"<title>{escape(name.replace('_', ' '))}: {value:.2f} {escape(field.unit)}</title></path>"
-        for cell, i, name, value in zip(cells, index, sheet.region, values, strict=True)
-    ]
-    edges = _rim(sheet, marked)
-    frame = "".join(_path(at(flat[edge]), close=False) for edge in edges)
-    if frame:
-        parts.append(f'<path d="{frame}" fill="none" stroke="{MARK}" stroke-width="1.8"/>')
-    return _svg(parts, WIDE / 2, tall, f"{field.label}, {field.unit}")
+    """The maps on one scale of colours, as HTML, two in a row: distal to the left and radial up;
+    the regions `marked` are framed.  Over each quad stands its region and value."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    extent = np.array([np.ptp(one.flat, axis=0) for one in maps]).max(axis=0)
+    rows = (len(maps) + 1) // 2
+    picture = new_picture(WIDE, rows * (0.5 * WIDE * float(extent[1] / extent[0]) + 0.3) + 0.7)
+    panels = picture.subplots(rows, 2, squeeze=False).ravel()
+    for axes, one in zip(panels, maps, strict=False):
+        quads = PolyCollection(list(one.flat[one.sheet.quads]), cmap="viridis", lw=0.3)
+        quads.set(array=one.field.values[-1], clim=scale, edgecolor="face")
+        axes.add_collection(quads)
+        frame = list(one.flat[_rim(one.sheet, marked)])
+        axes.add_collection(LineCollection(frame, colors=MARK, lw=1.5))
+        axes.set_title(one.title, fontsize=10)
+        axes.set_aspect("equal")
+        axes.autoscale_view()
+        axes.invert_xaxis()
+    for axes in panels:
+        axes.axis("off")
+    bar = picture.colorbar(
+        quads, ax=list(panels), location="bottom", extend="both", aspect=50, shrink=0.5
+    )
+    bar.set_label(f"{one.field.label}, {one.field.unit}")
+    address = data_address(as_png(picture, DPI))
+    words = f"{one.field.label}, {one.field.unit}"
+    size = DPI * picture.get_size_inches()
+    names = "".join(_names(axes, one, size[1]) for axes, one in zip(panels, maps, strict=False))
+    return (
+        f'<div class="titled"><img alt="{escape(words)}" src="{address}">'
+        f'<svg viewBox="0 0 {size[0]:.0f} {size[1]:.0f}">{names}</svg></div>'
+    )
+
+
+def _names(axes: Axes, one: StrainMap, height: float) -> str:
+    """Invisible shapes over the quads of a drawn map, each with its region and value."""
+    corners = np.array([0.0, height]) + [1.0, -1.0] * axes.transData.transform(one.flat)
+    shapes, parts = corners[one.sheet.quads], []
+    for quad, region, value in zip(shapes, one.sheet.region, one.field.values[-1], strict=True):
+        path = "L".join(f"{x:.0f} {y:.0f}" for x, y in quad)
+        words = f"{region.replace('_', ' ')}: {value:.2f} {one.field.unit}"
+        parts.append(f'<path d="M{path}Z"><title>{escape(words)}</title></path>')
+    return f'<g aria-label="{escape(one.title)}">{"".join(parts)}</g>'
 
 
 def _rim(sheet: Sheet, marked: Collection[str]) -> np.ndarray:
@@ -353,24 +341,3 @@ def _rim(sheet: Sheet, marked: Collection[str]) -> np.ndarray:
     edges = np.sort(np.concatenate([quads[:, [a, (a + 1) % 4]] for a in range(4)]), axis=1)
     found, count = np.unique(edges.reshape(-1, 2), axis=0, return_counts=True)
     return found[count == 1]
-
-
-def colour_bar(field: SheetField, scale: tuple[float, float], colours: Sequence[str]) -> str:
-    """The scale of colours with its ends and middle, below the maps."""
-    n, wide = len(colours), 320.0
-    step = wide / n
-    parts = [
-        f'<rect x="{20 + i * step:.2f}" y="4" width="{step + 0.3:.2f}" height="12" '
-        f'fill="{colour}"/>'
-        for i, colour in enumerate(colours)
-    ]
-    for share in (0.0, 0.5, 1.0):
-        value = scale[0] + share * (scale[1] - scale[0])
-        parts.append(
-            f'<text x="{20 + share * wide:.1f}" y="31" text-anchor="middle">{value:.2f}</text>'
-        )
-    parts.append(
-        f'<text x="{20 + wide / 2:.1f}" y="48" text-anchor="middle" class="what">'
-        f"{escape(field.label)}, {escape(field.unit)}</text>"
-    )
-    return f'<svg class="bar" viewBox="0 0 360 54" aria-hidden="true">{"".join(parts)}</svg>'

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,8 +15,9 @@ from cosim.report import drawings, words
 from cosim.report.tables import SUM, Cell, ReportTable, last_ledger, last_state
 from cosim.report.templates import own_file, template
 from cosim.report.views import View, difference_view, floats, limits, pack_views, view_of
-from cosim.results.compare import number
+from cosim.results.compare import VERDICT_SHAPES, number
 from cosim.results.looks import look
+from cosim.results.picture import data_address
 from cosim.results.result import Result
 
 MOST_BYTES = 8_000_000
@@ -51,6 +51,7 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
     text = template("cosim.report", filters={"cell": cell, "spoken": name_in_words}).render(
         words=words,
         drawings=drawings,
+        shapes=VERDICT_SHAPES,
         runs=runs,
         every=every,
         against=against,
@@ -58,10 +59,10 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         views=views,
         pictures=[(run, name, _picture(run, name)) for run in every for name in PICTURES],
         arrows=arrows,
-        plane=drawings.sagittal(arrows) if arrows else "",
+        plane=drawings.plane(arrows) if arrows else "",
         bars={run.name: _bars(run) for run in every},
         last_state=last_state,
-        cases=[(run, _link(run)) for run in every],
+        cases=[(run, data_address(run.case_text.encode(), "text/plain")) for run in every],
         data=script_of(
             {
                 **pack_views(views, scales),
@@ -70,7 +71,6 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
                 "looks": _line_looks(histories),
             }
         ),
-        style=own_file("page.css"),
         script=own_file("page.js"),
         plotly=get_plotlyjs(),
     )
@@ -123,12 +123,7 @@ def _picture(run: Result, name: str) -> str | None:
         raise InputError(f"{run.folder}/{name}.png: is no picture ({error})") from error
     out = io.BytesIO()
     image.save(out, "WEBP", lossless=True)
-    return "data:image/webp;base64," + base64.b64encode(out.getvalue()).decode("ascii")
-
-
-def _link(run: Result) -> str:
-    text = base64.b64encode(run.case_text.encode("utf-8")).decode("ascii")
-    return f"data:text/plain;base64,{text}"
+    return data_address(out.getvalue(), "image/webp")
 
 
 def _bars(run: Result) -> list[tuple[str, list[Bar], str]]:

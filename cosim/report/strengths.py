@@ -6,12 +6,12 @@ load was found, and that is what a table then says.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Any
+
+from cosim.text_tables import packaged_rows
 
 NOT_KNOWN = "no strength in print"
 
@@ -27,14 +27,13 @@ class Strength:
 @cache
 def strengths() -> Mapping[str, Strength]:
     """By the quantity of a summary that the part carries."""
-    text = (files("cases") / "data" / "hood_strengths.csv").read_text(encoding="utf-8")
-    found: dict[str, list[dict[str, str]]] = {}
-    for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
-        found.setdefault(row["quantity"], []).append(row)
+    found: dict[str, list[Mapping[str, str]]] = {}
+    for row in packaged_rows("hood_strengths"):
+        found.setdefault(row.cells["quantity"], []).append(row.cells)
     return {quantity: _strength(rows) for quantity, rows in found.items()}
 
 
-def _strength(rows: list[dict[str, str]]) -> Strength:
+def _strength(rows: list[Mapping[str, str]]) -> Strength:
     least = [float(row["bears_N"]) for row in rows if row["bears_N"]]
     said = (f"{row['says']} ({row['source']}, {row['read']}{_count(row['n'])})" for row in rows)
     return Strength(max(least, default=None), "; ".join(said))

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
+from cosim.version import __version__
+
 if TYPE_CHECKING:
     from jinja2 import Template
 
@@ -15,16 +17,18 @@ def template(
     name: str = "page.html.j2",
     filters: Mapping[str, Callable[..., str]] | None = None,
 ) -> Template:
-    """The template of this name beside the modules of a package."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    """The template of this name beside the modules of a package, or of the report, whose frame
+    `base.html.j2` all pages extend."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader(package, ""),
+        loader=ChoiceLoader([PackageLoader(package, ""), PackageLoader("cosim.report", "")]),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
+    environment.globals |= {"style": own_file("page.css"), "version": __version__}
     environment.filters |= dict(filters or {})
     return environment.get_template(name)
 

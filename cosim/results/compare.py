@@ -29,9 +29,7 @@ a band; a file whose columns are parted by semicolons may have decimal commas.  
 
 from __future__ import annotations
 
-import csv
 import json
-import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -46,6 +44,7 @@ from cosim.json_text import json_text
 from cosim.port import AXES
 from cosim.results.conventions import OPPOSITE
 from cosim.schema.fields import is_number
+from cosim.text_tables import CsvRow, read_csv, read_text
 
 Kind = Literal[
     "experiment", "experiment at second hand", "published model", "inferred", "requirement"
@@ -54,6 +53,8 @@ Kind = Literal[
 SECOND_HAND: Kind = "experiment at second hand"
 Verdict = Literal["inside 1 SD", "inside the band", "outside", "nothing to judge by", "no value"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+VERDICT_SHAPES: dict[Verdict, str] = dict(zip(VERDICTS, "●◆▲○–", strict=True))
+"""What a verdict looks like besides its word and colour."""
 UNITS = {
     "N": "N",
     "Nmm": "N mm",
@@ -369,7 +370,7 @@ def read_json(path: Path) -> tuple[Comparison, ...]:
 
     Raises InputError, naming the row."""
     try:
-        content = json.loads(_text(path))
+        content = json.loads(read_text(path))
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: is no JSON ({error})") from error
     rows = content.get("rows") if isinstance(content, dict) else None
@@ -394,57 +395,32 @@ def read_targets(path: Path) -> tuple[Target, ...]:
     """The targets of a CSV file; the module says what its columns hold.
 
     Raises InputError, naming line and column."""
-    lines = [(n, line) for n, line in enumerate(_text(path).splitlines(), 1) if _says(line)]
-    if not lines:
-        raise InputError(f"{path}: is empty; expected a line with quantity, value")
-    first = lines[0][1]
-    mark = ";" if ";" in first and "," not in first else ","
-    table = list(csv.reader([line for _, line in lines], skipinitialspace=True, delimiter=mark))
-    header = [cell.strip() for cell in table[0]]
-    _check_header(path, header)
-    found = list(zip((n for n, _ in lines), table, strict=False))[1:]
-    return tuple(
-        _read_row(f"{path}: line {n}", header, row, path.name, has_commas=mark == ";")
-        for n, row in found
+    table = read_csv(path, "quantity,value,sd")
+    lacking = "quantity" not in table.columns or not {"value", "reference", "low", "high"} & set(
+        table.columns
     )
-
-
-def _says(line: str) -> bool:
-    return bool(line.strip()) and not line.lstrip().startswith("#")
-
-
-def _check_header(path: Path, header: list[str]) -> None:
-    lacking = "quantity" not in header or not {"value", "reference", "low", "high"} & set(header)
-    twice = len(set(header)) < len(header) or {"value", "reference"} <= set(header)
-    unknown = [c for c in header if c not in KNOWN]
-    if lacking or twice or unknown:
+    unknown = [c for c in table.columns if c not in KNOWN]
+    if lacking or unknown or {"value", "reference"} <= set(table.columns):
         raise InputError(
             f"{path}: expected the columns quantity and value (or reference), and if wanted "
             f"{', '.join(c for c in KNOWN if c not in ('quantity', 'value', 'reference'))}, each "
-            f"once; the first line has {', '.join(header)}"
+            f"once; the first line has {', '.join(table.columns)}"
         )
+    return tuple(_target_of(row, path.name) for row in table.rows)
 
 
-def _read_row(
-    place: str, header: list[str], cells: list[str], file: str, has_commas: bool
-) -> Target:
-    if len(cells) != len(header):
-        raise InputError(f"{place}: has {len(cells)} cells, the first line {len(header)}")
-    said = {c: cell.strip() for c, cell in zip(header, cells, strict=True)}
-    if "value" in said:
-        said["reference"] = said.pop("value")
-    quantity = said["quantity"]
+def _target_of(row: CsvRow, file: str) -> Target:
+    quantity = row.cells["quantity"]
     beside = {"name": quantity, "unit": unit_of(quantity), "source": file, "kind": "experiment"}
-    row: dict[str, Any] = beside | {c: text for c, text in said.items() if text or c not in beside}
-    for column in ("reference", "sd", "low", "high"):
-        text = said.get(column, "")
-        if has_commas and re.fullmatch(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?", text):
-            text = text.replace(",", ".")
-        row[column] = _float(place, column, text or None)
-    fitted = row.get("fitted", "").lower()
+    said = {c: text for c, text in row.cells.items() if text or c not in beside}
+    numbers = {column: row.number(column) for column in ("reference", "sd", "low", "high")}
+    if "value" in said:
+        numbers["reference"] = row.number("value")
+        del said["value"]
+    fitted = said.get("fitted", "").lower()
     if fitted not in YES:
-        raise InputError(f"{place}: fitted is {fitted!r}; expected yes or no")
-    return _target(place, {**row, "fitted": YES[fitted]})
+        raise InputError(f"{row.place}: fitted is {fitted!r}; expected yes or no")
+    return _target(row.place, {**beside, **said, **numbers, "fitted": YES[fitted]})
 
 
 def _target(place: str, values: Mapping[str, Any]) -> Target:
@@ -466,11 +442,3 @@ def _float(place: str, column: str, value: Any) -> float | None:
     if not np.isfinite(out):
         raise InputError(f"{place}: {column} is {value!r}; expected a number or nothing")
     return out
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text in UTF-8"
-        raise InputError(f"{path}: cannot be read ({reason})") from error

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Mapping
 from html import escape
 from typing import Any
 
+from cosim.results.picture import data_address
 from cosim.results.summary_tables import rows_of
 
 
@@ -19,6 +19,7 @@ def html_of(title: str, verdict: str, summary: Mapping[str, Any], png: bytes) ->
             "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
         )
         parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
-    source = f"data:image/png;base64,{b64encode(png).decode()}"
     alt = escape(title, quote=True)
-    return "\n".join([*parts, f'<img alt="{alt}" src="{source}" style="max-width:100%">'])
+    return "\n".join(
+        [*parts, f'<img alt="{alt}" src="{data_address(png)}" style="max-width:100%">']
+    )

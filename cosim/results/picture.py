@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+from base64 import b64encode
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -27,9 +29,16 @@ def load_matplotlib() -> None:
 
 
 def as_plain_text(figure: Figure) -> Figure:
-    """The figure, with its texts as they stand: a `$` of a title begins no formula."""
+    """Return the figure with its texts as they stand: a `$` of a title begins no formula, and the
+    numbers on logarithmic axes are none."""
     from matplotlib.text import Text
+    from matplotlib.ticker import LogFormatter, LogFormatterMathtext
 
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if isinstance(axis.get_major_formatter(), LogFormatterMathtext):
+            axis.set_major_formatter("{x:g}")
+        if isinstance(axis.get_minor_formatter(), LogFormatterMathtext):
+            axis.set_minor_formatter(LogFormatter())
     for text in figure.findobj(Text):
         text.set_parse_math(False)
     return figure
@@ -50,3 +59,15 @@ def write_figure(
     figure.set_dpi(dpi)
     # of 1 to 9: half of the time of 6, which is usual, for a file a tenth larger
     FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 3})
+
+
+def as_png(figure: Figure, dpi: int) -> bytes:
+    """Return a figure as the content of a PNG file."""
+    out = BytesIO()
+    write_figure(figure, out, dpi)
+    return out.getvalue()
+
+
+def data_address(content: bytes, kind: str = "image/png") -> str:
+    """Return the address of a content that stands in the page itself."""
+    return f"data:{kind};base64,{b64encode(content).decode('ascii')}"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -15,7 +14,7 @@ from cosim.results.audit import Audit
 from cosim.results.compare import Comparison, numbers_of, unit_of
 from cosim.results.conventions import COMPONENTS, by_axis
 from cosim.results.parts import CaseParts, Scene
-from cosim.results.picture import as_plain_text, load_matplotlib, write_figure
+from cosim.results.picture import as_plain_text, as_png, load_matplotlib, write_figure
 from cosim.results.quantities import meaning_of
 from cosim.results.write import copy_run, write_run
 
@@ -215,9 +214,7 @@ class Result(CaseParts):
 
         png = self.picture("picture")
         if png is None:
-            file = BytesIO()
-            write_figure(self.plot(), file, 72)
-            png = file.getvalue()
+            png = as_png(self.plot(), 72)
         return html_of(self.title, str(self.audit), self.summary, png)
 
     def __repr__(self) -> str:

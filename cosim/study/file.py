@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from importlib import resources
 from math import isfinite
@@ -29,6 +28,7 @@ from cosim.study.distributions import (
 )
 from cosim.study.faults import faults_of, listing, place_text
 from cosim.study.sampling import KINDS, Kind
+from cosim.text_tables import read_toml
 
 FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")
 
@@ -253,8 +253,8 @@ def is_study(path_or_name: str) -> bool:
     if path_or_name in {path.stem for path in packaged_studies()}:
         return True
     try:
-        table = tomllib.loads(Path(path_or_name).read_text(encoding="utf-8"))
-    except (OSError, ValueError):  # what is wrong with it is said of a case
+        table = read_toml(Path(path_or_name))
+    except (InputError, ValueError):  # what is wrong with it is said of a case
         return False
     return "parameters" in table
 
@@ -266,7 +266,7 @@ def packaged_studies() -> list[Path]:
 
 def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:
     """Raises InputError that lists every fault."""
-    values = _toml(source)
+    values = read_toml(source)
     lines: list[str] = []
     checked = None
     try:
@@ -290,19 +290,6 @@ def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:
     if lines or checked is None:
         raise InputError(listing(source, lines))
     return checked, tuple(found)
-
-
-def _toml(source: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(source.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{source}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{source}: is not a text file in UTF-8") from error
-    except RecursionError:
-        raise InputError(f"{source}: tables are nested too deeply") from None
-    except ValueError as error:  # TOMLDecodeError is one
-        raise InputError(f"{source}: is not valid TOML: {error}") from error
 
 
 def _model(table: Mapping[str, Any]) -> type[ParameterConfig]:

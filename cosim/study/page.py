@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Iterator
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
-from cosim.report.templates import own_file, template
+from cosim.report.templates import template
 from cosim.results.compare import Target, number, reference_text
-from cosim.results.picture import write_figure
+from cosim.results.picture import as_png, data_address
 from cosim.study import plots as pictures
 from cosim.study.answers import Band, Indices
 from cosim.study.distributions import GridAxis, Law, Lognormal, Normal, TruncatedNormal, Uniform
 from cosim.study.plan import StudyPlan
 from cosim.study.results import StudyResults
-from cosim.version import __version__
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,8 +28,6 @@ def page(found: StudyResults, plan: StudyPlan) -> str:
     return template("cosim.study").render(
         study=found,
         plan=plan,
-        style=own_file("page.css"),
-        version=__version__,
         runs=len(found.table),
         converged=counts.get("converged", 0),
         waiting=counts.get("waiting", 0),
@@ -171,8 +166,4 @@ def _index_rows(found: StudyResults, indices: Indices) -> list[tuple[str, str, s
 
 
 def _picture(figure: Figure | None) -> str:
-    if figure is None:
-        return ""
-    out = BytesIO()
-    write_figure(figure, out, DPI)
-    return b64encode(out.getvalue()).decode("ascii")
+    return "" if figure is None else data_address(as_png(figure, DPI))

@@ -12,6 +12,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array
 from cosim.tendons.table import FileSignalConfig, PointsSignalConfig, SineSignalConfig
+from cosim.text_tables import read_csv
 
 
 def factor_of(
@@ -52,25 +53,10 @@ def _sto(path: Path, column: str) -> tuple[Array, Array]:
 
     table = read_sto(path, ())
     if column not in table.columns:
-        raise _no_column(path, column, table.columns)
+        raise InputError(f"{path}: has no column {column!r}; it has {', '.join(table.columns)}")
     return table.time, table.values[:, table.columns.index(column)]
 
 
 def _csv(path: Path, column: str) -> tuple[Array, Array]:
-    import pandas
-
-    try:
-        table = pandas.read_csv(path, comment="#", skipinitialspace=True)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as a table ({error})") from error
-    for name in ("time", column):
-        if name not in table:
-            raise _no_column(path, name, tuple(map(str, table.columns)))
-    try:
-        return table["time"].to_numpy(dtype=float), table[column].to_numpy(dtype=float)
-    except ValueError as error:
-        raise InputError(f"{path}: holds something that is no number ({error})") from error
-
-
-def _no_column(path: Path, column: str, among: tuple[str, ...]) -> InputError:
-    return InputError(f"{path}: has no column {column!r}; it has {', '.join(among)}")
+    table = read_csv(path, f"time,{column}")
+    return table.numbers("time"), table.numbers(column)

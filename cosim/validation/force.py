@@ -6,11 +6,10 @@ An's own paths: these are compared with MyoHand alone."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Sequence
-from importlib.resources import files
 
 from cosim.results.compare import Target
+from cosim.text_tables import packaged_rows
 from cosim.validation.trial import Trial, TrialGroup
 
 CLAMPED = 'finger.tip.kind="clamped"'
@@ -74,10 +73,8 @@ def _targets(trial: Trial, sources: Sequence[str]) -> Iterator[Target]:
 
 def two_models() -> dict[str, dict[str, tuple[float, float, float]]]:
     """Distal, palmar and radial force, N, by muscle and source."""
-    text = (files("cases") / "data" / "fingertip_two_models.csv").read_text(encoding="utf-8")
-    lines = [line for line in text.splitlines() if not line.startswith("#")]
     out: dict[str, dict[str, tuple[float, float, float]]] = {}
-    for row in csv.DictReader(lines):
+    for row in (row.cells for row in packaged_rows("fingertip_two_models")):
         distal, palmar, radial = (float(row[axis]) for axis in PRINTED)
         vector = (distal, palmar, radial)
         out.setdefault(row["muscle"], {})[row["source"]] = vector

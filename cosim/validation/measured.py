@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 from functools import cache
-from importlib.resources import files
 from typing import NamedTuple
+
+from cosim.text_tables import packaged_rows
 
 
 class Measured(NamedTuple):
@@ -32,10 +32,7 @@ class Measured(NamedTuple):
 @cache
 def read_measured(source: str) -> tuple[Measured, ...]:
     """The rows of a source's file, in its order."""
-    path = files("cases") / "data" / "measured" / f"{source}.csv"
-    lines = path.read_text(encoding="utf-8").splitlines()
-    rows = csv.DictReader(line for line in lines if not line.startswith("#"))
-    return tuple(_row(row) for row in rows)
+    return tuple(_row(dict(row.cells)) for row in packaged_rows(f"measured/{source}"))
 
 
 def _row(text: dict[str, str]) -> Measured:

@@ -8,19 +8,17 @@ from typing import Any
 
 from cosim.files import output_file
 from cosim.report.templates import template
-from cosim.results.compare import Comparison, Verdict, marks, misses_first, number, reference_text
+from cosim.results.compare import (
+    VERDICT_SHAPES,
+    Comparison,
+    marks,
+    misses_first,
+    number,
+    reference_text,
+)
 from cosim.validation import mesh as validation_mesh
 from cosim.validation.mesh import Change
 from cosim.validation.run import Board, by_kind
-from cosim.version import __version__
-
-SHAPES: dict[Verdict, str] = {
-    "inside 1 SD": "●",
-    "inside the band": "●",
-    "outside": "▲",
-    "nothing to judge by": "○",
-    "no value": "✕",
-}
 
 
 def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = ()) -> None:
@@ -40,7 +38,6 @@ def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = 
         for board in boards
     ]
     text = template("cosim.validation").render(
-        version=__version__,
         boards=shown,
         kinds=[
             {"group": b.group, "headline": b.headline, "nulls": _nulls(b)} for b in by_kind(boards)
@@ -79,7 +76,7 @@ def _cells(row: Comparison) -> dict[str, Any]:
         "stated": reference_text(t),
         "difference": number(row.difference),
         "verdict": row.verdict,
-        "shape": SHAPES[row.verdict],
+        "shape": VERDICT_SHAPES[row.verdict],
         "source": t.source,
         "kind": t.kind,
     }

@@ -5,15 +5,14 @@ the groups' and the rows' names (as of file names) and the reason, with the stud
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import cache
-from importlib.resources import files
 from typing import NamedTuple
 
 from cosim.results.compare import Comparison, Verdict
+from cosim.text_tables import packaged_rows
 
 NOT_KNOWN = "not known"
 MISSES: tuple[Verdict, ...] = ("outside", "no value")
@@ -30,9 +29,8 @@ class Reason(NamedTuple):
 @cache
 def reasons() -> tuple[Reason, ...]:
     """Those of the packaged file, in its order."""
-    text = (files("cases") / "data" / "validation_reasons.csv").read_text(encoding="utf-8")
-    lines = [line for line in text.splitlines() if not line.startswith("#")]
-    return tuple(Reason(r["group"], r["pattern"], r["reason"]) for r in csv.DictReader(lines))
+    rows = (row.cells for row in packaged_rows("validation_reasons"))
+    return tuple(Reason(row["group"], row["pattern"], row["reason"]) for row in rows)
 
 
 def reason_of(group: str, name: str) -> str | None:

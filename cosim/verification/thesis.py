@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 from cosim.analyses.tip_bound import force_and_bound
 from cosim.case.file import load_case
-from cosim.checks import Row, Study
-from cosim.papers.thesis_models import EXCESS
+from cosim.checks import Row, Study, printed_values
 from cosim.solve.one_way import finger_pass, hood_pass
 from cosim.solve.session import Session
 from cosim.solve.solvers import solve
@@ -15,6 +14,7 @@ from cosim.solve.solvers import solve
 THESIS = "Jadelis, thesis, section 3.4: excess over Qiu's experiment, whose spread was not seen"
 MESH: tuple[str, ...] = ()
 """The mesh of the shipped cases."""
+MUSCLES = ("EDC", "EI", "LUM", "FPI")
 BEYOND = ("EDC", "EI", "LUM")
 """Whose excess alone is more than a finger's tip force can be; FPI's lay within the experiment's
 spread."""
@@ -27,8 +27,9 @@ BOUND = "J^T F = tau + p, springs and limits oppose the motion left: |F| <= max 
 
 def thesis_rows() -> Iterator[Row]:
     """For each muscle the pass as the thesis made it, its excess by cause, and both bounds."""
-    for muscle, excess in EXCESS.items():
-        yield from muscle_rows(muscle, excess)
+    printed = printed_values("jadelis", "other")
+    for muscle in MUSCLES:
+        yield from muscle_rows(muscle, printed[f"excess.{muscle}"][0])
 
 
 def muscle_rows(muscle: str, excess: float) -> Iterator[Row]:

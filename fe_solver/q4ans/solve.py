@@ -129,7 +129,7 @@ class _SolidSteps(TimeSteps):
         raise ConvergenceError(
             f"{self.model.job.name}: no equilibrium of q4ans elements was found at t = {time:.6g}, "
             f"after {e.steps} steps up to t = {self.last.time:.6g} and {e.failures} that failed. "
-            f"{error}. To try: --own-shell (our own shell, which bends as a thin sheet does)"
+            f"{error}."
         ) from error
 
     def largest_turn(self, time: float) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 
 from cosim.coupling.finger_equilibrium import balance_finger
 from cosim.errors import InputError
-from cosim.port import Array, Balance, Load, Motion
+from cosim.port import Array, Balance, Load, Motion, check_tensions
 from rigid.chain.joint_torques import JointLaw, by_joint
 from rigid.chain.kinematics import (
     Chain,
@@ -258,8 +258,4 @@ class ChainFinger(ABC):
             raise InputError(
                 f"load on bodies {load.bodies}: the finger's are {self.bodies}, in this order"
             )
-        if np.shape(tension) != (len(self.tendons),) or not np.isfinite(tension).all():
-            raise InputError(
-                f"finger: expected {len(self.tendons)} finite tensions (N), one for each of "
-                f"{self.tendons}, got {tension!r}"
-            )
+        check_tensions("finger", self.tendons, tension)

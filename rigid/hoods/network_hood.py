@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
+from cosim.port import Array, HoodJacobian, Load, Motion, Response, check_step, skew
 from rigid.hoods.hinge_angle import HingeAngle, angles
 from rigid.hoods.network import Network
 from rigid.model import Vector
@@ -88,13 +88,13 @@ class NetworkHood:
 
     def start(self, motion: Motion) -> NetworkState:
         unloaded = np.zeros(len(self.tendons))
-        self._check(motion, unloaded, np.inf)
+        check_step("network hood", self, motion, unloaded, np.inf)
         return NetworkState(motion, unloaded)
 
     def advance(self, state: NetworkState, motion: Motion, tension: Array, dt: float) -> Response:
         """Response at `motion` under `tension` (nt,) N; it depends on no rate and no history, so
         that any `dt` > 0 gives the same.  Raises InputError."""
-        self._check(motion, tension, dt)
+        check_step("network hood", self, motion, tension, dt, none_negative=True)
         tension = np.array(tension, dtype=float)
         at = angles(self._hinges, motion)
         here = self._joints(at.value, tension)
@@ -125,21 +125,6 @@ class NetworkHood:
         if self._operating is None:
             return _at_forces(self.network, angle, force)
         return _at_constant_force(self.network, angle, force, self._operating)
-
-    def _check(self, motion: Motion, tension: Array, dt: float) -> None:
-        if motion.bodies != self.bodies:
-            raise InputError(
-                f"network hood: its bodies are {self.bodies}, in this order; the motion has "
-                f"{motion.bodies}"
-            )
-        fits = np.shape(tension) == (len(self.tendons),) and np.isfinite(tension).all()
-        if not fits or (np.asarray(tension) < 0).any():
-            raise InputError(
-                f"network hood: expected {len(self.tendons)} finite tensions (N), none negative, "
-                f"one for each of {self.tendons}, got {tension!r}"
-            )
-        if not dt > 0:
-            raise InputError(f"network hood: expected a positive time step (s), got {dt}")
 
 
 def _at_forces(network: Network, angle: Array, force: Array) -> _Joints:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
+from cosim.port import Array, HoodJacobian, Load, Motion, Response, check_step, skew
 from rigid.chain.kinematics import Indices
 
 SOURCES = ("pulley", "insertion")
@@ -101,13 +101,13 @@ class PulleyHood:
         self._rest = np.array([line.length for line in self._lines(rest)])
 
     def start(self, motion: Motion) -> PulleyState:
-        self._check(motion, np.zeros(len(self.tendons)), math.inf)
+        check_step("pulley hood", self, motion, np.zeros(len(self.tendons)), math.inf)
         return PulleyState(motion, np.zeros(len(self.tendons)))
 
     def advance(self, state: PulleyState, motion: Motion, tension: Array, dt: float) -> Response:
         """Response at `motion` under `tension` (nt,) N; it depends on no rate and no history, so
         that any `dt` > 0 gives the same.  Raises InputError."""
-        self._check(motion, tension, dt)
+        check_step("pulley hood", self, motion, tension, dt)
         tension = np.array(tension, dtype=float)
         wrench = np.zeros((len(self.bodies), len(SOURCES), 6))
         pulls, excursion = [], self._compliance() * tension + self._rest
@@ -149,20 +149,6 @@ class PulleyHood:
 
     def _lines(self, motion: Motion) -> list[_Line]:
         return [_line(name, cable, motion) for name, cable in self._cables.items()]
-
-    def _check(self, motion: Motion, tension: Array, dt: float) -> None:
-        if motion.bodies != self.bodies:
-            raise InputError(
-                f"pulley hood: its bodies are {self.bodies}, in this order; the motion has "
-                f"{motion.bodies}"
-            )
-        if np.shape(tension) != (len(self.tendons),) or not np.isfinite(tension).all():
-            raise InputError(
-                f"pulley hood: expected {len(self.tendons)} finite tensions (N), one for each of "
-                f"{self.tendons}, got {tension!r}"
-            )
-        if not dt > 0:
-            raise InputError(f"pulley hood: expected a positive time step (s), got {dt}")
 
 
 def _line(name: str, cable: Cable, motion: Motion) -> _Line:

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.errors import ConvergenceError, InputError
-from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
+from cosim.port import Array, HoodJacobian, Load, Motion, Response, check_step, skew
 from rigid.hoods.hinge_angle import Angles
 from rigid.hoods.reduced_basis import (
     Basis,
@@ -241,13 +241,13 @@ class ReducedHood:
 
     def start(self, motion: Motion) -> ReducedState:
         unloaded = np.zeros(len(self.tendons))
-        self._check(motion, unloaded, np.inf)
+        check_step("reduced hood", self, motion, unloaded, np.inf)
         return self._state(motion, unloaded)
 
     def advance(self, state: ReducedState, motion: Motion, tension: Array, dt: float) -> Response:
         """Response at `motion` under `tension` (nt,) N, the same for any `dt` > 0.  Raises
         InputError, and ConvergenceError outside of the box."""
-        self._check(motion, tension, dt)
+        check_step("reduced hood", self, motion, tension, dt, none_negative=True)
         made = self._state(motion, np.array(tension, dtype=float))
         tension, at, here = made.tension, made.angles, made.derived
         if where := self.potential.outside(at.value, tension):
@@ -284,18 +284,3 @@ class ReducedHood:
     def _state(self, motion: Motion, tension: Array) -> ReducedState:
         at = all_angles(self._chain, motion)
         return ReducedState(motion, tension, at, self.potential.derivatives_at(at.value, tension))
-
-    def _check(self, motion: Motion, tension: Array, dt: float) -> None:
-        if motion.bodies != self.bodies:
-            raise InputError(
-                f"reduced hood: its bodies are {self.bodies}, in this order; the motion has "
-                f"{motion.bodies}"
-            )
-        fits = np.shape(tension) == (len(self.tendons),) and np.isfinite(tension).all()
-        if not fits or (np.asarray(tension) < 0).any():
-            raise InputError(
-                f"reduced hood: expected {len(self.tendons)} finite tensions (N), none negative, "
-                f"one for each of {self.tendons}, got {tension!r}"
-            )
-        if not dt > 0:
-            raise InputError(f"reduced hood: expected a positive time step (s), got {dt}")

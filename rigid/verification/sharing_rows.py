@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from scipy.optimize import brentq
 
-from cosim.checks import Row
+from cosim.checks import Row, read_printed
 from cosim.port import Array
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import ELASTICITY, MUSCLES, TABLE_1, Entry, coupled_dip, two_band
@@ -107,15 +107,16 @@ def _loop_rows() -> Iterator[Row]:
     `rigid.papers.buchner1988.coordination` has it."""
     f = flexion(samples=101)
     row = partial(Row, "flexion in closed loop", source=PAPER)
-    for x in findings(f):
-        much = {"N": ABOUT, "s": READ, "deg": SEEN, "%": 0.5}[x.unit]
-        much = 0.05 if x.unit == "N" and not x.about else much
+    ours = findings(f)
+    for printed in read_printed("buchner1988"):
+        about, unit = printed.about, printed.unit
+        much = {"N": ABOUT if about else 0.05, "s": READ, "deg": SEEN, "%": 0.5}[unit]
         yield row(
-            f"{x.what}, {x.unit}",
-            x.paper,
-            x.ours,
+            f"{printed.item}, {unit}",
+            printed.values[0],
+            ours[printed.ours],
             much,
-            measure="comparison" if x.about else "absolute",
+            measure="comparison" if about else "absolute",
         )
     off = deviation(f.loop, f.motion)
     yield row("from the parabola at most, deg", 0.0, off.curve, SEEN, measure="comparison")

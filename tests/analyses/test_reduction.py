@@ -66,10 +66,16 @@ def test_the_case_file_holds_the_potential(tmp_path):
     assert again.low == pytest.approx(made.low, abs=1e-12)
     assert "beyond it 0 % of those states), at " in " ".join(text.replace("#", "").split())
     assert "why" in text
-    path.write_text(text.replace("EDC = {}", "EDC = { MCP = { constant = '1 mm' } }"))
+    path.write_text(
+        text.replace("[hood.muscles.EDC]\n", "[hood.muscles.EDC]\nMCP.constant = '1 mm'\n")
+    )
     with pytest.raises(InputError, match="stands for all arms"):
         load_case(path)
-    path.write_text(text.replace("EDC = {}\nLUM = {}", "LUM = {}\nEDC = {}"))
+    path.write_text(
+        text.replace(
+            "[hood.muscles.EDC]\n\n[hood.muscles.LUM]", "[hood.muscles.LUM]\n\n[hood.muscles.EDC]"
+        )
+    )
     with pytest.raises(InputError, match="expected the hood's muscles, LUM, EDC, FPI"):
         load_case(path)
 

@@ -207,7 +207,7 @@ def test_a_finger_alone_is_a_case_of_its_own_tendons(files: Path, tmp_path: Path
         (["--finger", "f.xml", "--origin", "1 2"], "--origin"),
         (["--finger", "f.xml", "--posture", "20 200 0"], "PIP 200 deg"),
         (["--finger", "f.xml", "--thickness", "2 N"], "--thickness"),
-        (["--finger", "f.xml", "--set-name", "PIP"], "OURS=YOURS"),
+        (["--finger", "f.xml", "--set-name", "PIP"], "end_central=NSET_12"),
         (["--finger", "f.xml", "--set-name", "PPI=a"], "did you mean PIP"),
         (["--finger", "f.xml", "--names", "none.toml"], "--names none.toml"),
     ],

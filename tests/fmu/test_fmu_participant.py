@@ -257,7 +257,7 @@ def test_what_a_hood_must_not_be_given(written, models):
     with pytest.raises(InputError, match="positive time step"):
         hood.advance(start, motion, np.zeros(4), 0.0)
     other = type(motion)(motion.bodies[::-1], motion.position, motion.rotation)
-    with pytest.raises(InputError, match="shares the bodies"):
+    with pytest.raises(InputError, match="its bodies are"):
         hood.advance(start, other, np.zeros(4), STATIC)
 
 

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure as Sheet
 
-from cosim.papers import network_errors, network_identification, network_testbed
-from cosim.papers.network_arms import arm_figures
-from cosim.papers.network_contact import end_states
-from cosim.papers.network_motion import SETTLED, contact
-from cosim.papers.networks import STUDIES
+from cosim.report.gallery import open_paper
 from rigid.hoods.network import Arms
 from rigid.papers.networks.arm_switch import predict, switch
 from rigid.papers.networks.excursion_fit import (
@@ -31,7 +26,9 @@ from rigid.papers.networks.share_models import (
     inverse,
     with_shares,
 )
+from rigid.papers.networks.testbed_runs import FRICTION
 
+SCRIPT = open_paper("networks")
 COARSE = ('forward.step="10 ms"', "output.picture=false")
 POSTURE = np.array([0.2, 0.6, 0.13])
 
@@ -69,18 +66,18 @@ def test_the_switch_narrows_with_the_force_and_with_stiffness():
 
 @pytest.fixture(scope="module")
 def planar():
-    return contact("network_contact_planar", COARSE)
+    return SCRIPT.names["contact"]("network_contact_planar", COARSE)
 
 
 def test_the_planar_case_settles_where_the_finger_without_orchestrator_does(planar):
-    table = end_states(planar, planar=True)
+    table = SCRIPT.names["end_states"](planar, planar=True)
     assert (table.largest_angle_apart_rad < 1e-7).all()
     assert (table.optimum_less_settled_share.abs() < 1e-6).all()
     assert (table.DIP_off_curve_deg.abs() < 1.0).all()
 
 
 def test_flexors_shift_what_the_extensors_make_at_the_tip(planar):
-    ends = [planar.at(t) for t in SETTLED]
+    ends = [planar.at(t) for t in SCRIPT.names["SETTLED"]]
     for muscle in ("EDC", "LUM", "FPI"):
         assert planar.force[muscle][ends] == pytest.approx(planar.force[muscle][-1])
     alone = planar.extensors[ends]
@@ -93,8 +90,8 @@ def test_flexors_shift_what_the_extensors_make_at_the_tip(planar):
 
 
 def test_the_index_case_settles_at_its_optimum_too():
-    run = contact("network_contact", COARSE)
-    ends = [run.at(t) for t in SETTLED]
+    run = SCRIPT.names["contact"]("network_contact", COARSE)
+    ends = [run.at(t) for t in SCRIPT.names["SETTLED"]]
     assert run.optimum[ends] == pytest.approx(run.share[ends], abs=1e-6)
     off = run.angle[ends, 2] - 1.21 / 3.5 * run.angle[ends, 1] ** 2
     assert np.abs(off).max() < np.radians(1.0)
@@ -181,31 +178,17 @@ def test_distance_from_the_curve_and_its_derivatives():
     assert curve_distance_slopes(at, curve) == pytest.approx(slopes, rel=1e-5, abs=1e-2)
 
 
-def draw_figure(figure):
-    sheet = Sheet(figsize=figure.size, layout="constrained")
-    figure.draw(sheet)
-    sheet.canvas.draw()
-    assert figure.tables
-    for table in figure.tables.values():
-        assert len(table)
-        assert not table.isna().any().any()
-
-
 @pytest.mark.slow
-def test_every_picture_draws_and_holds_its_numbers(monkeypatch):
-    monkeypatch.setattr(network_identification, "DRAWS", 3)
-    for module in (network_testbed, network_errors):
-        monkeypatch.setattr(module, "SEEDS", 2)
-    monkeypatch.setattr(network_errors, "OTHER_FRICTIONS", (network_errors.FRICTION,))
-    monkeypatch.setattr(network_errors, "FEWER", 2)
-    figures = [
-        *arm_figures(),
-        *network_identification.identification_figures(),
-        *network_testbed.run_figures(),
-        *network_errors.error_figures(),
-    ]
+def test_every_picture_draws_and_holds_its_numbers():
+    few = {"DRAWS": 3, "SEEDS": 2, "FEWER": 2, "OTHER_FRICTIONS": (FRICTION,)}
+    script = open_paper("networks", few)
+    figures = [f for name in ("arms", "identification", "runs", "errors") for f in script.run(name)]
     for figure in figures:
-        draw_figure(figure)
+        figure.picture.canvas.draw()
+        assert figure.tables
+        for table in figure.tables.values():
+            assert len(table)
+            assert not table.isna().any().any()
     names = [figure.name for figure in figures]
     assert len(set(names)) == len(names)
     virtual = [
@@ -214,4 +197,4 @@ def test_every_picture_draws_and_holds_its_numbers(monkeypatch):
     assert len(virtual) == 6
     for figure in virtual:
         assert "VIRTUAL TESTBED" in figure.caption
-    assert len({study.name for study in STUDIES}) == len(STUDIES)
+    assert "VIRTUAL TESTBED, no measurement" in script.page("networks").notes[0]

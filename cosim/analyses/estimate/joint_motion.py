@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
+from cosim.text_tables import read_csv
 from rigid.opensim.sto import read_sto
 
 UNITS = {"deg": np.pi / 180.0, "rad": 1.0}
@@ -89,18 +90,10 @@ def _sto(path: Path, joints: Sequence[str]) -> tuple[Array, dict[str, Array]]:
 
 
 def _csv(path: Path, joints: Sequence[str]) -> tuple[Array, dict[str, Array]]:
-    import pandas as pd
-
-    try:
-        table = pd.read_csv(path, comment="#", skipinitialspace=True)
-        if "time" not in table:
-            raise InputError(f"{path}: has no column `time` (s)")
-        columns = {
-            joint: UNITS[unit] * table[f"{joint}_{unit}"].to_numpy(dtype=float)
-            for joint in joints
-            for unit in UNITS
-            if f"{joint}_{unit}" in table
-        }
-        return table["time"].to_numpy(dtype=float), columns
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as a table ({error})") from error
+    table = read_csv(path, "time,PIP_deg")
+    return table.numbers("time"), {
+        joint: UNITS[unit] * table.numbers(f"{joint}_{unit}")
+        for joint in joints
+        for unit in UNITS
+        if f"{joint}_{unit}" in table.columns
+    }

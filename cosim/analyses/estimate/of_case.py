@@ -103,20 +103,6 @@ def parse_force(text: str) -> tuple[float | None, float | None, float | None]:
     return x, y, z
 
 
-def parse_values(option: str, given: Sequence[str], kind: units.Kind) -> dict[str, float]:
-    """SI values of NAME=QUANTITY texts.  Raises InputError."""
-    out = {}
-    for text in given:
-        name, equals, value = text.partition("=")
-        try:
-            out[name.strip()] = units.parse(value.strip().strip('"'), kind)
-        except ValueError as error:
-            raise InputError(f"{option} {text}: {error}") from error
-        if not equals:
-            raise InputError(f"{option} {text}: expected NAME={kind.example}")
-    return out
-
-
 def target_torques(joints: Sequence[str], given: Mapping[str, float]) -> Array:
     """(nq,) N m; a joint that is not named bears none.  Raises InputError for an unknown one."""
     strange = [name for name in given if name.removesuffix("_flexion") not in joints]

@@ -13,6 +13,7 @@ from cosim.analyses.hood.poses import JOINTS, Posture
 from cosim.analyses.identify.cases import stated_cases
 from cosim.case.file import find_case
 from cosim.port import Array
+from cosim.text_tables import packaged_rows
 from rigid.hoods.two_band import coupled_dip, lateral_band
 
 REST_TORQUE, REST_SLIP = 3.0, 0.4
@@ -71,17 +72,15 @@ def dip_on_coupling(name: str, pip: float) -> float:
 def fitted_postures(quantity: str) -> frozenset[Posture]:
     """Postures in which the packaged hood was fitted to quantities that contain `quantity`:
     cases/data/hood_fit.toml and hood_fit_rows.csv."""
-    import pandas
 
     data = Path(str(resources.files("cases") / "data"))
-    rows = pandas.read_csv(data / "hood_fit_rows.csv")
-    rows = rows[rows.quantity.str.contains(quantity, regex=False)]
+    rows = [row.cells for row in packaged_rows("hood_fit_rows")]
+    names = {row["case"] for row in rows if quantity in row["quantity"]}
     cases = stated_cases([find_case("hood_rest")], (), data / "hood_fit.toml")
-    every = rows.case.isna().any()
     return frozenset(
         _posture(case.load().native_finger().posture.angles())
         for case in cases
-        if every or case.name in set(rows.case)
+        if "" in names or case.name in names
     )
 
 

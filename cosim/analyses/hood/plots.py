@@ -19,7 +19,7 @@ from cosim.analyses.hood.literature import (
     dip_on_coupling,
 )
 from cosim.analyses.hood.poses import JOINTS, Posture, SolvedPose, posture_name
-from cosim.report.figures import style_axes
+from cosim.report.figures import legend_below, new_picture, style_axes
 from cosim.results.looks import look
 
 if TYPE_CHECKING:
@@ -46,18 +46,11 @@ def _mark_failures(axes: Axes, x: Sequence[float]) -> None:
         axes.plot(x, np.full(len(x), 0.04), "x", color="black", ms=6, mew=1.6, transform=bottom)
 
 
-def _below(sheet: Sheet, axes: Axes, columns: int) -> None:
-    handles = axes.get_legend_handles_labels()
-    sheet.legend(*handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
-
-
 def draw_rest(
-    known: Mapping[Posture, SolvedPose],
-    mcps: Sequence[float],
-    pips: Sequence[float],
-    sheet: Sheet,
-) -> None:
+    known: Mapping[Posture, SolvedPose], mcps: Sequence[float], pips: Sequence[float]
+) -> Sheet:
     """A row of panels for each joint's torque and each slip, a column for each MCP angle."""
+    sheet = new_picture(8.0, 9.5)
     rows = [(f"torque_{j}_Nmm", f"{j} torque, N mm", REST_TORQUE) for j in JOINTS]
     rows += [(f"{s}_slip_N", f"{s} slip, N", REST_SLIP) for s in ("central", "terminal")]
     panels = sheet.subplots(len(rows), len(mcps), sharex=True, sharey="row", squeeze=False)
@@ -72,7 +65,8 @@ def draw_rest(
         axes.set_title(f"MCP {mcp:g} deg", fontsize=10)
     for axes in panels[-1]:
         axes.set(xlabel="PIP, deg", xticks=list(pips))
-    _below(sheet, panels[0, 0], 4)
+    legend_below(sheet, 4, panels[0, 0], fontsize=9)
+    return sheet
 
 
 def _draw_couplings(
@@ -88,10 +82,9 @@ def _draw_couplings(
     _mark_failures(axes, sorted(lost))
 
 
-def draw_slips(
-    by_posture: Sequence[SolvedPose], by_load: Sequence[SolvedPose], sheet: Sheet
-) -> None:
+def draw_slips(by_posture: Sequence[SolvedPose], by_load: Sequence[SolvedPose]) -> Sheet:
     """Forces (above) and ratio (below), by posture (left) and by load (right)."""
+    sheet = new_picture(8.0, 6.4)
     panels = sheet.subplots(2, 2, width_ratios=(3, 2))
     (forces, shares), (ratios, levels) = panels
     x = np.arange(len(by_posture))
@@ -136,13 +129,13 @@ def draw_slips(
         axes.set_xticks(tension, [f"{t:g}" for t in tension])
     levels.legend(frameon=False, fontsize=8, title="MCP/PIP/DIP", title_fontsize=8)
     ratios.text(len(x) - 0.5, LEE_RATIO + 0.03, "Lee 2008", fontsize=8, color="0.35", ha="right")
-    _below(sheet, forces, 3)
+    legend_below(sheet, 3, forces, fontsize=9)
+    return sheet
 
 
-def draw_arms(
-    table: pd.DataFrame, known: pd.DataFrame, tendons: Sequence[str], sheet: Sheet
-) -> None:
+def draw_arms(table: pd.DataFrame, known: pd.DataFrame, tendons: Sequence[str]) -> Sheet:
     """Arms above, excursions below; a column for each joint."""
+    sheet = new_picture(9.0, 6.4)
     from matplotlib.lines import Line2D
 
     panels = sheet.subplots(2, len(JOINTS), sharex="col", sharey="row")
@@ -172,10 +165,12 @@ def draw_arms(
         handles.append(Line2D([], [], marker="D", label="EDC's height, An 1979", **plain))
         handles.append(Line2D([], [], marker="x", label="MyoHand", **plain))
     sheet.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+    return sheet
 
 
-def draw_bands(heights: pd.DataFrame, glides: pd.DataFrame, sheet: Sheet) -> None:
+def draw_bands(heights: pd.DataFrame, glides: pd.DataFrame) -> Sheet:
     """Heights of the lateral bands (left), glide of terminal slip and lateral bands (right)."""
+    sheet = new_picture(11.0, 4.6)
     left, middle, right = sheet.subplots(1, 3)
     fine = np.linspace(0.0, 90.0, 91)
     left.plot(fine, buchner_height(fine), color="0.65", lw=3, label="Buchner (assumption)")
@@ -202,6 +197,7 @@ def draw_bands(heights: pd.DataFrame, glides: pd.DataFrame, sheet: Sheet) -> Non
         axes.set_ylim(low - 0.06 * (high - low), high + 0.34 * (high - low))
         told: dict[str, Any] = {"ncols": 2, "frameon": False, "fontsize": 7.5, "handlelength": 2.8}
         axes.legend(handles, names, loc="upper left", columnspacing=0.8, **told)
+    return sheet
 
 
 GLIDES = {"terminal_slip_mm": "terminal slip", "lateral_bands_mm": "lateral bands at the PIP"}
@@ -219,8 +215,9 @@ def _draw_glide(axes: Axes, glides: pd.DataFrame, name: str) -> None:
     axes.axhline(0.0, color="0.6", lw=0.7)
 
 
-def draw_sagittal(table: pd.DataFrame, sheet: Sheet) -> None:
+def draw_sagittal(table: pd.DataFrame) -> Sheet:
     """Angle of the bands to the square against the MCP."""
+    sheet = new_picture(7.4, 4.8)
     axes = sheet.subplots()
     for i, (line, words) in enumerate(SAGITTAL_LINES.items()):
         for load, part in table.groupby("load", sort=False):
@@ -241,4 +238,5 @@ def draw_sagittal(table: pd.DataFrame, sheet: Sheet) -> None:
     style_axes(axes, "MCP, deg", "sagittal bands from the square, deg distal")
     axes.plot([], [], "-", color="0.4", label="EDC 3 N")
     axes.plot([], [], "--", color="0.4", label="rest")
-    _below(sheet, axes, 2)
+    legend_below(sheet, 2, axes, fontsize=9)
+    return sheet

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -127,9 +127,8 @@ class HoodStudies:
                 "rest",
                 "At rest: joint torques of the hood and forces of the slips",
                 caption,
-                partial(pictures.draw_rest, known, REST_MCP, REST_PIP),
+                pictures.draw_rest(known, REST_MCP, REST_PIP),
                 {"rest_summary": rest_summary(solved), "rest": table},
-                (8.0, 9.5),
             )
         ]
 
@@ -157,9 +156,8 @@ class HoodStudies:
                 "slips",
                 "Central and terminal slip under EDC",
                 caption,
-                partial(pictures.draw_slips, loaded, levels),
+                pictures.draw_slips(loaded, levels),
                 {"slips_by_posture": one, "slips_by_load": two, "slips": whole},
-                (8.0, 6.4),
             )
         ]
 
@@ -189,9 +187,8 @@ class HoodStudies:
                 "arms",
                 "Moment arms and excursions of the hood's tendons",
                 caption,
-                partial(pictures.draw_arms, table, known, names),
+                pictures.draw_arms(table, known, names),
                 {"arms": table, "arms_published": known},
-                (9.0, 6.4),
             )
         ]
 
@@ -220,9 +217,8 @@ class HoodStudies:
                 "bands",
                 "Lateral bands at the PIP, and glide of the terminal slip",
                 caption,
-                partial(pictures.draw_bands, heights, glides),
+                pictures.draw_bands(heights, glides),
                 tables,
-                (11.0, 4.6),
             )
         ]
 
@@ -246,9 +242,8 @@ class HoodStudies:
                 "sagittal",
                 "Sagittal bands against the MCP",
                 caption,
-                partial(pictures.draw_sagittal, table),
+                pictures.draw_sagittal(table),
                 {"sagittal": table, "sagittal_sides": _table(solved, ("sagittal",), frozenset())},
-                (7.4, 4.8),
             )
         ]
 

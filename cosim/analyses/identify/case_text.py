@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from textwrap import wrap
 
 from cosim.analyses.identify.cases import FitCase, StatedCase
 from cosim.analyses.identify.fit import Fit, identifiability, interval
@@ -14,8 +11,7 @@ from cosim.case.file import Settings, load_case
 from cosim.errors import InputError
 from cosim.results.compare import Comparison, number, reference_text
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
-
-WIDTH = 98
+from cosim.text_tables import notes, toml_settings, toml_text
 
 
 def case_text(
@@ -28,14 +24,12 @@ def case_text(
 ) -> str:
     """TOML that extends the case `base` (a path or name) with `settings` and those found; without a
     base the settings alone, for a case file of one's own.  `cases`: of a fit over several."""
-    told = _provenance(fit, targets, cases)
-    lines = [schema_line(CASE_SCHEMA)]
-    lines += [f"# {line}".rstrip() for part in told for line in _wrap(part)]
+    head = f"{schema_line(CASE_SCHEMA)}\n{notes(_provenance(fit, targets, cases))}"
     if base is None:
-        lines += ['# Settings alone: write extends = "CASE" and a title above them.', ""]
+        head += '# Settings alone: write extends = "CASE" and a title above them.\n'
     else:
-        lines += [f"extends = {_text(base)}", f"title = {_text(title)}", ""]
-    return "\n".join([*lines, *_assignments((*settings, *fit.settings))]) + "\n"
+        head += toml_text({"extends": base, "title": title})
+    return f"{head}\n{toml_settings((*settings, *fit.settings))}"
 
 
 def check_same_settings(cases: Sequence[FitCase]) -> None:
@@ -50,10 +44,6 @@ def check_same_settings(cases: Sequence[FitCase]) -> None:
             f"{cases[0].name}, so that one file cannot say them; leave --out away, or give the "
             "parameters settings in --free"
         )
-
-
-def _wrap(text: str) -> list[str]:
-    return wrap(text, WIDTH, subsequent_indent="    ", break_long_words=False) or [""]
 
 
 def _provenance(fit: Fit, targets: str, cases: Sequence[StatedCase]) -> Iterator[str]:
@@ -111,26 +101,6 @@ def _row(before: Comparison, row: Comparison) -> str:
         f"{t.name}: {reference_text(t)} {t.unit} ({t.kind}; {t.source}); {number(before.model)}, "
         f"{number(row.model)}"
     )
-
-
-def _assignments(settings: Sequence[str]) -> Iterator[str]:
-    """`key = value` lines; of a key that is set twice the last."""
-    pairs = (text.partition("=") for text in settings)
-    for key, value in {key.strip(): value.strip() for key, _, value in pairs}.items():
-        yield f"{key} = {_toml(value)}"
-
-
-def _toml(value: str) -> str:
-    """The value as --set reads it: TOML, or else a text."""
-    try:
-        parsed = tomllib.loads(f"value = {value}")
-    except ValueError:
-        return _text(value)
-    return value if len(parsed) == 1 else _text(value)
-
-
-def _text(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False)
 
 
 def check_loads(path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import ceil, exp, isfinite, log, log10
@@ -16,6 +15,7 @@ from cosim.hoods.shell.table import FibreMooneyRivlinConfig, TransverselyIsotrop
 from cosim.hoods.shell.variation import toe_settings
 from cosim.schema import units
 from cosim.schema.fields import is_number
+from cosim.text_tables import read_toml
 
 Values = Mapping[str, float]
 """By a parameter's name, in its unit."""
@@ -143,12 +143,7 @@ def raise_faults(faults: Iterable[str]) -> None:
 
 def fit_tables(path: Path) -> dict[str, Any]:
     """The tables of a file of parameters.  Raises InputError."""
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise InputError(f"{path}: is not valid TOML: {error}") from error
+    tables = read_toml(path)
     if not tables or not all(isinstance(table, dict) for table in tables.values()):
         raise InputError(f"{path}: expected a table for each parameter, for example [c1]")
     return tables

@@ -9,17 +9,15 @@ import csv
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from cosim.analyses.trials.workers import Trial, run_trial
+from cosim.analyses.trials.workers import Trial, run_trials
 from cosim.case.file import Settings
 from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.variation import Side, Variation
 from cosim.json_text import json_text
 from cosim.outcome import Status
-from cosim.processes import process_pool
 from cosim.results.compare import unit_of, value_of
 
 FORMAT = "cosim sensitivity 1"
@@ -115,16 +113,16 @@ def study(
     total = 1 + len(asked)
     progress(0, total, "the case as it is")
     every = [settings, *(settings + side.settings for _, _, side in asked)]
-    with process_pool(workers) as pool:
-        found = pool.in_order(partial(run_trial, source), every)
-        first = next(found)
-        base = _base(first, quantities, also)
-        outcomes = {}
-        for done, (v, name, _) in enumerate(asked, 1):
-            progress(done, total, f"{v.name}, {name}")
-            outcomes[v.name, name] = next(found)
-    progress(total, total, "")
-    runs = tuple(_run(v, name, side, outcomes.get((v.name, name)), base) for v, name, side in sides)
+    labels = ["the case as it is", *(f"{v.name}, {name}" for v, name, _ in asked)]
+    outcomes: dict[int, Trial] = {}
+    for i, outcome in run_trials(source, every, workers):
+        outcomes[i] = outcome
+        progress(len(outcomes), total, labels[i])
+        if i == 0 and outcome.error is not None:
+            break
+    base = _base(outcomes[0], quantities, also)
+    ended = {(v.name, name): outcomes[i] for i, (v, name, _) in enumerate(asked, 1)}
+    runs = tuple(_run(v, name, side, ended.get((v.name, name)), base) for v, name, side in sides)
     return Sensitivity(source.stem, settings, base, runs)
 
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import tomllib
 from collections.abc import Iterator
-from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -27,22 +24,18 @@ from cosim.case.file import Settings
 from cosim.hoods.lumped.reduction import Potential
 from cosim.schema import units
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
+from cosim.text_tables import notes, toml_settings, toml_text
 
-WIDTH, DIGITS = 98, 9
+DIGITS = 9
 
 
 def case_text(found: Reduction, title: str, base: str, settings: Settings) -> str:
     """TOML that extends the case `base` (a path or name) with the fitted hood and those of the
     settings that are not of the hood."""
-    lines = [schema_line(CASE_SCHEMA)]
-    lines += [f"# {line}".rstrip() for part in _provenance(found) for line in _wrap(part)]
-    lines += [f"extends = {json.dumps(base)}", f"title = {json.dumps(title)}"]
-    lines += [line for text in settings if (line := _assignment(text))]
-    return "\n".join([*lines, *_hood(found.potential)]) + "\n"
-
-
-def _wrap(text: str) -> list[str]:
-    return wrap(text, WIDTH, subsequent_indent="    ", break_long_words=False) or [""]
+    head = f"{schema_line(CASE_SCHEMA)}\n{notes(_provenance(found))}"
+    kept = [text for text in settings if text.partition(".")[0].strip() != "hood"]
+    stated = toml_text({"extends": base, "title": title}) + toml_settings(kept)
+    return f"{head}{stated}\n{toml_text({'hood': _hood(found.potential)})}"
 
 
 def _provenance(found: Reduction) -> Iterator[str]:
@@ -95,43 +88,28 @@ def _ends(parts: tuple[float, float]) -> str:
     return f"{parts[0]:g} to {parts[1]:g}"
 
 
-def _assignment(text: str) -> str:
-    """A setting as a line of TOML; none for one of the hood, which the fit has in it."""
-    key, _, value = (part.strip() for part in text.partition("="))
-    if key.split(".")[0].strip() == "hood":
-        return ""
-    try:
-        tomllib.loads(f"value = {value}")
-    except tomllib.TOMLDecodeError:
-        value = json.dumps(value)
-    return f"{key} = {value}"
-
-
-def _hood(p: Potential) -> Iterator[str]:
-    yield from ("", "[hood]", 'kind = "network"', "connecting = {}", "")
-    yield "[hood.muscles]"
-    yield from (f"{name} = {{}}" for name in p.muscles)
-    yield from ("", "[hood.reduced]", f"toe = {p.toe!r}")
-    for name, powers in (("angle_powers", p.angle_powers), ("tension_terms", p.tension_terms)):
-        yield from _table(name, powers.tolist())
-    yield from _table("energy", _short(p.energy))
-    yield from _table("slip_powers", p.slip_powers.tolist())
-    yield from _table("slips", [_short(slip) for slip in p.slip])
-    yield from ("", "[hood.reduced.angles]")
-    for joint, low, high in zip(p.joints, p.low, p.high, strict=True):
-        ends = [units.spell(float(end), units.ANGLE) for end in (low, high)]
-        yield f"{joint} = {json.dumps(ends)}"
-    yield from ("", "[hood.reduced.tensions]")
-    for muscle, most in zip(p.muscles, p.most, strict=True):
-        yield f"{muscle} = {json.dumps(units.spell(float(most), units.FORCE))}"
+def _hood(p: Potential) -> dict[str, Any]:
+    ends = zip(p.joints, p.low, p.high, strict=True)
+    most = zip(p.muscles, p.most, strict=True)
+    return {
+        "kind": "network",
+        "connecting": {},
+        "muscles": {name: {} for name in p.muscles},
+        "reduced": {
+            "toe": p.toe,
+            "angle_powers": p.angle_powers.tolist(),
+            "tension_terms": p.tension_terms.tolist(),
+            "energy": _short(p.energy),
+            "slip_powers": p.slip_powers.tolist(),
+            "slips": [_short(slip) for slip in p.slip],
+            "angles": {
+                joint: [units.spell(float(end), units.ANGLE) for end in (low, high)]
+                for joint, low, high in ends
+            },
+            "tensions": {muscle: units.spell(float(force), units.FORCE) for muscle, force in most},
+        },
+    }
 
 
 def _short(values: np.ndarray) -> list[list[float]]:
     return [[float(f"{value:.{DIGITS}g}") for value in row] for row in values]
-
-
-def _table(name: str, rows: list[Any]) -> Iterator[str]:
-    """An array of arrays, a line for each."""
-    yield f"{name} = ["
-    yield from (f"    {json.dumps(row)}," for row in rows)
-    yield "]"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
@@ -11,11 +10,11 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from cosim.errors import InputError
-from cosim.files import shown_path
 from cosim.port import AXES
 from cosim.schema import units
 from cosim.schema.fields import fault
 from cosim.schema.types import COORDINATE, Coordinate, Count, Table
+from cosim.text_tables import CsvRow, CsvTable, read_csv
 
 Place = tuple[float, float, float]
 """m, along the world's axes, on the undeformed hood."""
@@ -75,58 +74,39 @@ def read_points(path: Path) -> dict[str, Place]:
     its unit, `distal_mm`, `radial_mm` and `dorsal_mm`.  Lines that begin with `#` are for people.
 
     Raises InputError, which names the line."""
-    shown = shown_path(path)
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{shown}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{shown}: is not a text file in UTF-8") from error
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
-    lines = [(i, line) for i, line in lines if not line.lstrip().startswith("#")]
-    if not lines:
-        raise InputError(f"{shown}: is empty; its first line names the columns, for example {HEAD}")
-    separator = ";" if ";" in lines[0][1] else ","
-    table = [(i, _cells(line, separator)) for i, line in lines]
-    columns = _columns(f"{shown}, line {table[0][0]}", table[0][1])
+    table = read_csv(path, HEAD)
+    units_of = _units(table)
     found: dict[str, Place] = {}
-    for i, row in table[1:]:
-        where = f"{shown}, line {i}"
-        if len(row) != len(table[0][1]):
-            raise InputError(f"{where}: expected {len(table[0][1])} values, found {len(row)}")
-        name = row[columns["name"][0]]
+    for row in table.rows:
+        name = row.cells["name"]
         try:
             check_names([*found, name])
         except ValueError as error:
-            raise InputError(f"{where}: {error}") from None
-        found[name] = _place(where, row, columns)
+            raise InputError(f"{row.place}: {error}") from None
+        found[name] = _place(row, units_of)
     if not found:
-        raise InputError(f"{shown}: has no point below the names of its columns")
+        raise InputError(f"{table.place}: has no point below the names of its columns")
     return found
 
 
 HEAD = ",".join(("name", *(f"{axis}_mm" for axis in AXES)))
 
 
-def _cells(line: str, separator: str) -> list[str]:
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
-
-
-def _columns(where: str, header: Sequence[str]) -> dict[str, tuple[int, str]]:
-    """The place of each column and its unit, by `name` or axis."""
-    found: dict[str, tuple[int, str]] = {}
-    for i, title in enumerate(header):
+def _units(table: CsvTable) -> dict[str, str]:
+    """The unit of each axis, from the names of the columns."""
+    found: dict[str, str] = {}
+    for title in table.columns:
         axis, _, unit = title.partition("_")
         if title != "name" and (axis not in AXES or not _is_length(unit)):
             raise InputError(
-                f"{where}: unknown column {title!r}; expected name and, each with a unit of "
+                f"{table.place}: unknown column {title!r}; expected name and, each with a unit of "
                 f"length, {', '.join(AXES)}: {HEAD}"
             )
         if axis in found:
-            raise InputError(f"{where}: two columns are of {axis}; keep one")
-        found[axis] = (i, unit)
+            raise InputError(f"{table.place}: two columns are of {axis}; keep one")
+        found[axis] = unit
     if lacking := [name for name in ("name", *AXES) if name not in found]:
-        raise InputError(f"{where}: has no column of {', '.join(lacking)}; expected {HEAD}")
+        raise InputError(f"{table.place}: has no column of {', '.join(lacking)}; expected {HEAD}")
     return found
 
 
@@ -137,18 +117,16 @@ def _is_length(unit: str) -> bool:
         return False
 
 
-def _place(where: str, row: Sequence[str], columns: Mapping[str, tuple[int, str]]) -> Place:
+def _place(row: CsvRow, unit_of: Mapping[str, str]) -> Place:
     def coordinate(axis: str) -> float:
-        place, unit = columns[axis]
-        cell = row[place]
+        unit = unit_of[axis]
+        number = row.number(f"{axis}_{unit}")
+        if number is None:
+            raise InputError(f"{row.place}, {axis}: is empty; expected a number")
         try:
-            float(cell)
-        except ValueError:
-            raise InputError(f"{where}, {axis}: {cell!r} is not a number") from None
-        try:
-            value: float = COORDINATE.read(f"{cell} {unit}")
+            value: float = COORDINATE.read(f"{number!r} {unit}")
         except PydanticCustomError as error:
-            raise InputError(f"{where}, {axis}: {cell} {unit} {error.message()}") from None
+            raise InputError(f"{row.place}, {axis}: {number:g} {unit} {error.message()}") from None
         return value
 
     distal, radial, dorsal = (coordinate(axis) for axis in AXES)

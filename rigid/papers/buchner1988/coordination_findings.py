@@ -1,10 +1,9 @@
-"""What Buchner, Hines and Hemami 1988 found in their finger's flexion, and what is found here."""
+"""Our values of what Buchner, Hines and Hemami 1988 print of their finger's flexion."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,17 +22,6 @@ from rigid.papers.buchner1988.coordination import (
 ED, FDP, FDS, INT, LUM = range(len(MUSCLES))
 CHANGE = 0.2
 """Relative change, both ways, of an entry of table 1 that is not certain."""
-
-
-class Finding(NamedTuple):
-    """A number of the paper's beside ours; `about`: the paper says "about", or it is read off."""
-
-    what: str
-    unit: str
-    paper: float
-    ours: float
-    about: bool
-    where: str
 
 
 @dataclass(frozen=True)
@@ -55,47 +43,28 @@ def flexion(loop: ControlLoop | None = None, samples: int = 201) -> Flexion:
     )
 
 
-def findings(f: Flexion) -> tuple[Finding, ...]:
-    """Every number that the paper states of this flexion."""
+def findings(f: Flexion) -> dict[str, float]:
+    """Our value of every number that the paper states of this flexion (`buchner1988.csv`)."""
     one, two, end = f.linear.muscles, f.quadratic.muscles, f.quadratic.bands[-1]
     fall, ends = two[0] - two[-1], np.degrees(f.motion.angle[-1])
-    swap = one[:, FDS] - one[:, INT]
     lead = f.quadratic.bands[:, 1] - f.quadratic.bands[:, 0]
-    rest = two[:, [FDS, INT, LUM]].max()
-    return (
-        Finding("PIP at the end", "deg", 110.0, float(ends[1]), True, "5"),
-        Finding("DIP at the end", "deg", 73.0, float(ends[2]), True, "5"),
-        Finding(
-            "linear: FDS gives way to Int", "s", 0.22, crossing(f.motion.time, swap), True, "8"
-        ),
-        Finding("linear: Lum, most", "N", 0.0, float(one[:, LUM].max()), False, "8"),
-        Finding("linear: Int at the end", "N", 18.0, float(one[-1, INT]), True, "8"),
-        Finding("linear: FDP at the end", "N", 9.5, float(one[-1, FDP]), True, "8"),
-        Finding("linear: ED at the end", "N", 26.4, float(one[-1, ED]), False, "9"),
-        Finding(
-            "linear: middle band at the end", "N", 13.2, float(f.linear.bands[-1, 0]), False, "9"
-        ),
-        Finding("quadratic: ED falls by", "N", 7.5, float(fall[ED]), True, "11"),
-        Finding("quadratic: FDP falls by", "N", 3.5, float(fall[FDP]), True, "11"),
-        Finding("quadratic: FDS, Int, Lum, most", "N", 0.0, float(rest), False, "text"),
-        Finding("quadratic: bands cross", "s", 0.22, crossing(f.motion.time, lead), True, "12"),
-        Finding(
-            "quadratic: middle band's share",
-            "%",
-            72.0,
-            100 * float(end[0] / end.sum()),
-            False,
-            "14",
-        ),
-        Finding(
-            "quadratic: lateral band's share",
-            "%",
-            28.0,
-            100 * float(end[1] / end.sum()),
-            True,
-            "14",
-        ),
-    )
+    found = {
+        "PIP at the end": ends[1],
+        "DIP at the end": ends[2],
+        "linear: FDS gives way to Int": crossing(f.motion.time, one[:, FDS] - one[:, INT]),
+        "linear: Lum, most": one[:, LUM].max(),
+        "linear: Int at the end": one[-1, INT],
+        "linear: FDP at the end": one[-1, FDP],
+        "linear: ED at the end": one[-1, ED],
+        "linear: middle band at the end": f.linear.bands[-1, 0],
+        "quadratic: ED falls by": fall[ED],
+        "quadratic: FDP falls by": fall[FDP],
+        "quadratic: FDS, Int, Lum, most": two[:, [FDS, INT, LUM]].max(),
+        "quadratic: bands cross": crossing(f.motion.time, lead),
+        "quadratic: middle band's share": 100 * (end[0] / end.sum()),
+        "quadratic: lateral band's share": 100 * (end[1] / end.sum()),
+    }
+    return {name: float(value) for name, value in found.items()}
 
 
 def feasible(loop: ControlLoop, motion: CoordinatedMotion) -> float:
@@ -111,7 +80,7 @@ def _is_feasible(loop: ControlLoop, motion: CoordinatedMotion, k: int) -> bool:
     return True
 
 
-def table_sensitivity(f: Flexion) -> dict[tuple[str, str], tuple[tuple[Finding, ...], ...]]:
+def table_sensitivity(f: Flexion) -> dict[tuple[str, str], tuple[dict[str, float], ...]]:
     """Findings with each entry of table 1 that is not certain made smaller and larger by CHANGE; by
     muscle and joint.  None of these entries plays a part in the motion."""
     out = {}
@@ -122,7 +91,7 @@ def table_sensitivity(f: Flexion) -> dict[tuple[str, str], tuple[tuple[Finding, 
     return out
 
 
-def _with(f: Flexion, table: Mapping[tuple[str, str], Entry]) -> tuple[Finding, ...]:
+def _with(f: Flexion, table: Mapping[tuple[str, str], Entry]) -> dict[str, float]:
     loop = replace(f.loop, table=table)
     one, two = share_forces(loop, f.motion, "linear"), share_forces(loop, f.motion, "quadratic")
     return findings(Flexion(loop, f.motion, one, two))

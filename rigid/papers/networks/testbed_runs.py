@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cosim.checks import printed_values
 from cosim.port import Array
 from rigid.hoods.network import Network
 from rigid.hoods.two_band import coupled_dip
@@ -38,7 +39,7 @@ FRICTION = 0.116
 """mu of the routing points, sized by `hysteresis` to REPORTED."""
 ELSEWHERE, FRICTION_ELSEWHERE = on_curve(10.0, 30.0), 0.164
 """Where the hysteresis is far off x, and mu sized there: what the posture decides."""
-REPORTED = 0.5
+(REPORTED,) = printed_values("networks", "input")["hysteresis"]
 """N, either way."""
 JOINT_FRICTION = 1e-3
 """N m; assumption."""

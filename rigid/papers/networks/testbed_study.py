@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.checks import printed_values
 from cosim.port import Array
 from rigid.papers.networks.excursion_fit import Identified, JointCoupling, identify
 from rigid.papers.networks.robotic_finger import LENGTH, MUSCLES
@@ -48,7 +49,7 @@ from rigid.papers.networks.testbed_runs import (
 RAMP_STEPS, CIRCLE_STEPS = 20, 100
 STRAYED = np.radians(10.0)
 """rad from its posture: farther off a finger has left the coupling curve."""
-REPORTED_ERRORS = {"forward": (0.29, 0.43), "inverse": (0.61, 0.91), "circle": (0.27, 0.57)}
+REPORTED_ERRORS = printed_values("networks")
 """N, RMSE of the interconnected and the static model in figures 7, 8 and 9 of the paper."""
 
 

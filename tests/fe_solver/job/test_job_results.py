@@ -146,9 +146,11 @@ def test_the_command_tells_faults_by_its_exit_code(tmp_path, monkeypatch):
     assert not (tmp_path / "out").exists()
     never = SpringLaw(1e3, table=LoadCurve((-1.0, 1.0), (0.0, 0.0)))
     write_feb(spring_job(never, 1.0), tmp_path / "slack.feb")
-    slack = run("solve", tmp_path / "slack.feb", "--out", tmp_path / "out")
+    slack = run("solve", tmp_path / "slack.feb", "--element", "q4ans", "--out", tmp_path / "out")
     assert slack.exit_code == 1
+    assert "no equilibrium of q4ans" in slack.stderr
     assert "To try: --own-shell" in slack.stderr
-    slack = run("solve", tmp_path / "slack.feb", "--own-shell", "--out", tmp_path / "out")
+    slack = run("solve", tmp_path / "slack.feb", "--out", tmp_path / "out")
+    assert "our own shell, since FEBio's (q4ans) finds no equilibrium:" in slack.stdout
     assert slack.exit_code == 1
     assert "pull at a face of the sheet" in slack.stderr

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from cosim.errors import InputError
-from cosim.papers import robot_air
 from cosim.port import Array
+from cosim.report.gallery import open_paper
 from rigid.air.model import (
     AT,
     FULL_TERMS,
     PRINTED_TERMS,
     SAMPLE,
+    UNSEEN,
     AirModel,
     Identification,
     PressureRecord,
@@ -114,18 +115,18 @@ def test_the_plant_is_explained_on_frequencies_not_seen() -> None:
     assert found.model.lag == 3
     assert r_squared(found.model, found.unseen)[0] > 0.95
     assert r_squared(identify(found.training, 0), found.unseen)[0] < 0.8
-    frame = robot_air._coefficients(found)
-    assert list(frame.coefficient) == ["a0", "a2", "a3", "b0", "b1", "b2", "b3"]
-    assert (frame.half_of_95_percent_interval > 0).all()
     check_figure_6(found)
 
 
 def check_figure_6(found: Identification) -> None:
     """Figure 6's curves belong together: its table gives the R2 again."""
-    course = robot_air._course(
-        found.unseen, found.model.lag, found.model.rate, identify(found.training, 0).rate, 3
-    )
-    plant, model = course[f"plant_{robot_air.UNIT}"], course[f"model_{robot_air.UNIT}"]
+    (figure,) = open_paper("xu2012", {"air_identification": lambda plant: found}).run("air")
+    frame = figure.tables["figure_6_coefficients"]
+    assert list(frame.coefficient) == ["a0", "a2", "a3", "b0", "b1", "b2", "b3"]
+    assert (frame.half_of_95_percent_interval > 0).all()
+    table = figure.tables["figure_6_flow_rate"]
+    course = table[table.frequency_Hz == UNSEEN[3]]
+    plant, model = course.plant_dPdt_kPa_per_s, course.model_dPdt_kPa_per_s
     share = 1 - ((plant - model) ** 2).sum() / ((plant - plant.mean()) ** 2).sum()
     assert share == pytest.approx(r_squared(found.model, found.unseen)[1][3])
     k = int(np.argmin(np.abs(found.unseen.time - course.time_s.iloc[40])))

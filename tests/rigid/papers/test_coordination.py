@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cosim.checks import printed_values
 from cosim.errors import ConvergenceError
 from rigid.hoods.two_band import TABLE_1, Entry, coupled_dip, excursions, two_band
 from rigid.papers.buchner1988.coordination import (
@@ -106,13 +107,14 @@ def test_stiffer_bands_hold_the_parabola_and_feedback_the_line():
 
 
 def test_the_papers_numbers():
-    ours = {x.what: x for x in findings(findings_of_flexion())}
+    ours, paper = findings(findings_of_flexion()), printed_values("buchner1988")
+    assert set(ours) == set(paper)
     for what in ("linear: ED at the end", "linear: middle band at the end"):
-        assert ours[what].ours == pytest.approx(ours[what].paper, abs=0.05)
-    assert ours["quadratic: middle band's share"].ours == pytest.approx(72.0, abs=0.5)
-    assert ours["quadratic: ED falls by"].ours == pytest.approx(7.5, abs=0.25)
-    assert ours["quadratic: FDS, Int, Lum, most"].ours < 1e-9
-    cross, change = ours["quadratic: bands cross"].ours, ours["linear: FDS gives way to Int"].ours
+        assert ours[what] == pytest.approx(paper[what][0], abs=0.05)
+    assert ours["quadratic: middle band's share"] == pytest.approx(72.0, abs=0.5)
+    assert ours["quadratic: ED falls by"] == pytest.approx(7.5, abs=0.25)
+    assert ours["quadratic: FDS, Int, Lum, most"] < 1e-9
+    cross, change = ours["quadratic: bands cross"], ours["linear: FDS gives way to Int"]
     assert cross == pytest.approx(change, abs=5e-3)  # "coincides", says the paper
 
 
@@ -150,11 +152,11 @@ def test_doubts_change_what_rests_on_the_entry_alone():
            if k not in (("Lum", "MCP"), ("FDP", "DIP"))},
     }))  # fmt: skip
     changed = table_sensitivity(f)
-    base = {x.what: x.ours for x in findings(f)}
+    base = findings(f)
     assert set(changed) == {("Lum", "MCP"), ("FDP", "DIP")}
     for side in changed["Lum", "MCP"]:
-        assert {x.what: x.ours for x in side} == pytest.approx(base, abs=1e-6)
-    ends = [{x.what: x.ours for x in s}["linear: ED at the end"] for s in changed["FDP", "DIP"]]
+        assert side == pytest.approx(base, abs=1e-6)
+    ends = [side["linear: ED at the end"] for side in changed["FDP", "DIP"]]
     assert ends[0] > 2 * base["linear: ED at the end"] > 2 * ends[1]
 
 

@@ -1,0 +1,58 @@
+"""What several commands are given: arguments and options, and how their texts are read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from cosim.errors import InputError
+from cosim.schema import units
+
+CaseName = Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")]
+Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
+]
+Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes that solve side by side.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]
+AsJsonLines = Annotated[
+    bool, typer.Option("--json", help="Tell stages and results as lines of JSON, for machines.")
+]
+
+
+def pairs_of(option: str, texts: Sequence[str] | None, example: str) -> list[tuple[str, str]]:
+    """Both sides of each text `A=B` of an option.  Raises InputError for other texts."""
+    pairs = [(a.strip(), b.strip()) for a, _, b in (text.partition("=") for text in texts or ())]
+    for text, (left, right) in zip(texts or (), pairs, strict=True):
+        if not left or not right:
+            raise InputError(f"{option} {text!r}: write, for example, {option} {example}")
+    return pairs
+
+
+def three_numbers(option: str, text: str, example: str) -> list[float]:
+    """The three numbers of an option.  Raises InputError for another text."""
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 3 and all(map(math.isfinite, numbers)):
+        return numbers
+    raise InputError(f'{option} {text!r}: write three numbers, for example "{example}"')
+
+
+def quantity(option: str, text: str, kind: units.Kind) -> float:
+    """The SI value of an option's text with its unit.  Raises InputError."""
+    try:
+        return units.parse(text.strip('"'), kind)
+    except ValueError as error:
+        raise InputError(f'{option} "{text}": {error}') from error
+
+
+def quantities(option: str, texts: Sequence[str] | None, kind: units.Kind) -> dict[str, float]:
+    """The SI values of an option's texts NAME=QUANTITY.  Raises InputError."""
+    pairs = pairs_of(option, texts, f"NAME={kind.example}")
+    return {name: quantity(f"{option} {name}", text, kind) for name, text in pairs}

@@ -1,0 +1,217 @@
+"""Tables in text files: TOML and CSV as people write them, and TOML as the program writes it."""
+
+from __future__ import annotations
+
+import csv
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from math import isfinite
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from cosim.errors import InputError
+from cosim.files import shown_path
+from cosim.port import Array
+
+WIDTH = 98
+"""Characters of a line of notes in a file that is written."""
+DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8, a byte order mark left out.  Raises InputError."""
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{shown_path(path)}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{shown_path(path)}: is not a text file in UTF-8") from error
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file.  Raises InputError, with the line that is at fault."""
+    text = read_text(path)
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(_toml_fault(shown_path(path), text, str(error))) from error
+    except ValueError as error:  # e.g. an integer of thousands of digits
+        raise InputError(f"{shown_path(path)}: is not valid TOML: {error}") from error
+    except RecursionError:
+        raise InputError(f"{shown_path(path)}: tables are nested too deeply") from None
+
+
+def _toml_fault(shown: str, text: str, message: str) -> str:
+    """tomllib's message with the line it is about, in plain words."""
+    place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
+    what = message[: place.start()] if place else message
+    twice = re.search(
+        r"Cannot overwrite a value|Cannot (?:declare|mutate).*(?:twice|namespace)", what
+    )
+    if twice:
+        what = "this key or table is given twice; keep one"
+    if not place or not place[1]:
+        return f"{shown}: is not valid TOML: {what} (at the end of the file)"
+    line = text.splitlines()[int(place[1]) - 1].strip() if text.splitlines() else ""
+    return f"{shown}, line {place[1]}, column {place[2]}: {what}\n  {line[:100]}"
+
+
+def toml_value(text: str) -> Any:
+    """What a text says as a value of TOML; where it is none, the text itself.
+
+    >>> toml_value("[1, 2]"), toml_value("3 N")
+    ([1, 2], '3 N')
+    """
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text
+    return parsed["value"] if len(parsed) == 1 else text
+
+
+def toml_text(values: Mapping[str, Any]) -> str:
+    """Tables as TOML that reads back the same; a list of lists has a line for each of them.
+
+    >>> print(toml_text({"title": "it", "hood": {"kind": "shell"}}))
+    title = "it"
+    <BLANKLINE>
+    [hood]
+    kind = "shell"
+    <BLANKLINE>
+    """
+    return tomlkit.dumps(_with_lines(values))
+
+
+def _with_lines(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _with_lines(inner) for key, inner in value.items()}
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        rows = tomlkit.array()
+        rows.extend(value)
+        return rows.multiline(True)
+    return value
+
+
+def toml_settings(settings: Sequence[str]) -> str:
+    """Texts KEY=VALUE, as --set takes them, as lines of TOML; of a key that comes twice the last.
+
+    >>> toml_settings(["hood.mesh.quads=250", "tendons.EDC.tension=5 N"])
+    'hood.mesh.quads = 250\\ntendons.EDC.tension = "5 N"\\n'
+    """
+    pairs = (text.partition("=") for text in settings)
+    stated = {tuple(k.strip() for k in key.split(".")): value for key, _, value in pairs}
+    lines = tomlkit.document()
+    for key, value in stated.items():
+        lines.append(tomlkit.key(key), tomlkit.item(toml_value(value.strip())))
+    return lines.as_string()
+
+
+def notes(paragraphs: Iterable[str]) -> str:
+    """Paragraphs as comments of a file, each with its further lines indented."""
+    lines = [
+        line
+        for text in paragraphs
+        for line in wrap(text, WIDTH, subsequent_indent="    ", break_long_words=False) or [""]
+    ]
+    return "".join(f"# {line}".rstrip() + "\n" for line in lines)
+
+
+@dataclass(frozen=True)
+class CsvRow:
+    """A row of a table; `place` names its file and line."""
+
+    place: str
+    cells: Mapping[str, str]
+    """The texts by column."""
+    has_commas: bool = False
+    """Whether decimal commas are allowed, in a file whose columns are parted by semicolons."""
+
+    def number(self, column: str) -> float | None:
+        """The number in a column, None where it is empty or there is no such column.
+
+        Raises InputError for another text."""
+        text = self.cells.get(column, "")
+        if self.has_commas and DECIMAL_COMMA.fullmatch(text):
+            text = text.replace(",", ".")
+        if not text:
+            return None
+        try:
+            value = float(text)
+        except ValueError:
+            value = np.nan
+        if not isfinite(value):
+            raise InputError(f"{self.place}: {column} is {text!r}; expected a finite number")
+        return value
+
+
+@dataclass(frozen=True)
+class CsvTable:
+    """A table of the user's, its first line the names of the columns."""
+
+    path: Path
+    place: str
+    """The file and the line of the names."""
+    columns: tuple[str, ...]
+    rows: tuple[CsvRow, ...]
+
+    def numbers(self, column: str) -> Array:
+        """(n,) a column without gaps.  Raises InputError, naming the line."""
+        if column not in self.columns:
+            raise InputError(
+                f"{self.path}: has no column {column!r}; it has {', '.join(self.columns)}"
+            )
+        values = [(row, row.number(column)) for row in self.rows]
+        for row, value in values:
+            if value is None:
+                raise InputError(f"{row.place}: {column} is empty; expected a number")
+        return np.array([value for _, value in values], dtype=float)
+
+
+def read_csv(path: Path, example: str) -> CsvTable:
+    """A table of text: lines that begin with `#` are for people, columns are parted by commas, or
+    by semicolons, which allow decimal commas.  `example`: what its first line may be, for errors.
+
+    Raises InputError, naming the line."""
+    shown = shown_path(path)
+    lines = [
+        (i, line)
+        for i, line in enumerate(read_text(path).splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not lines:
+        raise InputError(
+            f"{shown}: is empty; its first line names the columns, for example {example}"
+        )
+    first = lines[0][1]
+    mark = ";" if ";" in first and "," not in first else ","
+    table = [(f"{shown}, line {i}", _cells(line, mark)) for i, line in lines]
+    place, columns = table[0]
+    if twice := [c for i, c in enumerate(columns) if c in columns[:i]]:
+        raise InputError(f"{place}: two columns are called {twice[0]!r}; keep one")
+    return CsvTable(path, place, columns, tuple(_rows(columns, table[1:], mark == ";")))
+
+
+def _rows(
+    columns: Sequence[str], table: Iterable[tuple[str, Sequence[str]]], has_commas: bool
+) -> Iterator[CsvRow]:
+    for place, cells in table:
+        if len(cells) != len(columns):
+            raise InputError(f"{place}: has {len(cells)} cells, the first line {len(columns)}")
+        yield CsvRow(place, dict(zip(columns, cells, strict=True)), has_commas)
+
+
+def _cells(line: str, separator: str) -> tuple[str, ...]:
+    (cells,) = csv.reader([line], skipinitialspace=True, delimiter=separator)
+    return tuple(cell.strip() for cell in cells)
+
+
+def packaged_rows(name: str) -> tuple[CsvRow, ...]:
+    """The rows of the packaged table cases/data/NAME.csv."""
+    return read_csv(Path(str(resources.files("cases"))) / "data" / f"{name}.csv", name).rows
