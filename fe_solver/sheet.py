@@ -102,22 +102,22 @@ class Sheet:
 
     @cached_property
     def directors(self) -> Array:
-        """(n, 3) unit."""
+        """The nodes' unit directors, (n, 3)."""
         return node_directors(self.points, self.quads) if self.normals is None else self.normals
 
     @property
     def regions(self) -> tuple[str, ...]:
-        """(ne,) the name of each element's part."""
+        """The name (ne,) of each element's part."""
         return tuple(self.parts[i].name for i in self.part)
 
     @property
     def stretch(self) -> Array:
-        """(ne,) of the fibres in situ."""
+        """The stretch (ne,) of the fibres in situ."""
         return np.array([part.in_situ_stretch for part in self.parts])[self.part]
 
     @property
     def stress_free_growth(self) -> Array:
-        """(ne, 2) along the fibres and across, by which the sheet grows if it is let free."""
+        """How much the sheet grows along the fibres and across if it is let free, (ne, 2)."""
         in_situ = in_situ_growth(self.stretch)
         if self.growth is None:
             return in_situ
@@ -141,7 +141,8 @@ class Sheet:
         )
 
     def moved(self, over: Array) -> Array:
-        """(n, 3) m, the nodes moved along their directors by the mean at each of `over` (ne, k)."""
+        """Return the nodes moved along their directors by the mean at each of `over` (ne, k) m,
+        (n, 3) m."""
         mean = node_means(over, self.quads, len(self.points))
         return self.points + mean[:, None] * self.directors
 
@@ -162,7 +163,7 @@ class Sheet:
 
 
 def grid(nx: int, ny: int) -> tuple[Array, Ints]:
-    """Nodes (n, 2) of the unit square, x slowest, and its quads (nx ny, 4)."""
+    """Return nodes (n, 2) of the unit square, x slowest, and its quads (nx ny, 4)."""
     x, y = np.meshgrid(np.linspace(0, 1, nx + 1), np.linspace(0, 1, ny + 1), indexing="ij")
     node = np.arange((nx + 1) * (ny + 1)).reshape(nx + 1, ny + 1)
     corners = [node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]]

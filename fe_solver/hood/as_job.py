@@ -99,6 +99,7 @@ def job_of_hood(
 
 
 def _writable_sheet(hood: ShellHood) -> Sheet:
+    """Return the hood's sheet.  Raises InputError where a job cannot say what the hood has."""
     m, sheet = hood.model, hood.sheet
     if sheet is None:
         raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
@@ -152,7 +153,7 @@ def _reorder_corners(quads: Ints, values: Array | Ints) -> NDArray:
 
 
 def _mean_direction(gauss: Array) -> Array:
-    """(ne, 3) of directions (ne, g, 3), whose senses say nothing."""
+    """Return the mean (ne, 3) of directions (ne, g, 3), whose senses say nothing."""
     sense = np.einsum("egk,ek->eg", gauss, gauss[:, 0])
     return np.asarray((gauss * np.where(sense < 0, -1.0, 1.0)[..., None]).mean(axis=1))
 
@@ -187,7 +188,8 @@ def _ties(model: ShellModel) -> tuple[Tied, ...]:
 
 
 def _supports(guides: Guides) -> tuple[PrescribedDisplacement, ...]:
-    """Raises InputError where a node slides along no axis of its body."""
+    """Hold the guided nodes along the world's axes.  Raises InputError where a node slides along no
+    axis of its body."""
     out = []
     for i in range(3):
         along = np.abs(guides.axes[:, i])

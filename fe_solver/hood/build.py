@@ -42,7 +42,7 @@ class TendonEnd:
     """A tendon's end in a hood."""
 
     nodes: Ints
-    """(k,) that slide along the tendon, or hang on ropes to its eyelet."""
+    """Those (k,) that slide along the tendon, or hang on ropes to its eyelet."""
     share: Array
     """(k,) of its tension in each node, adding up to one."""
     eyelet: Array | None = None
@@ -205,7 +205,7 @@ def guides_of(X: Array, rest: Motion, body: str, pull: Array, nodes: Ints) -> Gu
 
 
 def heights(sheet: Sheet) -> Array:
-    """(n,) m, how far over its face towards the bones a node of the sheet touches them."""
+    """Return how far over its face towards the bones each node of a sheet touches them, (n,) m."""
     laid = thickness_as_laid(sheet.section.thickness.mean(axis=1), sheet.stress_free_growth)
     out: Array = node_means(laid, sheet.quads, len(sheet.points)) / 2 + sheet.lift
     return out
@@ -254,7 +254,8 @@ def contacts_of(
 
 
 def contact_areas(net: Net) -> Array:
-    """(n,) m2: half of each cell at either end, as wide as a round cable of its section."""
+    """Return each node's area of contact, (n,) m2: half of each cell at either end, as wide as a
+    round cable of its section."""
     cables = net.cables
     area = cables.length * np.sqrt(4 * cables.section / np.pi)
     return np.bincount(cables.nodes.ravel(), np.repeat(area / 2, 2), len(net.points)).astype(float)

@@ -74,29 +74,29 @@ class HoodState:
 
 @dataclass(frozen=True)
 class ShellHood:
-    """A shell over the bones as a Hood of the port.
-
-    `carriers` (n, nb) say how much of each node's motion each body carries in a large change of
-    pose; `rest` is the pose in
-    which the mesh was laid.  With `augment` no node penetrates further than it says, and
-    contacts may rub; a state then remembers their pressures and where they stick.  With `softer`
-    below 1 a large change is solved with that much of the contact's stiffness first: what slides on
-    a bone without resisting, as slack cables do, follows its curvature in steps that are longer the
-    softer the contact.  No joint turns further than by `leap`, rad, in one solve.  `sheet` is what
-    the model was made of, None of a net; one whose fibres are stretched as it is laid out is not in
-    equilibrium there, and is solved in the rest pose before anything moves.  `springs` are the sets
-    that the model's springs were made of."""
+    """A sheet or a net over the bones, as a Hood of the port."""
 
     model: ShellModel
     tendons: tuple[str, ...]
     rest: Motion
+    """The pose in which the mesh is laid."""
     carriers: Array
+    """(n, nb) how much of each node's motion each body carries in a large change of pose."""
     options: NewtonOptions = field(default_factory=NewtonOptions)
     augment: AugmentOptions | None = None
+    """How far a node penetrates at most, where that is stated; contacts may rub then, and a state
+    remembers their pressures and where they stick."""
     softer: float = 1.0
+    """Share of the contact's stiffness with which a large change is solved first: what slides on a
+    bone without resisting, as slack cables do, follows its curvature in steps that are longer the
+    softer the contact."""
     leap: float = MAX_TURN
+    """rad that a joint turns at most in one solve."""
     sheet: Sheet | None = None
+    """What the model is made of; None of a net.  One whose fibres are stretched as it is laid out
+    is not in equilibrium there, and is solved in the rest pose before anything moves."""
     springs: tuple[SpringSet, ...] = ()
+    """The sets that the model's springs are made of."""
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -110,8 +110,8 @@ class ShellHood:
 
     @property
     def lift(self) -> Array:
-        """(n,) m, how much of the contact's offset makes up for the chords on which the sheet runs
-        between its nodes."""
+        """How much of the contact's offset makes up for the chords on which the sheet runs between
+        its nodes, (n,) m."""
         lift = 0.0 if self.sheet is None else self.sheet.lift
         return np.broadcast_to(lift, len(self.model.reference))
 
@@ -386,7 +386,7 @@ class ShellHood:
         return solve_augmented(model, guess, tension, self.options, self.augment)
 
     def _by_source(self, s: Solution) -> Array:
-        """(nb, ns, 6) wrenches on the bodies."""
+        """Return the wrenches on the bodies, (nb, ns, 6)."""
         out = np.zeros((len(self.bodies), len(self.sources), 6))
         parts = wrenches(self.model, s.configuration, s.evaluation, s.tension)
         names = {"contact": "contact", "tie": TIE, "guide": "guide"}
@@ -396,7 +396,7 @@ class ShellHood:
         return out
 
     def _pull(self, c: Configuration, tension: Array) -> Array:
-        """(nt, 6) wrench of each tendon on the hood about the world's origin."""
+        """Return the wrench of each tendon on the hood about the world's origin, (nt, 6)."""
         g, ropes = self.model.guides, self.model.ropes
         along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
         place, share = c.x[g.node], self.model.share
@@ -409,7 +409,8 @@ class ShellHood:
         return np.hstack([force, moment])
 
     def group_forces(self, state: HoodState) -> dict[str, Array]:
-        """(3,) N summed force on the bone of each spring group, and of the ties, world frame."""
+        """Return the summed force of each spring group, and of the ties, on its bone, (3,) N in the
+        world frame."""
         s = _solution_of(state)
         points = s.evaluation.points
         out = {g: points.gradient[points.group == i].sum(axis=0) for i, g in enumerate(self.groups)}
@@ -417,13 +418,13 @@ class ShellHood:
         return out
 
     def strain(self, state: HoodState) -> Array:
-        """(ne, 4, 8) generalized strains at the Gauss points, local axes 1 along the fibre."""
+        """Return generalized strains at the Gauss points, (ne, g, 8), axis 1 along the fibre."""
         c, q = state.configuration, self.model.quads
         return self.model.tables.strain(np.concatenate([c.x[q], c.d[q]], axis=1))
 
     def gap(self, state: HoodState) -> NDArray[np.float64]:
-        """(n,) m smallest gap of each node, or of the points that it is nearest to, to a bone's
-        contact level; inf where it meets none."""
+        """Return the smallest gap (n,) m of each node, or of the points that it is nearest to, to a
+        bone's contact level; inf where it meets none."""
         c = state.configuration
         out = np.full(len(c.x), np.inf)
         for k in self.model.contacts:
@@ -432,7 +433,7 @@ class ShellHood:
 
 
 def _on_bodies(hood: ShellHood) -> Array:
-    """(nb, n, 3) m, the nodes as laid out, in the bodies' frames."""
+    """Return the nodes as laid out, in the bodies' frames, (nb, n, 3) m."""
     from_origin = hood.model.reference - hood.rest.position[:, None]
     return np.asarray(np.einsum("bji,bnj->bni", hood.rest.rotation, from_origin))
 
@@ -454,8 +455,8 @@ def interpolate_motion(start: Motion, end: Motion, part: float) -> Motion:
 
 
 def _relative_poses(start: Motion, end: Motion) -> tuple[Array, Array]:
-    """(nb, 2, 3) origins and (nb, 2, 3, 3) rotations of the bodies in both motions, as the body
-    before each sees them; the first one's in the world."""
+    """Return the origins (nb, 2, 3) and rotations (nb, 2, 3, 3) of the bodies in both motions, as
+    the body before each sees them; the first one's in the world."""
     p = np.stack([start.position, end.position], axis=1)
     R = np.stack([start.rotation, end.rotation], axis=1)
     back = np.swapaxes(R[:-1], 2, 3)

@@ -28,8 +28,8 @@ TILT = 0.02
 
 
 def check_job(job: Job) -> None:
-    """Raises InputError, naming the node or element of the file, for the first fault found."""
-
+    """Check a job before it is solved.  Raises InputError for the first fault, naming its node or
+    element as the file does."""
     _check_shapes(job)
     with within(job.name):
         check_mesh(job.sheet.points, job.sheet.quads, job.sheet.node, job.sheet.element)

@@ -43,25 +43,24 @@ BEYOND = 1e-3
 
 @dataclass(frozen=True)
 class JobOptions:
-    """How a job is solved.
-
-    `penetration` (m) is the largest that a solved state may have (by the augmented Lagrangian);
-    None leaves it to the contact's stiffness, which is `contact_factor` times the sheet's membrane
-    modulus over its thickness, N/m3: of the order of the sheet's own stiffness through its
-    thickness, so that the tangent stays well conditioned and the penetration is the sheet's own
-    compression.  Contact begins smoothly within `smoothing` (m).  `spacing` (m) of the grids that
-    bodies' distances are baked on; `cached` keeps those grids in the user's cache folder.
-
-    No step in time turns a body by more than `turn` (rad) or is shorter than `shortest`, of the
-    time that the step of the job takes."""
+    """How a job is solved."""
 
     penetration: float | None = 2e-6
+    """m, the largest that a solved state may have (by the augmented Lagrangian); None leaves it to
+    the contact's stiffness."""
     contact_factor: float = 1.0
+    """The contact's stiffness over the sheet's membrane modulus over its thickness, N/m3: about one
+    keeps the tangent well conditioned, and the penetration is the sheet's own compression."""
     smoothing: float = 2e-6
+    """m within which contact begins."""
     spacing: float = 0.25e-3
+    """m, of the grids that bodies' distances are baked on."""
     cached: bool = True
+    """Whether those grids are kept in the user's cache folder."""
     turn: float = 0.1
+    """rad that a body turns at most in a step in time."""
     shortest: float = 1e-3
+    """Least length of a step in time, of the time that the step of the job takes."""
     newton: NewtonOptions = field(
         default_factory=lambda: NewtonOptions(tolerance=1e-8, max_iterations=100)
     )
@@ -110,7 +109,7 @@ def body_poses(bodies: Sequence[Body], time: float) -> tuple[Array, Array]:
 
 
 def dead_loads(job: Job, time: float) -> Array:
-    """(n, 3) N on the nodes at a time that keep their direction."""
+    """Return the loads on the nodes at a time that keep their direction, (n, 3) N."""
     out = np.zeros_like(job.sheet.points)
     for load in job.forces:
         scale = 1.0 if load.curve is None else load.curve.at(time)
@@ -123,7 +122,8 @@ def dead_loads(job: Job, time: float) -> Array:
 
 
 def follower_pressure(job: Job, time: float) -> Array | None:
-    """(ne,) Pa at a time that follow the quads, against their normals; None where none do."""
+    """Return the pressures at a time that follow the quads, against their normals, (ne,) Pa; None
+    where none do."""
     live = [p for p in job.pressures if not p.dead]
     out = np.zeros(len(job.sheet.quads))
     for p in live:
@@ -132,7 +132,9 @@ def follower_pressure(job: Job, time: float) -> Array | None:
 
 
 def job_model(job: Job, options: JobOptions) -> JobModel:
-    """Raises InputError for what `check_job` finds, for conditions that contradict each other, and
+    """Make the solver's model of a job.
+
+    Raises InputError for what `check_job` finds, for conditions that contradict each other, and
     for surfaces that have no inside."""
     check_job(job)
     check_supports(job)
@@ -156,7 +158,8 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
 
 
 def check_supports(job: Job) -> None:
-    """Raises InputError where a node is tied twice, or a displacement given twice and not alike."""
+    """Check what holds the nodes.  Raises InputError where one is tied twice, or a displacement is
+    given twice and not alike."""
     tied = [np.zeros(0, dtype=np.intp), *[t.nodes for t in job.ties]]
     unique, times = np.unique(np.concatenate(tied), return_counts=True)
     if (times > 1).any():
@@ -249,8 +252,8 @@ def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> C
 
 
 def sheet_stiffness(sheet: Sheet, quads: Ints) -> float:
-    """N/m3: modulus over thickness, the mean over quads (k,); of a law that is not isotropic the
-    larger of its two initial plane-stress moduli."""
+    """Return the modulus over the thickness, N/m3, the mean over quads (k,); of a law that is not
+    isotropic the larger of its two initial plane-stress moduli."""
     moduli = []
     for part in sheet.parts:
         tangent = part.law.response(np.zeros((1, 1, 1, 3))).tangent
@@ -303,7 +306,7 @@ def move_nodes(job: Job, over: Array) -> Job:
 
 
 def _lengths(job: Job, s: SpringSet, points: Array) -> Array:
-    """(k,) m of the springs with the sheet at rest."""
+    """Return the lengths (k,) m of springs while the sheet is at rest at points (n, 3) m."""
     origin = np.array([b.origin for b in job.bodies] or [np.zeros(3)])
     end = np.where((s.body >= 0)[:, None], origin[s.body] + s.anchor, points[s.other])
     return np.asarray(np.linalg.norm(points[s.nodes] - end, axis=1))

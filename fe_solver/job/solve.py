@@ -65,7 +65,7 @@ class JobState:
 
     @property
     def contact(self) -> Array:
-        """(nb, 3) N of the sheet on each body through contact."""
+        """The force (nb, 3) N of the sheet on each body through contact."""
         return self.wrench["contact"][:, :3]
 
 
@@ -284,14 +284,14 @@ def predict(
 
 
 def loads_in_bases(model: ShellModel, c: Configuration, bases: Array) -> Array:
-    """(5n,) N of the dead loads and the pressure in the nodes' bases (n, 3, 3)."""
+    """Return the dead loads and the pressure in the nodes' bases (n, 3, 3), (5n,) N."""
     out = np.zeros((len(c.x), 5))
     out[:, :3] = np.einsum("nij,ni->nj", bases, nodal_loads(model, c.x))
     return out.ravel()
 
 
 def nodal_loads(model: ShellModel, x: Array) -> Array:
-    """(n, 3) N of the dead loads and the pressure on the nodes."""
+    """Return the dead loads and the pressure on the nodes, (n, 3) N."""
     out = np.zeros_like(x) if model.dead is None else model.dead.copy()
     if model.pressure is not None:
         np.add.at(out, model.quads, pressure_forces(x[model.quads], model.pressure))
@@ -325,7 +325,7 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
 
 
 def penetration(solution: Solution) -> float:
-    """m, of the deepest contact node."""
+    """Return how deep the deepest contact node penetrates, m."""
     c = solution.configuration
     gaps = [k.gap(c.x, c.position, c.rotation) for k in solution.model.contacts]
     return max((float(np.max(-g, initial=0.0)) for g in gaps), default=0.0)
