@@ -129,7 +129,7 @@ def solve(
 
 
 def _length(text: str) -> float:
-    """m of a length with its unit.  Raises InputError."""
+    """Read a length with its unit (m).  Raises InputError."""
     from cosim.schema.units import LENGTH, parse
 
     try:
@@ -229,7 +229,7 @@ def export(
 
 
 def _check_heads(contact: ContactConfig) -> None:
-    """Raises InputError where a head is covered by less than its bone's back."""
+    """Check that no head is covered by less than its bone's back.  Raises InputError."""
     for bone, head in contact.heads:
         back = getattr(contact.offset, bone)
         if head is not None and min(head.face, head.sides) < back:

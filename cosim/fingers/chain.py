@@ -20,7 +20,7 @@ class ChainFingerConfig(Protocol):
 
     @property
     def posture(self) -> PlanarPostureConfig:
-        """rad, in which the finger starts."""
+        """The joint angles (rad) in which the finger starts."""
         ...
 
     @property
@@ -44,7 +44,7 @@ class ChainFingerConfigWithMass(ChainFingerConfig, Protocol):
 
     @property
     def gravity(self) -> tuple[float, float, float]:
-        """(3,) m/s2, world frame."""
+        """The acceleration of gravity (3,) m/s2, world frame."""
         ...
 
 

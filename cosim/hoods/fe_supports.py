@@ -113,7 +113,8 @@ def adhesions(
 
 
 def _bone_beneath(station: Array) -> np.ndarray:
-    """(n,) index of the bone that a place (mm along the finger) lies over, from joint to joint."""
+    """The index (n,) of the bone that a place (mm along the finger) lies over, from joint to
+    joint."""
     return np.searchsorted([0.0, PIP, DIP], station, side="right")
 
 
@@ -159,7 +160,7 @@ def contact_levels(
 
 
 def _margin(level: float) -> float:
-    """m to bake beyond a bone that is touched at `level` m."""
+    """How far (m) to bake beyond a bone that is touched at `level` m."""
     steps = np.ceil((needed_distance(level, 0.0) - LEAST) / STEP - 1e-9)
     return LEAST + STEP * max(float(steps), 0.0)
 
@@ -180,7 +181,6 @@ class _frozen:
 
 @lru_cache(maxsize=32)
 def _pose_surface(body: str, vertices: _frozen, faces: _frozen, margin: float) -> SplineDistance:
-
     try:
         return SplineDistance.bake(vertices.array, faces.array, margin=margin, cache=cache_folder())
     except InputError as error:

@@ -22,7 +22,7 @@ def apply_lesion_to_net(net: CableNet, lesion: LesionConfig | None) -> CableNet:
 
 
 def longer(extra: Mapping[str, float], lesion: LesionConfig | None) -> dict[str, float]:
-    """m, how much longer than laid each part is, with what a lesion adds to it or takes."""
+    """How much longer (m) than laid each part is, with what a lesion adds to it or takes."""
     out = dict(extra)
     for name, more in (lesion.length_changes() if lesion else {}).items():
         out[name] = out.get(name, 0.0) + more

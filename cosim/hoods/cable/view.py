@@ -86,7 +86,6 @@ def view_of(hood: FeHood, net: CableNet, skeleton: Skeleton) -> Callable[[State]
 
 
 def _view(hood: FeHood, net: CableNet, depth: float, lines: Lines, state: State) -> CableView:
-
     seen, pull = view_at(hood, depth, lines, state), pulls_in(hood, state)
     points = state.solution.evaluation.points
     on = points.group < 0

@@ -89,7 +89,7 @@ def build_lumped_hood(hood: NetworkHoodConfig, model: FingerModel | None, rest: 
 def slip_forces(
     hood: NetworkHoodConfig, model: FingerModel | None, state: State
 ) -> dict[str, float]:
-    """N, what bears on the middle phalanx ("central": it crosses the PIP last) and on the distal
+    """What bears (N) on the middle phalanx ("central": it crosses the PIP last) and on the distal
     one ("terminal") of a hood's connecting tendons."""
     if hood.reduced is not None:
         made = build_reduced_hood(potential(hood.reduced), model, state.motion.bodies)
@@ -109,7 +109,6 @@ def slip_forces(
 
 
 def _hinges(model: FingerModel | None) -> tuple[HingeAngle, ...]:
-
     if model is not None:
         return flexion_angles(model)
     joints = zip(JOINTS, BODIES[:-1], BODIES[1:], strict=True)
@@ -148,7 +147,6 @@ def potential(hood: ReductionConfig) -> ReducedPotential:
 
 
 def _network(hood: NetworkHoodConfig) -> Network:
-
     muscles, tendons = tuple(hood.muscles), list(hood.connecting.values())
     connection = np.array([[t.muscle == m for m in muscles] for t in tendons], dtype=float)
     return Network(
@@ -182,7 +180,6 @@ def as_network(hood: TwoBandHoodConfig) -> NetworkHoodConfig:
 
 
 def _arms(columns: Sequence[dict[str, ArmConfig]]) -> Arms:
-
     return arms([{j: (a.constant, a.slope) for j, a in column.items()} for column in columns])
 
 

@@ -98,7 +98,6 @@ class _MeshInput:
 
 @lru_cache(maxsize=8)
 def _generate(laying: _MeshInput) -> HoodMesh:
-
     hood, anatomy = laying.hood, laying.anatomy
     skeleton = skeleton_of(anatomy)
     if hood.mesh.kind == "file":
@@ -235,7 +234,7 @@ def _bare_law(name: str, region: RegionConfig, angle: Real) -> Law:
 
 
 def thickness_of(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
-    """(ne,) m."""
+    """The thickness (ne,) m of each element."""
     out = np.full(len(mesh.quads), hood.thickness)
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], mesh.region == i
@@ -257,8 +256,8 @@ def _leave_face(mesh: HoodMesh, thickness: Array) -> Array:
 
 
 def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) -> Array:
-    """(ne, 2) growth along and across the fibres that makes a region longer than laid out by its
-    extra length.
+    """The growth (ne, 2) along and across the fibres that makes a region longer than laid out by
+    its extra length.
 
     Raises InputError for a length that the mesh or the fibres cannot have."""
     out = np.zeros((len(mesh.quads), 2))
@@ -285,7 +284,7 @@ def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) 
 
 
 def _check_one_rest(key: str, name: str, region: FibrousConfig) -> None:
-    """Raises InputError for a region whose extra length does not go with its fibres."""
+    """Check that a region's extra length goes with its fibres.  Raises InputError."""
     own = f"hood.regions.{name}"
     if region.direction is not None:
         raise InputError(
