@@ -86,7 +86,7 @@ def summary(
         {**now, "audit": audit},
         posture_in_range=loaded.balance is None or _is_in_range(models, loaded),
     )
-    newton = getattr(loaded.response.state, "iterations", 0)
+    newton = views["loaded"].iterations if "loaded" in views else 0
     iterations = {"coupling": loaded.iterations, "newton": newton}
     rest = rest_block(now, before, models.hood.tendons)
     beside = {
