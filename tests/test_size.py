@@ -25,7 +25,7 @@ CEILINGS = {
     "cosim/kernels": 216,
     "cosim/models": 684,
     "cosim/report": 2319,
-    "cosim/results": 3888,
+    "cosim/results": 3869,
     "cosim/schema": 566,
     "cosim/solve": 739,
     "cosim/study": 2794,
