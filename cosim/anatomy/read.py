@@ -14,7 +14,7 @@ import numpy as np
 from cosim.anatomy.bones import BoneFrame, Bones, read_bones
 from cosim.anatomy.feb import read_feb_mesh
 from cosim.errors import InputError
-from cosim.hoods.bone_surfaces import contact_levels, pose_surfaces
+from cosim.hoods.fe_supports import contact_levels, pose_surfaces
 from cosim.hoods.supports import ContactConfig
 from cosim.port import Array
 from cosim.schema.types import MUSCLES

@@ -52,6 +52,8 @@ class FeView:
     """m by side, of the lateral bands over the PIP's axis (`meshes.bands`), positive dorsally."""
     ropes: Mapping[str, Array]
     """(3, 3) m by tendon, of `rope_lines`."""
+    iterations: int
+    """Newton iterations since the hood's start."""
 
     def lines(self) -> Mapping[str, Array]:
         """What pictures draw of it as lines (k, 3) m, by name."""
@@ -145,6 +147,7 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
         ),
         band_height=band_heights(lines.bands, c.x, c.position, c.rotation, lines.axis),
         ropes=rope_lines(hood, state),
+        iterations=state.iterations,
     )
 
 
@@ -178,7 +181,7 @@ def guide_depth(hood: FeHood) -> float:
     The bone would pinch the sheet against such a line, with a force that grows as the mesh gets
     finer.  (Intrinsic tendons, which run palmar of the axis, pass beside the head.)"""
     model = hood.model
-    lift = np.broadcast_to(hood.lift, len(model.reference))
+    lift = hood.lift
     start = (model.reference[model.guides.node] - hood.rest.position[0]) @ hood.rest.rotation[0]
     dorsal = start[:, 2] > 0
     way = lines_to_joint(start[dorsal])

@@ -84,6 +84,11 @@ class HoodView(Protocol):
         """The nodes of lines or quads (m, 2 or 4); as many for each cell."""
         ...
 
+    @property
+    def iterations(self) -> int:
+        """Iterations of the hood's solver that led to this state."""
+        ...
+
     def fields(self) -> tuple[Field, ...]:
         """The values over the hood, for results, mesh file and pictures."""
         ...

@@ -14,7 +14,7 @@ from cosim.hoods.shell.view import (
     strain_change,
     strain_summary,
 )
-from cosim.results.slips import is_slack
+from cosim.results.conventions import is_slack
 from meshes.hood_mesh import REGIONS, HoodMesh
 from meshes.markers import ROWS, markers
 
@@ -67,6 +67,7 @@ def stretch(mesh: HoodMesh, along: float, across: float) -> ShellView:
         region_force={},
         strip_arm={},
         ropes={},
+        iterations=0,
     )
 
 

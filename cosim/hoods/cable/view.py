@@ -12,7 +12,7 @@ import numpy as np
 from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
 from cosim.hoods.view import STRAIN, Field
 from cosim.port import Array, State
-from fe_solver.hood.build_cable import pulls_in
+from fe_solver.hood.build import pulls_in
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from meshes.bands import net_bands
 from meshes.cable_net import CableNet
