@@ -194,7 +194,7 @@ class _Lazily(TyperGroup):
         if cmd_name not in self.commands:
             every = {name: c for named in COMMANDS.values() for name, c in named.items()}
             if cmd_name not in every:
-                names: Any = dict.fromkeys(every)  # of which the nearest are told
+                names: Any = dict.fromkeys(every)  # of which the nearest are named
                 self.commands.update(names)
                 return None
             self.commands[cmd_name] = _load(cmd_name, every[cmd_name])

@@ -94,7 +94,7 @@ def run_many(
     keep_errors: bool = False,
 ) -> list[Result | CosimError]:
     """The results of cases, each as `load` takes it, in their order, run side by side in `workers`
-    processes: the same bytes for any number of them.  `progress` is told of each case that ends.
+    processes: the same bytes for any number of them.  `progress` is called as each case ends.
     With `keep_errors` a case without a result has the error in its place, else the first such error
     is raised once all have ended.
 

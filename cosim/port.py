@@ -381,7 +381,7 @@ class Finger(Protocol):
 
     def balance(self, state: State, load: Load, tension: Array) -> Balance | None:
         """Equilibrium under the hood's load and the finger's own tendon tensions (N); None of a
-        finger that tells no forces."""
+        finger that reports no forces."""
         ...
 
     def between(self, state: State, aim: State, part: float) -> State:
@@ -407,7 +407,7 @@ class Finger(Protocol):
         ...
 
     def ledger(self, state: State, load: Load, tension: Array) -> dict[str, Array]:
-        """The wrench (nb, 6) on each body about its origin, world frame, by source, so far as the
+        """The wrench (nb, 6) on each body about its origin, world frame, by source, as far as the
         finger tells its forces."""
         ...
 

@@ -143,7 +143,7 @@ class ProcessEndedError(InputError):
         """The error of a process that ended with this code, or by a signal (negative)."""
         why = f"signal {-code}" if code < 0 else f"exit code {code}"
         error = cls(
-            f"a process that solved was ended from outside ({why}), it may be for want of memory; "
+            f"a process that solved was ended from outside ({why}), perhaps for lack of memory; "
             "one worker needs the least"
         )
         error.why = why

@@ -106,7 +106,7 @@ def _choose(every: Sequence[Variation], only: Sequence[str]) -> list[Variation]:
 
 @contextmanager
 def _run_counter(name: str) -> Iterator[Callable[[int, int, str], None]]:
-    """What tells of the runs: a bar on a terminal, else a line for each."""
+    """Show the runs: a bar on a terminal, else a line for each."""
     if not sys.stderr.isatty():
         yield lambda done, total, what: typer.echo(f"{name}: {done}/{total} {what}", err=True)
         return
@@ -304,7 +304,7 @@ def _show_rows(title: str, pairs: Sequence[tuple[Comparison, Comparison]], sever
 
 
 def _show_confidence(fit: Fit) -> None:
-    """Show what the rows that pull tell of the parameters, and what every row would tell if it were
+    """Show what the rows that pull say of the parameters, and what every row would say if it were
     a point and no band."""
     every = [p.name for p in fit.parameters]
     names, pulling = [p.name for p in fit.within], fit.confidence

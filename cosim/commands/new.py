@@ -79,7 +79,7 @@ def new(
         Path | None, typer.Option("--out", "-o", help="The folder to write; else NAME.")
     ] = None,
 ) -> None:
-    """Make a case of your own hood mesh, bones and finger, and tell what was found, assumed and
+    """Make a case of your own hood mesh, bones and finger, and say what was found, assumed and
     dropped."""
     with exit_on_error():
         centre = np.array(three_numbers("--origin", origin, "0 0 0"))

@@ -63,7 +63,7 @@ class Ended(NamedTuple):
 
 
 def load_cases(names: Sequence[str], settings: Sequence[str] | None) -> list[Case]:
-    """All cases; the faults of every one are told before the exit."""
+    """All cases; the faults of every one are printed before the exit."""
     cases, faults = [], []
     for name in names:
         try:
@@ -257,7 +257,7 @@ def resume(
 
 @contextmanager
 def _progress(name: str, voice: Voice) -> Iterator[Progress]:
-    """What tells of the stages: a spinner on a terminal, else a line for each; or lines of JSON,
+    """Show the stages: a spinner on a terminal, else a line for each; or lines of JSON,
     or nothing."""
     if voice == "quiet":
         yield quiet

@@ -37,7 +37,7 @@ AT_REST = 1e-4
 """rad: a finger that would still turn so far is not at rest, however small its residual: it stands
 where it would run away."""
 STILL = 1e-10
-"""rad: a finger that tells no forces is at rest where no joint turns further in a round."""
+"""rad: a finger that reports no forces is at rest where no joint turns further in a round."""
 
 PATIENCE = 8
 """Rounds after which a step that does not lower the interface's residual is halved: a hood whose
@@ -62,7 +62,7 @@ class Equilibrium:
     motion: Motion
     response: Response
     balance: Balance | None
-    """None of a finger that tells no forces."""
+    """None of a finger that reports no forces."""
     jacobian: HoodJacobian
     hood_tension: Array
     finger_tension: Array
@@ -107,7 +107,7 @@ def equilibrium(
     own.  `progress` is called with each round in words.  `cosim.couple` shows an example.
 
     Raises ConvergenceError when the interface residual stays above its tolerance (of a finger that
-    tells no forces: when a joint goes on turning), or when the hood or the finger alone has no
+    reports no forces: when a joint goes on turning), or when the hood or the finger alone has no
     equilibrium."""
     finger, hood = pair
     finger_state, state = start

@@ -88,7 +88,7 @@ class RecordedFinger(MovingFinger, Protocol):
     ) -> dict[str, Array]:
         """The wrench (nb, 6) on each body about its origin by source at the end of a step of `dt` s
         between two (angles, rates), beside the hood's (nb, 6) and under the own tendons' tensions
-        (nt,) and the tip's wrench (6,) on the world, so far as the finger knows its forces."""
+        (nt,) and the tip's wrench (6,) on the world, as far as the finger knows its forces."""
         ...
 
 

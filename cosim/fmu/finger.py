@@ -107,7 +107,7 @@ class _UnitFinger(ABC, Generic[FingerState]):
 
     def _fingertip(self, pose: FmuPose, wrench: Array) -> dict[str, Array]:
         """The ledger of what the world does to the fingertip, which does `wrench` (6,) to it about
-        its point; none where that point is not known: a unit tells no other force."""
+        its point; none where that point is not known: a unit reports no other force."""
         if pose.tip is None:
             return {}
         out = np.zeros((len(self.bodies), 6))

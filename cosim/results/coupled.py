@@ -49,7 +49,7 @@ class CoupledResult(Equilibrium):
     @property
     def moment_arms(self) -> pandas.DataFrame:
         """Moment arms (mm), a row for each tendon of the hood and a column for each joint; flexion
-        and radial abduction are positive.  Empty of a finger that does not tell how its bodies
+        and radial abduction are positive.  Empty of a finger that does not say how its bodies
         turn."""
         import pandas
 
@@ -62,7 +62,7 @@ class CoupledResult(Equilibrium):
     @property
     def joint_torques(self) -> pandas.DataFrame:
         """Torques about each joint (N mm), a row for each source; those of one joint add up to
-        zero.  Empty of a finger that tells no forces."""
+        zero.  Empty of a finger that reports no forces."""
         import pandas
 
         torques = {} if self.balance is None else self.balance.torque
@@ -74,7 +74,7 @@ class CoupledResult(Equilibrium):
     @property
     def joint_forces(self) -> pandas.DataFrame:
         """Bone-to-bone forces (N), a row for each joint: on the bone distal of it, along the
-        world's axes.  Empty of a finger that tells no forces."""
+        world's axes.  Empty of a finger that reports no forces."""
         import pandas
 
         joint = self._books.get("joint")

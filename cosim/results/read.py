@@ -69,7 +69,7 @@ def check_converged(summary: Mapping[str, Any], place: str) -> None:
 
 
 def read_runs(folders: Sequence[Path], targets: tuple[Target, ...] = ()) -> list[Result]:
-    """Runs whose names all differ: those of one name are told apart by the folders they lie in.
+    """Runs whose names all differ: those of one name are named by their folders as well.
 
     Raises InputError."""
     runs = [_read_run(folder) for folder in folders]

@@ -111,8 +111,8 @@ def _is_in_range(models: Models, e: Equilibrium) -> bool:
 
 def _one_way(case: Case, models: Models, states: States) -> dict[str, Any]:
     """What a one-way pass handed over, and what is counted twice in it."""
-    found = pairs(case, models.hood, models.finger)
-    out: dict[str, Any] = {"double_counted": [str(pair) for pair in found]} if found else {}
+    counted = pairs(case, models.hood, models.finger)
+    out: dict[str, Any] = {"double_counted": [str(pair) for pair in counted]} if counted else {}
     if states.one_way is not None:
         force, moment = states.loaded.load.imbalance(states.loaded.motion)
         out["one_way"] = {
@@ -198,7 +198,7 @@ def _tip_moment(models: Models, e: Equilibrium, books: Books) -> Array:
 
 def _arms(models: Models, e: Equilibrium) -> dict[str, Array]:
     """Moment arms (nq,) m of each tendon: d tau/d T for those of the hood, tau/T for the finger's
-    own, so far as the finger tells them."""
+    own, as far as the finger reports them."""
     by_force = _arms_by_force(models, e)
     out = {} if by_force is None else dict(zip(models.hood.tendons, by_force.T, strict=True))
     if e.balance is None:
@@ -210,7 +210,7 @@ def _arms(models: Models, e: Equilibrium) -> dict[str, Array]:
 
 
 def _arms_by_force(models: Models, e: Equilibrium) -> Array | None:
-    """Moment arms (nq, nt) m of the hood's tendons, where the finger tells how its bodies turn."""
+    """Moment arms (nq, nt) m of the hood's tendons, where the finger says how its bodies turn."""
     finger: Finger = models.finger
     jacobian = finger.jacobian(e.finger_state)
     return None if jacobian is None else jacobian.T @ e.jacobian.load_tension

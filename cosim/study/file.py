@@ -223,7 +223,7 @@ def study_schema() -> dict[str, Any]:
 
 
 class Parameter(NamedTuple):
-    """A number or word that differs from run to run; `unit` as the case is told it; `settings` and
+    """A number or word that differs from run to run; `unit` as the case takes it; `settings` and
     `scale` as in the file."""
 
     name: str

@@ -284,8 +284,8 @@ def _rounded(numbers: Mapping[str, float]) -> dict[str, float]:
 
 
 def _round_digits(row: Comparison) -> dict[str, Any]:
-    """Six digits are more than the models are good for, and hide the last bits of a machine, which
-    a difference of almost equal numbers would show: it is that of the numbers as they are told."""
+    """The row in six digits, more than the models are good for; they hide a machine's last bits.
+    The difference is that of the rounded numbers: of almost equal ones it would show these bits."""
     numbers = {k: six_digits(getattr(row.target, k)) for k in ("reference", "sd", "low", "high")}
     rounded = Comparison(replace(row.target, **numbers), six_digits(row.model))
     return {k: six_digits(v) for k, v in as_dict(rounded).items()}

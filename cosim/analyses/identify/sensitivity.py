@@ -174,7 +174,7 @@ def bars(result: Sensitivity, quantity: str) -> list[SensitivityBar]:
 
 
 def to_csv(result: Sensitivity) -> str:
-    """A line for each run, the case as it is first; numbers in full; what is not there is empty."""
+    """A line for each run, the case as it is first; numbers in full; missing numbers empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*COLUMNS, *result.base])
