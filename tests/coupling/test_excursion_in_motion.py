@@ -143,7 +143,7 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path):
         ([draws("FDP", signal='signal={kind="sine",frequency="1 Hz",mean=1.0,amplitude=0.5}')],
          r"tendons\.FDP\.excursion: a motion begins with .* the signal with 1;"),
         (['tendons.FDP={excursion="1 mm"}'], "the signal with 1; give it one that begins at 0"),
-        ([draws("FDP"), 'coupling.scheme="explicit"'], "moves before the hood feels a tension"),
+        ([draws("FDP"), 'coupling.scheme="explicit"'], "moves before the hood knows the tension"),
         ([draws("FDP"), 'forward.adaptive={tolerance="0.1 deg"}'], "go with forward.adaptive"),
     ],
 )  # fmt: skip

@@ -229,7 +229,7 @@ def test_a_muscle_of_a_network_that_would_pull_on_nothing_is_refused():
         ("lesion_mallet", 'lesion.lengthen.terminal_slp="1 mm"', "did you mean terminal_slip"),
         ("lesion_mallet", 'lesion.cut=["dorsal_capsule"]', "give hood.springs.dorsal_capsule"),
         ("lesion_mallet", 'lesion.shorten.central_slip="0 mm"', "above 0 mm"),
-        ("lesion_mallet", "lesion.cut=[]", "says nothing"),
+        ("lesion_mallet", "lesion.cut=[]", "is empty"),
         ("lesion_mallet", 'lesion.cute=["central_slip"]', "did you mean cut"),
         ("split_edc", CENTRAL, 'kind "split" has no parts to injure'),
         ("pulley_edc", CENTRAL, 'kind "pulley" has no parts to injure'),
