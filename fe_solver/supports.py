@@ -82,7 +82,7 @@ class SpringLaw:
     much after."""
 
     def force(self, elongation: float) -> float | Array:
-        """N, positive in tension."""
+        """The force (N) at an elongation, positive in tension."""
         if self.tension_only and self.toe:
             return self.stiffness * ramp(np.array(elongation), self.toe)[1]
         if self.tension_only and elongation < 0:

@@ -21,7 +21,7 @@ GROUND = "ground"
 
 @dataclass(frozen=True)
 class Units:
-    """m and N in the file's units."""
+    """One metre (m) and one newton (N) in the file's units."""
 
     length: float
     force: float
@@ -41,7 +41,7 @@ class Dof(NamedTuple):
     kind: str
 
     def unit(self, units: Units) -> float:
-        """m or rad in the file's unit of it."""
+        """One m or rad, whichever it is measured in, in the file's unit."""
         return 1.0 if self.kind == "rigid_rotation" else units.length
 
 
@@ -89,18 +89,18 @@ class Model:
         return found
 
     def body_of(self, tag: FebTag, name: str) -> int:
-        """Raises InputError where there is no such rigid material."""
+        """The body of a rigid material.  Raises InputError where there is none such."""
         m = find_material(tag, self.materials, name)
         if not m.rigid:
             raise tag.fault(f"the material {name!r} is not rigid")
         return self.rigid.index(m.name)
 
     def local(self, body: int, nodes: Ints) -> Array:
-        """(k, 3) m of mesh nodes from the body's origin."""
+        """The places (k, 3) m of mesh nodes from the body's origin."""
         return self.mesh.points[nodes] * self.units.length - self.origin(body)
 
     def origin(self, body: int) -> Array:
-        """(3,) m."""
+        """The body's origin (3,) m."""
         if body == len(self.rigid):
             return np.zeros(3)
         centre = next(m.centre for m in self.materials if m.name == self.rigid[body])
@@ -147,7 +147,7 @@ def owners(
     model_rigid: tuple[str, ...],
     materials: list[Material],
 ) -> Ints:
-    """(n,) the body that each mesh node belongs to, by its rigid elements or, off the sheet, by a
+    """The body (n,) that each mesh node belongs to, by its rigid elements or, off the sheet, by a
     rigid boundary condition; -1 elsewhere.
 
     Raises InputError where two bodies claim a node."""
@@ -174,8 +174,8 @@ def owners(
 
 
 def triangles_of(facets: Ints) -> Ints:
-    """(nt, 3) of quads (k, 4), cut along the diagonal from the first corner; those that repeat
-    their last node are one triangle each."""
+    """The triangles (nt, 3) of quads (k, 4), cut along the diagonal from the first corner; those
+    that repeat their last node are one triangle each."""
     first, second = facets[:, [0, 1, 2]], facets[facets[:, 2] != facets[:, 3]][:, [0, 2, 3]]
     return np.concatenate([first, second])
 

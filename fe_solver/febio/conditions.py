@@ -114,7 +114,7 @@ def _read_director_supports(
 
 
 def read_forces(model: Model, tags: list[FebTag]) -> tuple[NodalForce, ...]:
-    """Raises InputError for a load that is not read."""
+    """The dead loads on nodes of the sheet.  Raises InputError for a load that is not read."""
     out = []
     for t in tags:
         kind, nodes = t.attribute("type"), model.mesh.nodes_of(t, t.attribute("node_set"))
@@ -151,7 +151,7 @@ def match_facets(model: Model, sheet: FebShells, tag: FebTag, facets: Ints) -> t
 
 
 def _turn(model: Model, a: Ints, b: Ints) -> Array:
-    """(k,) scalar product of the normals of two facets."""
+    """The scalar product (k,) of the normals of two facets."""
     p, q = model.mesh.points[a], model.mesh.points[b]
     normals = [np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]) for x in (p, q)]
     return np.asarray(np.einsum("ki,ki->k", *normals))

@@ -26,7 +26,7 @@ class Block(NamedTuple):
 
     @property
     def quads(self) -> Ints:
-        """(k, 4) of a shell block; a triangle repeats its last node."""
+        """The elements (k, 4) of a shell block; a triangle repeats its last node."""
         return self.nodes if self.nodes.shape[1] == 4 else self.nodes[:, [0, 1, 2, 2]]
 
 
@@ -122,7 +122,8 @@ class _Numbering:
 
 
 def read_mesh_section(mesh: FebTag) -> FebMesh:
-    """Raises InputError, with its line, for anything missing, doubled or unknown to this reader."""
+    """The mesh of a file.  Raises InputError, with its line, for anything missing, doubled or
+    unknown to this reader."""
     node_ids, points, node_sets = _nodes(mesh)
     numbering = _Numbering(node_ids)
     blocks = _blocks(mesh, numbering)

@@ -44,8 +44,8 @@ class Parts:
 def read_parts(
     domains: FebTag, data: FebTag | None, mesh: FebMesh, materials: list[Material], notes: list[str]
 ) -> Parts:
-    """Raises InputError for a part without a material, and for a deformable part that is no
-    shell."""
+    """The parts of a file, deformable and rigid.  Raises InputError for a part without a material,
+    and for a deformable part that is no shell."""
     given, maps = _element_data(data, mesh)
     rigid: dict[str, list[Block]] = {m.name: [] for m in materials if m.rigid}
     shells: list[tuple[FebTag, Block, Material]] = []
@@ -142,7 +142,7 @@ def _check_domain(t: FebTag, block: Block, notes: list[str]) -> None:
 
 
 def _thickness(t: FebTag, block: Block, data: FebTag | None) -> Array:
-    """(k, 4)."""
+    """The thicknesses (k, 4) at the corners of the block's elements."""
     k, corners = block.nodes.shape
     if data is None and t.one("shell_thickness") is None:
         raise t.fault(

@@ -42,7 +42,7 @@ SHEET, THIN, INSERTION = 1, 2, 3
 
 @dataclass(frozen=True)
 class Moduli:
-    """Pa, by region."""
+    """Young's moduli (Pa) by region."""
 
     tendon_proximal: float
     tendon_distal: float
@@ -129,7 +129,7 @@ def _middles(job: Job) -> Array:
 
 
 def _along(job: Job) -> Array:
-    """(ne, 3) the finger's axis z in the quads' planes."""
+    """The unit directions (ne, 3) of the finger's axis z in the quads' planes."""
     p = job.sheet.points[job.sheet.quads]
     normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)

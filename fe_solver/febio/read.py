@@ -134,7 +134,7 @@ def _check_header(root: FebTag) -> None:
 
 
 def _check_sheet(path: Path, sheet: FebShells, mesh: FebMesh) -> None:
-    """Raises InputError as `check_mesh` does, with the file's numbers."""
+    """Check the sheet as `check_mesh` does.  Raises InputError with the file's numbers."""
 
     def element(i: int) -> str:
         return f"element {sheet.ids[i]} (part {sheet.names[sheet.part[i]]!r})"

@@ -63,7 +63,7 @@ def _check_names(job: Job) -> None:
 
 
 def face_points(job: Job, points: Array) -> Array:
-    """(n, 3) m on the face that the normal points to: half a thickness from the mid-surface."""
+    """The points (n, 3) m on the normal's face: half a thickness from the mid-surface."""
     off = job.sheet.height + job.sheet.thickness / 2
     if not (np.abs(off) > SAME_POINT).any():
         return points

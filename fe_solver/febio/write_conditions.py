@@ -190,7 +190,7 @@ class Conditions:
         return tag("delem", (ids[s.nodes[k]], end))
 
     def _initial(self, s: SpringSet) -> Array:
-        """(k,) m between the ends as the file has them."""
+        """The distances (k,) m between the springs' ends as the file has them."""
         origins = np.array([b.origin for b in self.job.bodies] or [np.zeros(3)])
         far = np.where(
             (s.body < 0)[:, None], self.points[s.other], origins[np.maximum(s.body, 0)] + s.anchor
@@ -227,7 +227,7 @@ class Conditions:
 
 
 def _toe_table(stiffness: float, toe: float) -> LoadCurve:
-    """N by elongation (m) of a spring that sets in over a toe, straight beyond it: slack before."""
+    """The force (N) by elongation (m) of a spring with a toe, straight beyond it: slack before."""
     stretch = toe * np.concatenate([[-2.0], np.linspace(-1.0, 1.0, TOE_POINTS), [2.0]])
     times, values = tuple(stretch.tolist()), tuple((stiffness * ramp(stretch, toe)[1]).tolist())
     return LoadCurve(times, values, extension=Extension.EXTRAPOLATE)

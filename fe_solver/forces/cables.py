@@ -108,7 +108,7 @@ def cable_forces(cables: Cables, x: Array) -> PairForces:
 
 
 def cable_masses(cables: Cables, density: float, n: int) -> Array:
-    """(n,) kg, half of each cell's at either end; density kg/m3."""
+    """The masses (n,) kg of the nodes: half of each cell's at either end; density kg/m3."""
     half = density * cables.section * cables.length / 2
     mass = np.bincount(cables.nodes.ravel(), weights=np.repeat(half, 2), minlength=n)
     return mass.astype(float)

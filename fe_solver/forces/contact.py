@@ -117,31 +117,31 @@ class Contact:
 
     @property
     def weight(self) -> Array:
-        """(k,) m2 of the points that press on this body."""
+        """The areas (k,) m2 of the points, as far as they press on this body."""
         return self.area if self.share is None else self.area * self.share
 
     @property
     def stick(self) -> Array:
-        """(k,) N/m, elastic stiffness of sticking."""
+        """The elastic stiffness (k,) N/m of sticking."""
         return self.weight * (self.stiffness if self.shear is None else self.shear)
 
     @property
     def shift(self) -> Array:
-        """(k,) m, the depth at which the ramp gives the multiplier."""
+        """The depths (k,) m at which the ramp gives the multiplier."""
         if self.pressure is None:
             return np.zeros(len(self.nodes))
         return inverse_ramp(self.pressure / self.stiffness, self.smoothing)
 
     def at(self, x: Array) -> Array:
-        """(k, 3) m, the points, at node positions x (n, 3)."""
+        """The points (k, 3) m at node positions x (n, 3)."""
         return x[self.nodes] if self.within is None else self.within.mean(x)
 
     def local(self, x: Array, position: Array, rotation: Array) -> Array:
-        """(k, 3) m, the points as the body sees them."""
+        """The points (k, 3) m in the body's frame."""
         return (self.at(x) - position[self.body]) @ rotation[self.body]
 
     def gap(self, x: Array, position: Array, rotation: Array) -> Array:
-        """(k,) m, negative where a point penetrates."""
+        """The gaps (k,) m of the points, negative where one penetrates."""
         return self.surface.distance(self.local(x, position, rotation)).value - self.offset
 
 
@@ -239,8 +239,8 @@ def _hessian(
     dragged: Array | None,
     pushed: Array,
 ) -> Array:
-    """(k, 3, 3) of stiffness `along` (k,) the normals (k, 3); of forces `pushed` (k,) N on what is
-    `curved` (k, 3, 3) 1/m and of friction `dragged` (k, 3, 3) N/m, both as the body sees them."""
+    """The stiffness (k, 3, 3) of `along` (k,) the normals (k, 3); of forces `pushed` (k,) N on what
+    is `curved` (k, 3, 3) 1/m and of friction `dragged` (k, 3, 3) N/m, both in the body's frame."""
     # stiffness along the normal, then the surface's curvature, then friction
     out = along[:, None, None] * normal[:, :, None] * normal[:, None, :]
     if curved is not None:
@@ -346,8 +346,8 @@ def contact_fields(
 
 
 def partition(distances: Array, blend: float) -> Array:
-    """(k, nb) shares of nb bodies in k nodes from their signed distances (k, nb) m at rest: smooth
-    (C1) in the distances, each row adding up to one.
+    """The shares (k, nb) of nb bodies in k nodes from their signed distances (k, nb) m at rest:
+    smooth (C1) in the distances, each row adding up to one.
 
     A body has all of a node that is nearer to it by `blend` (m) or more than to any other, nothing
     of one that is as much nearer to another, half where two are equally near.  Raises InputError

@@ -47,16 +47,16 @@ class ElementPoints:
 
     @cached_property
     def nearest(self) -> Ints:
-        """(c p,) the node that is nearest to each point, by r and s."""
+        """The node (c p,) that is nearest to each point, by r and s."""
         away = self.places[:, None] - kind_of(self.quads).nodes
         return self.quads[:, np.linalg.norm(away, axis=2).argmin(axis=1)].ravel()
 
     def mean(self, values: Array) -> Array:
-        """(c p, ...) at the points of values (n, ...) at the nodes."""
+        """The values (c p, ...) at the points, interpolated from values (n, ...) at the nodes."""
         own = values[self.quads].reshape(*self.quads.shape, -1)
         return np.asarray((self.shape @ own).reshape(-1, *values.shape[1:]))
 
     def areas(self, X: Array) -> Array:
-        """(c p,) m2 for each point, of nodes X (n, 3) m."""
+        """The area (c p,) m2 of each point, of nodes X (n, 3) m."""
         _, area = to_centre(kind_of(self.quads), X[self.quads], self.places)
         return np.asarray((area.T * self.factor).ravel())

@@ -67,12 +67,12 @@ class Guides:
 
     @property
     def direction(self) -> Array:
-        """(k, 3) the first axis, body frame."""
+        """The first axis (k, 3) of each guide, body frame."""
         return self.axes[:, :, 0]
 
     @property
     def steady(self) -> NDArray[np.bool_]:
-        """(k,) whose director the body turns."""
+        """Whether (k,) the body turns the director of each guided node."""
         return np.asarray(self.still.any(axis=1))
 
 
@@ -100,12 +100,12 @@ class Ropes:
         return Ropes(i, i, v, v, np.zeros(0), np.zeros((tendons, 0)))
 
     def arm(self, rotation: Array) -> Array:
-        """(k, 3) m from the bodies' origins to the eyelets, world, with bodies at `rotation` (nb,
-        3, 3)."""
+        """The arms (k, 3) m from the bodies' origins to the eyelets, world, with bodies at
+        `rotation` (nb, 3, 3)."""
         return np.asarray(np.einsum("kij,kj->ki", rotation[self.body], self.eyelet))
 
     def along(self, rotation: Array) -> Array:
-        """(k, 3) unit, which way the muscles pull, world."""
+        """The unit directions (k, 3) in which the muscles pull, world."""
         return np.asarray(np.einsum("kij,kj->ki", rotation[self.body], self.pull))
 
     def name(self, rope: int) -> str:
@@ -115,7 +115,7 @@ class Ropes:
         return " and ".join(self.tendons[i] for i in np.flatnonzero(self.share[:, rope]))
 
     def reach(self, x: Array, position: Array, rotation: Array) -> Array:
-        """(k, 3) m from the eyelets to the nodes at x (n, 3), world."""
+        """The vectors (k, 3) m from the eyelets to the nodes at x (n, 3), world."""
         return np.asarray(x[self.node] - position[self.body] - self.arm(rotation))
 
     def lines(self, x: Array, position: Array, rotation: Array) -> tuple[Array, Array]:

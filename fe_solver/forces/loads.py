@@ -28,7 +28,7 @@ class Inertia:
 
 
 def pressure_forces(x: Array, pressure: Array) -> Array:
-    """(ne, k, 3) N forces of the pressure (ne,) on the nodes of elements x (ne, k, 3)."""
+    """The forces (ne, k, 3) N of the pressure (ne,) on the nodes of elements x (ne, k, 3)."""
     element, out = kind_of(x), np.zeros_like(x)
     for factor, (r, s) in zip(element.factors, element.gauss, strict=True):
         n, nr, ns = element.shape(r, s)
@@ -38,7 +38,7 @@ def pressure_forces(x: Array, pressure: Array) -> Array:
 
 
 def pressure_tangent(x: Array, pressure: Array) -> Array:
-    """(ne, k, 3, k, 3) derivative of `pressure_forces`; not symmetric at a free edge."""
+    """The derivative (ne, k, 3, k, 3) of `pressure_forces`; not symmetric at a free edge."""
     element = kind_of(x)
     out = np.zeros((*x.shape, *x.shape[1:]))
     for factor, (r, s) in zip(element.factors, element.gauss, strict=True):

@@ -176,7 +176,7 @@ def _lines(reach: Array) -> tuple[Array, Array]:
 
 
 def _hessian(slope: Array, length: Array, direction: Array, curvature: bool, force: Array) -> Array:
-    """(k, 3, 3) the `slope` along the spring and force / length across it."""
+    """The stiffness (k, 3, 3): the `slope` along the spring and force / length across it."""
     across = np.divide(force, length, out=slope.copy(), where=length > 0)
     if not curvature:
         across, slope = np.maximum(across, 0), np.maximum(slope, 0)
@@ -218,21 +218,21 @@ class PointForces:
 
     @property
     def node(self) -> Ints:
-        """(k,) the node that bears most of each force."""
+        """The node (k,) that bears most of each force."""
         return np.asarray(self.nodes[np.arange(len(self.nodes)), self.weights.argmax(axis=1)])
 
     def at_points(self, values: Array) -> Array:
-        """(k, 3) of values (n, 3) at the nodes."""
+        """The values (k, 3) at the points of values (n, 3) at the nodes."""
         return np.asarray((self.weights[:, None] @ values[self.nodes])[:, 0])
 
     def on_nodes(self, forces: Array, count: int) -> Array:
-        """(n, 3) N at `count` nodes of forces (k, 3) at the points."""
+        """The forces (n, 3) N at `count` nodes of forces (k, 3) at the points."""
         on = np.flatnonzero(forces.any(axis=1))
         return sum_at_nodes(self.nodes[on], self.weights[on, :, None] * forces[on, None], count)
 
     @cached_property
     def hessian(self) -> Array:
-        """(k, 3, 3); made when it is first asked for, as a trial of a line search never does."""
+        """The stiffness (k, 3, 3); made when first asked for, which a trial step never does."""
         return self.bend(self.force)
 
 

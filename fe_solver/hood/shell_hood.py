@@ -465,7 +465,7 @@ def _relative_poses(start: Motion, end: Motion) -> tuple[Array, Array]:
 
 
 def _largest_turn(start: Motion, end: Motion) -> float:
-    """rad, the most that a body turns as the one before it sees it."""
+    """The most (rad) that a body turns as the one before it sees it."""
     turns = _relative_poses(start, end)[1][1:]
     cosine = (np.einsum("bij,bij->b", turns[:, 0], turns[:, 1]) - 1) / 2
     return float(np.arccos(np.clip(cosine, -1, 1)).max(initial=0.0))

@@ -20,7 +20,7 @@ SUMMARY = "summary.json"
 
 
 def displacement(job: Job, state: JobState) -> Array:
-    """(n, 3) m."""
+    """The displacements (n, 3) m of the nodes."""
     return np.asarray(state.configuration.x - job.sheet.points)
 
 

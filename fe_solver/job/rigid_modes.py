@@ -105,8 +105,8 @@ def unsupported(job: Job, time: float, motions: Sequence[FreeMotions]) -> InputE
 def require_supports(
     job: Job, time: float, model: ShellModel, c: Configuration, e: Evaluation
 ) -> None:
-    """Raises InputError as `unsupported` says, where an equilibrium of a job with its tangent
-    leaves a piece of the sheet free to move as a rigid body."""
+    """Check that an equilibrium of a job with its tangent leaves no piece of the sheet free to move
+    as a rigid body.  Raises InputError as `unsupported` says."""
     motions = rigid_freedoms(model, c, e)
     if motions:
         raise unsupported(job, time, motions)
@@ -180,8 +180,8 @@ class Pieces(NamedTuple):
         return cls(piece.astype(np.intp), int(count), *_sizes(x, piece, int(count)))
 
     def turns(self, x: Array) -> Array:
-        """(3, n, 3) m moves of nodes x (n, 3) m by turns about x, y, z of their pieces, each over
-        its length."""
+        """The moves (3, n, 3) m of nodes x (n, 3) m by turns about x, y, z of their pieces, each
+        over its length."""
         arm = (x - self.middle[self.piece]) / self.length[self.piece][:, None]
         return np.stack([np.cross(axis, arm) for axis in np.eye(3)])
 
@@ -198,7 +198,7 @@ def _sizes(x: Array, piece: Ints, count: int) -> tuple[Array, Array]:
 
 
 def _shell_moves(c: Configuration, e: Evaluation, pieces: Pieces) -> Array:
-    """(n, 5, 6) the nodes' degrees of freedom by the six rigid motions of their pieces."""
+    """The nodes' degrees of freedom by the six rigid motions of their pieces (n, 5, 6)."""
     A, T = e.bases
     out = np.zeros((len(c.x), DOFS, 6))
     out[:, :3, :3] = np.swapaxes(A, 1, 2)
@@ -212,7 +212,7 @@ def _shell_moves(c: Configuration, e: Evaluation, pieces: Pieces) -> Array:
 def _admissible_motions(
     moves: Array, free: NDArray[np.bool_], own: NDArray[np.bool_], length: float
 ) -> Array:
-    """(6, m) the motions of a piece, whose nodes are `own` (n,), that move none of the degrees of
+    """The motions (6, m) of a piece, whose nodes are `own` (n,), that move none of the degrees of
     freedom that are not free (n, k): three displacements (m), then turns (rad)."""
     rows = moves * np.where(np.arange(moves.shape[1]) < 3, 1.0, length)[:, None]
     rows = rows[~free & own[:, None]]
@@ -221,7 +221,7 @@ def _admissible_motions(
 
 
 def _free_combinations(tangent: Any, moved: Array, missed: float) -> Array:
-    """(m, k) combinations of motions, `moved` (free dofs, m), that the tangent does not resist,
+    """The combinations (m, k) of motions, `moved` (free dofs, m), that the tangent does not resist,
     beside a residual `missed` (N over the piece's length)."""
     resistance = moved.T @ (tangent @ moved)
     sums = np.abs(moved) * (abs(tangent) @ np.abs(moved))
@@ -231,6 +231,6 @@ def _free_combinations(tangent: Any, moved: Array, missed: float) -> Array:
 
 
 def _basis(motions: Array) -> Array:
-    """(m, 6) orthonormal rows that span the columns of motions (6, k)."""
+    """The orthonormal rows (m, 6) that span the columns of motions (6, k)."""
     directions, size, _ = np.linalg.svd(motions, full_matrices=False)
     return np.asarray(directions[:, size > SAME].T)

@@ -55,7 +55,7 @@ class ExponentialToe:
     lam_max: Real
 
     def check_fibre(self) -> None:
-        """Raises InputError for parameters that are not allowed."""
+        """Check the parameters.  Raises InputError for those that are not allowed."""
         require_not_negative(self, c3=self.c3, c5=self.c5)
         require_positive(self, c4=self.c4)
         require(self, "lam_max", self.lam_max, np.greater(self.lam_max, 1), "it must exceed 1")

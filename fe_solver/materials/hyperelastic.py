@@ -68,7 +68,7 @@ class Potential(Law, Protocol):
         """Whether ln J = 0 by constraint."""
 
     def start(self, p: Invariants) -> Array:
-        """(...,) where the search for ln J begins."""
+        """The value (...,) of ln J where the search for it begins."""
 
     def volumetric(self, p: Invariants, j: Array) -> tuple[Array, Array]:
         """W_j and W_jj."""
@@ -180,8 +180,8 @@ def response(law: Potential, strain: Array) -> Stress:
 
 
 def volume_ratio(law: Potential, strain: Array) -> Array:
-    """(...,) J of the sheet at the strain (..., 3); NaN where the law has no answer.  The thickness
-    stretches by J / sqrt(det C) with C the plane's."""
+    """The volume ratio J (...,) of the sheet at the strain (..., 3); NaN where the law has no
+    answer.  The thickness stretches by J / sqrt(det C) with C the plane's."""
     strain = np.asarray(strain, dtype=float)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         plane = _plane(law, strain)

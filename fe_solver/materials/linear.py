@@ -73,7 +73,7 @@ def require_poisson(law: object, nu: Real) -> None:
 
 
 def symmetric(entries: dict[tuple[int, int], Real], shape: tuple[int, ...]) -> Array:
-    """(*shape, 3, 3) from entries of the upper triangle; absent ones are zero."""
+    """The matrix (*shape, 3, 3) from entries of the upper triangle; absent ones are zero."""
     out = np.zeros((*shape, 3, 3))
     for (i, j), value in entries.items():
         out[..., i, j] = value
@@ -88,8 +88,8 @@ class LinearLaw(ABC):
 
     @abstractmethod
     def plane(self) -> Array:
-        """(..., 3, 3) stiffness Q against (E11, E22, 2 E12), Pa; axes 1 and 2 are its own, so that
-        Q13 = Q23 = 0."""
+        """The stiffness Q (..., 3, 3) Pa against (E11, E22, 2 E12); axes 1 and 2 are its own, so
+        that Q13 = Q23 = 0."""
 
     @abstractmethod
     def shear(self) -> tuple[Real, Real]:

@@ -75,7 +75,7 @@ class Section:
 
     @cached_property
     def thickness(self) -> Array:
-        """(ne, g) m."""
+        """The thickness (ne, g) m at the Gauss points."""
         out = np.empty((self.count, self.points))
         for p in self.patches:
             out[p.elements] = p.thickness
@@ -83,9 +83,9 @@ class Section:
 
     @cached_property
     def linear(self) -> Array:
-        """(ne, g, 8, 8) constant stiffness: all of it where the law is linear; of a tension field
-        bending and transverse shear as its base law has them at rest, of a hyperelastic law the
-        patch's own bending."""
+        """The constant stiffness (ne, g, 8, 8): all of it where the law is linear; of a tension
+        field bending and transverse shear as its base law has them at rest, of a hyperelastic law
+        the patch's own bending."""
         out = np.zeros((self.count, self.points, 8, 8))
         for p in self.patches:
             out[p.elements] = p.factor[..., None, None] * _constant(p)
@@ -135,8 +135,8 @@ class Section:
         return Resultants(energy, force, stiffness)
 
     def tension_state(self, strain: Array) -> NDArray[np.int8]:
-        """(ne,) `tension_field.State`, the rounded mean of the Gauss points' at strains (ne, g, 8);
-        -1 where there is no tension field and the sheet bears compression."""
+        """The `tension_field.State` (ne,), the rounded mean of the Gauss points' at strains (ne, g,
+        8); -1 where there is no tension field and the sheet bears compression."""
         out = np.full(len(strain), -1, dtype=np.int8)
         for p in self.patches:
             if isinstance(p.law, TensionField):
@@ -145,15 +145,15 @@ class Section:
         return out
 
     def thickness_stretch(self, strain: Array) -> Array:
-        """(ne, g) current over stress-free thickness by the mid-surface's strains (ne, g, 8)."""
+        """Current over stress-free thickness (ne, g) by the mid-surface's strains (ne, g, 8)."""
         out = np.empty(strain.shape[:2])
         for p in self.patches:
             out[p.elements] = thickness_stretch(p.law, strain[p.elements, :, :3])
         return out
 
     def stress(self, strain: Array, z: float = 0.0) -> Array:
-        """(ne, g, 3) second Piola-Kirchhoff stress S11, S22, S12 (Pa) at the height z, in halves of
-        the thickness."""
+        """The second Piola-Kirchhoff stress S11, S22, S12 (ne, g, 3) Pa at the height z, in halves
+        of the thickness."""
         out = np.empty((*strain.shape[:2], 3))
         for p in self.patches:
             e = strain[p.elements]
@@ -182,7 +182,7 @@ def one_law(law: Law | TensionField, thickness: Array) -> Section:
 
 
 def join_sections(patches: Sequence[Patch]) -> Section:
-    """Raises ValueError where elements lie in no patch or in two."""
+    """The section of all patches.  Raises ValueError where elements lie in no patch or in two."""
     elements = np.concatenate([p.elements for p in patches])
     if not np.array_equal(np.sort(elements), np.arange(len(elements))):
         raise ValueError("every element must lie in exactly one patch")
@@ -225,7 +225,7 @@ def _as_one(patches: Sequence[Patch]) -> Patch:
 
 
 def _constant(p: Patch) -> Array:
-    """(k, g, 8, 8) of a patch: shear, and of a linear law membrane and bending."""
+    """The part (k, g, 8, 8) of one patch: shear, and of a linear law membrane and bending."""
     h = p.thickness
     out = np.zeros((*h.shape, 8, 8))
     out[..., 3:6, 3:6] = p.bending * (h**3 / 12)[..., None, None]

@@ -101,14 +101,14 @@ class TensionField:
         )
 
     def state(self, strain: Array) -> NDArray[np.intp]:
-        """(...,) `State` at strains (..., 3)."""
+        """The `State` (...,) at strains (..., 3)."""
         p = _strain(self._relaxation(strain).factor) * np.array([1.0, 1.0, 0.5])
         wrinkled = _principal_values(p)[0] > SEEN * self.smoothing
         return wrinkled.sum(axis=1).reshape(np.shape(strain)[:-1])
 
     def elastic_strain(self, strain: Array) -> Array:
-        """(..., 3) strain of the base law at strains (..., 3): what wrinkles have taken up is added
-        to it."""
+        """The strain (..., 3) of the base law at strains (..., 3): what wrinkles have taken up is
+        added to it."""
         wrinkles = _strain(self._relaxation(strain).factor)
         return np.asarray(strain + wrinkles.reshape(np.shape(strain)))
 
@@ -142,8 +142,8 @@ class _Cost(NamedTuple):
 
 
 class _Relaxation(NamedTuple):
-    """m points in balance, with the wrinkles' strain P = A A'.  By a growth X of the wrinkles, P
-    becomes A (1 + X) A'."""
+    """The balance at m points, with the wrinkles' strain P = A A'.  By a growth X of the wrinkles,
+    P becomes A (1 + X) A'."""
 
     factor: Array
     """(m, 2, 2) A."""
@@ -174,19 +174,19 @@ def _parameters_at(part: Any, points: Mask) -> Any:
 
 
 def _strain(A: Array) -> Array:
-    """(m, 3) A A' as E11, E22, 2 E12."""
+    """The strain A A' (m, 3) as E11, E22, 2 E12."""
     (a, b), (c, d) = np.moveaxis(A, 0, 2)
     return np.stack([a * a + b * b, c * c + d * d, 2 * (a * c + b * d)], axis=1)
 
 
 def _dyad(p: Array) -> Array:
-    """(m, 3) p p' of vectors (m, 2), as `_strain`."""
+    """The strain p p' (m, 3) of vectors (m, 2), as `_strain`."""
     p1, p2 = p.T
     return np.stack([p1 * p1, p2 * p2, 2 * p1 * p2], axis=1)
 
 
 def _by_growth(A: Array) -> Array:
-    """(m, 3, 3) see `_Relaxation`."""
+    """The derivatives (m, 3, 3) of the wrinkles' strain by their growth, see `_Relaxation`."""
     (a, b), (c, d) = np.moveaxis(A, 0, 2)
     rows = [
         [a * a, b * b, 2 * a * b],
@@ -197,15 +197,15 @@ def _by_growth(A: Array) -> Array:
 
 
 def _wrinkle_energy(cost: _Cost, A: Array) -> Array:
-    """(m,) J/m3, what wrinkles A A' cost."""
+    """The energy (m,) J/m3 that wrinkles A A' cost."""
     (a, b), (c, d) = np.moveaxis(A, 0, 2)
     residual = cost.residual / 2 * (np.square(_strain(A)) @ SQUARED)
     return np.asarray(residual - 2 * cost.barrier * np.log(np.abs(a * d - b * c)))
 
 
 def _principal_values(x: Array) -> tuple[Array, Array]:
-    """(m, 2) principal values of tensors (m, 3) of components 11, 22, 12, and their directions (m,
-    2, 2), as columns."""
+    """The principal values (m, 2) of tensors (m, 3) of components 11, 22, 12, and their directions
+    (m, 2, 2), as columns."""
     mean, radius = (x[:, 0] + x[:, 1]) / 2, np.hypot((x[:, 0] - x[:, 1]) / 2, x[:, 2])
     angle = np.arctan2(x[:, 2], (x[:, 0] - x[:, 1]) / 2) / 2
     c, s = np.cos(angle), np.sin(angle)
@@ -214,8 +214,8 @@ def _principal_values(x: Array) -> tuple[Array, Array]:
 
 
 def _axes_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
-    """(m, 2, 2) A where the lesser principal stress of the base law, with its own stiffness, were
-    in balance, and then the greater one with what that changes of it."""
+    """The guess A (m, 2, 2) where the lesser principal stress of the base law, with its own
+    stiffness, were in balance, and then the greater one with what that changes of it."""
     stress, axes = _principal_values(full.stress)
     c, s = axes[:, 0], axes[:, 1]
     unit = np.stack([c * c, s * s, 2 * s * c], axis=2)
@@ -229,21 +229,21 @@ def _axes_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
 
 
 def _strain_in_balance(stress: Array, stiff: Array, barrier: Array) -> Array:
-    """(m,) the p > 0 of stress + stiff p = barrier / p."""
+    """The p > 0 (m,) of stress + stiff p = barrier / p."""
     root = np.sqrt(stress * stress + 4 * stiff * barrier)
     pulled = 2 * barrier / (root + np.abs(stress))
     return np.where(stress > 0, pulled, (root - stress) / (2 * stiff))
 
 
 def _central_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
-    """(m, 2, 2) A that makes up for every shortening, and for CENTRAL more."""
+    """The guess A (m, 2, 2) that makes up for every shortening, and for CENTRAL more."""
     size, axes = _principal_values(strain * np.array([1.0, 1.0, 0.5]))
     return axes * np.sqrt(np.maximum(-size, 0.0) + CENTRAL)[:, None]
 
 
 def _guess_by_turning(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
-    """(m, 2, 2) A = (p, t) with p of the least W(E + p p') by TURNS Newton steps from the axis of
-    the lesser principal stress, and t across it in balance."""
+    """The guess A = (p, t) (m, 2, 2) with p of the least W(E + p p') by TURNS Newton steps from the
+    axis of the lesser principal stress, and t across it in balance."""
     p = _axes_guess(law, strain, cost, full)[:, :, 1]
     for _ in range(TURNS):
         here = law.response(strain + _dyad(p))
@@ -259,7 +259,7 @@ def _guess_by_turning(law: Law, strain: Array, cost: _Cost, full: Stress) -> Arr
 
 
 def _turning_step(p: Array, here: Stress) -> Array:
-    """(m, 2) Newton's step in p towards the least W(E + p p'), no longer than p."""
+    """Newton's step (m, 2) in p towards the least W(E + p p'), no longer than p."""
     p1, p2 = p.T
     zero = np.zeros_like(p1)
     by_p = 2 * np.moveaxis(np.array([[p1, zero], [zero, p2], [p2, p1]]), 2, 0)
@@ -303,7 +303,7 @@ def _path(smoothing: float) -> tuple[float, ...]:
 def _follow_path(
     law: Law, strain: Array, cost: _Cost, A: Array, path: Sequence[float]
 ) -> tuple[Array, Mask]:
-    """(m, 2, 2) the A of balance at the end of a path of barriers, in times the cost's, and where
+    """The A (m, 2, 2) of balance at the end of a path of barriers, in times the cost's, and where
     Newton arrived there."""
     A, here = A.copy(), Stress(*map(np.array, law.response(strain + _strain(A))))
     for times in path:
@@ -321,14 +321,14 @@ def _follow_path(
 
 
 def _curvature(T: Array, there: Stress, cost: _Cost) -> Array:
-    """(m, 3, 3) second derivatives of energy and cost by the growth, T as `_by_growth`."""
+    """The second derivatives (m, 3, 3) of energy and cost by the growth, T as `_by_growth`."""
     stiff = there.tangent + cost.residual[:, None, None] * np.diag(SQUARED)
     barrier = cost.barrier[:, None, None] * np.diag([1.0, 1.0, 2.0])
     return np.asarray(np.swapaxes(T, 1, 2) @ stiff @ T + barrier)
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    """(m, 3, k) solutions of symmetric matrices (m, 3, 3), of the like of singular ones too."""
+    """The solutions (m, 3, k) of symmetric matrices (m, 3, 3), of the like of singular ones too."""
     scale = 1 / np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))[:, :, None]
     even = matrix * scale * np.swapaxes(scale, 1, 2) + np.finfo(float).eps * np.eye(3)
     return np.asarray(scale * np.linalg.solve(even, scale * right))
@@ -337,8 +337,8 @@ def _solve(matrix: Array, right: Array) -> Array:
 def _newton_step(
     law: Law, strain: Array, cost: _Cost, A: Array, here: Stress, converged: float
 ) -> tuple[Array, Stress, Mask]:
-    """(m, 2, 2) A after a step from where the law is `here`, the law there, and whether that was
-    short enough for the last."""
+    """The A (m, 2, 2) after a step from where the law is `here`, the law there, and whether that
+    was short enough for the last."""
     T, mu, level = _by_growth(A), cost.barrier, here.energy + _wrinkle_energy(cost, A)
     stress = here.stress + cost.residual[:, None] * SQUARED * _strain(A)
     slope = np.einsum("mij,mi->mj", T, stress) - mu[:, None] * np.array([1.0, 1.0, 0.0])
@@ -363,7 +363,7 @@ def _newton_step(
 
 
 def _growth_factor(X: Array) -> Array:
-    """(m, 2, 2) lower triangular L with L L' = 1 + X, of X (m, 3) as X11, X22, X12."""
+    """The lower triangular L (m, 2, 2) with L L' = 1 + X, of X (m, 3) as X11, X22, X12."""
     out = np.zeros((len(X), 2, 2))
     out[:, 0, 0] = np.sqrt(1 + X[:, 0])
     out[:, 1, 0] = X[:, 2] / out[:, 0, 0]

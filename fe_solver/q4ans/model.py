@@ -87,7 +87,7 @@ def _crossed_faces(sheet: Sheet) -> Iterator[str]:
 
 
 def _rest(sheet: Sheet, elements: Ints) -> Array:
-    """(k, 8, 3) m, the corners of elements (k,) as laid out: on the file's face, on the other."""
+    """The corners (k, 8, 3) m of elements (k,) as laid out: on the file's face, on the other."""
     quads = sheet.quads[elements]
     low = sheet.points[quads]
     high = low + 2 * sheet.height[elements, :, None] * sheet.directors[quads]
@@ -128,7 +128,7 @@ class Term(NamedTuple):
     body: Ints | None = None
 
     def product(self, moved: Array) -> Array:
-        """(k, m, 3) N by which displacements (k, m, 3) m of the nodes change the forces."""
+        """The change (k, m, 3) N of the forces by displacements (k, m, 3) m of the nodes."""
         flat = moved.reshape(len(moved), 3 * moved.shape[1], 1)
         return np.asarray((self.stiffness @ flat).reshape(moved.shape))
 
@@ -159,7 +159,7 @@ class SolidModel:
 
     @cached_property
     def pairs(self) -> Ints:
-        """(ne, 8) the elements' nodes."""
+        """The elements' nodes (ne, 8)."""
         return np.concatenate(
             [self.job.sheet.quads, self.job.sheet.quads + len(self.job.sheet.points)], axis=1
         )
@@ -230,8 +230,8 @@ class SolidModel:
             yield Term(Source.PRESSURE, self.job.sheet.quads, force, stiffness)
 
     def imbalance(self, terms: Sequence[Term], loads: Loads) -> Array:
-        """(2n, 3) N with which the nodes resist more than the dead loads ask for: zero at free
-        components in equilibrium, reactions at given ones."""
+        """The forces (2n, 3) N with which the nodes resist more than the dead loads ask for: zero
+        at free components in equilibrium, reactions at given ones."""
         out = np.zeros_like(self.rest)
         out[: len(loads.dead)] = -loads.dead
         for term in terms:
@@ -239,28 +239,28 @@ class SolidModel:
         return out
 
     def miss(self, unbalanced: Array) -> float:
-        """N, the norm of what does not balance; infinite where a law has no answer."""
+        """The norm (N) of what does not balance; infinite where a law has no answer."""
         size = float(np.linalg.norm(unbalanced[self.free]))
         return size if np.isfinite(size) else np.inf
 
     def scale(self, unbalanced: Array, terms: Sequence[Term]) -> float:
-        """N, the largest of the reactions' norm and the forces on nodes by all but elements."""
+        """The largest (N) of the reactions' norm and the forces on nodes by all but elements."""
         outer = [np.abs(t.force).max(initial=0.0) for t in terms if t.source != Source.ELEMENT]
         return float(max(self.least_force, np.linalg.norm(unbalanced[~self.free]), *outer))
 
     @cached_property
     def thickness(self) -> float:
-        """m, the mean."""
+        """The mean thickness (m) of the sheet."""
         return float(self.job.sheet.thickness.mean())
 
     @cached_property
     def least_force(self) -> float:
-        """N below which there is no load: a millionth of modulus times squared thickness."""
+        """The least force (N) that is a load: a millionth of modulus times squared thickness."""
         modulus = max(p.normal_modulus for p in self.parts)
         return 1e-6 * modulus * self.thickness**2
 
     def deepest(self, z: Array, loads: Loads) -> float:
-        """m by which contact penetrates."""
+        """The depth (m) by which contact penetrates."""
         contacts = self.contacts(z, loads)
         return max((float(p.depth.max(initial=0.0)) for p in contacts), default=0.0)
 
@@ -270,8 +270,8 @@ class SolidModel:
 
 
 def solid_model(job: Job) -> SolidModel:
-    """Raises InputError for what `check_job` and `check_supports` find, for surfaces that are not
-    wound alike, and naming what is not covered."""
+    """The model of a job.  Raises InputError for what `check_job` and `check_supports` find, for
+    surfaces that are not wound alike, and naming what is not covered."""
     check_job(job)
     check_supports(job)
     reasons = obstacles(job)

@@ -66,12 +66,12 @@ def solid_state(model: SolidModel, found: SolidEquilibrium, effort: Effort) -> J
 
 
 def _about(arm: Array, force: Array) -> Array:
-    """(6,) N and N m of forces (k, 3) at arms (k, 3)."""
+    """The wrench (6,) N and N m of forces (k, 3) at arms (k, 3)."""
     return np.concatenate([force.sum(axis=0), cross(arm, force).sum(axis=0)])
 
 
 def _wrenches(model: SolidModel, found: SolidEquilibrium) -> dict[str, Array]:
-    """(nb + 1, 6) N and N m of the sheet on the bodies, about their origins, by source."""
+    """The wrenches (nb + 1, 6) N, N m of the sheet on the bodies about their origins, by source."""
     job, z, position = model.job, found.z, found.loads.position
     count = len(job.bodies) + 1
     out = {"contact": np.zeros((count, 6))}
@@ -98,7 +98,7 @@ def _wrenches(model: SolidModel, found: SolidEquilibrium) -> dict[str, Array]:
 
 
 def _load_wrench(model: SolidModel, found: SolidEquilibrium) -> Array:
-    """(6,) N and N m of the loads about the world's origin."""
+    """The wrench (6,) N and N m of the loads about the world's origin."""
     x = found.z[: len(found.loads.dead)]
     out = _about(x, found.loads.dead)
     if found.loads.pressure is not None:
@@ -125,7 +125,7 @@ def _fields(model: SolidModel, z: Array) -> Fields:
 
 
 def _contact_pressure(model: SolidModel, found: SolidEquilibrium) -> Array:
-    """(n,) N/m2 on each pair of nodes, over its area."""
+    """The contact pressure (n,) N/m2 on each pair of nodes, over its area."""
     n = len(model.job.sheet.points)
     force = np.zeros((2 * n, 3))
     for f, p in zip(model.facets, model.contacts(found.z, found.loads), strict=True):

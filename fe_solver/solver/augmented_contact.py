@@ -118,7 +118,7 @@ class _ContactUpdate:
 
     @property
     def change(self) -> Array:
-        """(k,) N change of the limits of friction, in size and direction."""
+        """The change (k,) N of the limits of friction, in size and direction."""
         grip = self.contact.grip
         if grip is None:
             return np.zeros(0)

@@ -15,7 +15,7 @@ from fe_solver.vectors import add_at, cross
 def wrenches(
     model: ShellModel, c: Configuration, e: Evaluation, tension: Array
 ) -> dict[str, Array]:
-    """(nb, 6) forces (N) and moments (N m) about each body's origin of the hood on the bodies,
+    """The forces (N) and moments (N m) (nb, 6) about each body's origin of the hood on the bodies,
     world frame, by source: springs per group, contact, tie, guide."""
     nb, p, t, g = len(model.bodies), e.points, model.ties, model.guides
     groups = int(model.springs.group.max(initial=-1)) + 1
@@ -41,12 +41,12 @@ def wrenches(
 
 
 def _about(arm: Array, force: Array) -> Array:
-    """(k, 6) forces (k, 3) and their moments at arms (k, 3)."""
+    """The forces (k, 3) and their moments at arms (k, 3), together (k, 6)."""
     return np.concatenate([force, cross(arm, force)], axis=1)
 
 
 def dependent_motion(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:
-    """(5n, 6nb) how tied and guided nodes follow twists of the bodies."""
+    """The motion (5n, 6nb) by which tied and guided nodes follow twists of the bodies."""
     A, T = bases
     out = np.zeros((len(c.x), DOFS, len(model.bodies), 6))
     for held in (model.ties, model.guides):
@@ -63,15 +63,15 @@ def dependent_motion(model: ShellModel, c: Configuration, bases: tuple[Array, Ar
 
 
 def common_twist(c: Configuration) -> Array:
-    """(6nb, 6) the bodies' twists when all move as one, by that of the first."""
+    """The bodies' twists (6nb, 6) when all move as one, by that of the first."""
     out = np.tile(np.eye(6), (len(c.position), 1, 1))
     out[:, :3, 3:] = -skew(c.position - c.position[0])
     return out.reshape(-1, 6)
 
 
 def rigid_motion(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:
-    """(5n, 6) what a twist of all the bodies as one does to the degrees of freedom that do not
-    follow a body by themselves, about the first body's origin."""
+    """The motion (5n, 6), by a twist of all the bodies as one about the first body's origin, of the
+    degrees of freedom that do not follow a body by themselves."""
     first, second = np.moveaxis(bases[1], 2, 0)  # with the director right-handed
     out = np.zeros((len(c.x), DOFS, 6))
     out[:, range(3), range(3)] = 1.0  # but guided nodes have the world's axes
@@ -185,8 +185,8 @@ def _support_terms(
 
 
 def rope_travel(model: ShellModel, c: Configuration) -> Array:
-    """(nt, 6nb) m by m and rad, how tendons' excursions follow the bodies of their eyelets where
-    the nodes stay."""
+    """The change of the tendons' excursions (nt, 6nb), m by m and rad, by the twists of the bodies
+    of their eyelets where the nodes stay."""
     ropes, nb = model.ropes, len(model.bodies)
     _, line = ropes.lines(c.x, c.position, c.rotation)
     moved = _about(ropes.arm(c.rotation), line)

@@ -95,8 +95,9 @@ def at_rest(c: Configuration) -> DynamicState:
 
 
 def masses(model: ShellModel, substance: Substance) -> tuple[Array, Array]:
-    """(n,) kg of the nodes and (n,) kg m2 of their directors: density times thickness, and times a
-    twelfth of its cube, over each node's share of the area; and the cables' mass."""
+    """The masses (n,) kg of the nodes and the inertias (n,) kg m2 of their directors: density times
+    thickness, and times a twelfth of its cube, over each node's share of the area; and the cables'
+    mass."""
     h = model.section.thickness
     share = corner_shares(model.quads)
     out = []
@@ -141,7 +142,7 @@ def advance(
 
 
 def kinetic_energy(model: ShellModel, state: DynamicState, substance: Substance) -> float:
-    """J."""
+    """The kinetic energy (J) of nodes and directors."""
     mass, rotary = masses(model, substance)
     return float(mass @ (state.velocity**2).sum(1) + rotary @ (state.spin**2).sum(1)) / 2
 

@@ -61,5 +61,5 @@ def energy_fields(model: ShellModel, c: Configuration) -> EnergyFields:
 
 
 def contact_pressure(model: ShellModel, c: Configuration) -> Array:
-    """(n,) N/m2 of all bodies on each node, over the node's area, friction left out."""
+    """The pressure (n,) N/m2 of all bodies on each node, over its area, without friction."""
     return contact_fields(model.contacts, c.x, c.position, c.rotation).pressure.sum(axis=1)

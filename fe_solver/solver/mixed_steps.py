@@ -209,12 +209,12 @@ def _predict(
 
 
 def _travel(e: Evaluation, step: Array) -> Array:
-    """(k, 3) m, how far a step (5n,) moves the points."""
+    """The displacement (k, 3) m of the points in a step (5n,)."""
     return e.points.at_points(displacements(e.bases, step)[0])
 
 
 def _keys(model: ShellModel, p: PointForces) -> Ints:
-    """(k,) one number for each force that stays the same while its spring or contact is listed."""
+    """One number (k,) for each force that stays the same while its spring or contact is listed."""
     kind = (p.group + 1) * len(model.bodies) + p.body
     place = (p.cell + 1) * len(model.reference) + p.node
     return np.asarray(kind * (len(model.quads) + 1) * len(model.reference) + place)

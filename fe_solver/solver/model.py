@@ -122,7 +122,7 @@ class ShellModel:
 
     @cached_property
     def pairs(self) -> Ints:
-        """(k, 2) nodes that springs join, then those that cables do."""
+        """The pairs of nodes (k, 2) that springs join, then those that cables do."""
         return np.concatenate([self.links.nodes, self.cables.nodes])
 
     def pair_forces(self, x: Array, curvature: bool) -> PairForces:
@@ -148,11 +148,11 @@ class ShellModel:
 
     @cached_property
     def side(self) -> Array:
-        """(ne, k) signs of the reference's `cosines`."""
+        """The signs (ne, k) of the reference's `cosines`."""
         return np.sign(self.cosines(self.reference, self.directors))
 
     def cosines(self, x: Array, d: Array) -> Array:
-        """(ne, k) of the angles between the quads' normals and their nodes' directors."""
+        """The cosines (ne, k) between the quads' normals and their nodes' directors."""
         X = x[self.quads]
         normal = cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -168,7 +168,7 @@ class ShellModel:
         return A, T
 
     def _level_tangents(self, c: Configuration) -> Array:
-        """(k, 3, 2) tangents of the steady directors, the first along `level`."""
+        """The tangents (k, 3, 2) of the steady directors, the first along `level`."""
         g, on = self.guides, self.guides.steady
         d = c.d[g.node[on]]
         level = np.einsum("kij,kj->ki", c.rotation[g.body[on]], g.level[on])
@@ -192,17 +192,17 @@ class ShellModel:
         return Configuration(x, d, position, rotation)
 
     def _guide_travel(self, c: Configuration) -> Array:
-        """(k, 3) m, how far each guided node has moved along its axes."""
+        """The travel (k, 3) m of each guided node along its axes."""
         g = self.guides
         local = np.einsum("kji,kj->ki", c.rotation[g.body], c.x[g.node] - c.position[g.body])
         return np.einsum("kji,kj->ki", g.axes, local - g.origin)
 
     def slide(self, c: Configuration) -> Array:
-        """(k,) m, how far each guided node has moved along its first axis."""
+        """The travel (k,) m of each guided node along its first axis."""
         return self._guide_travel(c)[:, 0]
 
     def excursion(self, c: Configuration) -> Array:
-        """(nt,) m."""
+        """The excursion (nt,) m of each tendon."""
         drawn = self.share @ self.slide(c)
         if len(self.ropes.node):
             length, _ = self.ropes.lines(c.x, c.position, c.rotation)
@@ -210,7 +210,7 @@ class ShellModel:
         return drawn
 
     def pulls(self, c: Configuration, tension: Array) -> Array:
-        """(k, 3) N force of the tendons on each guided node."""
+        """The force (k, 3) N of the tendons on each guided node."""
         g = self.guides
         along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
         return (tension @ self.share)[:, None] * along
@@ -277,7 +277,7 @@ class ShellModel:
         return by_position, sum_at_nodes(self.quads, elements[:, k:], n)
 
     def _follower(self, x: Array) -> Array:
-        """(n, 3) N force of the pressure on the nodes."""
+        """The force (n, 3) N of the pressure on the nodes."""
         if self.pressure is None:
             return np.zeros_like(x)
         return sum_at_nodes(self.quads, pressure_forces(x[self.quads], self.pressure), len(x))

@@ -90,15 +90,15 @@ class Solution:
 
     @cached_property
     def residual_derivative(self) -> Array:
-        """(free, 6nb + nt) the residual by the bodies' twists and the tensions."""
+        """The residual's derivative (free, 6nb + nt) by the bodies' twists and the tensions."""
         by_motion, _, by_tension, _ = self.coupling
         return np.hstack([by_motion, by_tension])[self.model.free]
 
     @cached_property
     def sensitivity(self) -> Array:
-        """(free, 6nb + nt) how the free degrees of freedom follow the bodies' twists and the
-        tensions.  What moves with all the bodies as one is known, so that the first body's twists
-        follow from those of the others, unless loads or inertia stand fast in the world."""
+        """The derivative (free, 6nb + nt) of the free degrees of freedom by the bodies' twists and
+        the tensions.  What moves with all the bodies as one is known, so that the first body's
+        twists follow from those of the others, unless loads or inertia stand fast in the world."""
         m, c = self.model, self.configuration
         if m.dead is not None or m.inertia is not None:
             return -self.factor.solve(self.residual_derivative)
@@ -329,8 +329,8 @@ def _crushed_place(model: ShellModel, c: Configuration) -> str:
 
 
 def _check_ropes(model: ShellModel, c: Configuration) -> None:
-    """Raises ConvergenceError for a rope that is drawn up to its eyelet: there its line has no
-    direction, and what it does to the hood jumps."""
+    """Check that no rope is drawn up to its eyelet: there its line has no direction, and what it
+    does to the hood jumps.  Raises ConvergenceError for one that is."""
     r = model.ropes
     length, _ = r.lines(c.x, c.position, c.rotation)
     if length.min(initial=np.inf) < SHORTEST:

@@ -76,7 +76,7 @@ def relax(
 
 
 def _first_step(model: ShellModel, c: Configuration, tension: Array, reach: float) -> float:
-    """s."""
+    """The first time step (s)."""
     force = residual_norm(model, model.evaluate(c, tension, tangent=False))[0]
     mass = float(np.median(masses(model, WATER)[0]))
     return float(np.sqrt(2 * reach * length_scale(model) * mass / max(force, 1e-12)))

@@ -103,7 +103,7 @@ def machine() -> str:
 
 
 def _time(work: Callable[[], object]) -> float:
-    """s."""
+    """The time (s) that the work takes."""
     begin = perf_counter()
     work()
     return perf_counter() - begin

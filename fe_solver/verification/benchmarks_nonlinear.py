@@ -90,8 +90,8 @@ def shear_rows() -> Iterator[Row]:
 
 
 def roll_up(n: int, parts: Array) -> Array:
-    """(len(parts), 2) displacements U and W of the end of a strip of 12 x 1 x 0.1, E = 1.2e6, nu =
-    0, under growing parts of the end moment that closes it to a circle.
+    """The displacements U and W (len(parts), 2) of the end of a strip of 12 x 1 x 0.1, E = 1.2e6,
+    nu = 0, under growing parts of the end moment that closes it to a circle.
 
     The end is tied to a body that nothing holds, whose pose is solved for together with the strip:
     the moment acts on the body.  Raises ConvergenceError."""

@@ -43,7 +43,7 @@ def net(points: Array, cells: Ints, bodies: tuple[str, ...] = ("ground",)) -> Sh
 
 
 def chain(count: int) -> Ints:
-    """(count, 2) cells of a line of nodes."""
+    """The cells (count, 2) of a line of nodes."""
     return np.arange(count)[:, None] + np.arange(2)
 
 

@@ -106,7 +106,7 @@ def add_wall(model: ShellModel, c: Configuration) -> ShellModel:
 
 
 def total_wrench(solution: Solution) -> Array:
-    """(12,) force and moment of the whole hood on the bodies."""
+    """The force and moment (12,) of the whole hood on the bodies."""
     parts = wrenches(solution.model, solution.configuration, solution.evaluation, solution.tension)
     return np.sum(list(parts.values()), axis=0).ravel()
 
@@ -143,8 +143,8 @@ def displace(solution: Solution, solver: Solver, twist: Array) -> Solution:
 
 
 def by_motion(solution: Solution, solver: Solver) -> tuple[Array, Array]:
-    """(12, 12) of the wrenches and (12,) of the excursion by the bodies' twists, scaled: central
-    differences of solutions."""
+    """The derivatives of the wrenches (12, 12) and the excursion (12,) by the bodies' twists,
+    scaled: central differences of solutions."""
     wrench, excursion = np.empty((12, 12)), np.empty(12)
     for i, way in enumerate(np.eye(12)):
         ahead, behind = (displace(solution, solver, s * STEP * SCALES * way) for s in (1, -1))
@@ -155,15 +155,15 @@ def by_motion(solution: Solution, solver: Solver) -> tuple[Array, Array]:
 
 
 def by_tension(solution: Solution, solver: Solver, step: float = 1e-4) -> Array:
-    """(12,) of the wrenches by the tension, scaled: central differences of solutions."""
+    """The wrenches' derivative (12,) by the tension, scaled: central differences of solutions."""
     c, model = solution.configuration, solution.model
     ahead, behind = (total_wrench(solver(model, c, TENSION + s * step)) for s in (1, -1))
     return np.asarray((ahead - behind) / (2 * step) * SCALES)
 
 
 def own_pull(solution: Solution) -> Array:
-    """(12,) of the tendon, for 1 N, on the body that guides it, scaled: there the muscle would hold
-    on, and reciprocity is of what remains."""
+    """The wrench (12,) of the tendon, for 1 N, on the body that guides it, scaled: there the muscle
+    would hold on, and reciprocity is of what remains."""
     c, model = solution.configuration, solution.model
     at, out = model.guides, np.zeros((2, 6))
     force = model.pulls(c, np.ones(1))

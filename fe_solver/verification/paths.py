@@ -30,12 +30,12 @@ class Loading:
     watched: Array
 
     def watched_displacements(self, c: Configuration) -> Array:
-        """(k,) m, weighted means of the nodes' displacements in a configuration."""
+        """The weighted means (k,) m of the nodes' displacements in a configuration."""
         return np.einsum("kni,ni->k", self.watched, c.x - self.model.reference)
 
 
 def follow(loading: Loading, parts: Iterable[float]) -> Array:
-    """(len(parts), k) watched displacements under growing parts of the load.  Raises
+    """The watched displacements (len(parts), k) under growing parts of the load.  Raises
     ConvergenceError."""
     c, out, before = at_rest(loading.model), [], 0.0
     for part in parts:
@@ -62,7 +62,7 @@ def _reach(
 
 
 def watching(node: int, direction: Array, n: int) -> Array:
-    """(n, 3) weights of one node's displacement along `direction`."""
+    """The weights (n, 3) of one node's displacement along `direction`."""
     out = np.zeros((n, 3))
     out[node] = direction
     return out
@@ -89,8 +89,8 @@ def limit(coarse: float, fine: float) -> float:
 def drive_node(
     model: ShellModel, node: int, way: Array, values: Iterable[float]
 ) -> tuple[Array, Configuration]:
-    """(len(values),) N force along `way` (3,), a unit vector, that moves a held node along it by
-    growing values (m), and the last configuration: a path beyond a limit load.  Raises
+    """The force (len(values),) N along `way` (3,), a unit vector, that moves a held node along it
+    by growing values (m), and the last configuration: a path beyond a limit load.  Raises
     ConvergenceError."""
     g, c = model.guides, at_rest(model)
     on = (g.node == node)[:, None]

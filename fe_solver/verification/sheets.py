@@ -60,7 +60,7 @@ def elements(
 
 
 def line_weights(s: Array, nodes: int, density: Callable[[Array], Array] = np.ones_like) -> Array:
-    """(k,) consistent nodal forces of a load per length on an edge of elements of four or nine
+    """The consistent nodal forces (k,) of a load per length on an edge of elements of four or nine
     `nodes` whose own nodes lie at s (k,)."""
     order, out = np.argsort(s), np.zeros(len(s))
     points, factors = np.polynomial.legendre.leggauss(3)
@@ -77,7 +77,7 @@ def line_weights(s: Array, nodes: int, density: Callable[[Array], Array] = np.on
 
 
 def surface_weights(model: ShellModel) -> Array:
-    """(n,) consistent nodal forces of a unit load per area of the mid-surface."""
+    """The consistent nodal forces (n,) of a unit load per area of the mid-surface."""
     element = kind_of(model.quads)
     shape = np.stack([element.shape(r, s)[0] for r, s in element.gauss])
     shares = (model.tables.weight @ shape).ravel()
@@ -204,6 +204,6 @@ def linear_response(
 
 
 def in_basis(model: ShellModel, displacement: Array, turn: Array) -> Array:
-    """(n, 5) of displacements (n, 3) and changes of the directors (n, 3)."""
+    """The components (n, 5) of displacements (n, 3) and changes of directors (n, 3)."""
     A, T = model.bases(at_rest(model))
     return np.hstack([np.einsum("nij,ni->nj", A, displacement), np.einsum("nij,ni->nj", T, turn)])

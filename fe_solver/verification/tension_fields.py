@@ -134,7 +134,7 @@ def bent_rectangle(moment: float, n: int, nodes: int) -> list[float]:
 
 
 def _where_it_ends(found: Solution) -> float:
-    """m, the height y at which the line of the tension along x ends."""
+    """The height y (m) at which the line of the tension along x ends."""
     model, c = found.model, found.configuration
     element, y = kind_of(model.quads), model.reference[model.quads][:, :, 1]
     at = np.stack([element.shape(r, s)[0] for r, s in element.gauss]) @ y.T
