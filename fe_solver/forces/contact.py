@@ -42,53 +42,61 @@ def needed_distance(level: float, smoothing: float) -> float:
 
 @dataclass(frozen=True)
 class Grip:
-    """What friction remembers of k points, in the body's frame.
-
-    anchor (k, 3) m, where a point would stick without force; normal (k, 3); limit (k,) N, friction
-    coefficient times the normal force; both of the last round of the outer loop.  dissipated (k,)
-    J since the first increment."""
+    """What friction remembers of k points, in the body's frame; limit and normal are of the last
+    round of the outer loop."""
 
     anchor: Array
+    """(k, 3) m, where a point would stick without force."""
     normal: Array
+    """(k, 3), unit."""
     limit: Array
+    """(k,) N, friction coefficient times the normal force."""
     dissipated: Array
+    """(k,) J since the first increment."""
 
 
 @dataclass(frozen=True)
 class Contact:
     """Contact of k points with one body's surface.
 
-    body index; nodes (k,), the points themselves, or where these lie `within` elements the nearest
-    to each; offset (k,) m of the mid-surface from the bone's surface at which contact begins
-    (cartilage, capsule and half the shell); area (k,) m2; stiffness N/m3; smoothing m.
-
-    share (k,) in [0, 1] multiplies the areas; None is 1.  Without shares every body acts on every
-    point, and as each force grows from zero with its own penetration, nothing jumps: right where a
-    sheet may meet several bones.  Share a point (see `partition`) where two surfaces overlap, at a
-    joint, and both would carry the same tendon; a point of share zero passes through that body.
-
-    pressure (k,) Pa is the multiplier; of points within elements, more than their nodes, not every
-    gap can be closed.  friction is Coulomb's coefficient; shear (N/m3) the
-    elastic stiffness of sticking, as the `stiffness` where None; grip its state.  pin (k,) N/m
-    stands for the stiffness along the normal where it is positive, in the tangent alone.
+    Without shares every body acts on every point, and as each force grows from zero with its own
+    penetration, nothing jumps: right where a sheet may meet several bones.  Share a point (see
+    `partition`) where two surfaces overlap, at a joint, and both would carry the same tendon; a
+    point of share zero passes through that body.
 
     Raises InputError for what is not positive, or out of its range, and for a surface whose
     distance does not reach the offset."""
 
     body: int
+    """The body's number."""
     surface: Surface
+    """The body's, by signed distance in its frame."""
     nodes: NDArray[np.intp]
+    """(k,), the points themselves, or where these lie `within` elements the nearest to each."""
     offset: Array
+    """(k,) m of the mid-surface from the bone's surface at which contact begins (cartilage, capsule
+    and half the shell)."""
     area: Array
+    """(k,) m2."""
     stiffness: float
+    """N/m3, along the normal."""
     smoothing: float
+    """m to either side of the contact level within which the force sets in smoothly."""
     share: Array | None = None
+    """(k,) in [0, 1], times the areas; None is 1."""
     pressure: Array | None = None
+    """(k,) Pa, the multiplier; of points within elements, more than their nodes, not every gap can
+    be closed."""
     friction: float = 0.0
+    """Coulomb's coefficient."""
     shear: float | None = None
+    """N/m3, the elastic stiffness of sticking; None takes `stiffness`."""
     grip: Grip | None = None
+    """The state of friction."""
     pin: Array | None = None
+    """(k,) N/m, in place of the stiffness along the normal where positive, in the tangent alone."""
     within: ElementPoints | None = None
+    """The points, where they are not nodes."""
 
     def __post_init__(self) -> None:
         shear = self.stiffness if self.shear is None else self.shear

@@ -24,15 +24,16 @@ IN_LINE = 4
 
 @dataclass(frozen=True)
 class ElementPoints:
-    """The same p points in each of c elements, element by element.
-
-    cells (c,) the elements' numbers in their sheet; quads (c, m) their nodes; shape (p, m) shape
-    functions at the points; factor (p,) of the area at each point."""
+    """The same p points in each of c elements, element by element."""
 
     cells: Ints
+    """(c,) the elements' numbers in their sheet."""
     quads: Ints
+    """(c, m) their nodes."""
     shape: Array
+    """(p, m) shape functions at the points."""
     factor: Array
+    """(p,) of the area at each point."""
     places: Array
     """(p, 2) r and s."""
 

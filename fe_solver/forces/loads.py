@@ -12,13 +12,17 @@ from fe_solver.elements.kinds import kind_of
 
 @dataclass(frozen=True)
 class Inertia:
-    """Springs that hold the nodes where inertia would take them: stiffness (n,) N/m to position (n,
-    3), turning (n,) N m to director (n, 3).  A mass over the square of a time step is one."""
+    """Springs that hold the nodes where inertia would take them; a mass over the square of a time
+    step is one."""
 
     stiffness: Array
+    """(n,) N/m."""
     position: Array
+    """(n, 3) m, where inertia takes each node."""
     turning: Array
+    """(n,) N m."""
     director: Array
+    """(n, 3), where it takes each director."""
 
     def pull(self, x: Array, d: Array) -> tuple[float, Array, Array]:
         """Energy, J, and its gradients by position and director (n, 3)."""

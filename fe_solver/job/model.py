@@ -74,12 +74,13 @@ class JobOptions:
 
 @dataclass(frozen=True)
 class JobModel:
-    """A job's shell and bodies; those after the job's own carry nodes whose displacement is
-    given.  `base` is the model at time 0 without loads."""
+    """The model of a job's shell and of its bodies."""
 
     job: Job
     base: ShellModel
+    """The model at time 0 without loads."""
     bodies: tuple[Body, ...]
+    """The job's own, then those that carry nodes whose displacement is given."""
 
     def start(self) -> Configuration:
         """The sheet as the job has it, its bodies where they are at time 0."""

@@ -37,18 +37,20 @@ SAME = 1e-6
 
 @dataclass(frozen=True)
 class FreeMotions:
-    """Rigid motions of one piece of the sheet that nothing resists.
-
-    nodes (k,) of the piece; pieces, how many the sheet has; shift (m, 3) and turn (m, 3) of m
-    motions, the velocity of the piece's middle (m) and its rotation (rad) times the `length` (m) of
-    the piece, together of unit size; middle (3,) m, world."""
+    """The m rigid motions of one piece of the sheet that nothing resists, each of unit size."""
 
     nodes: Ints
+    """(k,) nodes of the piece."""
     pieces: int
+    """Number of pieces that the sheet has."""
     shift: Array
+    """(m, 3) m, velocities of the piece's middle."""
     turn: Array
+    """(m, 3), rotations (rad) times the piece's length."""
     middle: Array
+    """(3,) m, middle of the piece, world."""
     length: float
+    """m, size of the piece."""
 
     def words(self) -> str:
         """The motions, as a person would tell them."""
@@ -162,13 +164,16 @@ def free_motions(
 
 
 class Pieces(NamedTuple):
-    """The connected piece of each node (n,), how many there are, and the middle (total, 3) m and
-    the length (total,) m of each."""
+    """The connected pieces of a sheet."""
 
     piece: Ints
+    """(n,) number of the piece that each node is of."""
     total: int
+    """Number of pieces."""
     middle: Array
+    """(total, 3) m, of the pieces."""
     length: Array
+    """(total,) m, of the pieces."""
 
     @classmethod
     def of(cls, elements: Ints, x: Array) -> Pieces:

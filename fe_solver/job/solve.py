@@ -39,12 +39,13 @@ near a snap the first moves of the sheet are slow."""
 
 @dataclass(frozen=True)
 class JobState:
-    """An equilibrium.  n nodes; nb `bodies` by name (the job's own, then those that carry held
-    nodes)."""
+    """An equilibrium of n nodes and nb bodies."""
 
     time: float
+    """s."""
     configuration: Configuration
     bodies: tuple[str, ...]
+    """(nb,) names: the job's own, then those that carry held nodes."""
     spring_forces: tuple[Array, ...]
     """By spring set of the job: (k,) N, positive in tension."""
     wrench: dict[str, Array]
@@ -59,6 +60,7 @@ class JobState:
     imbalance: tuple[float, float]
     """Force (N) and moment (N m) by which bodies and loads miss balance."""
     effort: Effort
+    """What the steps since the last state took."""
     fields: Fields
     contact_pressure: Array
     """(n,) N/m2 of all bodies on each node."""
@@ -78,14 +80,17 @@ class ShellState(JobState):
 
 @dataclass(frozen=True)
 class JobResult:
-    """The states at the wanted times; `setup_s` CPU seconds to build the model, with the distances
-    of its bodies; `effort` of all steps; `element`: "shell" (ours) or "q4ans" (FEBio's)."""
+    """The solved states of a job."""
 
     job: Job
     states: tuple[JobState, ...]
+    """At the wanted times."""
     setup_s: float
+    """CPU seconds to build the model, with the distances of its bodies."""
     effort: Effort
+    """What all steps took."""
     element: str = "shell"
+    """The kind of element: shell (ours) or q4ans (FEBio's)."""
 
 
 @dataclass(frozen=True)

@@ -34,27 +34,33 @@ second moment, of its values at the layers."""
 
 class Resultants(NamedTuple):
     """Energy and its derivatives at each Gauss point, per reference area, against the generalized
-    strains e11, e22, 2 e12, k11, k22, 2 k12, g13, g23: energy (ne, g) J/m2, force (ne, g, 8) N/m
-    and N, stiffness (ne, g, 8, 8). An inadmissible strain has infinite energy and no force."""
+    strains e11, e22, 2 e12, k11, k22, 2 k12, g13, g23.  An inadmissible strain has infinite energy
+    and no force."""
 
     energy: Array
+    """(ne, g) J/m2."""
     force: Array
+    """(ne, g, 8) N/m and N."""
     stiffness: Array
+    """(ne, g, 8, 8)."""
 
 
 @dataclass(frozen=True)
 class Patch:
-    """Elements of one material: indices (k,), their law and thickness (k, g) m at the Gauss
-    points.  Parameters of the law have shape (k, 1) or (k, g) where they differ; `factor` (k, 1) or
-    (1, 1) multiplies all its stresses.  `bending` (3, 3) Pa are moduli of bending besides the law's
-    own; `shear_correction` multiplies transverse shear."""
+    """k elements of one material."""
 
     elements: Ints
+    """(k,) indices."""
     law: Law | TensionField
+    """Its parameters have shape (k, 1) or (k, g) where they differ."""
     thickness: Array
+    """(k, g) m at the Gauss points."""
     factor: Array = field(default_factory=lambda: np.ones((1, 1)))
+    """(k, 1) or (1, 1), of all the law's stresses."""
     bending: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    """(3, 3) Pa, moduli of bending besides the law's own."""
     shear_correction: float = SHEAR_CORRECTION
+    """Of transverse shear."""
 
 
 @dataclass(frozen=True)

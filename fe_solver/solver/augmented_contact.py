@@ -33,13 +33,14 @@ stands for a constraint; the error of a derivative is its inverse, the loss of d
 
 @dataclass(frozen=True)
 class AugmentOptions:
-    """When the outer loop is done: `penetration` (m) is the largest distance of a pressed node from
-    its contact level (either way), `friction` the largest change of friction's limit in a round,
-    relative to the largest limit."""
+    """When the outer loop, which updates multipliers and friction, is done."""
 
     penetration: float = 1e-6
+    """m, the largest distance of a pressed node from its contact level (either way)."""
     friction: float = 1e-6
+    """The largest change of friction's limit in a round, over the largest limit."""
     max_rounds: int = 60
+    """Rounds after which it gives up."""
 
     def __post_init__(self) -> None:
         if not (self.penetration > 0 and self.friction > 0 and self.max_rounds > 0):

@@ -32,24 +32,32 @@ from fe_solver.vectors import cross, sum_at_nodes, tangents, turn_directors
 
 @dataclass(frozen=True)
 class Configuration:
-    """Node positions (n, 3), directors (n, 3) and body poses (nb, 3), (nb, 3, 3)."""
+    """Where the nodes and the bodies are."""
 
     x: Array
+    """(n, 3) m, positions of the nodes."""
     d: Array
+    """(n, 3), unit directors of the nodes."""
     position: Array
+    """(nb, 3) m, origins of the bodies."""
     rotation: Array
+    """(nb, 3, 3), of the bodies' frames."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Energy (J) less the dead loads' work but not the tendons', its raw gradients by x and d (n,
-    3), the point forces, what the tangent is made of, and its data where it was asked for."""
+    """The balance of a model in one configuration."""
 
     energy: float
+    """J, less the dead loads' work but not the tendons'."""
     gradient_x: Array
+    """(n, 3) N, of the energy by the nodes' positions."""
     gradient_d: Array
+    """(n, 3) N m, by their directors."""
     points: PointForces
+    """Forces of springs, contacts and ropes."""
     bases: tuple[Array, Array]
+    """Of the nodes: A (n, 3, 3) for displacements, T (n, 3, 2) for turns."""
     reduced: Array
     """(5n,) gradient in the nodes' bases, tendon pulls included."""
     follower: Array
@@ -57,8 +65,11 @@ class Evaluation:
     convex: bool
     """Whether the tangent is, or will be, the convex one (see `ShellModel.evaluate`)."""
     elements: ElementResponse
+    """What the elements' tangent is made of."""
     links: PairForces
+    """Forces between pairs of nodes."""
     data: Array | None = None
+    """The tangent's entries, where they were asked for."""
 
 
 class Forces(NamedTuple):
@@ -71,25 +82,30 @@ class Forces(NamedTuple):
 
 @dataclass(frozen=True)
 class ShellModel:
-    """A shell, its supports and loads; tendons pull guided nodes along their first axis with shares
-    `share` (nt, k) of k guided nodes, and others by `ropes`; a tendon's shares add up to one.
-    `dead` (n, 3) N are forces on the nodes that stay as they are in the world frame, `pressure`
-    (ne,) Pa follows the quads and pushes
-    against their normals."""
+    """A shell of n nodes and ne elements with its supports, its loads and nt tendons, which pull on
+    it by guides or ropes."""
 
     quads: Ints
+    """(ne, 4) or (ne, 9), nodes of the elements."""
     reference: Array
+    """(n, 3) m, positions of the nodes free of load."""
     directors: Array
+    """(n, 3), unit, there."""
     tables: ShellTables
     section: Section
     springs: Springs = field(default_factory=Springs.none)
     ties: Ties = field(default_factory=Ties.none)
     guides: Guides = field(default_factory=Guides.none)
     share: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """(nt, k) of each tendon's tension along the first axis of k guided nodes; with those of its
+    ropes they add up to one."""
     contacts: tuple[Contact, ...] = ()
     bodies: tuple[str, ...] = ()
+    """(nb,) names."""
     dead: Array | None = None
+    """(n, 3) N on the nodes, which stay as they are in the world frame."""
     pressure: Array | None = None
+    """(ne,) Pa, which follows the quads and pushes against their normals."""
     links: NodeSprings = field(default_factory=NodeSprings.none)
     """Springs between nodes of the shell."""
     cables: Cables = field(default_factory=Cables.none)

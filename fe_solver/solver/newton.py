@@ -54,13 +54,16 @@ SHORTEST = 1e-3
 
 @dataclass(frozen=True)
 class NewtonOptions:
-    """`tolerance` is relative to the largest nodal force; steps longer than `max_step` (m) or
-    turning a director by more than `max_turn` (rad) are shortened."""
+    """When Newton's method is done, and how far a step goes at most."""
 
     tolerance: float = 1e-10
+    """Residual, relative to the largest nodal force, at which it is done."""
     max_iterations: int = 200
+    """Steps after which it gives up."""
     max_step: float = 3e-3
+    """m that a node moves at most in a step."""
     max_turn: float = 0.6
+    """rad that a director turns at most in a step."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,9 @@ class Solution:
     configuration: Configuration
     evaluation: Evaluation
     tension: Array
+    """(nt,) N."""
     iterations: int
+    """Newton steps."""
     solves: int
     """Linear solves: one an iteration, and those that predicted contacts."""
     residual: float
