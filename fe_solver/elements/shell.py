@@ -35,26 +35,31 @@ angle, within it one sheet is curved; to the second the lean is made up for."""
 
 @dataclass(frozen=True)
 class ShellTables:
-    """Constant tables of a mesh of shell elements.
+    """Constant tables of a mesh of shell elements: what makes the strains at the Gauss points from
+    the samples.
 
-    Strains at the Gauss points from the samples: membrane (ne, g, 3, 5 or 24), bending (ne, g, 3,
-    3) from the point's own three, shear (ne, g, 2, 4 or 12), each less `offset` (ne, g, 8); weight
-    (ne, g) reference area of each Gauss point; frame (ne, g, 3, 3) rows local axes 1 (fibre), 2
-    (transverse), 3 (normal) in the reference configuration; height (ne, k) of the mid-surface over
-    the nodes, along the elements' directors, which are those of the nodes times `mitre` (ne, k):
-    where sheets meet at an angle the node's director leans, and is the longer for it, so that the
-    thickness across each sheet is its own.  growth (ne, 2): the stress-free lengths along axes 1
-    and 2 are 1 + growth times those of the mesh."""
+    Where sheets meet at an angle the node's director leans, and is the longer for it, so that the
+    thickness across each sheet is its own."""
 
     membrane: Array
+    """(ne, g, 3, 5 or 24), from the membrane's samples."""
     bending: Array
+    """(ne, g, 3, 3), from the point's own three."""
     shear: Array
+    """(ne, g, 2, 4 or 12), from the shear samples."""
     offset: Array
+    """(ne, g, 8), taken off these strains."""
     weight: Array
+    """(ne, g) m2, reference area of each Gauss point."""
     frame: Array
+    """(ne, g, 3, 3) rows local axes 1 (fibre), 2 (transverse), 3 (normal) in the reference
+    configuration."""
     height: Array
+    """(ne, k) m, of the mid-surface over the nodes, along the elements' directors."""
     mitre: Array
+    """(ne, k), elements' directors over those of the nodes."""
     growth: Array
+    """(ne, 2): the stress-free lengths along axes 1 and 2 are 1 + growth times the mesh's."""
 
     @property
     def element(self) -> Element:
@@ -244,15 +249,18 @@ def _nine_nodes(X: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class ElementResponse:
-    """Energy (J) of all elements and its gradient (ne, 2k, 3) by the nodes' y, with what the
-    tangent is made of: the mid-surface's y (ne, 2k, 3), and the Gauss points' forces (ne, g, 8) and
-    stiffness (ne, g, 8, 8), the first times the points' areas."""
+    """The elements' energy, its gradient, and what the tangent is made of."""
 
     energy: float
+    """J, of all elements."""
     gradient: Array
+    """(ne, 2k, 3), by the nodes' y."""
     middle: Array
+    """(ne, 2k, 3), the mid-surface's y."""
     force: Array
+    """(ne, g, 8), of the Gauss points, times their areas."""
     stiffness: Array
+    """(ne, g, 8, 8), of the Gauss points."""
 
 
 def element_response(tables: ShellTables, section: Section, y: Array) -> ElementResponse:

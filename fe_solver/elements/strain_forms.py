@@ -28,21 +28,25 @@ Shape = Callable[[float, float], tuple[Array, Array, Array]]
 
 @dataclass(frozen=True)
 class Element:
-    """A kind of quadrilateral element over -1 <= r, s <= 1, its first four nodes the corners.
-
-    nodes (k, 2) where they lie; gauss (g, 2) and factors (g,) where and with what weight it is
-    integrated; share (k,) of its area for each node; samples (m, 2k, 2k) forms: sample i is
-    y.samples[i].y / 2, first of the membrane, then 3 g of bending, point by point, then of shear;
-    shown (h, 4) nodes of the flat quads that show it."""
+    """A kind of quadrilateral element over -1 <= r, s <= 1, its first four nodes the corners."""
 
     nodes: Array
+    """(k, 2) r and s of the nodes."""
     shape: Shape
+    """The shape functions and their derivatives at r and s."""
     gauss: Array
+    """(g, 2) r and s of the integration points."""
     factors: Array
+    """(g,) weights of the integration points."""
     share: Array
+    """(k,) of its area for each node."""
     samples: Array
+    """(m, 2k, 2k) forms: sample i is y.samples[i].y / 2, first of the membrane, then 3 g of
+    bending, point by point, then of shear."""
     shear_samples: int
+    """How many of the samples, the last, are of shear."""
     shown: NDArray[np.intp]
+    """(h, 4) nodes of the flat quads that show it."""
 
     @cached_property
     def parts(self) -> tuple[slice, slice, slice]:

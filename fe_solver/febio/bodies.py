@@ -33,12 +33,13 @@ class Units:
 
 
 class Dof(NamedTuple):
-    """A degree of freedom of a rigid body: the tag that fixes it, its name and the condition that
-    prescribes it."""
+    """A degree of freedom of a rigid body."""
 
     fixed: str
+    """The tag that fixes it."""
     name: str
     kind: str
+    """The condition that prescribes it."""
 
     def unit(self, units: Units) -> float:
         """One m or rad, whichever it is measured in, in the file's unit."""
@@ -55,16 +56,19 @@ RIGID_CONDITIONS = ("rigid_fixed", "rigid_displacement", "rigid_rotation")
 
 @dataclass(frozen=True)
 class Model:
-    """What conditions refer to: for each mesh node its index in the sheet and its body, or -1; the
-    rigid materials in the order of the bodies; the load curves by number."""
+    """What conditions of a file refer to."""
 
     mesh: FebMesh
     units: Units
     materials: list[Material]
     rigid: tuple[str, ...]
+    """Names of the rigid materials in the order of the bodies."""
     shell: Ints
+    """For each mesh node its index in the sheet, or -1."""
     body: Ints
+    """For each mesh node its body, or -1."""
     curves: dict[str, LoadCurve | FebTag]
+    """The load curves by number; controllers of other kinds as their tags."""
     notes: list[str]
 
     def drive(self, tag: FebTag, unit: float) -> Drive:

@@ -21,15 +21,17 @@ IN_PLANE = 0.9
 
 @dataclass(frozen=True)
 class Material:
-    """A material of the file; a rigid one has no law, and a centre in the file's units where it is
-    given.  `holder` is the tag in which its (first) fibre is said."""
+    """A material of the file."""
 
     tag: FebTag
     name: str
     number: str
     law: Law | None
+    """None of a rigid one."""
     centre: Array | None
+    """(3,) of a rigid one, in the file's units, where it is given."""
     holder: FebTag
+    """The tag in which its (first) fibre is said."""
     in_situ_stretch: float = 1.0
 
     @property

@@ -17,12 +17,15 @@ SOLIDS = {"hex8": 8, "tet4": 4, "penta6": 6, "pyra5": 5, "tet10": 10, "hex20": 2
 
 
 class Block(NamedTuple):
-    """An `Elements` block: its tag, kind of element, numbers (k,) and node indices (k, m)."""
+    """An `Elements` block."""
 
     tag: FebTag
     kind: str
+    """Of its elements."""
     ids: Ints
+    """(k,) numbers."""
     nodes: Ints
+    """(k, m) node indices."""
 
     @property
     def quads(self) -> Ints:
@@ -32,18 +35,24 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True)
 class FebMesh:
-    """Nodes in the file's order: numbers (n,) and points (n, 3); blocks of elements and sets by
-    name.  Sets of nodes, facets (k, 4) and pairs (k, 2) hold node indices, sets of elements hold
-    their numbers."""
+    """The nodes of a file in its order, its blocks of elements, and its sets by name."""
 
     node_ids: Ints
+    """(n,) numbers."""
     points: Array
+    """(n, 3), in the file's units."""
     blocks: dict[str, Block]
+    """By name."""
     node_sets: dict[str, Ints]
+    """Node indices (k,) each."""
     element_sets: dict[str, Ints]
+    """Numbers (k,) of elements each."""
     surfaces: dict[str, Ints]
+    """Facets (k, 4) of node indices each."""
     pairs: dict[str, tuple[str, str]]
+    """The two surfaces of each surface pair."""
     discrete: dict[str, Ints]
+    """Pairs (k, 2) of node indices each."""
 
     def nodes_of(self, tag: FebTag, name: str) -> Ints:
         """Node indices of a set, `@surface:` and `@elem_set:` included.

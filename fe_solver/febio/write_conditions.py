@@ -26,16 +26,17 @@ SAME_LENGTH = 1e-12
 
 @dataclass
 class Conditions:
-    """A job with its nodes at `points` (n, 3) m on the face that FEBio puts them on, and what a
-    file of it has numbered and named so far: load curves, sets, and nodes (with their
-    body) that only springs end at, m."""
+    """A job, and what a file of it has numbered and named so far."""
 
     job: Job
     points: Array
+    """(n, 3) m, the nodes on the face that FEBio puts them on."""
     units: Units
     curves: dict[LoadCurve, int] = field(default_factory=dict)
+    """Number of each load curve."""
     sets: list[Element] = field(default_factory=list)
     extra: list[tuple[int, Array]] = field(default_factory=list)
+    """Nodes that only springs end at: the body and the place, m."""
 
     def first_vertex(self, body: int) -> int:
         """The number of a body's first vertex; that of the first extra node for one too many."""

@@ -81,12 +81,14 @@ _FLAT = FORMS.reshape(-1, 8)
 
 @dataclass(frozen=True)
 class SolidTables:
-    """Constants of a mesh: the forms' values without stress (ne, 48, 1), the local Cartesian
-    strains from the natural ones (ne, 8, 6, 6), the points' volumes (ne, 8) m3."""
+    """Constants of a mesh of solid-shell elements."""
 
     rest: Array
+    """(ne, 48, 1), the forms' values without stress."""
     local: Array
+    """(ne, 8, 6, 6), local Cartesian strains from the natural ones."""
     volume: Array
+    """(ne, 8) m3, of the points."""
 
 
 def _bases(Y: Array) -> Array:

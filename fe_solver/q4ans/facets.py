@@ -31,15 +31,19 @@ SHAPES = np.stack([shape(r, s) for r, s in GAUSS])
 
 @dataclass(frozen=True)
 class Facets:
-    """Quads (k, 4) whose face on `side` (k,) of their normals slides on the triangles (nt, 3, 3) m
-    of a body, in its frame, and keeps a gap (m) from them; penalty (k,) N/m3."""
+    """k quads whose face slides on the triangles of a body and keeps a gap from them."""
 
     quads: Ints
+    """(k, 4)."""
     side: Ints
+    """(k,) of the quads' normals on which the face lies."""
     penalty: Array
+    """(k,) N/m3."""
     body: int
     triangles: Array
+    """(nt, 3, 3) m, body frame."""
     gap: float = 0.0
+    """m."""
 
     @cached_property
     def tree(self) -> cKDTree:
@@ -54,15 +58,18 @@ class Facets:
 
 
 class Pressed(NamedTuple):
-    """What contact does: `gradient` (k, 12) N that the quads' corners resist with, `blocks` (k, 12,
-    12) N/m its derivative, `force` (3,) N on the body, pressure (k, 4) Pa and depth (k, 4) m at the
-    Gauss points, positive inside the body (or the gap)."""
+    """What contact does."""
 
     gradient: Array
+    """(k, 12) N that the quads' corners resist with."""
     blocks: Array
+    """(k, 12, 12) N/m, its derivative."""
     force: Array
+    """(3,) N, on the body."""
     pressure: Array
+    """(k, 4) Pa, at the Gauss points."""
     depth: Array
+    """(k, 4) m, at the Gauss points, positive inside the body (or the gap)."""
 
 
 def pressures(

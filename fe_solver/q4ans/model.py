@@ -95,16 +95,20 @@ def _rest(sheet: Sheet, elements: Ints) -> Array:
 
 
 class Loads(NamedTuple):
-    """At one time: bodies' positions (nb, 3) m and rotations (nb, 3, 3), dead loads (n, 3) N,
-    pressure that follows the quads (ne,) Pa; of each contact pair the multipliers (k, 4) Pa and the
-    triangles met (k, 4), None where they are to be looked for."""
+    """The loads of one time, and the state of contact."""
 
     position: Array
+    """(nb, 3) m, of the bodies."""
     rotation: Array
+    """(nb, 3, 3), of the bodies."""
     dead: Array
+    """(n, 3) N."""
     pressure: Array | None
+    """(ne,) Pa, which follows the quads."""
     multipliers: tuple[Array | float, ...]
+    """(k, 4) Pa of each contact pair."""
     met: tuple[Ints | None, ...]
+    """(k, 4) triangles of each contact pair; None where they are to be looked for."""
 
 
 class Source(Enum):
@@ -118,14 +122,17 @@ class Source(Enum):
 
 
 class Term(NamedTuple):
-    """A part of the balance: forces (k, m, 3) N with which nodes (k, m) resist, and their
-    derivative (k, 3m, 3m) N/m; the body (k,) that they act on, None where there is none."""
+    """A part of the balance."""
 
     source: Source
     nodes: Ints
+    """(k, m)."""
     force: Array
+    """(k, m, 3) N, with which the nodes resist."""
     stiffness: Array
+    """(k, 3m, 3m) N/m, its derivative."""
     body: Ints | None = None
+    """(k,) on which the nodes act; None where there is none."""
 
     def product(self, moved: Array) -> Array:
         """The change (k, m, 3) N of the forces by displacements (k, m, 3) m of the nodes."""
@@ -135,23 +142,27 @@ class Term(NamedTuple):
 
 @dataclass(frozen=True)
 class SolidPart:
-    """Elements (k,) of one law: their nodes as laid out (k, 8, 3) m and tables; the modulus (Pa)
-    through the thickness."""
+    """k elements of one law."""
 
     elements: Ints
+    """(k,)."""
     rest: Array
+    """(k, 8, 3) m, their nodes as laid out."""
     tables: SolidTables
     law: Law
     normal_modulus: float
+    """Pa, through the thickness."""
 
 
 @dataclass(frozen=True)
 class SolidModel:
-    """n pairs of nodes: `rest` (2n, 3) m and which components are free (2n, 3)."""
+    """n pairs of nodes, the two faces of a sheet, with their supports."""
 
     job: Job
     rest: Array
+    """(2n, 3) m."""
     free: NDArray[np.bool_]
+    """(2n, 3) which components are free."""
     parts: tuple[SolidPart, ...]
     facets: tuple[Facets, ...]
     springs: Springs
@@ -334,8 +345,11 @@ class SolidPattern:
     """Where the entries of all terms go among the matrix's data."""
 
     kept: NDArray[np.bool_]
+    """Which of all terms' entries belong to free components."""
     place: Ints
+    """Of each of these among the matrix's data."""
     slots: sp.csc_array
+    """The matrix, whose data number its entries from 1."""
 
     @cached_property
     def analysis(self) -> Analysis:

@@ -25,13 +25,16 @@ PLANE = [0, 1, 3]
 
 
 class SolidEquilibrium(NamedTuple):
-    """A solved time: positions z (2n, 3) m, and the residual, N."""
+    """A solved time."""
 
     time: float
+    """s."""
     z: Array
+    """(2n, 3) m, positions of the nodes."""
     loads: Loads
     terms: tuple[Term, ...]
     residual: float
+    """N."""
 
 
 def solid_state(model: SolidModel, found: SolidEquilibrium, effort: Effort) -> JobState:

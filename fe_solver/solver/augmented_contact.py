@@ -99,14 +99,18 @@ def next_increment(solution: Solution) -> ShellModel:
 
 @dataclass(frozen=True)
 class _ContactUpdate:
-    """A contact beside the solution of its smooth problem: `error` (k,) m is how far the depth at
-    which the multiplier acts is from its place, which is the depth where a node is pressed."""
+    """A contact beside the solution of its smooth problem."""
 
     contact: Contact
     pressure: Array
+    """(k,) Pa, the multiplier to go on with."""
     normal: Array
+    """(k, 3), body frame."""
     limit: Array
+    """(k,) N, of friction."""
     error: Array
+    """(k,) m, how far the depth at which the multiplier acts is from its place, which is the depth
+    where a node is pressed."""
 
     def apply(self, multipliers: bool) -> Contact:
         """The contact with the limits and normals of the solution, and with its multipliers where

@@ -41,14 +41,17 @@ class Substance:
 
 @dataclass(frozen=True)
 class DynamicState:
-    """A shell in motion: its configuration, the rates (n, 3) of positions (m/s) and directors (1/s)
-    and their accelerations."""
+    """A shell in motion."""
 
     configuration: Configuration
     velocity: Array
+    """(n, 3) m/s, of the nodes."""
     spin: Array
+    """(n, 3) 1/s, rates of the directors."""
     acceleration: Array
+    """(n, 3) m/s2, of the nodes."""
     turning: Array
+    """(n, 3) 1/s2, accelerations of the directors."""
 
 
 @dataclass(frozen=True)

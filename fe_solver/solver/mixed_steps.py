@@ -55,25 +55,31 @@ UNDAMPED = 6
 
 
 class MixedSteps(NamedTuple):
-    """Where the steps led: the configuration to go on from, how many they were, the linear solves
-    that they took, and where they led to an equilibrium the evaluation there and the last
-    tangent's factor."""
+    """Where the steps led."""
 
     configuration: Configuration
+    """To go on from."""
     iterations: int
+    """How many steps there were."""
     solves: int
+    """The linear solves that they took."""
     evaluation: Evaluation | None = None
+    """There, where it is an equilibrium."""
     factor: Factor | None = None
+    """The last tangent's, where it is an equilibrium."""
 
 
 class Prediction(NamedTuple):
-    """Forces of the elements after a step, to first order, and those (k,) of the points, whose keys
-    (k,) are listed; `acting` are the keys of the one-sided ones that acted before it."""
+    """Forces after a step, to first order."""
 
     elements: Array
+    """(ne, g, 8), of the elements."""
     points: Array
+    """(k,) N, of the points."""
     keys: Ints
+    """(k,) of the points (see `_keys`)."""
     acting: Ints
+    """Keys of the one-sided ones that acted before the step."""
 
 
 def take_mixed_steps(

@@ -124,12 +124,12 @@ class _StuckError(ConvergenceError):
 
 @dataclass(frozen=True)
 class _Chord:
-    """An old tangent: its factor, its data and the residual (N) from which it led to the present
-    one; None before its first use."""
+    """An old tangent."""
 
     factor: Factor
     data: Array
     since: float | None = None
+    """N, the residual from which it led to the present one; None before its first use."""
 
     def is_worthwhile(self, residual: float, limit: float) -> bool:
         """Whether the rate at which it lowers the residual is enough to end before a new tangent

@@ -21,12 +21,15 @@ plane."""
 
 @dataclass(frozen=True)
 class Ellipsoid:
-    """Centre (3,) m, semi-axes (3,) m along the columns of `axes` (3, 3), a rotation."""
+    """An ellipsoid."""
 
     outside: ClassVar[float] = np.inf
     centre: Array
+    """(3,) m."""
     semi_axes: Array
+    """(3,) m."""
     axes: Array = field(default_factory=lambda: np.eye(3))
+    """(3, 3), a rotation: its columns are the directions of the semi-axes."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", vector(self.centre, "ellipsoid centre"))

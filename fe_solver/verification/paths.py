@@ -22,12 +22,13 @@ MOST_HALVINGS = 3
 
 @dataclass(frozen=True)
 class Loading:
-    """A model, its full load (n, 3) N, and the direction (n, 3) of each of the k displacements that
-    are looked at, as weights (k, n, 3)."""
+    """A model and its load."""
 
     model: ShellModel
     load: Array
+    """(n, 3) N, the full one."""
     watched: Array
+    """(k, n, 3), weights of k displacements that are looked at."""
 
     def watched_displacements(self, c: Configuration) -> Array:
         """The weighted means (k,) m of the nodes' displacements in a configuration."""
