@@ -189,10 +189,10 @@ def _columns(
 
 def _curves(sets: Sequence[tuple[int, SpringSet, Ints]]) -> tuple[ForceCurve, ...]:
     first, out = 0, []
-    for _, s, own in sets:
-        if s.law.table is not None and len(own):
-            out.append(_force_curve(s.name, s.law.table, np.arange(first, first + len(own))))
-        first += len(own)
+    for _, s, nodes in sets:
+        if s.law.table is not None and len(nodes):
+            out.append(_force_curve(s.name, s.law.table, np.arange(first, first + len(nodes))))
+        first += len(nodes)
     return tuple(out)
 
 

@@ -21,8 +21,8 @@ def smooth_fibres(quads: Ints, fibre: Array, region: Ints | Sequence[str] | None
     names = np.zeros(len(quads), dtype=int) if region is None else np.asarray(region)
     out = np.empty((len(quads), len(kind_of(quads).gauss), 3))
     for name in np.unique(names):
-        own = names == name
-        out[own] = at_gauss_points(quads[own], at_nodes(quads[own], fibre[own], int(quads.max())))
+        on = names == name
+        out[on] = at_gauss_points(quads[on], at_nodes(quads[on], fibre[on], int(quads.max())))
     return out
 
 

@@ -89,9 +89,9 @@ def spread(which: Ints, weights: Array, hessian: Array, count: int) -> Array:
         out = np.zeros((count, m, 3, m, 3))
         _spread(which, weights, hessian, out)
         return out
-    own = np.einsum("ka,kb,kij->kaibj", weights, weights, hessian).reshape(k, -1)
+    products = np.einsum("ka,kb,kij->kaibj", weights, weights, hessian).reshape(k, -1)
     sums = sp.csr_array((np.ones(k), (which, np.arange(k))), (count, k))
-    return (sums @ own).reshape(count, m, 3, m, 3)
+    return (sums @ products).reshape(count, m, 3, m, 3)
 
 
 @compile_kernel

@@ -92,24 +92,24 @@ def _between(points: Array, r: float, s: float) -> Array:
 def _covariant_membrane() -> tuple[Array, Array]:
     """The tied e_rr, e_ss, e_rs (9, 3, 24) at the Gauss points and the untied ones (4, 3, 24) at
     the tying points, from the samples."""
-    tied, own = np.zeros((9, 3, 24)), np.zeros((4, 3, 24))
+    tied, untied = np.zeros((9, 3, 24)), np.zeros((4, 3, 24))
     for g, (r, s) in enumerate(GAUSS):
         tied[g, 0, :6] = _between(ALONG_R, r, s)
         tied[g, 1, 6:12] = _between(ALONG_S, r, s)
         tied[g, 2, 12:16] = _between(TYING, r, s)
     for i, first in enumerate((16, 20, 12)):
-        own[range(4), i, range(first, first + 4)] = 1.0
-    return tied, own
+        untied[range(4), i, range(first, first + 4)] = 1.0
+    return tied, untied
 
 
 def mitc_membrane(X: Array) -> Array:
     """The membrane e_rr, e_ss, e_rs (ne, 9, 3, 24) at the Gauss points from the samples, of
     elements X (ne, 9, 3)."""
-    tied, own = _covariant_membrane()
+    tied, untied = _covariant_membrane()
     turns, area = to_centre(NINE, X, GAUSS)
     strain = _transform(turns, tied)
     around, share = to_centre(NINE, X, TYING)
-    strain += _mean(_transform(around, own), share) - _mean(strain, area * NINE.factors[:, None])
+    strain += _mean(_transform(around, untied), share) - _mean(strain, area * NINE.factors[:, None])
     back = [covariant(np.linalg.inv(t), e) for t, e in zip(turns, strain, strict=True)]
     return np.stack(back, axis=1)
 

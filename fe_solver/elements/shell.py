@@ -205,11 +205,11 @@ def shell_tables(
     parts: list[tuple[Array, ...]] = []
     for g, (r, s) in enumerate(element.gauss):
         frame, J, area = local_frames(X, fibre[:, g], r, s)
-        own = np.where(triangle, frame[:, :2] @ edges, J)
+        base = np.where(triangle, frame[:, :2] @ edges, J)
         bending = to_cartesian(J, np.broadcast_to(np.eye(3), (ne, 3, 3)))
-        shear = np.swapaxes(np.linalg.inv(own), 1, 2) @ shears[:, g]
+        shear = np.swapaxes(np.linalg.inv(base), 1, 2) @ shears[:, g]
         shear /= (1 + growth)[:, :, None]
-        membrane = to_cartesian(own, membranes[:, g]) * tensor
+        membrane = to_cartesian(base, membranes[:, g]) * tensor
         area = element.factors[g] * area * one * two
         parts.append((membrane, bending * tensor, shear, area, frame))
     membrane, bending, shear, weight, frames = (np.stack(p, 1) for p in zip(*parts, strict=True))

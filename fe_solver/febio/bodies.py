@@ -82,15 +82,15 @@ class Model:
         number = tag.attributes.get("lc", "").strip()
         if number in ("", "0"):
             return None
-        found = self.curves.get(number)
-        if isinstance(found, FebTag):
-            raise found.fault(
-                f"a load controller of type {found.attributes.get('type')!r} is not read, only "
+        curve = self.curves.get(number)
+        if isinstance(curve, FebTag):
+            raise curve.fault(
+                f"a load controller of type {curve.attributes.get('type')!r} is not read, only "
                 "loadcurve"
             )
-        if found is None:
+        if curve is None:
             raise tag.fault(f"there is no load controller {number}")
-        return found
+        return curve
 
     def body_of(self, tag: FebTag, name: str) -> int:
         """The body of a rigid material.  Raises InputError where there is none such."""
@@ -192,10 +192,10 @@ def read_bodies(
     motion = _motions(model, tags)
     bodies, vertices = [], []
     for i, name in enumerate(model.rigid):
-        own = [b.quads for b in parts.rigid[name] if b.kind in SHELLS]
-        facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *own, *touched.get(i, [])])
+        shells = [b.quads for b in parts.rigid[name] if b.kind in SHELLS]
+        facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *shells, *touched.get(i, [])])
         nodes = np.unique(facets)
-        own_facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *own])
+        own_facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *shells])
         triangles = np.searchsorted(nodes, triangles_of(own_facets))
         bodies.append(
             Body(
@@ -226,7 +226,7 @@ def _motions(model: Model, tags: list[FebTag]) -> list[list[Drive]]:
             given[body][i] = drive
     for body, name in enumerate(model.rigid):
         _check_motion(model, name, given[body], fixed[body])
-    return [[own.get(i, Drive()) for i in range(6)] for own in given]
+    return [[by_dof.get(i, Drive()) for i in range(6)] for by_dof in given]
 
 
 def _read_motion(model: Model, t: FebTag) -> tuple[int, Drive]:

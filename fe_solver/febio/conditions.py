@@ -185,8 +185,8 @@ def read_springs(
     Raises InputError for a law that is not read and for an end that nothing holds."""
     laws: dict[str, SpringLaw] = {}
     for t in materials:
-        own = _spring_law(model, t)
-        laws[t.attribute("id")] = laws[t.attributes.get("name", "")] = own
+        spring_law = _spring_law(model, t)
+        laws[t.attribute("id")] = laws[t.attributes.get("name", "")] = spring_law
     out = []
     for t in sets:
         name, law = t.attribute("discrete_set"), laws.get(t.attribute("dmat"))

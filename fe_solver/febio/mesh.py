@@ -192,12 +192,12 @@ def _blocks(mesh: FebTag, numbering: _Numbering) -> dict[str, Block]:
 
 
 def _add(into: dict[str, Ints], mesh: FebTag, kind: str, read: Callable[[FebTag], Ints]) -> None:
-    own: set[str] = set()
+    added: set[str] = set()
     for t in mesh.all(kind):
         name = t.attribute("name")
-        if name in own:
+        if name in added:
             raise t.fault(f"two of these sets are called {name!r}")
-        own.add(name)
+        added.add(name)
         into[name] = read(t)
 
 

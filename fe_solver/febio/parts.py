@@ -107,11 +107,11 @@ def _sheet(
 ) -> FebShells:
     columns = []
     for number, (t, block, m) in enumerate(shells):
-        own = given.get(t.attribute("name"), {})
+        of_part = given.get(t.attribute("name"), {})
         _check_domain(t, block, notes)
         corners = mesh.points[block.quads]
-        thickness = _thickness(t, block, own.get("shell thickness"))
-        fibre = fibre_directions(m, corners, own, maps)
+        thickness = _thickness(t, block, of_part.get("shell thickness"))
+        fibre = fibre_directions(m, corners, of_part, maps)
         columns.append((block.quads, block.ids, np.full(len(block.ids), number), thickness, fibre))
     quads, ids, part, thickness, fibre = (np.concatenate(c) for c in zip(*columns, strict=True))
     length = np.linalg.norm(fibre, axis=1, keepdims=True)

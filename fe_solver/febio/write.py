@@ -37,11 +37,11 @@ def write_feb(
     is written with its nodes moved there.  The file appears whole or not at all.  Raises InputError
     where the job holds what FEBio's format cannot say, and where the file cannot be written."""
     path = Path(path)
-    own = job.sheet.points if points is None else np.asarray(points, dtype=float)
-    if own.shape != job.sheet.points.shape:
-        raise InputError(f"points have shape {own.shape}, expected {job.sheet.points.shape}")
+    nodes = job.sheet.points if points is None else np.asarray(points, dtype=float)
+    if nodes.shape != job.sheet.points.shape:
+        raise InputError(f"points have shape {nodes.shape}, expected {job.sheet.points.shape}")
     _check_names(job)
-    w = Conditions(job, face_points(job, own), Units(length_unit, force_unit))
+    w = Conditions(job, face_points(job, nodes), Units(length_unit, force_unit))
     root = _document(w)
     with output_file(path) as part:
         write_xml(part, root)

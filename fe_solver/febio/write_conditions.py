@@ -157,13 +157,13 @@ class Conditions:
 
     def _anchor(self, body: int, point: Array) -> int:
         """The number of the node that a spring ends at on a body."""
-        own = self.job.bodies[body]
-        if len(own.triangles):
-            used = np.unique(own.triangles)
-            gap = np.linalg.norm(own.vertices[used] - point, axis=1)
+        solid = self.job.bodies[body]
+        if len(solid.triangles):
+            used = np.unique(solid.triangles)
+            gap = np.linalg.norm(solid.vertices[used] - point, axis=1)
             if gap.min() <= SAME_POINT:
                 return self.first_vertex(body) + int(used[gap.argmin()])
-        place = own.origin + point
+        place = solid.origin + point
         for i, (b, x) in enumerate(self.extra):
             if b == body and np.linalg.norm(x - place) <= SAME_POINT:
                 return self.first_vertex(len(self.job.bodies)) + i

@@ -365,7 +365,7 @@ def partition(distances: Array, blend: float) -> Array:
     nearer = (distances[:, None, :] - distances[:, :, None]) / blend
     t = np.clip((nearer + 1) / 2, 0, 1)
     step = t * t * (3 - 2 * t)
-    own = np.arange(distances.shape[1])
-    step[:, own, own] = 1.0
+    bodies = np.arange(distances.shape[1])
+    step[:, bodies, bodies] = 1.0
     weight = step.prod(axis=2)
     return weight / weight.sum(axis=1, keepdims=True)

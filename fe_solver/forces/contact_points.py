@@ -54,8 +54,8 @@ class ElementPoints:
 
     def mean(self, values: Array) -> Array:
         """The values (c p, ...) at the points, interpolated from values (n, ...) at the nodes."""
-        own = values[self.quads].reshape(*self.quads.shape, -1)
-        return np.asarray((self.shape @ own).reshape(-1, *values.shape[1:]))
+        by_element = values[self.quads].reshape(*self.quads.shape, -1)
+        return np.asarray((self.shape @ by_element).reshape(-1, *values.shape[1:]))
 
     def areas(self, X: Array) -> Array:
         """The area (c p,) m2 of each point, of nodes X (n, 3) m."""

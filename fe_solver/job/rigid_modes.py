@@ -61,8 +61,8 @@ class FreeMotions:
         if turns == 1 and not slides:
             return f"turn about {self._axis()}"
         kinds = [(slides, "translation"), (turns, "rotation")]
-        told = [f"{n} {kind}{'s' * (n > 1)}" for n, kind in kinds if n]
-        return f"move freely ({' and '.join(told)})"
+        parts = [f"{n} {kind}{'s' * (n > 1)}" for n, kind in kinds if n]
+        return f"move freely ({' and '.join(parts)})"
 
     def _axis(self) -> str:
         """The direction of the only turn and a point on its axis, in words."""
@@ -154,11 +154,11 @@ def free_motions(
     null = _free_combinations(tangent, moved, missed / float(length.min()))
     out = []
     for p, (z, end) in enumerate(zip(allowed, ends, strict=True)):
-        own = _basis(z @ null[end - len(z.T) : end])
-        if len(own):
+        basis = _basis(z @ null[end - len(z.T) : end])
+        if len(basis):
             nodes = np.flatnonzero(piece == p)
             out.append(
-                FreeMotions(nodes, count, own[:, :3], own[:, 3:], middle[p], float(length[p]))
+                FreeMotions(nodes, count, basis[:, :3], basis[:, 3:], middle[p], float(length[p]))
             )
     return tuple(out)
 
@@ -215,12 +215,12 @@ def _shell_moves(c: Configuration, e: Evaluation, pieces: Pieces) -> Array:
 
 
 def _admissible_motions(
-    moves: Array, free: NDArray[np.bool_], own: NDArray[np.bool_], length: float
+    moves: Array, free: NDArray[np.bool_], of_piece: NDArray[np.bool_], length: float
 ) -> Array:
-    """The motions (6, m) of a piece, whose nodes are `own` (n,), that move none of the degrees of
-    freedom that are not free (n, k): three displacements (m), then turns (rad)."""
+    """The motions (6, m) of a piece, whose nodes are `of_piece` (n,), that move none of the degrees
+    of freedom that are not free (n, k): three displacements (m), then turns (rad)."""
     rows = moves * np.where(np.arange(moves.shape[1]) < 3, 1.0, length)[:, None]
-    rows = rows[~free & own[:, None]]
+    rows = rows[~free & of_piece[:, None]]
     taken, directions = np.linalg.eigh(rows.T @ rows)
     return np.asarray(directions[:, taken <= ALLOWED * max(1, len(rows))])
 

@@ -357,8 +357,8 @@ class HolzapfelGasserOgden:
         J2 = np.exp(2 * j)
         slope = 2 / 3 * (2 * first_3 - first) + self.k / 2 * (J2 - 1)
         convex = 4 / 9 * (first + 4 * first_3) + self.k * J2
-        for family, own in self._families(p):
-            more = family.volumetric(own, j)
+        for family, invariants in self._families(p):
+            more = family.volumetric(invariants, j)
             slope, convex = slope + more[0], convex + more[1]
         return slope, convex
 
@@ -381,6 +381,6 @@ class HolzapfelGasserOgden:
 
     def expansion(self, p: Invariants, j: Real) -> Expansion:
         out = self._matrix(p, np.asarray(j))
-        for family, own in self._families(p):
-            out = with_family(out, family.expansion(own, j))
+        for family, invariants in self._families(p):
+            out = with_family(out, family.expansion(invariants, j))
         return out

@@ -166,9 +166,9 @@ def response(law: Potential, strain: Array) -> Stress:
     strain = np.asarray(strain, dtype=float)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         plane = _plane(law, strain)
-        j, found = _log_volume(law, plane.p)
+        j, solved = _log_volume(law, plane.p)
         out = _by_strain(law, plane, law.expansion(plane.p, j), strain.shape[:-1])
-        fine = plane.admissible & found
+        fine = plane.admissible & solved
         if fine.all() and np.isfinite(sum(map(np.sum, out))):
             return out
         fine &= np.isfinite(out.energy + out.stress.sum(-1) + out.tangent.sum((-2, -1)))
@@ -185,8 +185,8 @@ def volume_ratio(law: Potential, strain: Array) -> Array:
     strain = np.asarray(strain, dtype=float)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         plane = _plane(law, strain)
-        j, found = _log_volume(law, plane.p)
-        return np.where(plane.admissible & found, np.exp(j), np.nan)
+        j, solved = _log_volume(law, plane.p)
+        return np.where(plane.admissible & solved, np.exp(j), np.nan)
 
 
 @dataclass(frozen=True)

@@ -131,8 +131,8 @@ class Section:
         stiffness = self.linear.copy()
         for p in self.nonlinear:
             base, smoothing = _base(p.law)
-            own = _integrate if smoothing is None else _membrane
-            more = own(p, strain[p.elements])
+            integrate = _integrate if smoothing is None else _membrane
+            more = integrate(p, strain[p.elements])
             if isinstance(base, Potential):
                 more = _with_shear(p, strain[p.elements], more)
             for total, part in zip((energy, force, stiffness), more, strict=True):
@@ -295,20 +295,20 @@ def _with_shear(p: Patch, strain: Array, plane: Resultants) -> Resultants:
     lean = np.stack([g2 * g2, g1 * g1, -g1 * g2, c22 * g1 - c12 * g2, c11 * g2 - c12 * g1])
     by_r = by_D - 2 * lean
     curved, plain = k / r**2, k / D**2
-    own = np.zeros((5, 5, *D.shape))  # what D and r themselves bend
-    own[0, 1], own[2, 2] = 4 * (plain - curved), 2 * (curved - plain)
-    own[0, 4], own[1, 3] = 4 * curved * g2, 4 * curved * g1
-    own[2, 3], own[2, 4] = -2 * curved * g2, -2 * curved * g1
-    own[3, 3], own[4, 4] = 2 * curved * c22, 2 * curved * c11
-    own[3, 4] = -2 * curved * c12
+    second = np.zeros((5, 5, *D.shape))  # what D and r themselves bend
+    second[0, 1], second[2, 2] = 4 * (plain - curved), 2 * (curved - plain)
+    second[0, 4], second[1, 3] = 4 * curved * g2, 4 * curved * g1
+    second[2, 3], second[2, 4] = -2 * curved * g2, -2 * curved * g1
+    second[3, 3], second[4, 4] = 2 * curved * c22, 2 * curved * c11
+    second[3, 4] = -2 * curved * c12
     for i, j in ((0, 1), (0, 4), (1, 3), (2, 3), (2, 4), (3, 4)):
-        own[j, i] = own[i, j]
-    own += (2 * curved / r * by_r)[:, None] * by_r
-    own[:3, :3] -= (2 * plain / D * by_D[:3])[:, None] * by_D[:3]
+        second[j, i] = second[i, j]
+    second += (2 * curved / r * by_r)[:, None] * by_r
+    second[:3, :3] -= (2 * plain / D * by_D[:3])[:, None] * by_D[:3]
     at = np.array([0, 1, 2, 6, 7])
     plane.energy[:] = np.where(fine, plane.energy + k / r - k / D, np.inf)
     plane.force[..., at] += np.moveaxis(plain * by_D - curved * by_r, 0, -1)
-    plane.stiffness[..., at[:, None], at] += np.moveaxis(own, (0, 1), (-2, -1))
+    plane.stiffness[..., at[:, None], at] += np.moveaxis(second, (0, 1), (-2, -1))
     return plane
 
 

@@ -89,14 +89,14 @@ class TensionField:
     def response(self, strain: Array) -> Stress:
         """See `materials.linear.Law.response`."""
         w = self._relaxation(strain)
-        C, T = w.there.tangent, w.by_growth
+        C, T = w.base.tangent, w.by_growth
         tangent = C - C @ T @ _solve(w.curvature, np.swapaxes(T, 1, 2) @ C)
         tangent = (tangent + np.swapaxes(tangent, 1, 2)) / 2
-        fine = w.found[:, None]
+        fine = w.solved[:, None]
         shape = np.shape(strain)
         return Stress(
-            np.where(w.found, w.energy, np.inf).reshape(shape[:-1]),
-            np.where(fine, w.there.stress, 0.0).reshape(shape),
+            np.where(w.solved, w.energy, np.inf).reshape(shape[:-1]),
+            np.where(fine, w.base.stress, 0.0).reshape(shape),
             np.where(fine[:, None], tangent, 0.0).reshape(*shape, 3),
         )
 
@@ -149,13 +149,13 @@ class _Relaxation(NamedTuple):
     """(m, 2, 2) A."""
     energy: Array
     """(m,) J/m3, the barrier's included."""
-    there: Stress
+    base: Stress
     """The base law at E + P."""
     by_growth: Array
     """(m, 3, 3) derivatives of P, as E11, E22, 2 E12, by X11, X22, X12."""
     curvature: Array
     """(m, 3, 3) Pa, second derivatives of the energy by X11, X22, X12."""
-    found: Mask
+    solved: Mask
 
 
 def _law_at(law: Law, points: Mask) -> Law:
@@ -246,26 +246,26 @@ def _guess_by_turning(law: Law, strain: Array, cost: _Cost, full: Stress) -> Arr
     axis of the lesser principal stress, and t across it in balance."""
     p = _axes_guess(law, strain, cost, full)[:, :, 1]
     for _ in range(TURNS):
-        here = law.response(strain + _dyad(p))
-        p = p + _turning_step(p, here)
+        base = law.response(strain + _dyad(p))
+        p = p + _turning_step(p, base)
     size = np.linalg.norm(p, axis=1, keepdims=True)
     t = np.stack([-p[:, 1], p[:, 0]], axis=1) / np.maximum(size, TINY)
-    here = law.response(strain + _dyad(p))
+    base = law.response(strain + _dyad(p))
     unit = _dyad(t)
-    stiff = np.einsum("mi,mij,mj->m", unit, here.tangent, unit)
-    stiff = np.maximum(stiff, STIFF * np.abs(here.tangent).max(axis=(1, 2)))
-    across = _strain_in_balance(np.einsum("mi,mi->m", unit, here.stress), stiff, cost.barrier)
+    stiff = np.einsum("mi,mij,mj->m", unit, base.tangent, unit)
+    stiff = np.maximum(stiff, STIFF * np.abs(base.tangent).max(axis=(1, 2)))
+    across = _strain_in_balance(np.einsum("mi,mi->m", unit, base.stress), stiff, cost.barrier)
     return np.stack([p, np.sqrt(across)[:, None] * t], axis=2)
 
 
-def _turning_step(p: Array, here: Stress) -> Array:
+def _turning_step(p: Array, base: Stress) -> Array:
     """Newton's step (m, 2) in p towards the least W(E + p p'), no longer than p."""
     p1, p2 = p.T
     zero = np.zeros_like(p1)
     by_p = 2 * np.moveaxis(np.array([[p1, zero], [zero, p2], [p2, p1]]), 2, 0)
-    slope = np.einsum("mij,mi->mj", by_p, here.stress)
-    S1, S2, S12 = here.stress.T
-    curved = np.swapaxes(by_p, 1, 2) @ here.tangent @ by_p
+    slope = np.einsum("mij,mi->mj", by_p, base.stress)
+    S1, S2, S12 = base.stress.T
+    curved = np.swapaxes(by_p, 1, 2) @ base.tangent @ by_p
     H11, H22, H12 = curved[:, 0, 0] + 2 * S1, curved[:, 1, 1] + 2 * S2, curved[:, 0, 1] + 2 * S12
     values, axes = _principal_values(np.stack([H11, H22, H12], axis=1))
     along = np.einsum("mij,mi->mj", axes, slope) / np.maximum(np.abs(values), TINY)
@@ -284,15 +284,15 @@ def _relax(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Relaxatio
         on = left if guess is _central_guess else left & finite
         if not on.any():
             continue
-        own = _law_at(law, on), strain[on], cost.of(on)
-        start = guess(*own, Stress(*(x[on] for x in full)))
+        points = _law_at(law, on), strain[on], cost.of(on)
+        start = guess(*points, Stress(*(x[on] for x in full)))
         path = _path(smoothing) if guess is _central_guess else (1.0,)
-        A[on], near = _follow_path(*own, start, path)
+        A[on], near = _follow_path(*points, start, path)
         left[on] = ~near
-    there, T = law.response(strain + _strain(A)), _by_growth(A)
-    energy = there.energy + _wrinkle_energy(cost, A) + 2 * cost.barrier * np.log(smoothing)
-    found = ~left & np.isfinite(energy)
-    return _Relaxation(A, energy, there, T, _curvature(T, there, cost), found)
+    base, T = law.response(strain + _strain(A)), _by_growth(A)
+    energy = base.energy + _wrinkle_energy(cost, A) + 2 * cost.barrier * np.log(smoothing)
+    solved = ~left & np.isfinite(energy)
+    return _Relaxation(A, energy, base, T, _curvature(T, base, cost), solved)
 
 
 def _path(smoothing: float) -> tuple[float, ...]:
@@ -305,14 +305,14 @@ def _follow_path(
 ) -> tuple[Array, Mask]:
     """The A (m, 2, 2) of balance at the end of a path of barriers, in times the cost's, and where
     Newton arrived there."""
-    A, here = A.copy(), Stress(*map(np.array, law.response(strain + _strain(A))))
+    A, base = A.copy(), Stress(*map(np.array, law.response(strain + _strain(A))))
     for times in path:
         todo = np.ones(len(A), dtype=bool)
         for _ in range(FEW_STEPS if len(path) == 1 else MOST_STEPS):
-            own = _law_at(law, todo), strain[todo], cost.of(todo).higher(times)
-            now = A[todo], Stress(*(x[todo] for x in here))
-            A[todo], there, near = _newton_step(*own, *now, CONVERGED if times == 1 else ROUGHLY)
-            for mine, new in zip(here, there, strict=True):
+            points = _law_at(law, todo), strain[todo], cost.of(todo).higher(times)
+            now = A[todo], Stress(*(x[todo] for x in base))
+            A[todo], after, near = _newton_step(*points, *now, CONVERGED if times == 1 else ROUGHLY)
+            for mine, new in zip(base, after, strict=True):
                 mine[todo] = new
             todo[todo] = ~near
             if not todo.any():
@@ -320,9 +320,9 @@ def _follow_path(
     return A, ~todo
 
 
-def _curvature(T: Array, there: Stress, cost: _Cost) -> Array:
+def _curvature(T: Array, base: Stress, cost: _Cost) -> Array:
     """The second derivatives (m, 3, 3) of energy and cost by the growth, T as `_by_growth`."""
-    stiff = there.tangent + cost.residual[:, None, None] * np.diag(SQUARED)
+    stiff = base.tangent + cost.residual[:, None, None] * np.diag(SQUARED)
     barrier = cost.barrier[:, None, None] * np.diag([1.0, 1.0, 2.0])
     return np.asarray(np.swapaxes(T, 1, 2) @ stiff @ T + barrier)
 
@@ -335,14 +335,14 @@ def _solve(matrix: Array, right: Array) -> Array:
 
 
 def _newton_step(
-    law: Law, strain: Array, cost: _Cost, A: Array, here: Stress, converged: float
+    law: Law, strain: Array, cost: _Cost, A: Array, base: Stress, converged: float
 ) -> tuple[Array, Stress, Mask]:
-    """The A (m, 2, 2) after a step from where the law is `here`, the law there, and whether that
+    """The A (m, 2, 2) after a step from where the law is `base`, the law there, and whether that
     was short enough for the last."""
-    T, mu, level = _by_growth(A), cost.barrier, here.energy + _wrinkle_energy(cost, A)
-    stress = here.stress + cost.residual[:, None] * SQUARED * _strain(A)
+    T, mu, level = _by_growth(A), cost.barrier, base.energy + _wrinkle_energy(cost, A)
+    stress = base.stress + cost.residual[:, None] * SQUARED * _strain(A)
     slope = np.einsum("mij,mi->mj", T, stress) - mu[:, None] * np.array([1.0, 1.0, 0.0])
-    X = -_solve(_curvature(T, here, cost), slope[:, :, None])[:, :, 0]
+    X = -_solve(_curvature(T, base, cost), slope[:, :, None])[:, :, 0]
     along = np.einsum("mi,mi->m", slope, X)
     rising = ~(along < 0)
     X[rising] = -slope[rising] / mu[rising, None]
@@ -353,13 +353,13 @@ def _newton_step(
     noise = ROUNDING * (mu + np.abs(level) * 1e-13)
     for _ in range(HALVINGS):
         grown = A @ _growth_factor(size[:, None] * X)
-        there = law.response(strain + _strain(grown))
-        rise = there.energy + _wrinkle_energy(cost, grown) - level
+        after = law.response(strain + _strain(grown))
+        rise = after.energy + _wrinkle_energy(cost, grown) - level
         high = ~near & ~(rise <= LEAST_SLOPE * size * along + noise)
         if not high.any():
             break
         size[high] /= 2
-    return grown, there, near
+    return grown, after, near
 
 
 def _growth_factor(X: Array) -> Array:

@@ -255,10 +255,10 @@ def _move(
     best of them."""
     tried: list[tuple[float, Array, tuple[Term, ...]]] = []
     for halving in range(HALVINGS):
-        there = z + step / 2**halving
-        terms = tuple(model.terms(there, loads))
+        moved = z + step / 2**halving
+        terms = tuple(model.terms(moved, loads))
         missed = model.miss(model.imbalance(terms, loads))
-        tried.append((missed, there, terms))
+        tried.append((missed, moved, terms))
         if missed < limit or limit == np.inf:
             break
     return min(tried, key=lambda t: t[0])[1:]

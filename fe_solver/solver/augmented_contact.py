@@ -69,7 +69,7 @@ def solve_augmented(
     model = model.with_changes(contacts=tuple([_initialise(k, start) for k in model.contacts]))
     tolerance = max(LOOSE, options.tolerance)
     solution = solve(model, start, tension, replace(options, tolerance=tolerance))
-    iterations, solves, raises, before = solution.iterations, solution.solves, 0, np.inf
+    iterations, solves, raises, last_error = solution.iterations, solution.solves, 0, np.inf
     for done in range(augment.max_rounds):
         looks = [_update_of(k, solution.configuration) for k in model.contacts]
         error = max((look.error.max(initial=0.0) for look in looks), default=0.0)
@@ -77,14 +77,14 @@ def solve_augmented(
         if left <= 1 and tolerance <= options.tolerance:
             return _constrain(replace(solution, iterations=iterations, solves=solves), looks)
         contacts = [look.apply(error > augment.penetration) for look in looks]
-        if error > max(ENOUGH * before, augment.penetration) and raises < MOST_RAISES:
+        if error > max(ENOUGH * last_error, augment.penetration) and raises < MOST_RAISES:
             contacts, raises = [_stiffer(k) for k in contacts], raises + 1
-        before = error
+        last_error = error
         model = model.with_changes(contacts=tuple(contacts))
         # no round is solved more exactly than the next one's multipliers and limits deserve
         tolerance = max(min(LOOSE, options.tolerance * left), options.tolerance)
-        own, near = replace(options, tolerance=tolerance), done > 0
-        solution = solve(model, solution.configuration, tension, own, near)
+        loose, near = replace(options, tolerance=tolerance), done > 0
+        solution = solve(model, solution.configuration, tension, loose, near)
         iterations, solves = iterations + solution.iterations, solves + solution.solves
     raise ConvergenceError(_stall_message(model, solution.configuration, looks, augment))
 

@@ -83,8 +83,8 @@ class Viscous:
 
     def response(self, strain: Array) -> Resultants:
         """As of `Section`; the energy is that of the step's incremental potential."""
-        own, more = self.base.response(strain), self.damper.response(strain - self.before)
-        return Resultants(*(a + b for a, b in zip(own, more, strict=True)))
+        elastic, viscous = self.base.response(strain), self.damper.response(strain - self.before)
+        return Resultants(*(a + b for a, b in zip(elastic, viscous, strict=True)))
 
     def stress(self, strain: Array, z: float = 0.0) -> Array:
         """The elastic part, Pa."""
@@ -137,11 +137,11 @@ def advance(
         section=_viscous_section(model, c, dt, substance),
     )
     solution = solve(stepping, _guess(model, c, ahead), tension, options, near=True)
-    there = solution.configuration
-    acceleration, turning = (there.x - ahead) / pull, (there.d - turned) / pull
+    end = solution.configuration
+    acceleration, turning = (end.x - ahead) / pull, (end.d - turned) / pull
     velocity = state.velocity + dt * (gamma * acceleration + (1 - gamma) * state.acceleration)
     spin = state.spin + dt * (gamma * turning + (1 - gamma) * state.turning)
-    return DynamicState(there, velocity, spin, acceleration, turning), solution
+    return DynamicState(end, velocity, spin, acceleration, turning), solution
 
 
 def kinetic_energy(model: ShellModel, state: DynamicState, substance: Substance) -> float:

@@ -135,8 +135,8 @@ def take_mixed_steps(
         for halvings in range(1 + MOST_HALVINGS):
             step = step / 2 if halvings else step
             trial = model.take_step(c, e.bases, _follow_springs(model, e, step))
-            there = model.evaluate(trial, tension, tangent=False, convex=convex)
-            crushed = not np.isfinite(there.energy)
+            trial_balance = model.evaluate(trial, tension, tangent=False, convex=convex)
+            crushed = not np.isfinite(trial_balance.energy)
             lost = crushed and (near or restarts > 0 or not np.isfinite(e.energy))
             lost |= upright and is_folded(model, trial)
             if not lost:
@@ -148,7 +148,7 @@ def take_mixed_steps(
             continue
         if lost and crushed:
             break
-        before, c, e = _predict(model, c, e, step, _travel(e, step)), trial, there
+        before, c, e = _predict(model, c, e, step, _travel(e, step)), trial, trial_balance
     return MixedSteps(best, iteration, solves)
 
 
@@ -156,18 +156,18 @@ def _solve_step(
     model: ShellModel,
     c: Configuration,
     e: Evaluation,
-    before: Prediction | None,
+    prediction: Prediction | None,
     max_step: float,
     max_turn: float,
     near: Factor | None = None,
 ) -> tuple[Array, Factor | None]:
     """The step by the tangent with the predicted forces, and that tangent's factor."""
     forces = None
-    if before is not None:
+    if prediction is not None:
         points = e.points.force.copy()
-        _, new, old = np.intersect1d(_keys(model, e.points), before.keys, return_indices=True)
-        points[new] = before.points[old]
-        forces = Forces(before.elements, points)
+        _, new, old = np.intersect1d(_keys(model, e.points), prediction.keys, return_indices=True)
+        points[new] = prediction.points[old]
+        forces = Forces(prediction.elements, points)
     return descent_step(model, model.tangent(c, e, forces), e.reduced, max_step, max_turn, near)
 
 
@@ -230,12 +230,12 @@ def _acts(depth: Array) -> NDArray[np.bool_]:
     return (depth > 0) & np.isfinite(depth)
 
 
-def _reverses(model: ShellModel, e: Evaluation, step: Array, before: Prediction) -> bool:
+def _reverses(model: ShellModel, e: Evaluation, step: Array, prediction: Prediction) -> bool:
     """Whether the step opens or closes what the step before it closed or opened."""
     p, keys = e.points, _keys(model, e.points)
     now = keys[_acts(p.depth)]
     after = keys[_acts(p.depth + approach(p, e.bases, step))]
-    last, next_ = np.setxor1d(before.acting, now), np.setxor1d(now, after)
+    last, next_ = np.setxor1d(prediction.acting, now), np.setxor1d(now, after)
     return bool(np.intersect1d(last, next_).size)
 
 

@@ -146,11 +146,11 @@ class ShellModel:
         `node_springs`."""
         if not len(self.pairs):
             return PairForces.none()
-        own, more = node_springs(self.links, x, curvature), cable_forces(self.cables, x)
+        springs, cables = node_springs(self.links, x, curvature), cable_forces(self.cables, x)
         return PairForces(
-            own.energy + more.energy,
-            np.concatenate([own.gradient, more.gradient]),
-            np.concatenate([own.hessian, more.hessian]),
+            springs.energy + cables.energy,
+            np.concatenate([springs.gradient, cables.gradient]),
+            np.concatenate([springs.hessian, cables.hessian]),
         )
 
     @cached_property
@@ -335,8 +335,8 @@ class ShellModel:
         """Add Hessians (k, 3, 3) of point forces to the blocks of elements (ne, 5m, 5m) and of
         nodes (n, 5, 5), in the nodes' bases A (n, 3, 3), in place."""
         acts, alone = hessian.any(axis=(1, 2)), points.cell < 0
-        node, own = points.nodes[acts & alone, 0], hessian[acts & alone]
-        np.add.at(nodal[:, :3, :3], node, np.swapaxes(A[node], 1, 2) @ own @ A[node])
+        node, stiffness = points.nodes[acts & alone, 0], hessian[acts & alone]
+        np.add.at(nodal[:, :3, :3], node, np.swapaxes(A[node], 1, 2) @ stiffness @ A[node])
         on = np.flatnonzero(acts & ~alone)
         if not on.size:
             return

@@ -44,10 +44,10 @@ def newton_step(
     pattern, free = model.pattern, model.free
     step = np.zeros(pattern.size)
     if near is not None and _analysis(model).dear:
-        own = Nearby(pattern.free_part(data), near)
+        nearby = Nearby(pattern.free_part(data), near)
         try:
-            step[free] = -own.solve(gradient[free])
-            return step, own
+            step[free] = -nearby.solve(gradient[free])
+            return step, nearby
         except NotPositiveDefiniteError:
             pass
     diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[free]

@@ -111,13 +111,13 @@ def _make_exact(
     """Make the distances (nx, ny, nz) of the nodes `near` exact, from values that are off by less
     than SLACK spacings; the nodes where that is not so are left, and returned."""
     squared = np.where(near, (value + SLACK * spacing) ** 2, 0.0)
-    before = squared.copy()
+    at_start = squared.copy()
     reach = (REACH + SLACK) * spacing
     mixed = np.argsort(np.arange(len(triangles)) * GOLDEN % 1)
     triangles = triangles[mixed]
     grid = (*_discs(triangles), origin, spacing, reach, squared)
     kernels.in_parallel(lambda a, b: lower_distances(a, b, triangles, *grid), len(value), SLABS)
-    done = squared < before
+    done = squared < at_start
     value[done] = np.sqrt(squared[done])
     return near & ~done
 

@@ -119,10 +119,10 @@ def motion(solution: Solution) -> Motion:
 
 def jacobian(solution: Solution) -> HoodJacobian:
     """As a hood behind the port answers it."""
-    model, here = solution.model, motion(solution)
+    model, pose = solution.model, motion(solution)
     none = np.zeros((len(model.reference), 2))
-    hood = ShellHood(replace(model, groups=("bands",)), ("tendon",), here, none)
-    return hood.jacobian(HoodState(here, solution.configuration, solution))
+    hood = ShellHood(replace(model, groups=("bands",)), ("tendon",), pose, none)
+    return hood.jacobian(HoodState(pose, solution.configuration, solution))
 
 
 def by_penalty(model: ShellModel, start: Configuration, tension: Array) -> Solution:
@@ -137,8 +137,8 @@ def augment(model: ShellModel, start: Configuration, tension: Array) -> Solution
 
 def displace(solution: Solution, solver: Solver, twist: Array) -> Solution:
     """Solved again with the bodies moved by `twist` (12,)."""
-    c, there = solution.configuration, motion(solution).displace(twist)
-    start = solution.model.move_bodies(c, there.position, there.rotation)
+    c, pose = solution.configuration, motion(solution).displace(twist)
+    start = solution.model.move_bodies(c, pose.position, pose.rotation)
     return solver(solution.model, start, solution.tension)
 
 
@@ -193,12 +193,12 @@ def tangent_rows(solution: Solution, of: str = "") -> Iterator[Row]:
     derivative of that very component; and the moment arms by force and by excursion."""
     exact, (wrench, excursion) = jacobian(solution), by_motion(solution, by_penalty)
     yield from component_rows(f"condensed tangent{of}", exact, wrench)
-    own, slides = own_pull(solution), exact.excursion_motion[0] * SCALES
-    arms = exact.load_tension[:, 0] * SCALES - own
+    muscle, slides = own_pull(solution), exact.excursion_motion[0] * SCALES
+    arms = exact.load_tension[:, 0] * SCALES - muscle
     for what, bound, seen, source in (
         ("d tau / d T = d x / d q", 1e-8, slides, "reciprocity, both by back-substitution"),
         ("d x / d q", 1e-5, excursion, DIFFERENCES),
-        ("d tau / d T", 1e-5, by_tension(solution, by_penalty) - own, DIFFERENCES),
+        ("d tau / d T", 1e-5, by_tension(solution, by_penalty) - muscle, DIFFERENCES),
     ):
         off = float(np.abs(arms - seen).max() / np.abs(arms).max())
         yield Row(NAME, f"{what}{of}, all motions", bound, off, 0.0, source, "bound")
@@ -217,10 +217,10 @@ def component_rows(what: str, exact: HoodJacobian, wrench: Array) -> Iterator[Ro
 def augmented_rows(solution: Solution) -> Iterator[Row]:
     """Yield the rows of the constrained problem, whose pressed nodes are held by springs
     `augment.PIN` times as stiff as any other."""
-    here = augment(solution.model, solution.configuration, TENSION)
-    exact, (wrench, _) = jacobian(here), by_motion(here, augment)
+    augmented = augment(solution.model, solution.configuration, TENSION)
+    exact, (wrench, _) = jacobian(augmented), by_motion(augmented, augment)
     yield from component_rows("condensed tangent, augmented", exact, wrench)
-    arms = exact.load_tension[:, 0] * SCALES - own_pull(here)
+    arms = exact.load_tension[:, 0] * SCALES - own_pull(augmented)
     off = float(np.abs(arms - exact.excursion_motion[0] * SCALES).max() / np.abs(arms).max())
     what = "d tau / d T = d x / d q, augmented, all motions"
     source = "reciprocity, both by back-substitution"
@@ -236,6 +236,6 @@ def rows() -> Iterator[Row]:
         solutions[name] = solve_augmented(model.with_changes(contacts=contacts), c, TENSION, NEWTON)
     yield from moment_rows(solutions)
     yield from tangent_rows(by_penalty(add_wall(model, c), c, TENSION))
-    nine, there = bend_hood(nine=True)
-    yield from tangent_rows(by_penalty(add_wall(nine, there), there, TENSION), ", nine nodes")
+    nine, pose = bend_hood(nine=True)
+    yield from tangent_rows(by_penalty(add_wall(nine, pose), pose, TENSION), ", nine nodes")
     yield from augmented_rows(solutions["1e11"])

@@ -155,9 +155,9 @@ def least_wrinkled_energy(law: Law, strain: Array) -> float:
     most = 1e-9 * float(law.response(strain).energy)
     start, options = np.full(3, 0.1), {"xatol": 1e-6, "fatol": most, "maxiter": 4000}
     for _ in range(2):
-        found = minimize(energy, start, method="Nelder-Mead", options=options)
-        start = found.x + 1e-4
-    return float(found.fun)
+        minimum = minimize(energy, start, method="Nelder-Mead", options=options)
+        start = minimum.x + 1e-4
+    return float(minimum.fun)
 
 
 def fibre_tension(law: TransIsoMooneyRivlin, stretch: float) -> float:

@@ -38,18 +38,18 @@ class Loading:
 def follow(loading: Loading, parts: Iterable[float]) -> Array:
     """The watched displacements (len(parts), k) under growing parts of the load.  Raises
     ConvergenceError."""
-    c, out, before = at_rest(loading.model), [], 0.0
+    c, out, reached = at_rest(loading.model), [], 0.0
     for part in parts:
-        c = _reach(loading, c, before, part, MOST_HALVINGS)
+        c = _reach(loading, c, reached, part, MOST_HALVINGS)
         out.append(loading.watched_displacements(c))
-        before = part
+        reached = part
     return np.array(out)
 
 
 def _reach(
-    loading: Loading, c: Configuration, before: float, part: float, halvings: int
+    loading: Loading, c: Configuration, reached: float, part: float, halvings: int
 ) -> Configuration:
-    """Equilibrium under a part of the load, from that under the part `before`; by halves where the
+    """Equilibrium under a part of the load, from that under the part `reached`; by halves where the
     whole step fails."""
     model = replace(loading.model, dead=part * loading.load)
     try:
@@ -57,8 +57,8 @@ def _reach(
     except ConvergenceError:
         if halvings == 0:
             raise
-    half = (before + part) / 2
-    c = _reach(loading, c, before, half, halvings - 1)
+    half = (reached + part) / 2
+    c = _reach(loading, c, reached, half, halvings - 1)
     return _reach(loading, c, half, part, halvings - 1)
 
 
@@ -111,5 +111,5 @@ def largest(values: Array) -> float:
     k = int(np.argmax(values))
     if not 0 < k < len(values) - 1:
         raise ConvergenceError("the load has no maximum within the path that was followed")
-    before, top, after = values[k - 1 : k + 2]
-    return float(top + (after - before) ** 2 / (8 * (2 * top - before - after)))
+    previous, top, following = values[k - 1 : k + 2]
+    return float(top + (following - previous) ** 2 / (8 * (2 * top - previous - following)))

@@ -41,9 +41,9 @@ def with_nine_nodes(points: Array, quads: np.ndarray) -> tuple[Array, np.ndarray
     edges = np.sort(quads[:, [[0, 3], [1, 2], [0, 1], [3, 2]]].reshape(-1, 2), axis=1)
     edges, middle = np.unique(edges, axis=0, return_inverse=True)
     on_edges = len(points) + middle.reshape(-1, 4)
-    own = len(points) + len(edges) + np.arange(len(quads))
+    middles = len(points) + len(edges) + np.arange(len(quads))
     points = np.vstack([points, points[edges].mean(axis=1), points[quads].mean(axis=1)])
-    return points, np.column_stack([quads, on_edges, own])
+    return points, np.column_stack([quads, on_edges, middles])
 
 
 def elements(

@@ -107,10 +107,10 @@ class ModelComparison:
 
 def models_in(folder: Path) -> list[Path]:
     """The FEBio files of a folder.  Raises InputError where there are none."""
-    found = sorted(folder.glob("*.feb"))
-    if not found:
+    files = sorted(folder.glob("*.feb"))
+    if not files:
         raise InputError(f"{folder}: holds no FEBio files (*.feb)")
-    return found
+    return files
 
 
 def quantities(job: Job, state: JobState, published: Published | None) -> dict[str, float]:
@@ -163,9 +163,9 @@ def rows(
     figures: list[float | None] = [None] * len(names)
     if published is not None:
         figures = [*_figures(published)]
-    own, q4ans = (solved.get(e, {}) for e in Formulation)
+    shell, q4ans = (solved.get(e, {}) for e in Formulation)
     out = [
-        ComparedQuantity(name, own.get(name), q4ans.get(name), figure)
+        ComparedQuantity(name, shell.get(name), q4ans.get(name), figure)
         for name, figure in zip(names, figures, strict=True)
     ]
     if published is None:
