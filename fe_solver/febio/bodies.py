@@ -167,7 +167,7 @@ def owners(
                 )
             out[nodes] = i
     shell = np.zeros(len(out), dtype=bool)
-    shell[parts.sheet.nodes] = True
+    shell[parts.nodes] = True
     for t in boundary:
         if t.attribute("type") == "rigid":
             m = find_material(t, materials, t.word("rb", ""))
