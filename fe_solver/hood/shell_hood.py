@@ -60,11 +60,12 @@ class _Drift:
 
 @dataclass(frozen=True)
 class HoodState:
-    """A hood in equilibrium (or, before the first solve, carried there by its bones)."""
+    """A hood in equilibrium, or, before the first solve, carried there by its bones."""
 
     motion: Motion
     configuration: Configuration
     solution: Solution | None = None
+    """None before the first solve."""
     iterations: int = 0
     """Newton iterations since the start."""
     attempt: str = ""

@@ -39,12 +39,14 @@ class Formulation(Enum):
 
 @dataclass(frozen=True)
 class ComparedQuantity:
-    """One quantity by each element and FEBio's own figure; None where there is none."""
+    """One quantity by each element; None where there is no figure."""
 
     quantity: str
     own: float | None = None
+    """By our shell."""
     q4ans: float | None = None
     febio: float | None = None
+    """FEBio's own figure."""
     scale: float = 1.0
     """What differences are divided by: of a displacement the largest of the model's nodes, else the
     reference, which is FEBio's figure or else what `q4ans` says."""
