@@ -12,6 +12,7 @@ import numpy as np
 from numpy.polynomial.legendre import leg2poly
 from numpy.typing import NDArray
 
+from cosim.kernels.kernel import compile_kernel
 from cosim.port import Array
 
 Numbers = NDArray[np.intp]
@@ -112,6 +113,24 @@ def _products(index: Numbers, functions: Functions, curved: bool) -> Basis:
         for k in range(i + 1):
             curve[..., i, k] = curve[..., k, i] = product(one[i] + one[k])
     return Basis(value, slope, curve)
+
+
+@compile_kernel
+def derivatives(index: NDArray[np.int64], table: Array) -> Array:
+    """Return A products of one function of each of n variables with all derivatives, (1 + n, 1 + n,
+    A): [0, 0] the values, [1 + i, 0] derivatives by variable i, [1 + i, 1 + k] by i and k.
+
+    index (A, n): which function of each variable; table (3, n, K): all functions' values and first
+    and second derivatives."""
+    count, n = index.shape
+    out = np.ones((1 + n, 1 + n, count))
+    for i in range(1 + n):
+        for k in range(1 + i):
+            for j in range(n):
+                order = int(i == j + 1) + int(k == j + 1)
+                out[i, k] *= table[order, j][index[:, j]]
+            out[k, i] = out[i, k]
+    return out
 
 
 def orders(factor: Array) -> Array:

@@ -252,7 +252,7 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
     monkeypatch.setattr(reduction, "build", lambda case: models)
     monkeypatch.setattr(reduction, "sample_walks", in_this_process)
     monkeypatch.setattr(
-        reduction, "fit_potential", lambda *a: reduce_hood(*a[:3], Order(angle=2), a[3])
+        reduction, "reduce_hood", lambda *a, maps: reduce_hood(*a, Order(angle=2), maps)
     )
     out = tmp_path / "made.toml"
     done = CliRunner().invoke(

@@ -12,7 +12,7 @@ from cosim.analyses.reduction.sample_cache import cached_samples
 from cosim.analyses.reduction.samples import FailedSample, Walk, WalkSamples, on_models
 from cosim.cli import app
 from cosim.errors import InputError
-from cosim.hoods.lumped.reduction import Sample
+from cosim.hoods.lumped.build import Sample
 from tests.helpers.soft_network import soft_models
 
 ANGLE = np.array([[0, 0, 0.3, 0.1], [0, 0, 0.35, 0.1]])

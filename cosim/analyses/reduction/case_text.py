@@ -21,7 +21,7 @@ from cosim.analyses.reduction.walks import (
     SEED,
 )
 from cosim.case.file import Settings
-from cosim.hoods.lumped.reduction import Potential
+from cosim.hoods.lumped.build import ReducedPotential
 from cosim.schema import units
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.text_tables import notes, toml_settings, toml_text
@@ -88,7 +88,7 @@ def _ends(parts: tuple[float, float]) -> str:
     return f"{parts[0]:g} to {parts[1]:g}"
 
 
-def _hood(p: Potential) -> dict[str, Any]:
+def _hood(p: ReducedPotential) -> dict[str, Any]:
     ends = zip(p.joints, p.low, p.high, strict=True)
     most = zip(p.muscles, p.most, strict=True)
     return {

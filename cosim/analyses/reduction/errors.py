@@ -10,7 +10,7 @@ import numpy as np
 from cosim.analyses.reduction.reduce import Reduction, state_in_words
 from cosim.analyses.reduction.tip import tip_maps
 from cosim.analyses.reduction.walks import LOW
-from cosim.hoods.lumped.reduction import Sample, stack
+from cosim.hoods.lumped.build import Sample, stack
 from cosim.port import Array
 
 MARKS = {"tip force": 0.05, "slip forces": 0.10}

@@ -29,8 +29,13 @@ from cosim.errors import InputError, Progress, quiet
 from cosim.fingers.common import Extensor
 from cosim.fingers.kinds import anatomy_of, live_finger
 from cosim.hoods.kinds import fitting_kinds
-from cosim.hoods.lumped.build import build_reduced_hood
-from cosim.hoods.lumped.reduction import Potential, Sample, fit_potential, stack
+from cosim.hoods.lumped.build import (
+    ReducedPotential,
+    Sample,
+    build_reduced_hood,
+    reduce_hood,
+    stack,
+)
 from cosim.models.build import build
 from cosim.port import Array
 
@@ -54,7 +59,7 @@ class Reduction:
     within: SampleRange
     loads: Mapping[str, float]
     """N, the greatest of each tendon."""
-    potential: Potential
+    potential: ReducedPotential
     samples: tuple[Sample, ...]
     held_out: tuple[Sample, ...]
     failures: tuple[str, ...]
@@ -170,7 +175,7 @@ def reduce_case(
         )
     tell(f"fitting to {len(fit)} states")
     data = stack(fit)
-    potential = fit_potential(data, joints, tendons, tip_maps(case, data.angle))
+    potential = reduce_hood(data, joints, tendons, maps=tip_maps(case, data.angle))
     rate = _rate(potential, fit, case)
     seconds = sum(w.seconds for w in found) / len(states)
     return Reduction(case, within, loads, potential, fit, held, failures, seconds, rate)
@@ -183,7 +188,7 @@ def state_in_words(angle: Array, tension: Array, tendons: Sequence[str]) -> str:
     return f"{posture} deg, {load} N"
 
 
-def _rate(potential: Potential, samples: Sequence[Sample], case: Case) -> Rate:
+def _rate(potential: ReducedPotential, samples: Sequence[Sample], case: Case) -> Rate:
     """Measured: states one by one behind the port, and a batch."""
     finger = live_finger(case.native_finger(), case.hood.left_to_finger)
     model = anatomy_of(case.finger, Extensor()).model

@@ -19,7 +19,7 @@ import numpy as np
 from cosim.analyses.reduction.samples import FailedSample, Walk, WalkSamples
 from cosim.errors import InputError
 from cosim.files import output_file
-from cosim.hoods.lumped.reduction import Sample
+from cosim.hoods.lumped.build import Sample
 
 Sampler = Callable[[Sequence[Walk]], Iterator[WalkSamples]]
 MOST_BYTES = 1 << 30

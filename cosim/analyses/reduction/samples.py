@@ -17,7 +17,7 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError
-from cosim.hoods.lumped.reduction import Sample
+from cosim.hoods.lumped.build import Sample
 from cosim.models.build import Models, build
 from cosim.outcome import one_line
 from cosim.port import STATIC, Array, Load, State

@@ -1,20 +1,119 @@
-"""What a reduced hood takes for one state: the angles of a chain's joints from the poses of its
-bodies, and products of functions with their derivatives.
+"""The angles of a finger's joints from the poses of its bodies, and their derivatives by twists.
 
-Compiled by numba where it is installed, see `cosim.kernels`.  `rigid.hoods.hinge_angle` and
-`rigid.hoods.universal_angle` say what the angles are; a hinge's is computed here from 4 w times the
-quaternion of its turn Q, (1 + tr Q, vee(Q - Q^T)): all that follows is the same at any scale.
+Q = R_p^T R_c Z^T is the turn of the child in its parent since zero.  With its unit quaternion
+(w, v), the angle of one hinge about the axis n is that of the swing-twist decomposition,
+
+    theta = 2 atan2(v . n, w),
+    d theta = g . d omega,   g = (w^2 n + w v x n + (v . n) v) / (w^2 + (v . n)^2),
+
+omega being the child's turn less the parent's, in the parent's frame.  For a turn about n alone g
+is n; a turn about an axis normal to n, before or after, leaves theta as it is.  The quaternion is
+taken times 4 w, which is (1 + tr Q, vee(Q - Q^T)): all that follows is the same at any scale.
+
+Two hinges in a row, which no body stands between, turn by Q = R(n1, a) R(n2, b), axes n1 and n2 in
+the parent's frame at zero angles, so that
+
+    Q n2 = R(n1, a) n2   and   n1^T Q = n1^T R(n2, b),
+
+and a is the turn about n1 of n2's image and b that about n2 of n1's preimage: exact whether or not
+the axes are normal to each other, and smooth functions of any Q near by.
+
+Compiled by numba where it is installed, see `cosim.kernels`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import atan2
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.errors import InputError
 from cosim.kernels.kernel import compile_kernel
-from cosim.port import Array
+from cosim.port import Array, Motion
+from rigid.model import NO_TURN, FingerModel, Vector, vector
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A hinge between two bodies, or two hinges in a row.
+
+    Raises InputError for an axis without a direction, or more than two."""
+
+    names: tuple[str, ...]
+    """Of its angles."""
+    parent: str
+    child: str
+    axes: tuple[Vector, ...] = ((0.0, 1.0, 0.0),)
+    """Of the hinges, in the parent's frame at zero angles; unit after construction."""
+    zero: tuple[Vector, Vector, Vector] = NO_TURN
+    """The child's rotation in its parent at zero angles."""
+
+    def __post_init__(self) -> None:
+        lengths = np.linalg.norm(self.axes, axis=1)
+        if not (lengths > 0.0).all() or len(lengths) > 2:
+            name = " and ".join(self.names)
+            raise InputError(f"joint {name}: expected an axis other than zero, or two of them")
+        unit = (vector(np.array(a) / n) for a, n in zip(self.axes, lengths, strict=True))
+        object.__setattr__(self, "axes", tuple(unit))
+
+
+def joints_of(model: FingerModel, most: int = 2) -> tuple[Joint, ...]:
+    """Every joint of a finger, in its order, each with at most so many of its hinges."""
+    joints = []
+    for before, body in zip(model.segments[:-1], model.segments[1:], strict=True):
+        if hinges := body.hinges[:most]:
+            names = tuple(hinge.name for hinge in hinges)
+            axes = tuple(vector(np.array(body.rotation) @ hinge.axis) for hinge in hinges)
+            joints.append(Joint(names, before.name, body.name, axes, body.rotation))
+    return tuple(joints)
+
+
+def flexion_joints(model: FingerModel) -> tuple[Joint, ...]:
+    """The first hinge of each body of a finger, which is its flexion."""
+    return joints_of(model, 1)
+
+
+def hinges_between(names: Sequence[str], bodies: Sequence[str]) -> tuple[Joint, ...]:
+    """A hinge about y from each body to the next, as in a plane."""
+    ends = zip(names, bodies[:-1], bodies[1:], strict=True)
+    return tuple(Joint((name,), parent, child) for name, parent, child in ends)
+
+
+@dataclass(frozen=True)
+class Angles:
+    """The angles of n hinges between nb bodies at one motion."""
+
+    value: Array
+    """(n,) rad."""
+    rate: Array
+    """(n, 6 nb) their derivatives by the bodies' twists (of positions: zero)."""
+    moment_rate: Array
+    """(n, 6 nb, 6 nb) derivatives of `rate`, read as wrenches in the world, by the twists."""
+
+
+class JointChain:
+    """Joints between bodies by name, as the numbers that `_chain_angles` takes."""
+
+    def __init__(self, joints: Sequence[Joint], bodies: Sequence[str]) -> None:
+        place, axes, zero = [], [], []
+        for joint in joints:
+            ends = [bodies.index(body) for body in (joint.parent, joint.child)]
+            for kind in (0,) if len(joint.names) == 1 else (1, 2):
+                place.append([*ends, kind])
+                axes.append([joint.axes[0], joint.axes[-1]])
+                zero.append(joint.zero)
+        self._place = np.array(place, dtype=np.int64).reshape(-1, 3)
+        self._axes, self._zero = np.array(axes), np.array(zero)
+
+    def angles(self, motion: Motion) -> Angles:
+        """All angles at a motion, in the joints' order; that of one hinge is continuous up to half
+        a turn to either side."""
+        rotation = np.ascontiguousarray(motion.rotation)
+        return Angles(*_chain_angles(self._place, self._axes, self._zero, rotation))
+
 
 Turned = tuple[float, Array, Array]
 """An angle, its derivative (3,) by the child's turn in the parent's frame, and that one's
@@ -107,7 +206,7 @@ def _normal(of: Array, to: Array) -> Array:
 
 
 @compile_kernel
-def chain_angles(
+def _chain_angles(
     place: NDArray[np.int64], axes: Array, zero: Array, rotation: Array
 ) -> tuple[Array, Array, Array]:
     """The n angles between nb bodies: values (n,) rad, derivatives (n, 6 nb) by the twists, and
@@ -139,21 +238,3 @@ def chain_angles(
         curve[i, c : c + 3, c : c + 3], curve[i, c : c + 3, p : p + 3] = by_child, by_parent
         curve[i, p : p + 3, c : c + 3], curve[i, p : p + 3, p : p + 3] = -by_child, -by_parent
     return value, rate, curve
-
-
-@compile_kernel
-def derivatives(index: NDArray[np.int64], table: Array) -> Array:
-    """(1 + n, 1 + n, A) of A products of one function of each of n variables: [0, 0] their values,
-    [1 + i, 0] their derivatives by variable i, [1 + i, 1 + k] by i and k.
-
-    index (A, n): which function of each variable; table (3, n, K): all functions' values and first
-    and second derivatives."""
-    count, n = index.shape
-    out = np.ones((1 + n, 1 + n, count))
-    for i in range(1 + n):
-        for k in range(1 + i):
-            for j in range(n):
-                order = int(i == j + 1) + int(k == j + 1)
-                out[i, k] *= table[order, j][index[:, j]]
-            out[k, i] = out[i, k]
-    return out
