@@ -12,8 +12,8 @@ from cosim.analyses.reduction import reduce as reduction
 from cosim.analyses.reduction import walks as reduction_walks
 from cosim.analyses.reduction.case_text import case_text
 from cosim.analyses.reduction.errors import errors
+from cosim.analyses.reduction.reduce import clamp_tip, tip_map, tip_maps
 from cosim.analyses.reduction.samples import FailedSample, Walk, WalkSamples, on_models
-from cosim.analyses.reduction.tip import clamp_tip, tip_map, tip_maps
 from cosim.case.file import find_case, load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError

@@ -7,19 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from cosim.analyses.reduction import walks
 from cosim.analyses.reduction.errors import errors
 from cosim.analyses.reduction.reduce import Reduction
-from cosim.analyses.reduction.walks import (
-    ALONE_PARTS,
-    HELD,
-    HELD_MIXED,
-    HELD_PARTS,
-    LOW,
-    MIXED,
-    MIXTURE_PARTS,
-    NEAR_ENDS,
-    SEED,
-)
 from cosim.case.file import Settings
 from cosim.hoods.lumped.build import ReducedPotential
 from cosim.schema import units
@@ -48,19 +38,20 @@ def _provenance(found: Reduction) -> Iterator[str]:
         yield f"  {joint}: {', '.join(f'{angle:g}' for angle in axis)} deg"
     loads = ", ".join(f"{name} {force:.4g} N" for name, force in found.loads.items())
     rest = found.case.solve.resting_tension
-    yield f"  loads: {loads}; each alone, and at {LOW:g} N, the others at {rest:g} N"
-    parts = "; ".join(", ".join(f"{part:g}" for part in mixture) for mixture in MIXED)
+    yield f"  loads: {loads}; each alone, and at {walks.LOW:g} N, the others at {rest:g} N"
+    parts = "; ".join(", ".join(f"{part:g}" for part in mixture) for mixture in walks.MIXED)
     yield f"  all at once, in parts of these loads (tendon by tendon, then again): {parts}"
     yield (
         f"  between the grid's points (Sobol): each alone in {found.within.spread} postures, "
-        f"with {_ends(ALONE_PARTS)} of its load, and mixtures in {found.within.mixtures}, with "
-        f"{_ends(MIXTURE_PARTS)} of each; {100 * NEAR_ENDS:g} % of them nearer to the box's ends"
+        f"with {_ends(walks.ALONE_PARTS)} of its load, and mixtures in {found.within.mixtures}, "
+        f"with {_ends(walks.MIXTURE_PARTS)} of each; {100 * walks.NEAR_ENDS:g} % of them nearer to "
+        "the box's ends"
     )
     yield (
         f"  {len(found.samples)} states fitted: torques, excursions, stiffness, arms, compliance, "
-        f"slips; {len(found.held_out)} held out: at random (seed {SEED}), {HELD} postures for each "
-        f"tendon alone, with {_ends(HELD_PARTS)} of its load, and for mixtures, with "
-        f"{_ends(HELD_MIXED)} of each"
+        f"slips; {len(found.held_out)} held out: at random (seed {walks.SEED}), "
+        f"{walks.HELD} postures for each tendon alone, with {_ends(walks.HELD_PARTS)} of its load, "
+        f"and for mixtures, with {_ends(walks.HELD_MIXED)} of each"
     )
     yield ""
     yield "Error, relative to the hood that it was reduced from:"

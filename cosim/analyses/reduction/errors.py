@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.analyses.reduction.reduce import Reduction, state_in_words
-from cosim.analyses.reduction.tip import tip_maps
+from cosim.analyses.reduction.reduce import Reduction, state_in_words, tip_maps
 from cosim.analyses.reduction.walks import LOW
 from cosim.hoods.lumped.build import Sample, stack
 from cosim.port import Array

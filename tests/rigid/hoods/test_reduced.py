@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import eval_legendre
 
-from cosim.analyses.reduction.tip import tip_maps
+from cosim.analyses.reduction.reduce import tip_maps
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
 from cosim.fingers.common import Extensor
