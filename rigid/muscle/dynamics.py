@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
+from rigid.muscle.curves import NotConverged, increasing_root
 from rigid.muscle.millard import along, balance, equilibrium, pull, solve_balance
-from rigid.muscle.newton import NotConverged, increasing_root
 from rigid.muscle.parameters import Muscles
 
 

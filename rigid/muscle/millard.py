@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
-from rigid.muscle.newton import STEEP, NotConverged, increasing_root
+from rigid.muscle.curves import STEEP, NotConverged, increasing_root
 from rigid.muscle.parameters import Muscles
 
 TOLERANCE = 1e-13
