@@ -339,7 +339,7 @@ def estimate(
 
 
 def _in_si(name: str, axis: str, value: Any, kind: units.Kind) -> float | None:
-    """Raises InputError."""
+    """A value that is given in SI units or as text, in SI units.  Raises InputError."""
     return None if value is None else quantity_in_si(f"{name}.{axis}", value, kind)
 
 

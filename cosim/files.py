@@ -132,15 +132,15 @@ def replace_folder(target: Path, part: Path) -> None:
 
 
 def check_file(path: Path) -> None:
-    """Raises InputError where no file can be written to `path`: asked before a long solve, and not
-    after it."""
+    """Check that a file can be written to `path`: asked before a long solve, and not after it.
+    Raises InputError."""
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: is no file that could be replaced; choose another")
     _check_place(path)
 
 
 def _check_place(path: Path) -> None:
-    """Raises InputError where the folder around `path` can neither be written to nor made."""
+    """Check that the folder around `path` can be written to or made.  Raises InputError."""
     place = next(p for p in path.absolute().parents if p.exists())
     if not place.is_dir():
         raise InputError(f"{path}: cannot be written ({shown_path(place)} is no folder)")
@@ -153,8 +153,8 @@ def _check_place(path: Path) -> None:
 
 
 def check_folder(target: Path, mark: str) -> None:
-    """Raises InputError where something stands that may not be replaced, or where the folder cannot
-    be made: asked before a long solve, and not after it."""
+    """Check that nothing stands at the target that may not be replaced, and that the folder can be
+    made: asked before a long solve, and not after it.  Raises InputError."""
     _check_place(target)
     if not target.exists():
         return

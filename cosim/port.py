@@ -170,7 +170,7 @@ class Load:
             raise InputError(f"load: expected wrench {shape}, got {self.wrench.shape}")
 
     def total(self) -> Array:
-        """(nb, 6) force (N) and moment (N m) on each body, the sum over the sources."""
+        """Force (N) and moment (N m) on each body (nb, 6), the sum over the sources."""
         return self.wrench.sum(axis=1)
 
     def imbalance(self, motion: Motion) -> tuple[float, float]:
@@ -282,7 +282,7 @@ class Hood(Protocol):
 def check_tensions(
     who: str, tendons: tuple[str, ...], tension: Array, *, none_negative: bool = False
 ) -> None:
-    """Raises InputError for tensions (nt,) N that are not one for each tendon and finite."""
+    """Check that tensions (nt,) N are one for each tendon and finite.  Raises InputError."""
     fits = np.shape(tension) == (len(tendons),) and np.isfinite(tension).all()
     if not fits or (none_negative and (np.asarray(tension) < 0).any()):
         kind = ", none negative" if none_negative else ""
@@ -295,8 +295,8 @@ def check_tensions(
 def check_step(
     who: str, hood: Hood, motion: Motion, tension: Array, dt: float, *, none_negative: bool = False
 ) -> None:
-    """Raises InputError for what no hood can be advanced with: other bodies than its own, tensions
-    that `check_tensions` refuses, a time step (s) that is not positive."""
+    """Check what a hood is advanced with: its bodies, tensions as `check_tensions` takes them, a
+    time step (s) that is positive.  Raises InputError."""
     if motion.bodies != hood.bodies:
         raise InputError(
             f"{who}: its bodies are {hood.bodies}, in this order; the motion has {motion.bodies}"
@@ -347,7 +347,7 @@ class Finger(Protocol):
 
     @property
     def ranges(self) -> Mapping[str, tuple[float, float]]:
-        """rad by joint, what `start` allows; infinite where nothing is known."""
+        """The angles (rad) by joint that `start` allows; infinite where nothing is known."""
         ...
 
     def start(self, posture: Mapping[str, float]) -> State:
@@ -395,19 +395,19 @@ class Finger(Protocol):
         ...
 
     def tip(self, state: State) -> Array | None:
-        """(3,) the fingertip point, world frame, m, where it is known."""
+        """The fingertip point (3,) m, world frame, where it is known."""
         ...
 
     def tip_force(self, state: State) -> Array:
-        """(3,) N, of the fingertip on the world, world frame; zero for a free tip."""
+        """The force (3,) N of the fingertip on the world, world frame; zero for a free tip."""
         ...
 
     def jacobian(self, state: State) -> Array | None:
-        """(6 nb, nq) twists of the bodies per joint rate, where they are known."""
+        """Twists (6 nb, nq) of the bodies per joint rate, where they are known."""
         ...
 
     def ledger(self, state: State, load: Load, tension: Array) -> dict[str, Array]:
-        """(nb, 6) wrench on each body about its origin, world frame, by source, so far as the
+        """The wrench (nb, 6) on each body about its origin, world frame, by source, so far as the
         finger tells its forces."""
         ...
 
@@ -422,15 +422,15 @@ class OpenFinger(Finger, Protocol):
     reaction (0 or 3)."""
 
     def unknowns(self, state: State) -> Array:
-        """(n,) z: the joint angles (rad), then the tip's reaction (N)."""
+        """The unknowns (n,) z: the joint angles (rad), then the tip's reaction (N)."""
         ...
 
     def tip(self, state: State) -> Array:
-        """(3,) the fingertip point, world frame, m."""
+        """The fingertip point (3,) m, world frame."""
         ...
 
     def jacobian(self, state: State) -> Array:
-        """(6 nb, nq) twists of the bodies per joint rate."""
+        """Twists (6 nb, nq) of the bodies per joint rate."""
         ...
 
     def balance(self, state: State, load: Load, tension: Array) -> Balance:
@@ -438,8 +438,8 @@ class OpenFinger(Finger, Protocol):
         ...
 
     def tangent(self, state: State, load: Load, tension: Array, load_motion: Array) -> Array:
-        """(n, n) derivative of the residual with respect to z, where the load follows the bodies
-        with `load_motion` (6 nb, 6 nb)."""
+        """The derivative (n, n) of the residual with respect to z, where the load follows the
+        bodies with `load_motion` (6 nb, 6 nb)."""
         ...
 
     def displace(self, state: State, step: Array) -> State:
@@ -447,13 +447,13 @@ class OpenFinger(Finger, Protocol):
         ...
 
     def ledger(self, state: State, load: Load, tension: Array) -> dict[str, Array]:
-        """(nb, 6) wrench on each body about its origin, world frame, by source (muscles, passive,
-        limit, gravity, fingertip, joint, and the ground, which holds the fixed body); with the
-        hood's load they close to zero on each body."""
+        """The wrench (nb, 6) on each body about its origin, world frame, by source (muscles,
+        passive, limit, gravity, fingertip, joint, and the ground, which holds the fixed body); with
+        the hood's load they close to zero on each body."""
         ...
 
     def path_lengths(self, state: State) -> Array:
-        """(nt,) m, of the finger's own tendons."""
+        """The path lengths (nt,) m of the finger's own tendons."""
         ...
 
 
@@ -526,11 +526,11 @@ class MovingFinger(Protocol):
         ...
 
     def jacobian(self, angles: Array) -> Array:
-        """(6 nb, nq) twists of the bodies per joint rate."""
+        """Twists (6 nb, nq) of the bodies per joint rate."""
         ...
 
     def path_lengths(self, angles: Array) -> Array:
-        """(nt,) m, of the finger's own tendons at joint angles (nq,) rad."""
+        """The path lengths (nt,) m of the finger's own tendons at joint angles (nq,) rad."""
         ...
 
     def step(self, state: State, load: AffineLoad, tension: Array, dt: float) -> State:

@@ -37,7 +37,7 @@ PRELOADED = (
     "cosim.cli",
     "cosim.pipeline",
     "cosim.kernels.ready",
-    "fe_solver.hood.build_shell",
+    "fe_solver.hood.build",
     "rigid.fingers.index",
     "rigid.mujoco.finger",
     "scipy.ndimage",

@@ -162,7 +162,7 @@ class CsvTable:
     rows: tuple[CsvRow, ...]
 
     def numbers(self, column: str) -> Array:
-        """(n,) a column without gaps.  Raises InputError, naming the line."""
+        """The numbers (n,) of a column without gaps.  Raises InputError, naming the line."""
         if column not in self.columns:
             raise InputError(
                 f"{self.path}: has no column {column!r}; it has {', '.join(self.columns)}"

@@ -396,7 +396,7 @@ show(figure, states=count.reset_index(), rows=table)
 # figures were not seen: only what its text prints stands here, and of the experiment's forces the
 # text prints no mean.
 
-# %%
+# %% rows_by_place
 show(**dict(place_tables(table)))
 
 # %% [markdown]
@@ -456,7 +456,7 @@ def lines_by_region(table):
 
 
 if MI29 is None:
-    shown = None
+    shown = show()
     begin = "Not run: no mesh was given. "
     end = (
         "The file has no licence and is not shipped. With it this place shows the strains of three "

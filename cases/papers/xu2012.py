@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 from matplotlib import colormaps
 
+from cosim.checks import read_printed
 from cosim.report.figures import legend_below, new_picture, show, style_axes
 from rigid.air.model import (
     AMPLITUDE,
@@ -49,6 +50,9 @@ from rigid.papers.xu2012.fan import fan
 COLOURS = ("#0b5394", "#b45309", "#7a9cc6", "#3f7d3f", "#8e4585", "0.25")
 PLANT, MODEL, WITHOUT = "#0b5394", "#b45309", "0.55"
 UNIT = "dPdt_kPa_per_s"
+PRINTED = {row.ours: row for row in read_printed("xu2012")}
+PAPER = {name: row.printed for name, row in PRINTED.items()}
+LATENCY, LEAST_R2 = PRINTED["latency"].values[0], PRINTED["R2"].values[0]
 LABELS = [joint.replace("_", " ") for joint in JOINTS]
 
 air_identification = cache(identification)
@@ -177,13 +181,14 @@ show(
 )
 
 # %% [markdown]
-# A virtual experiment: {len(e.meant.residual)} times of rest found in the record (paper: 460),
-# {len(e.meant.angle)} kept with the markers where they were meant to be (400), whose residual is
-# {1e3 * e.meant.residual.mean():.1f} mm on average (about 5). The adduction tendon saturates at its
-# piston's limiter, and the abduction tendon is the noisiest of the others by its share of its
-# range, both put in. RMS with the places as meant: {as_meant} mm; shown: after the places were
-# found, to {1e3 * e.marker_error:.2f} mm, from the same poses and from table II's limits as stops.
-# Noise, misplacement and the markers' give are ours.
+# A virtual experiment: {len(e.meant.residual)} times of rest found in the record (paper:
+# {PAPER["rests"]}), {len(e.meant.angle)} kept with the markers where they were meant to be
+# ({PAPER["poses"]}), whose residual is {1e3 * e.meant.residual.mean():.1f} mm on average
+# ({PAPER["residual"]}). The adduction tendon saturates at its piston's limiter, and the abduction
+# tendon is the noisiest of the others by its share of its range, both put in. RMS with the places
+# as meant: {as_meant} mm; shown: after the places were found, to {1e3 * e.marker_error:.2f} mm,
+# from the same poses and from table II's limits as stops. Noise, misplacement and the markers' give
+# are ours.
 
 # %% [markdown]
 # ## steps: figure 10 and after: steps in tendon space and in joint space
@@ -360,10 +365,10 @@ show(
 
 # %% [markdown]
 # dP/dt at frequencies that the model has not seen (identified from sines of {heard} Hz and
-# {AMPLITUDE:g} V about 5 V). R2 {whole:.3f} together, {by_frequency}; the paper says above 0.9. The
-# voltage is that of {model.lag} samples before, identified too: the equation as printed has no dead
-# time, and without it R2 is {without:.2f}. Frequencies and amplitude are ours; the paper prints
-# none. Coefficients: of the printed equation, P in Pa above the atmosphere and V in V.
+# {AMPLITUDE:g} V about 5 V). R2 {whole:.3f} together, {by_frequency}; the paper says {PAPER["R2"]}.
+# The voltage is that of {model.lag} samples before, identified too: the equation as printed has no
+# dead time, and without it R2 is {without:.2f}. Frequencies and amplitude are ours; the paper
+# prints none. Coefficients: of the printed equation, P in Pa above the atmosphere and V in V.
 
 # %% [markdown]
 # ## latency: figure 7: flow rate after steps of the voltage
@@ -386,7 +391,7 @@ for axes, (name, (begin, ends)) in zip(
         axes.plot(since, 1e-6 * rate, ".-", color=shade, lw=1.4, ms=3.5, label=f"to {end:g} V")
         part = {"steps": name, "to_V": end, "latency_ms": delay, "since_step_ms": since}
         parts.append(pd.DataFrame({**part, UNIT: 1e-3 * rate}))
-    axes.axvline(50.0, color="0.4", lw=1.0, ls="--")
+    axes.axvline(LATENCY, color="0.4", lw=1.0, ls="--")
     style_axes(axes, "", "dP/dt, MPa/s")
     axes.set_title(name, fontsize=10, loc="left")
     axes.set_xlim(-20.0, 300.0)
@@ -397,8 +402,8 @@ show(figure, pd.concat(parts, ignore_index=True))
 # %% [markdown]
 # dP/dt after steps of the voltage from an extreme; pistons fixed. The largest effect comes
 # {np.median(found):.0f} ms after the step (from {min(found):.0f} to {max(found):.0f}, to the 10 ms
-# of the samples); the paper says about 50. That is a fit and no prediction: the plant's dead time
-# was sized to it; spool, average and difference make the rest.
+# of the samples); the paper says {PAPER["latency"]}. That is a fit and no prediction: the plant's
+# dead time was sized to it; spool, average and difference make the rest.
 
 # %% [markdown]
 # ## air-doubts: what the model's R2 depends on
@@ -436,7 +441,7 @@ for column, mark, colour, label in (
     ("R2_without_delay", "s", WITHOUT, "printed equation, no delay"),
 ):
     axes.plot(data[column], at, mark, color=colour, ms=7, label=label)
-axes.axvline(0.9, color="0.4", lw=1.0, ls="--")
+axes.axvline(LEAST_R2, color="0.4", lw=1.0, ls="--")
 style_axes(axes, "R2 at unseen frequencies (dashed: the paper's 0.9)", "")
 axes.set_yticks(at, data["variant"])
 legend_below(figure, 2)

@@ -118,7 +118,7 @@ def climb(source: Path, settings: tuple[str, ...], name: str) -> Rung:
 
 
 def _slips(models: Models, e: Equilibrium) -> Mapping[str, float]:
-    """N, central and terminal, where the hood has slips."""
+    """Forces (N) in the central and the terminal slip, where the hood has slips."""
     if models.slips is not None:
         return models.slips(e.response.state)
     if models.own_slips is not None:
@@ -128,7 +128,7 @@ def _slips(models: Models, e: Equilibrium) -> Mapping[str, float]:
 
 
 def _excursions(models: Models, states: States) -> dict[str, float]:
-    """mm, of the tendons that pull more when loaded."""
+    """Excursions (mm) of the tendons that pull more when loaded."""
     ends = [
         dict(zip(models.hood.tendons, e.excursion, strict=True))
         | dict(zip(models.finger.tendons, -models.finger.path_lengths(e.finger_state), strict=True))

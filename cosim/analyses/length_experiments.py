@@ -131,12 +131,13 @@ def cut(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
 
 
 def _extension(of: Summary) -> float:
-    """N mm, with which the hood extends the MCP."""
+    """The torque (N mm) with which the hood extends the MCP."""
     return -float(of["joint_torque_Nmm"]["hood"]["MCP"])
 
 
 def levers(case: Case) -> dict[str, float]:
-    """mm from the MCP to where its force may have been measured, of the straight finger."""
+    """The distance (mm) from the MCP to where its force may have been measured, of the straight
+    finger."""
     length = 1e3 * skeleton_of(case.native_finger()).length
     return {"PIP": float(length[1]), "fingertip": float(length[1:].sum())}
 
@@ -172,7 +173,7 @@ def resistance(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
 
 
 def _resistance(of: Summary) -> float:
-    """N mm, with which the hood at rest extends the DIP."""
+    """The torque (N mm) with which the hood at rest extends the DIP."""
     return -float(of["unloaded"]["joint_torque_Nmm"]["hood"]["DIP"])
 
 

@@ -56,7 +56,7 @@ def sweep(
 
 
 def own_arms(models: Models, posture: Mapping[str, float]) -> dict[str, Array]:
-    """(nq,) m of the finger's own tendons at joint angles `posture` (rad)."""
+    """Moment arms (nq,) m of the finger's own tendons at joint angles `posture` (rad)."""
     finger = models.finger
     bodies, own = finger.bodies, finger.tendons
     idle = Load(bodies, ("hood",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))

@@ -14,14 +14,13 @@ DIFFERENCE = 1e-6
 
 
 def greatest_tip_force(finger: OpenFinger, at: State, torque: Array) -> float:
-    """N, what a fingertip held at a point can bear at most under joint torques tau (nq,) N m.
+    """The most (N) that a fingertip held at a point can bear under joint torques tau (nq,) N m.
 
     With J the tip's Jacobian (3, nq) and F the force on the world, J^T F = tau + p, where springs
     and limits that are at rest in the posture make p.  The tip leaves one motion n, J n = 0, along
     which each of them opposes its joint's turn: p_j = -c_j n_j s with c_j >= 0, whatever its law.
     So n . (tau + p) = 0 makes F = sum_j w_j F_j with w_j = c_j n_j^2 / sum_k c_k n_k^2, F_j being
-    the force while joint j alone resists: a mean of the F_j, no larger than the largest of them.
-    """
+    the force while joint j alone resists: a mean of the F_j, no larger than the largest of them."""
     n = len(torque)
     tip = np.zeros((3, n))
     for j in range(n):

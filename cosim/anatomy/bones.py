@@ -162,7 +162,6 @@ def _place(
     hood: Placing,
     chain: Centreline,
 ) -> Triangles:
-
     if frame == "body":
         return points * UNITS[unit], faces
     if frame == "myohand":
@@ -238,5 +237,5 @@ def _wrong_place(body: str, points: Array, length: float) -> str:
 
 
 def _long(points: Array) -> Array:
-    """(3,) the longest principal axis of the corners."""
+    """The longest principal axis (3,) of the corners."""
     return np.asarray(np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0])

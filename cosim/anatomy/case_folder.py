@@ -41,7 +41,6 @@ def new_case(name: str, given: UserAnatomy, out: Path) -> tuple[Path, tuple[str,
 
 
 def _defaults() -> Defaults:
-
     hood = cast(ShellHoodConfig, load_case(BASE).hood)
     return Defaults(hood.thickness, hood.contact)
 
@@ -62,7 +61,7 @@ def write_case(part: Path, name: str, given: UserAnatomy, made: Built) -> None:
 
 
 def _obj(points: np.ndarray, faces: np.ndarray) -> str:
-    """m, in full precision."""
+    """The text of an OBJ file, m, in full precision."""
     rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
     rows += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
     return "\n".join(rows) + "\n"

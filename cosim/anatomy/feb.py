@@ -100,7 +100,7 @@ def _thicknesses(root: FebTag, mesh: FebMesh, dropped: list[str]) -> dict[str, f
 
 
 def _fibres(root: FebTag, mesh: FebMesh, names: Sequence[str]) -> Array | None:
-    """(ne, 3) first material axes, the parts in a row, where each has one at every element."""
+    """First material axes (ne, 3), the parts in a row, where each has one at every element."""
     data = root.one("MeshData")
     axes = {
         t.attributes.get("elem_set", ""): [vector_in(row, "a") for row in t.children]

@@ -14,7 +14,7 @@ import numpy as np
 from cosim.anatomy.bones import BoneFrame, Bones, read_bones
 from cosim.anatomy.feb import read_feb_mesh
 from cosim.errors import InputError
-from cosim.hoods.bone_surfaces import contact_levels, pose_surfaces
+from cosim.hoods.fe_supports import contact_levels, pose_surfaces
 from cosim.hoods.supports import ContactConfig
 from cosim.port import Array
 from cosim.schema.types import MUSCLES
@@ -122,7 +122,6 @@ def _finger(
 
 
 def _bones(given: UserAnatomy, skeleton: Skeleton, report: list[str]) -> Bones:
-
     chain = Centreline(skeleton, *skeleton.pose(given.posture))
     bones = read_bones(given.bones, given.bone_frame, given.bone_unit, given.placing, chain)
     sizes = ", ".join(
@@ -142,7 +141,6 @@ def _with_hood(
     skeleton: Skeleton,
     report: list[str],
 ) -> Built:
-
     assert given.hood is not None
     chain = Centreline(skeleton, *skeleton.pose(given.posture))
     names = {ours: theirs for ours, theirs in given.names.items() if ours not in FINGER_NAMES}
@@ -189,9 +187,8 @@ def read_hood(path: Path) -> RawMesh:
 def _clearance(
     mesh: HoodMesh, bare: Level, touched: Level, wanted: Mapping[str, float], report: list[str]
 ) -> dict[str, float]:
-    """m by body, how high over the bone's back the sheet's face bears on it: the base case's
-    height, or where the sheet was laid nearer to the `touched` surfaces, the least that it has
-    there.
+    """How high (m) over each bone's back the sheet's face bears on it: the base case's height, or
+    where the sheet was laid nearer to the `touched` surfaces, the least that it has there.
 
     Raises InputError where the hood runs through a bone, or is nowhere near one."""
     gaps = _gaps(mesh, bare)
@@ -218,7 +215,7 @@ def _clearance(
 
 
 def _gaps(mesh: HoodMesh, level: Level) -> dict[str, Array]:
-    """(n,) m by body, of the nodes over its surface."""
+    """The gaps (n,) m of the nodes over each body's surface."""
     here = (
         (mesh.points - position) @ rotation
         for position, rotation in zip(level.position, level.rotation, strict=True)

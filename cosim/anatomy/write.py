@@ -18,7 +18,7 @@ FORMATS: dict[str, Callable[[RawMesh, Path], None]] = WRITERS | {".feb": write_f
 
 
 def check_ending(path: Path) -> None:
-    """Raises InputError for an ending that no hood mesh is written to."""
+    """Check that hood meshes are written to files of this ending.  Raises InputError."""
     if path.suffix.lower() not in (OWN, *FORMATS):
         raise InputError(
             f"{path}: a hood mesh is written to a file ending in {OWN} (for hood.mesh.path), "

@@ -272,7 +272,7 @@ class Case(CaseFile):
         return "one_way" if self.coupling.scheme == "one_way" else "static"
 
     def tension(self, tendon: str) -> float:
-        """N; the resting tension where the case says nothing else."""
+        """The tension of a tendon (N); the resting tension where the case says nothing else."""
         stated = self.tendons.get(tendon, TendonConfig()).force
         return self.solve.resting_tension if stated is None else stated
 

@@ -11,7 +11,7 @@ import typer
 
 from cosim.analyses.estimate.feasible import ForceSet, force_set
 from cosim.analyses.estimate.files import muscle_table, write_answer, write_motion
-from cosim.analyses.estimate.joint_motion import read_motion
+from cosim.analyses.estimate.joint_motion import JointMotion, read_motion
 from cosim.analyses.estimate.of_case import (
     EstimateAnswer,
     MotionEstimate,
@@ -135,48 +135,36 @@ def estimate(
             quantities("--most", most, units.FORCE),
         )
         if motion is not None:
-            _motion(folder, made, motion, samples, cutoff, reserve, started)
+            asked = _read_motion(made, motion, samples, cutoff)
+            lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
+            estimated = for_motion(made, asked, _say, lacking)
+            write_motion(folder, made, estimated, time.perf_counter() - started)
+            _show_motion(made, estimated)
         else:
-            _target(folder, made, force, torque or (), started)
+            answer = _answer(made, force, torque)
+            forces = _forces(made, answer)
+            write_answer(folder, made, answer, forces, time.perf_counter() - started)
+            if answer is not None:
+                _show(made, answer)
+        typer.echo(f"results in {folder}")
 
 
 def _say(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def _motion(
-    folder: Path,
-    s: Setup,
-    path: Path,
-    samples: int | None,
-    cutoff: str | None,
-    reserve: str | None,
-    started: float,
-) -> None:
-
+def _read_motion(s: Setup, path: Path, samples: int | None, cutoff: str | None) -> JointMotion:
     highest = None if cutoff is None else quantity("--cutoff", cutoff, units.FREQUENCY)
-    lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
-    motion = read_motion(path, s.models.finger.joints, s.models.posture, samples, highest)
-    found = for_motion(s, motion, _say, lacking)
-    write_motion(folder, s, found, time.perf_counter() - started)
-    _show_motion(s, found)
-    typer.echo(f"results in {folder}")
+    return read_motion(path, s.models.finger.joints, s.models.posture, samples, highest)
 
 
-def _target(
-    folder: Path, s: Setup, force: str | None, torque: list[str] | tuple[()], started: float
-) -> None:
-
-    answer = None
+def _answer(s: Setup, force: str | None, torque: list[str] | None) -> EstimateAnswer | None:
+    """The tensions for a force or for torques; None where neither is asked for."""
     if force is not None:
-        answer = for_force(s, parse_force(force), _say)
-    elif torque:
-        answer = for_torques(s, quantities("--torque", torque, units.TORQUE), _say)
-    forces = _forces(s, answer)
-    write_answer(folder, s, answer, forces, time.perf_counter() - started)
-    if answer is not None:
-        _show(s, answer)
-    typer.echo(f"results in {folder}")
+        return for_force(s, parse_force(force), _say)
+    if torque:
+        return for_torques(s, quantities("--torque", torque, units.TORQUE), _say)
+    return None
 
 
 def _forces(s: Setup, answer: EstimateAnswer | None) -> ForceSet | None:
@@ -201,7 +189,6 @@ def _forces(s: Setup, answer: EstimateAnswer | None) -> ForceSet | None:
 
 
 def _show(s: Setup, answer: EstimateAnswer) -> None:
-
     table = muscle_table(s.capacity, answer.estimate.tension)
     rows = [
         (
@@ -221,7 +208,6 @@ def _show(s: Setup, answer: EstimateAnswer) -> None:
 
 
 def _show_motion(s: Setup, found: MotionEstimate) -> None:
-
     rows = [
         (name, f"{low:.4g}", f"{high:.4g}")
         for name, low, high in zip(

@@ -82,8 +82,7 @@ def solve(
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
     with exit_on_error():
         from fe_solver.febio.read import read_feb
-        from fe_solver.job.mid_surface import move_to_mid_surface
-        from fe_solver.job.model import JobOptions
+        from fe_solver.job.model import JobOptions, move_to_mid_surface
         from fe_solver.job.results import SUMMARY, write_job
         from fe_solver.job.solve import solve_job, spread_times
         from fe_solver.q4ans.solve import alternatives, solve_solid
@@ -110,7 +109,7 @@ def solve(
             job = move_to_mid_surface(job)
         result: JobResult | None = None
         with stages(model.name) as told:
-            told.say(f"solving {len(job.quads)} elements")
+            told.say(f"solving {len(job.sheet.quads)} elements")
             options = JobOptions(penetration=limit, spacing=grid)
             if not is_own:
                 try:
@@ -130,7 +129,7 @@ def solve(
 
 
 def _length(text: str) -> float:
-    """m of a length with its unit.  Raises InputError."""
+    """Read a length with its unit (m).  Raises InputError."""
     from cosim.schema.units import LENGTH, parse
 
     try:
@@ -163,7 +162,7 @@ def _show(result: JobResult) -> None:
     from rich.table import Table
 
     screen = console()
-    screen.print(f"{result.job.name}: {len(result.job.quads)} elements")
+    screen.print(f"{result.job.name}: {len(result.job.sheet.quads)} elements")
     for state in result.states:
         table = Table(title=f"t = {state.time:g}", title_justify="left", show_header=False)
         for row in _rows(result, state):
@@ -226,11 +225,11 @@ def export(
         tension, _ = tensions(checked, models)
         job = job_of_hood(models.hood, motion, tension, models.bones, checked.name)
         write_feb(job, out)
-        typer.echo(f"{len(job.quads)} elements in {out}")
+        typer.echo(f"{len(job.sheet.quads)} elements in {out}")
 
 
 def _check_heads(contact: ContactConfig) -> None:
-    """Raises InputError where a head is covered by less than its bone's back."""
+    """Check that no head is covered by less than its bone's back.  Raises InputError."""
     for bone, head in contact.heads:
         back = getattr(contact.offset, bone)
         if head is not None and min(head.face, head.sides) < back:

@@ -284,7 +284,6 @@ def _show_fit(found: Fit, several: bool) -> None:
 
 
 def _squares(rows: Sequence[Comparison]) -> float:
-
     return sum(miss(row.target, row.model or 0.0) ** 2 for row in rows)
 
 

@@ -64,7 +64,6 @@ def ladder(
 
 
 def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
-
     for name, text in (
         (MARK, to_json(rungs)),
         ("ladder.csv", to_csv(rungs)),
@@ -75,7 +74,6 @@ def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
 
 
 def _show(rungs: Sequence[Rung], title: str) -> None:
-
     print_table(title, ("", *map(heading, rungs)), side_by_side(rungs))
     for line in reasons(rungs):
         typer.echo(line)

@@ -84,7 +84,6 @@ def _save(result: Result, out: Path) -> Path:
 
 
 def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Format) -> list[ReportTable]:
-
     tables = tables_of_lesion(pairs)
     if form == "html":
         text = lesion_page(case.title, list(lesion_text(case)), named_parts(case), pairs)
@@ -98,7 +97,6 @@ def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Format) -> l
 
 
 def _show(table: ReportTable) -> None:
-
     grid = Grid(*table.columns, title=table.title, title_justify="left", box=None)
     for row in table.rows:
         grid.add_row(*map(cell_text, row))

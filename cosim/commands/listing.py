@@ -62,13 +62,11 @@ def explain(
 
 
 def _cases() -> tuple[tuple[str, ...], Rows]:
-
     rows = [(name, path.parent.name, _title(path)) for name, path in packaged_cases().items()]
     return ("case", "family", ""), sorted(rows, key=lambda row: (row[1], row[0]))
 
 
 def _studies() -> tuple[tuple[str, ...], Rows]:
-
     return ("study", ""), [(path.stem, _title(path)) for path in packaged_studies()]
 
 
@@ -77,7 +75,6 @@ def _title(path: Path) -> str:
 
 
 def _trials() -> tuple[tuple[str, ...], Rows]:
-
     found: dict[tuple[str, str], list[str]] = {}
     for group in groups():
         for trial in group.trials:
@@ -92,12 +89,10 @@ def _fingers() -> tuple[tuple[str, ...], Rows]:
 
 
 def _hoods() -> tuple[tuple[str, ...], Rows]:
-
     return ("hood.kind", ""), [(name, kind.table.title) for name, kind in KINDS.items()]
 
 
 def _materials() -> tuple[tuple[str, ...], Rows]:
-
     whole = json_schema()
     found = dict(_alternatives(whole, _at(whole, "hood.regions.central_slip")))
     rows = [

@@ -108,7 +108,7 @@ def _show(case: Path, report: Sequence[str], given: UserAnatomy) -> None:
 
 
 def _posture(text: str) -> dict[str, float]:
-    """rad."""
+    """Read the joint angles (rad) in which the hood was laid."""
     angles = three_numbers("--posture", text, "20 40 11")
     limits = {"MCP": (-30, 90), "PIP": (0, 110), "DIP": (0, 70)}
     for (joint, (low, high)), angle in zip(limits.items(), angles, strict=True):

@@ -203,7 +203,7 @@ def _bodies(texts: Sequence[str]) -> dict[int, str]:
 
 
 def _points(names: Sequence[str], model: Path | None, texts: Sequence[str]) -> dict[str, Array]:
-    """(3,) m of each body."""
+    """The point (3,) m at which each body's force acts."""
     there = {} if model is None else mass_centres(model)
     stated = {}
     for name, text in (_split_point(text) for text in texts):

@@ -142,7 +142,6 @@ def _voice(quiet: bool, as_json: bool) -> Voice:
 
 
 def _check_targets(cases: Sequence[Case], out: Path) -> None:
-
     names = [case.name for case in cases]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -199,7 +198,6 @@ def _side_by_side(
 
 
 def _save(result: Result, out: Path) -> Ended:
-
     return Ended(result.summary, *write_run(out, result))
 
 
@@ -220,7 +218,6 @@ def _count(name: str, done: int, total: int, seconds: float) -> None:
 
 
 def _what_stays(unfinished: Path | None) -> str:
-
     if unfinished is None or not (unfinished / NAME).is_file():
         return "nothing of this run is kept"
     return f"what was kept before stays. Go on with: cosim resume {shown_path(unfinished)}"
@@ -232,8 +229,8 @@ def _forget(unfinished: Path | None) -> None:
 
 
 def _check_unfinished(cases: Sequence[Case], out: Path, restart: bool) -> None:
-    """Raises InputError for a motion of which a part is kept, which a new run would throw away;
-    with `restart` it is thrown away."""
+    """Check that no part of a motion is kept, which a new run would throw away; with `restart` it
+    is thrown away.  Raises InputError."""
     for case in cases:
         if restart:
             _forget(checkpoint_folder(case, out))
@@ -273,7 +270,6 @@ def _progress(name: str, voice: Voice) -> Iterator[Progress]:
 
 
 def _show(case: Case, summary: Mapping[str, Any]) -> None:
-
     printer = console()
     printer.print(f"\n{case.name}: {case.title}")
     for table in tables(summary):
@@ -322,6 +318,5 @@ def schema(
 
 
 def _schema_text(what: str) -> str:
-
     made = json_schema() if what == "case" else study_schema()
     return json.dumps(made, indent=2, ensure_ascii=False)

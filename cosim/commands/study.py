@@ -75,7 +75,6 @@ def study(
 
 
 def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve]:
-
     def tell(text: str) -> None:
         typer.echo(text, err=True)
 
@@ -85,7 +84,6 @@ def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve
 
 
 def _show(plan: StudyPlan, done: StudyOutcome, found: StudyResults, folder: Path) -> None:
-
     rows = []
     for name in found.outputs:
         band, unit = found.band(name), found.units[name]

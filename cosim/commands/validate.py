@@ -114,7 +114,6 @@ def _list(groups: list[TrialGroup]) -> None:
 
 
 def _print(boards: list[Board]) -> None:
-
     screen = console()
     for board in by_kind(boards):
         _print_tallies(board)
@@ -138,7 +137,6 @@ def _summary_sentence(found: Mapping[str, int]) -> str:
 
 
 def _print_rows(board: Board) -> None:
-
     table = Table()
     for name in ("what", "model", "reference", "difference", "verdict", "kind"):
         table.add_column(name)
@@ -151,7 +149,6 @@ def _print_rows(board: Board) -> None:
 
 
 def _print_changes(again: list[Board], found: list[Change]) -> None:
-
     screen = console()
     table = Table(title="mesh: what more quads change", title_justify="left")
     for name in ("what", "model", "finer", "change", "at most", "verdict"):

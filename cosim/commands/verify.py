@@ -61,7 +61,6 @@ def fe(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
 
 
 def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: bool) -> None:
-
     with exit_on_error():
         studies = select_studies(only, slow, studies)
     rows: list[Row] = []
@@ -158,7 +157,6 @@ def _for_purposes() -> Iterator[tuple[str, str]]:
 
 
 def _installed(name: str) -> str:
-
     try:
         return f"{name} {version(name)}"
     except PackageNotFoundError:

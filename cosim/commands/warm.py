@@ -65,7 +65,7 @@ def warm() -> None:
 
 
 def _check_kept() -> None:
-    """Raises InputError where a kernel was compiled and could not be kept."""
+    """Check that every kernel that was compiled could be kept.  Raises InputError."""
     for kernel in compiled_kernels():
         if kernel.folder is None:
             raise InputError(
@@ -76,7 +76,6 @@ def _check_kept() -> None:
 
 
 def _warm_up(warmup: Warmup) -> None:
-
     case = load_case(warmup.case).replace(warmup.settings)
     if warmup.solve == "case":
         run_case(case)
@@ -96,6 +95,5 @@ def _bake_tetrahedron() -> None:
 
 
 def _bones_folder() -> str:
-
     folder = cache_folder()
     return f"in {shown_path(folder)}" if folder.is_dir() else "nowhere: no cache folder of the user"

@@ -88,7 +88,7 @@ class Equilibrium:
 
     @property
     def excursion(self) -> Array:
-        """(nt,) m, the excursions of the hood's tendons in the equilibrium."""
+        """The excursions (nt,) m of the hood's tendons in the equilibrium."""
         return self.response.excursion
 
 
@@ -191,8 +191,8 @@ class _CouplingStep(NamedTuple):
 
 
 def moment_arms(finger: OpenFinger, e: Equilibrium) -> Array:
-    """(nq, nt) m, by force: derivative of the joint torques by each hood tendon's tension,
-    d tau/d T at fixed pose (for a prestressed hood not the same as tau/T)."""
+    """Moment arms (nq, nt) m by force: the derivative of the joint torques by each hood tendon's
+    tension, d tau/d T at fixed pose (for a prestressed hood not the same as tau/T)."""
     return finger.jacobian(e.finger_state).T @ e.jacobian.load_tension
 
 

@@ -133,8 +133,8 @@ def _size(balance: Balance) -> float:
 
 
 def _softest(slope: Array, nq: int) -> float:
-    """N m/rad, the largest eigenvalue of the joints' tangent (n, n) over the motions that the tip's
-    support allows; positive where the finger runs away from its equilibrium."""
+    """The largest eigenvalue (N m/rad) of the joints' tangent (n, n) over the motions that the
+    tip's support allows; positive where the finger runs away from its equilibrium."""
     free = np.linalg.svd(slope[nq:, :nq])[2][len(slope) - nq :].T
     allowed = free.T @ slope[:nq, :nq] @ free
     return float(np.linalg.eigvalsh((allowed + allowed.T) / 2).max(initial=-np.inf))

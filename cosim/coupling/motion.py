@@ -44,7 +44,7 @@ class TendonDrive(Protocol):
         ...
 
     def cylinder_signals(self, state: State, time: float) -> Array:
-        """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
+        """Signals (nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
         ...
 
 
@@ -56,20 +56,21 @@ class RecordedFinger(MovingFinger, Protocol):
         ...
 
     def device_loss(self, state: State) -> float:
-        """J, dissipated by a device about the fingertip in the step that ended in the state."""
+        """The energy (J) that a device about the fingertip dissipated in the step that ended in the
+        state."""
         ...
 
     def stored_energy(self, state: State) -> Mapping[str, float]:
-        """J by kind: the parts of `energy`; empty where only their sum is known."""
+        """The parts of `energy` (J) by kind; empty where only their sum is known."""
         ...
 
     def tip_wrench(self, state: State) -> Array:
-        """(6,) N, and N m about the fingertip: the wrench of the fingertip on the world, world
+        """The wrench (6,) of the fingertip on the world: N, and N m about the fingertip, world
         frame."""
         ...
 
     def tip(self, angles: Array) -> Array | None:
-        """(3,) m, the fingertip's point at joint angles (nq,) rad, where it is known."""
+        """The fingertip's point (3,) m at joint angles (nq,) rad, where it is known."""
         ...
 
     def lines(self, angles: Array) -> dict[str, Array]:
@@ -85,7 +86,7 @@ class RecordedFinger(MovingFinger, Protocol):
         tension: Array,
         tip: Array,
     ) -> dict[str, Array]:
-        """(nb, 6) wrench on each body about its origin by source at the end of a step of `dt` s
+        """The wrench (nb, 6) on each body about its origin by source at the end of a step of `dt` s
         between two (angles, rates), beside the hood's (nb, 6) and under the own tendons' tensions
         (nt,) and the tip's wrench (6,) on the world, so far as the finger knows its forces."""
         ...
@@ -146,7 +147,7 @@ NO_EXCURSIONS = PrescribedExcursions((), np.zeros(0, dtype=int), lambda time: np
 
 
 def no_points(state: State) -> Array:
-    """(0, 3), of a hood without points of the user's."""
+    """The points (0, 3) of a hood that follows none of the user's."""
     return np.zeros((0, 3))
 
 
@@ -222,7 +223,7 @@ class CoupledMotion:
         return step(self.scheme, self.finger, self.hood, c, lambda time: pulls, self.dt)
 
     def _excursions(self, c: CoupledState) -> Array:
-        """(nt,) m of all tendons, each from a length of its own."""
+        """The excursions (nt,) m of all tendons, each from a length of its own."""
         return np.concatenate([c.point.excursion, -self._own(c.finger)])
 
     def tendon_pull(self, at: MotionState, time: float) -> Any:

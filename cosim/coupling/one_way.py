@@ -113,14 +113,15 @@ class FrozenHood:
 
     @property
     def _joints(self) -> Array:
-        """(nb, 3) m, in the bodies' frames, where the joint's force acts."""
+        """The points (nb, 3) m, in the bodies' frames, where each joint's force acts."""
         if self.joint_contact == "proximal":
             return np.zeros((len(self.bodies), 3))
         away = np.diff(self.at.position, axis=0, append=self.at.position[-1:])
         return np.einsum("bji,bj->bi", self.at.rotation, away)
 
     def _by_tension(self) -> Array:
-        """(6 nb, nt) of the load that is handed over, in the pose `at`."""
+        """The derivative (6 nb, nt) by the tensions of the load that is handed over, in the pose
+        `at`."""
         out = self.by_tension.copy()
         for column in out.T:
             own = column.reshape(-1, 6).copy()
@@ -131,13 +132,13 @@ class FrozenHood:
 
 
 def at_points(force: Array, arm: Array) -> Array:
-    """(nb, 6) wrenches about the origins of forces (nb, 3) at `arm` (nb, 3) from them."""
+    """Wrenches (nb, 6) about the origins of forces (nb, 3) at `arm` (nb, 3) from them."""
     return np.hstack([force, np.cross(arm, force)])
 
 
 def joint_forces(force: Array, end: End) -> Array:
-    """(nb, 3) N on each phalanx by the joint at its distal or proximal end, where forces (nb, 3)
-    act on the bones of a chain at rest whose first is the ground; none on the ground."""
+    """The force (nb, 3) N on each phalanx by the joint at its distal or proximal end, where forces
+    (nb, 3) act on the bones of a chain at rest whose first is the ground; none on the ground."""
     beyond = np.cumsum(force[::-1], axis=0)[::-1]
     out = beyond - force if end == "distal" else -beyond
     out[0] = 0.0
@@ -167,8 +168,8 @@ class OneWayPass:
 
 
 def torques(jacobian: Array, load: Load) -> dict[str, Array]:
-    """(nq,) N m of a load that was handed over, by what of it is the hood's own and what is added;
-    jacobian: (6 nb, nq) of the bodies."""
+    """Joint torques (nq,) N m of a load that was handed over, by what of it is the hood's own and
+    what is added; jacobian: (6 nb, nq) of the bodies."""
     out = {"hood": np.zeros(jacobian.shape[1])}
     for i, source in enumerate(load.sources):
         name = f"hood {source}" if source in (LUMPING, JOINT_CONTACT) else "hood"

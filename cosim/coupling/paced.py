@@ -54,7 +54,8 @@ def take_step(
 
 
 def _first_try(left: float, proposed: float) -> float:
-    """s; two like ones where one more would leave a sliver of the time that is `left`."""
+    """The first step to try (s); two like ones where one more would leave a sliver of the time that
+    is `left`."""
     if left <= proposed:
         return left
     return min(proposed, 0.5 * left)

@@ -237,7 +237,7 @@ def _accelerator(scheme: Scheme) -> Accelerator:
 
 
 def _predict_angles(finger: MovingFinger, state: CoupledState, dt: float) -> Array:
-    """(nq,) rad, q + h v."""
+    """Predict the joint angles (nq,) rad, q + h v."""
     return finger.angles(state.finger) + dt * finger.rates(state.finger)
 
 
@@ -264,8 +264,9 @@ def _check_energy(
     after: CoupledState,
     dt: float,
 ) -> None:
-    """Raises ConvergenceError where the finger has more energy than hood and tendons gave it, by
-    ENERGY_MARGIN times what they ever gave and what was stored in the finger at first."""
+    """Check that the finger has no more energy than hood and tendons gave it, by ENERGY_MARGIN
+    times what they ever gave and what was stored in the finger at first.  Raises
+    ConvergenceError."""
     # In parallel the hood's books are one step late.
     gained = energy_defect(
         finger, replace(after, finger=state.finger) if scheme.parallel else after
@@ -289,8 +290,9 @@ def _check_energy(
 
 
 def explicit_limit(finger: MovingFinger, hood: Hood, state: CoupledState, dt: float) -> float:
-    """s, 2 sqrt(I/K) of the stiffest motion, from the hood's Jacobian K and the finger's answers
-    h^2 I^-1 K dq to the load of small turns dq; infinite where the hood does not push back."""
+    """The longest stable step of the explicit scheme (s), 2 sqrt(I/K) of the stiffest motion, from
+    the hood's Jacobian K and the finger's answers h^2 I^-1 K dq to the load of small turns dq;
+    infinite where the hood does not push back."""
     q = finger.angles(state.finger)
     load, own = state.answer.held_load(), state.tension[1]
     slope = hood.jacobian(state.hood).load_motion @ finger.jacobian(q)

@@ -39,12 +39,12 @@ class HoodAnswer:
         return AffineLoad(self.motion, self.response.load.total(), np.zeros((n, n)))
 
     def predict(self, motion: Motion, tension: Array) -> Array:
-        """(nb, 6) load at another pose and tension (nt,) N, predicted by the tangent."""
+        """Predict the load (nb, 6) at another pose and tension (nt,) N by the tangent."""
         return self.predict_from_twist(self.motion.twist_to(motion), tension)
 
     def predict_from_twist(self, twist: Array, tension: Array) -> Array:
-        """(nb, 6) load after the bodies' twists (nb, 6) under another tension (nt,) N, predicted by
-        the tangent."""
+        """Predict the load (nb, 6) after the bodies' twists (nb, 6) under another tension (nt,) N
+        by the tangent."""
         wrench = self.response.load.total()
         if self.tangent is None:
             return wrench
@@ -136,8 +136,8 @@ def interface_residual(a: Array, answer: HoodAnswer, length: float) -> float:
 
 
 def energy_defect(finger: MovingFinger, state: CoupledState) -> float:
-    """J that the finger has beyond its energy at the start and the work of hood and tendons;
-    negative where energy was dissipated."""
+    """The energy (J) that the finger has beyond its energy at the start and the work of hood and
+    tendons; negative where energy was dissipated."""
     e = state.energy
     return finger.energy(state.finger) - state.start - e.hood - e.own
 

@@ -75,7 +75,7 @@ class FingerConfig(Table):
         return ()
 
     def check_extensor(self, extensor: Extensor) -> None:
-        """Raises InputError for what this finger cannot take over from a hood."""
+        """Check what this finger is to take over from a hood.  Raises InputError."""
 
     def anatomy_key(self) -> str:
         """A text that two fingers share only where bones and joints are alike."""

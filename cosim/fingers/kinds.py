@@ -148,8 +148,8 @@ def anatomy_of(finger: AnyFinger, extensor: Extensor) -> Anatomy:
 
 
 def joint_ranges(finger: Finger) -> dict[str, tuple[float, float]]:
-    """rad by joint: the finger's own, or where it states none those of a posture in a case; without
-    end of a joint that neither knows."""
+    """The range (rad) of each joint: the finger's own, or where it states none those of a posture
+    in a case; without end of a joint that neither knows."""
     from rigid.fingers.anatomy import RANGES
 
     stated = {joint: r for joint, r in finger.ranges.items() if np.isfinite(r).all()}

@@ -147,11 +147,13 @@ class FmuFinger(_UnitFinger[FmuFingerState]):
         """None: an FMU reports no forces."""
 
     def between(self, state: FmuFingerState, aim: FmuFingerState, part: float) -> FmuFingerState:
-        """Raises InputError for a unit that does not tell its poses at any angles."""
+        """The state a part of the way to another.  Raises InputError for a unit that does not tell
+        its poses at any angles."""
         return self.with_angles(aim, state.angles + part * (aim.angles - state.angles))
 
     def with_angles(self, state: FmuFingerState, angles: Array) -> FmuFingerState:
-        """Raises InputError for a unit that does not tell its poses at any angles."""
+        """The state at other joint angles.  Raises InputError for a unit that does not tell its
+        poses at any angles."""
         return replace(state, angles=angles, pose=self.kinematics.at(angles))
 
     def tip(self, state: FmuFingerState) -> Array | None:
@@ -234,11 +236,13 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
         return {}
 
     def tip_wrench(self, state: FmuMovingState) -> Array:
-        """(6,) N, and N m about the fingertip, of it on the world, world frame."""
+        """The wrench (6,) of the fingertip on the world: N, and N m about the fingertip, world
+        frame."""
         return state.tip
 
     def motion(self, angles: Array) -> Motion:
-        """Raises InputError for angles not reached of a unit that does not tell others."""
+        """The poses at joint angles.  Raises InputError for angles not reached of a unit that does
+        not tell others."""
         return self.kinematics.at(angles).motion
 
     def jacobian(self, angles: Array) -> Array:
@@ -248,18 +252,18 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
         return self.kinematics.at(angles).path
 
     def tip(self, angles: Array) -> Array | None:
-        """(3,) m, where the unit tells it."""
+        """The fingertip (3,) m, where the unit tells it."""
         return self.kinematics.at(angles).tip
 
     def lines(self, angles: Array) -> dict[str, Array]:
-        """(k, 3) m, a line through the bodies' origins."""
+        """A line (k, 3) m through the bodies' origins."""
         return {"bones": self.kinematics.at(angles).line}
 
     def step(
         self, state: FmuMovingState, load: AffineLoad, tension: Array, dt: float
     ) -> FmuMovingState:
-        """Raises InputError for a load on other bodies, or one that follows them where the unit
-        takes held loads only; ConvergenceError."""
+        """Step the unit.  Raises InputError for a load on other bodies, or one that follows them
+        where the unit takes held loads only; ConvergenceError."""
         if load.at.bodies != self.bodies:
             raise InputError(f"load on bodies {load.at.bodies}: the finger's are {self.bodies}")
         given = {"force": load.wrench[:, :3], "moment": load.wrench[:, 3:], "tension": tension}

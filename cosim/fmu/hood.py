@@ -79,8 +79,9 @@ class FmuHood:
         return FmuState(self._begin, self._begin, motion, np.zeros(len(self.tendons)), np.inf)
 
     def advance(self, state: FmuState, motion: Motion, tension: Array, dt: float) -> Response:
-        """Raises InputError, among others where a step must be repeated that the unit cannot
-        repeat, and ConvergenceError where the unit reports an error."""
+        """Step the unit to a motion under tensions.  Raises InputError, among others where a step
+        must be repeated that the unit cannot repeat, and ConvergenceError where the unit reports an
+        error."""
         tension = np.asarray(tension, dtype=float)
         check_step(str(self.unit.opened.path), self, motion, tension, dt)
         load, excursion = self._do_step(state.after, motion, tension, dt)
@@ -191,7 +192,7 @@ class FmuHood:
 
 
 def _stack(answers: list[Array]) -> Array:
-    """(6 nb + nt,) the summed wrench of each body, then the excursions."""
+    """The summed wrench of each body, then the excursions, (6 nb + nt,)."""
     force, moment, excursion = answers
     wrench = np.hstack([force.sum(axis=1), moment.sum(axis=1)])
     return np.concatenate([wrench.ravel(), excursion])

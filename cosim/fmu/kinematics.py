@@ -34,7 +34,7 @@ class FmuPose(NamedTuple):
 
     @property
     def line(self) -> Array:
-        """(k, 3) m, through the bodies' origins to the fingertip, for pictures."""
+        """A line (k, 3) m through the bodies' origins to the fingertip, for pictures."""
         points = self.motion.position
         return points if self.tip is None else np.vstack([points, self.tip])
 
@@ -63,12 +63,13 @@ class FmuKinematics:
         return self._keep(angles, self._read())
 
     def at(self, angles: Array) -> FmuPose:
-        """Raises InputError for angles not reached of a unit that does not tell others."""
+        """The unit's pose at joint angles.  Raises InputError for angles not reached of a unit that
+        does not tell others."""
         kept = self._kept.get(np.asarray(angles).tobytes())
         return self._query(angles) if kept is None else kept
 
     def jacobian(self, angles: Array) -> Array:
-        """(6 nb, nq) twists of the bodies per joint rate, by central differences."""
+        """Twists (6 nb, nq) of the bodies per joint rate, by central differences."""
         ends = [
             [self.at(angles + sign * step).motion for sign in (-1, 1)]
             for step in TURN * np.eye(len(angles))

@@ -84,7 +84,7 @@ class Unit:
         return values.reshape(place.shape)
 
     def step(self, dt: float) -> None:
-        """Raises ConvergenceError where the unit cannot make the step."""
+        """Step the unit by `dt` s.  Raises ConvergenceError where it cannot make the step."""
         self._current = None
         self._call(
             lambda: self._fmu.doStep(self.time, dt, *([] if self.is_fmi2 else [False])),

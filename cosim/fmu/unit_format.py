@@ -38,8 +38,8 @@ def read_about(resources: Path) -> Mapping[str, Any]:
 
 
 def check_if_ours(resources: Path) -> None:
-    """Raises InputError for a unit that a cosim-hand of another format or version wrote; a foreign
-    unit passes."""
+    """Check that a unit which cosim-hand wrote has this format and version; a foreign unit passes.
+    Raises InputError."""
     try:
         script = (resources / LOADED).read_text(encoding="utf-8").strip()
     except (OSError, ValueError):

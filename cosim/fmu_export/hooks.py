@@ -22,7 +22,7 @@ class Stateful:
         self.run.enter_initialization()
 
     def exit_initialization_mode(self) -> None:
-        """Raises ConvergenceError where the inputs have no answer."""
+        """Compute the first outputs.  Raises ConvergenceError where the inputs have no answer."""
         if fault := self.run.exit_initialization():
             raise ConvergenceError(fault)
 

@@ -62,7 +62,7 @@ def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) ->
 
 
 def _steps(dt: float, longest: float) -> list[float]:
-    """s, equal steps that make `dt`."""
+    """Equal steps (s) that make `dt`."""
     count = max(1, ceil(dt / longest * (1 - ROUNDING)))
     return [dt / count] * count
 

@@ -84,7 +84,7 @@ def poses(motion: Motion) -> dict[str, Array]:
 
 
 def motion_of_input(bodies: tuple[str, ...], given: Values) -> Motion:
-    """Raises InputError for a matrix that is no rotation."""
+    """The poses that an input states.  Raises InputError for a matrix that is no rotation."""
     turn = given["rotation"]
     off = np.abs(turn @ np.swapaxes(turn, 1, 2) - np.eye(3)).max(axis=(1, 2))
     off = np.maximum(off, np.abs(np.linalg.det(turn) - 1))

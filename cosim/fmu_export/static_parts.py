@@ -43,7 +43,7 @@ class HoodPart(UnitPart):
     """The hood alone; a step is `Hood.advance`."""
 
     def __init__(self, case: Case, models: Models, tangent: bool = True) -> None:
-        """Raises InputError for a case whose hood has no tendons."""
+        """Start the hood of a case.  Raises InputError for a case whose hood has no tendons."""
         self.hood = models.hood
         if not self.hood.tendons:
             raise InputError(

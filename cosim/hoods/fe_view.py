@@ -52,9 +52,11 @@ class FeView:
     """m by side, of the lateral bands over the PIP's axis (`meshes.bands`), positive dorsally."""
     ropes: Mapping[str, Array]
     """(3, 3) m by tendon, of `rope_lines`."""
+    iterations: int
+    """Newton iterations since the hood's start."""
 
     def lines(self) -> Mapping[str, Array]:
-        """(k, 3) m by name, what pictures draw of it as lines."""
+        """What pictures draw of it as lines (k, 3) m, by name."""
         return self.ropes
 
     def fields(self) -> tuple[Field, ...]:
@@ -145,12 +147,13 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
         ),
         band_height=band_heights(lines.bands, c.x, c.position, c.rotation, lines.axis),
         ropes=rope_lines(hood, state),
+        iterations=state.iterations,
     )
 
 
 def rope_lines(hood: FeHood, state: State) -> dict[str, Array]:
-    """(3, 3) m by tendon that runs through an eyelet: the middle of its end, the eyelet, and a
-    point MUSCLE beyond it."""
+    """Lines (3, 3) m by tendon that runs through an eyelet: the middle of its end, the eyelet, and
+    a point MUSCLE beyond it."""
     ropes, c = hood.model.ropes, state.configuration
     if not ropes.node.size:
         return {}
@@ -161,7 +164,8 @@ def rope_lines(hood: FeHood, state: State) -> dict[str, Array]:
 
 
 def slip_forces(hood: FeHood, state: State) -> dict[str, float]:
-    """N, central (0 where nothing but the sheet holds it) and terminal."""
+    """Forces (N) in the central slip (0 where nothing but the sheet holds it) and the terminal
+    one."""
     forces = hood.group_forces(state)
     central = forces.get("central_slip", np.zeros(3))
     return {
@@ -171,13 +175,13 @@ def slip_forces(hood: FeHood, state: State) -> dict[str, float]:
 
 
 def guide_depth(hood: FeHood) -> float:
-    """m, how deep under the metacarpal's contact level the lines run on which the extensor tendons'
-    ends slide, from where these were laid to the MCP; 0 where all stay above it.
+    """How deep (m) under the metacarpal's contact level the lines run on which the extensor
+    tendons' ends slide, from where these were laid to the MCP; 0 where all stay above it.
 
     The bone would pinch the sheet against such a line, with a force that grows as the mesh gets
     finer.  (Intrinsic tendons, which run palmar of the axis, pass beside the head.)"""
     model = hood.model
-    lift = np.broadcast_to(hood.lift, len(model.reference))
+    lift = hood.lift
     start = (model.reference[model.guides.node] - hood.rest.position[0]) @ hood.rest.rotation[0]
     dorsal = start[:, 2] > 0
     way = lines_to_joint(start[dorsal])
@@ -195,7 +199,7 @@ def guide_depth(hood: FeHood) -> float:
 
 
 def tangent_seconds(hood: FeHood, state: State) -> tuple[float, float]:
-    """s that one assembly and one factorisation take at a state."""
+    """The time (s) that one assembly and one factorisation take at a state."""
     start = perf_counter()
     e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)
     assembled = perf_counter()

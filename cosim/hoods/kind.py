@@ -86,7 +86,7 @@ class HoodConfig(Table):
         return ()
 
     def check_files(self) -> None:
-        """Raises InputError for a file that cannot be read."""
+        """Check that its files can be read.  Raises InputError."""
 
     def mesh_key(self) -> str:
         """A text that two hoods share only where they are laid out alike on the same bones."""
@@ -105,7 +105,7 @@ class HoodConfig(Table):
         return self
 
     def lines(self, motion: Motion) -> Mapping[str, Array]:
-        """(k, 3) m each, what pictures draw of it as lines at these poses."""
+        """What pictures draw of it as lines at these poses, (k, 3) m each."""
         return {}
 
 
@@ -125,12 +125,12 @@ class Site:
 
     @property
     def skeleton(self) -> Skeleton:
-        """Raises InputError for a finger that no hood is laid out on."""
+        """The finger's skeleton.  Raises InputError for a finger that no hood is laid out on."""
         return skeleton_of(self.anatomy)
 
 
 def skeleton_of(anatomy: Anatomy) -> Skeleton:
-    """Raises InputError for a finger that no hood is laid out on."""
+    """The finger's skeleton.  Raises InputError for a finger that no hood is laid out on."""
     if anatomy.skeleton is None:
         raise InputError(f'finger.kind = "{anatomy.finger}" has no skeleton; take another kind')
     return anatomy.skeleton

@@ -79,5 +79,5 @@ class LesionConfig(Table):
         }
 
     def length_changes(self) -> dict[str, float]:
-        """m by part, how much longer it is than the case says; negative where it is shorter."""
+        """How much longer (m) each part is than the case says; negative where it is shorter."""
         return {name: -less for name, less in self.shorten.items()} | self.lengthen

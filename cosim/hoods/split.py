@@ -55,8 +55,8 @@ def build(hood: SplitHoodConfig, site: Site) -> BuiltHood:
 def split_slips(
     model: FingerModel, hooded: Sequence[str], tension: Mapping[str, float]
 ) -> dict[str, float]:
-    """N, of the strands that end on the middle and on the distal phalanx, of the tendons `hooded`
-    (tension by name, N)."""
+    """Forces (N) of the strands that end on the middle and on the distal phalanx, of the tendons
+    `hooded` (tension by name, N)."""
     ends = {"central": BODIES[2], "terminal": BODIES[3]}
     strands = [
         (strand.path[-1].body, strand.share * tension[tendon.name])

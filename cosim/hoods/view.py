@@ -76,12 +76,17 @@ class HoodView(Protocol):
 
     @property
     def points(self) -> Array:
-        """(n, 3) m, deformed."""
+        """The points (n, 3) m, deformed."""
         ...
 
     @property
     def plot_cells(self) -> np.ndarray:
-        """(m, 2 or 4) nodes of lines or quads; as many for each cell."""
+        """The nodes of lines or quads (m, 2 or 4); as many for each cell."""
+        ...
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of the hood's solver that led to this state."""
         ...
 
     def fields(self) -> tuple[Field, ...]:
@@ -89,7 +94,7 @@ class HoodView(Protocol):
         ...
 
     def lines(self) -> Mapping[str, Array]:
-        """(k, 3) m by name, what pictures draw of it as lines beside its mesh."""
+        """What pictures draw of it as lines beside its mesh, (k, 3) m by name."""
         ...
 
     def coordinates(self) -> Mapping[str, Any]:

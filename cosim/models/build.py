@@ -111,15 +111,15 @@ def build_hood(case: Case, site: Site) -> BuiltHood:
 
 
 def check_lesion(case: Case) -> None:
-    """Raises InputError for a lesion that the hood cannot have, of a case whose hood was replaced
-    since it was read."""
+    """Check that the hood can have the case's lesion, of a case whose hood was replaced since it
+    was read.  Raises InputError."""
     if wrong := case.unfit_lesion():
         raise InputError(wrong)
 
 
 def tensions(case: Case, models: Models) -> tuple[Array, Array]:
-    """N, of the hood's and of the finger's own tendons, a muscle's fibre left out; InputError for
-    one that neither has."""
+    """The tensions (N) of the hood's and of the finger's own tendons, a muscle's fibre left out.
+    Raises InputError for one that neither has."""
     hood, finger = models.hood.tendons, models.finger.tendons
     check_tendons(case, (*hood, *finger))
     return np.array([case.tension(t) for t in hood]), np.array([case.tension(t) for t in finger])

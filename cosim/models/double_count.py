@@ -64,7 +64,8 @@ def pairs(case: Case, hood: Hood, finger: Finger | MovingFinger) -> tuple[Double
 
 
 def refuse(case: Case, found: Sequence[DoubleCount]) -> None:
-    """Raises InputError that names the pairs, unless the case says that it means them."""
+    """Refuse pairs that count a force twice, unless the case says that it means them.  Raises
+    InputError that names them."""
     if not found or case.coupling.allow_double_counting:
         return
     each = "; ".join(f'"hood {p.hood}" and the finger\'s own "{p.finger}"' for p in found)

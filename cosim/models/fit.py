@@ -12,7 +12,8 @@ from cosim.tendons.signals import factor_of
 
 
 def check_fit(case: Case) -> None:
-    """Raises InputError where a case's parts do not go together or a signal's file is no table."""
+    """Check that a case's parts go together and that its signals' files are tables.  Raises
+    InputError."""
     finger, hood = case.finger.kind, case.hood.kind
     if finger not in case.hood.fits:
         words = " or ".join(f'"{kind}"' for kind in fitting_kinds(finger))
@@ -123,7 +124,7 @@ def _check_scheme(case: Case) -> None:
 
 
 def check_tendons(case: Case, known: tuple[str, ...]) -> None:
-    """Raises InputError for a tendon that the case pulls and that is not among `known`."""
+    """Check that every tendon that the case pulls is among `known`.  Raises InputError."""
     for name, tendon in case.tendons.items():
         if name not in known and (
             (tendon.force, tendon.excursion, tendon.signal, tendon.actuation)

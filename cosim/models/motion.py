@@ -66,7 +66,7 @@ class MovingModels:
         return self.finger.begin(self.posture)
 
     def first_tensions(self) -> Array:
-        """(nt,) N at t = 0, of the hood's tendons, then the finger's own."""
+        """The tensions (nt,) N at t = 0, of the hood's tendons, then the finger's own."""
         return self.moves.first_pull(self.initial_state)[1]
 
 
@@ -202,7 +202,7 @@ class CaseTendonDrive:
         return state if self._air is None else state._replace(home=length[self._air.where])
 
     def cylinder_signals(self, state: State, time: float) -> Array:
-        """(nc, 2) of each cylinder: V commanded, Pa above the atmosphere."""
+        """Signals (nc, 2) of each cylinder: V commanded, Pa above the atmosphere."""
         from rigid.air.plant import ATMOSPHERE
 
         if self._air is None:
@@ -211,7 +211,7 @@ class CaseTendonDrive:
         return np.stack([self._air.command(float(time)), pressure], axis=1)
 
     def _excitation(self, group: MuscleGroup, time: float) -> Array:
-        """(n,) excitation at a time in s."""
+        """The excitation (n,) at a time in s."""
         factors = [self._factors[i](time) for i in group.where]
         return np.clip(group.activation * factors, 0.0, 1.0)
 

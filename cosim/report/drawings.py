@@ -53,7 +53,7 @@ class Arrow:
 
     @property
     def magnitude(self) -> float:
-        """N, in the plane."""
+        """The arrow's length (N) in the plane."""
         return math.hypot(*self.tip)
 
 

@@ -45,7 +45,7 @@ def _piece(points: Array, faces: np.ndarray) -> Array:
 
 
 def _corners(points: Array, faces: np.ndarray) -> Array:
-    """(m, 3) corners of each triangle in its own plane, complex."""
+    """The corners (m, 3) of each triangle in its own plane, complex."""
     a, b, c = points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]]
     length = np.linalg.norm(b - a, axis=1)
     along = (b - a) / length[:, None]
@@ -55,7 +55,7 @@ def _corners(points: Array, faces: np.ndarray) -> Array:
 
 
 def _conformal(points: Array, faces: np.ndarray, local: Array) -> Array:
-    """(n,) complex: the map whose triangles keep their angles best, two far nodes held."""
+    """The map (n,), complex, whose triangles keep their angles best, two far nodes held."""
     n, rows = len(points), np.repeat(np.arange(len(faces)), 3)
     weight = np.stack([local[:, (k + 2) % 3] - local[:, (k + 1) % 3] for k in range(3)], axis=1)
     weight /= np.sqrt(np.imag(np.conj(local[:, 1]) * local[:, 2]))[:, None]

@@ -2,9 +2,9 @@
 
 A script of `cases/papers/` is a notebook in jupytext's percent format.  Its cells up to the first
 study load what all studies need; a study begins with a markdown line `## name: what it is about`
-and a figure of it with `### Title`.  What a code cell shows with `show` as its last line is written
-under the cell's name.  A text may hold numbers that the cells before it computed, as an f-string
-does: `{force[-1]:.2f}`.
+and a figure of it with `### Title`.  A code cell with a name, `# %% name`, ends with `show(...)`;
+what that shows is written under the name.  A text may hold numbers that the cells before it
+computed, as an f-string does: `{force[-1]:.2f}`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import pandas as pd
 
@@ -34,7 +34,8 @@ class Cell:
     """A part of a script between two lines that begin with `# %%`."""
 
     name: str
-    """Of the files that are written of what it shows, without an ending."""
+    """Of the files that are written of what it shows, without an ending; "" for one that shows
+    nothing."""
     is_text: bool
     source: str
     line: int
@@ -89,7 +90,7 @@ class Script:
         for cell in self.studies[study][1]:
             if not cell.is_text:
                 shown = self._run(cell, names)
-                if isinstance(shown, Shown):
+                if shown is not None:
                     _add(begun, cell.name, shown)
                 continue
             for text in _paragraphs(cell.source):
@@ -99,16 +100,14 @@ class Script:
                     begun[-1].texts.append(_fill(text, names))
         return begun
 
-    def _run(self, cell: Cell, names: dict[str, Any]) -> object:
-        """What the last line of a code cell returns."""
+    def _run(self, cell: Cell, names: dict[str, Any]) -> Shown | None:
+        """What the last line of a code cell with a name shows; None of one without."""
         tree = ast.increment_lineno(ast.parse(cell.source), cell.line)
-        last = tree.body[-1:]
-        if not last or not isinstance(last[0], ast.Expr):
-            exec(compile(tree, self.path, "exec"), names)
-            return None
-        del tree.body[-1]
+        last = cast(ast.Expr, tree.body.pop()).value if cell.name else None
         exec(compile(tree, self.path, "exec"), names)
-        return eval(compile(ast.Expression(last[0].value), self.path, "eval"), names)
+        if last is None:
+            return None
+        return cast(Shown, eval(compile(ast.Expression(last), self.path, "eval"), names))
 
 
 @dataclass

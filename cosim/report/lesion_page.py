@@ -217,7 +217,8 @@ SAME_PLACE = 1e-7
 
 
 def outline(bone: BoneSurface, frame: int) -> Array:
-    """(k, 2) m distal and dorsal: the bone's contour in its own sagittal plane, where it stands."""
+    """The bone's contour (k, 2) m, distal and dorsal, in its own sagittal plane, where it
+    stands."""
     v = bone.vertices
     edges = np.linspace(v[:, 0].min(), v[:, 0].max(), SLICES + 1)
     which = np.clip(np.searchsorted(edges, v[:, 0], side="right") - 1, 0, SLICES - 1)
@@ -262,14 +263,14 @@ def postures(before: View, after: View) -> str:
 
 
 def _hood(view: View) -> list[Array]:
-    """(k, 2) m each, distal and dorsal: the quads of the hood, or its cables and the tendons."""
+    """The quads of the hood, or its cables and the tendons, (k, 2) m each, distal and dorsal."""
     if view.sheet is not None:
         return list(view.sheet.points[-1][view.sheet.quads][..., [0, 2]])
     return [np.asarray(path)[:, [0, 2]] for path in view.tendons[-1].values()]
 
 
 def same_layout(sheet: Sheet, reference: Array, other: Sheet, theirs: Array) -> Array:
-    """(n, 2) m: the flat places of `sheet`, whose nodes lie at `reference` (n, 3) as laid, taken
+    """The flat places (n, 2) m of `sheet`, whose nodes lie at `reference` (n, 3) as laid, taken
     from a sheet of which it is a part, with nodes `theirs`; its own where it is no part of it."""
     from scipy.spatial import cKDTree
 
@@ -336,7 +337,7 @@ def _names(axes: Axes, one: StrainMap, height: float) -> str:
 
 
 def _rim(sheet: Sheet, marked: Collection[str]) -> np.ndarray:
-    """(k, 2) edges that only one of the marked quads has."""
+    """The edges (k, 2) that only one of the marked quads has."""
     quads = sheet.quads[np.isin(sheet.region, list(marked))]
     edges = np.sort(np.concatenate([quads[:, [a, (a + 1) % 4]] for a in range(4)]), axis=1)
     found, count = np.unique(edges.reshape(-1, 2), axis=0, return_counts=True)

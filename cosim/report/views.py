@@ -265,7 +265,7 @@ def difference_view(one: View, other: View) -> View | None:
 
 
 def arrow_ends(view: View) -> Array:
-    """(nf, 3) m, where the arrow of the fingertip force ends; empty as `View.tip` is."""
+    """Where the arrow of the fingertip force ends (nf, 3) m; empty as `View.tip` is."""
     if not len(view.tip):
         return view.tip
     most = float(np.linalg.norm(view.force, axis=1).max())
@@ -273,7 +273,7 @@ def arrow_ends(view: View) -> Array:
 
 
 def box(view: View) -> Array | None:
-    """(3, 2) m, the least and the greatest coordinate of all that the view shows in any frame, and
+    """The least and the greatest coordinate (3, 2) m of all that the view shows in any frame, and
     some room; None where it shows nothing."""
     ends = arrow_ends(view)
     shown = [

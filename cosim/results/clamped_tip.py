@@ -25,7 +25,8 @@ STRAIGHT = np.sin(np.radians(1.0))
 
 
 def arm_differences(points: Array, force: Array, tension: float) -> dict[str, Any]:
-    """mm, by the keys of a summary, flexion and radial abduction positive.
+    """Differences of moment arms (mm) that a clamped fingertip's force tells, by the keys of a
+    summary, flexion and radial abduction positive.
 
     points: (4, 3) m, the centres of MCP, PIP and DIP and the tip; force: (3,) N, of the tip on the
     world, loaded less unloaded; tension: N, the loaded tendon's change, or the sum of several,
@@ -44,8 +45,8 @@ def arm_differences(points: Array, force: Array, tension: float) -> dict[str, An
 
 
 def chain_points(lengths: Sequence[float] | Array, posture: Sequence[float]) -> Array:
-    """(4, 3) centres of MCP, PIP and DIP and the tip, world frame, of a finger of three phalanges
-    (unit as given) that flexes by `posture`, deg, in a plane."""
+    """The centres of MCP, PIP and DIP and the tip (4, 3), world frame, of a finger of three
+    phalanges (unit as given) that flexes by `posture`, deg, in a plane."""
     bend = np.radians(np.cumsum(posture))
     along = np.stack([np.cos(bend), np.zeros(3), -np.sin(bend)], axis=1)
     steps = np.asarray(lengths)[:, None] * along
@@ -53,14 +54,14 @@ def chain_points(lengths: Sequence[float] | Array, posture: Sequence[float]) -> 
 
 
 def to_world(force: Array, posture: Sequence[float]) -> Array:
-    """(3,) a force along the distal phalanx's axes (distal, radial, dorsal) along the world's."""
+    """Turn a force (3,) along the distal phalanx's axes (distal, radial, dorsal) to the world's."""
     bend = np.radians(np.sum(posture))
     c, s = np.cos(bend), np.sin(bend)
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ force
 
 
 def force_over_tension(points: Array, first: float, second: float) -> Array:
-    """(2,) distal and dorsal force over tension, world, that differences of arms make: the inverse
-    of `arm_differences`, in the unit of both."""
+    """The distal and dorsal force over tension (2,), world, that differences of arms make: the
+    inverse of `arm_differences`, in the unit of both."""
     distal, dorsal = np.diff(points[:3], axis=0)[:, [0, 2]].T
     return np.linalg.solve(np.stack([dorsal, -distal], axis=1), [first, second])

@@ -360,7 +360,8 @@ def to_json(rows: Sequence[Comparison]) -> str:
 
 
 def write_json(path: Path, rows: Sequence[Comparison]) -> None:
-    """Raises InputError where the file cannot be written."""
+    """Write rows to a file that `read_json` reads.  Raises InputError where it cannot be
+    written."""
     with output_file(path) as part:
         part.write_text(to_json(rows), encoding="utf-8")
 

@@ -34,5 +34,5 @@ def attributes(title: str, case: str) -> dict[str, str]:
 
 
 def vector_of(components: Mapping[str, float]) -> Array:
-    """(3,) the vector whose components are named: the inverse of `by_axis`."""
+    """The vector (3,) whose components are named: the inverse of `by_axis`."""
     return np.array([components[axis] for axis in AXES], dtype=float)

@@ -30,26 +30,27 @@ class CoupledResult(Equilibrium):
 
     @property
     def tip_force(self) -> dict[str, float]:
-        """N, of the fingertip on the world, along the world's axes."""
+        """The force of the fingertip on the world (N), along the world's axes."""
         return by_axis(self.pair.finger.tip_force(self.finger_state))
 
     @property
     def posture(self) -> dict[str, float]:
-        """deg, by joint."""
+        """Joint angles (deg) by joint."""
         finger = self.pair.finger
         angles = np.rad2deg(finger.angles(self.finger_state))
         return dict(zip(finger.joints, map(float, angles), strict=True))
 
     @property
     def excursions(self) -> dict[str, float]:
-        """mm by tendon of the hood, positive proximally."""
+        """Excursions (mm) by tendon of the hood, positive proximally."""
         millimetres = map(float, 1e3 * self.excursion)
         return dict(zip(self.pair.hood.tendons, millimetres, strict=True))
 
     @property
     def moment_arms(self) -> pandas.DataFrame:
-        """mm, a row for each tendon of the hood and a column for each joint; flexion and radial
-        abduction are positive.  Empty of a finger that does not tell how its bodies turn."""
+        """Moment arms (mm), a row for each tendon of the hood and a column for each joint; flexion
+        and radial abduction are positive.  Empty of a finger that does not tell how its bodies
+        turn."""
         import pandas
 
         turns = self.pair.finger.jacobian(self.finger_state)
@@ -60,8 +61,8 @@ class CoupledResult(Equilibrium):
 
     @property
     def joint_torques(self) -> pandas.DataFrame:
-        """N mm about each joint, a row for each source; those of one joint add up to zero.  Empty
-        of a finger that tells no forces."""
+        """Torques about each joint (N mm), a row for each source; those of one joint add up to
+        zero.  Empty of a finger that tells no forces."""
         import pandas
 
         torques = {} if self.balance is None else self.balance.torque
@@ -72,7 +73,7 @@ class CoupledResult(Equilibrium):
 
     @property
     def joint_forces(self) -> pandas.DataFrame:
-        """N, a row for each joint: the bone-to-bone force on the bone distal of it, along the
+        """Bone-to-bone forces (N), a row for each joint: on the bone distal of it, along the
         world's axes.  Empty of a finger that tells no forces."""
         import pandas
 

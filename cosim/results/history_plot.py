@@ -59,7 +59,7 @@ def _draw_air(data: xarray.Dataset, axes: list[Axes]) -> None:
 
 
 def _tension(data: xarray.Dataset, name: str) -> xarray.DataArray:
-    """N, of the hood's tendon or the finger's own of that name."""
+    """The tension (N) of the hood's tendon or the finger's own of that name."""
     if "tendon" in data.coords and name in data.tendon.values:
         return data.tension.sel(tendon=name)
     return data.own_tension.sel(muscle=name)

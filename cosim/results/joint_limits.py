@@ -49,7 +49,7 @@ def is_in_range(
 
 
 def limit_at(angle: float, limits: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
-    """rad, the first of a joint's limits at which the angle (rad) stands, and how far beyond it
+    """The first of a joint's limits (rad) at which the angle (rad) stands, and how far beyond it
     that is; None where it stands at none."""
     for low, high in limits:
         for end, beyond in ((low, low - angle), (high, angle - high)):

@@ -147,8 +147,8 @@ def _muscle(case: Case, name: str, length: float) -> dict[str, Any]:
 
 
 def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
-    """mJ, where the work of tendons and gravity went since the start; and what the method took from
-    it (negative: gave to it), over the tendons' work without its signs."""
+    """Where the work of tendons and gravity went since the start (mJ); and what the method took
+    from it (negative: gave to it), over the tendons' work without its signs."""
     t, frames, end = moved.models, moved.history.frames, moved.history.moment
     done = end.coupled.energy
     stored = done.tendons - done.hood
@@ -183,7 +183,8 @@ def _at_limits(case: Case, moved: SolvedMotion) -> dict[str, dict[str, float]]:
     t, frames, tips = moved.models, moved.history.frames, moved.history.tips
 
     def torque(k: int) -> Array:
-        """(nq,) N m of the limits on the joints at the k-th time, of the first at the second."""
+        """Torques (nq,) N m of the limits on the joints at the k-th time, of the first at the
+        second."""
         k = max(k, 1)
         books = _books(t, frames[k - 1], frames[k], tips[k])
         if "limit" not in books:
@@ -214,7 +215,7 @@ def _balance_at_rest(moved: SolvedMotion) -> dict[str, float]:
 
 
 def _books(t: MovingModels, before: MotionFrame, now: MotionFrame, tip: Array) -> dict[str, Array]:
-    """(nb, 6) on each body by source of the finger, at the end of a step."""
+    """Wrenches (nb, 6) on each body by source of the finger, at the end of a step."""
     return t.finger.ledger(
         (before.angles, before.rates),
         (now.angles, now.rates),

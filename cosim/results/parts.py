@@ -66,8 +66,8 @@ def ledger_rows(
 def joint_forces(
     joint: Array, bodies: Sequence[str], joints: Sequence[str]
 ) -> dict[str, dict[str, float]]:
-    """N by joint, along the world's axes: what the bone distal of a joint receives from the one
-    proximal of it through their contact (bone-to-bone force).
+    """Bone-to-bone forces (N) by joint, along the world's axes: what the bone distal of a joint
+    receives from the one proximal of it through their contact.
 
     `joint`: (nb, 3 or 6) of what all joints do to each body.  Empty where the joints that bend are
     not one to each body but the first."""

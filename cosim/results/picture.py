@@ -32,12 +32,12 @@ def as_plain_text(figure: Figure) -> Figure:
     """Return the figure with its texts as they stand: a `$` of a title begins no formula, and the
     numbers on logarithmic axes are none."""
     from matplotlib.text import Text
-    from matplotlib.ticker import LogFormatter, LogFormatterMathtext
+    from matplotlib.ticker import LogFormatter
 
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        if isinstance(axis.get_major_formatter(), LogFormatterMathtext):
+        if axis.get_scale() in ("log", "symlog"):
             axis.set_major_formatter("{x:g}")
-        if isinstance(axis.get_minor_formatter(), LogFormatterMathtext):
+        if axis.get_scale() == "log":
             axis.set_minor_formatter(LogFormatter())
     for text in figure.findobj(Text):
         text.set_parse_math(False)

@@ -59,7 +59,8 @@ def _read_run(folder: Path) -> Result:
 
 
 def check_converged(summary: Mapping[str, Any], place: str) -> None:
-    """Raises InputError for what a motion had reached when a step failed, which is no result."""
+    """Refuse what a motion had reached when a step failed, which is no result.  Raises
+    InputError."""
     if summary.get("converged") is False:
         raise InputError(
             f"{place}: is no result but what a motion had reached when it failed "

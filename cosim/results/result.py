@@ -58,24 +58,25 @@ class Result(CaseParts):
 
     @property
     def tip_force(self) -> dict[str, float]:
-        """N, of the fingertip on the world at the end, along the world's axes."""
+        """The force of the fingertip on the world (N) at the end, along the world's axes."""
         return by_axis(self.data.tip_force.isel({self.axis: -1}).values)
 
     @property
     def slips(self) -> dict[str, float]:
-        """N, in the central and the terminal slip at the end; empty of a hood without slips."""
+        """The forces in the central and the terminal slip (N) at the end; empty of a hood without
+        slips."""
         return dict(self.summary.get("slip_force_N", {}))
 
     @property
     def excursions(self) -> dict[str, float]:
-        """mm by tendon of the hood, positive proximally, from the hood's rest (of a motion: its
-        start)."""
+        """Excursions (mm) by tendon of the hood, positive proximally, from the hood's rest (of a
+        motion: its start)."""
         return {t: float(mm) for t, mm in self.summary.get("excursion_mm", {}).items()}
 
     @property
     def moment_arms(self) -> pandas.DataFrame:
-        """mm, a row for each tendon and a column for each joint; flexion and radial abduction are
-        positive.  Empty of a motion."""
+        """Moment arms (mm), a row for each tendon and a column for each joint; flexion and radial
+        abduction are positive.  Empty of a motion."""
         import pandas
 
         return pandas.DataFrame(self.summary.get("moment_arm_mm", {})).T
@@ -90,15 +91,16 @@ class Result(CaseParts):
 
     @property
     def joint_torques(self) -> pandas.DataFrame:
-        """N mm about each joint, a row for each source; those of one joint add up to zero."""
+        """Torques about each joint (N mm), a row for each source; those of one joint add up to
+        zero."""
         import pandas
 
         return pandas.DataFrame(self.summary.get("joint_torque_Nmm", {})).T
 
     @property
     def joint_forces(self) -> pandas.DataFrame:
-        """N, a row for each joint: what the bone distal of it receives from the one proximal of it
-        through their contact, along the world's axes (bone-to-bone force).  Empty of a motion and
+        """Bone-to-bone forces (N), a row for each joint: what the bone distal of it receives from
+        the one proximal of it through their contact, along the world's axes.  Empty of a motion and
         of a finger in an FMU."""
         import pandas
 

@@ -48,7 +48,7 @@ class PlotView:
     label: tuple[str, str]
 
     def project(self, points: Array) -> Array:
-        """(..., 3) m to (..., 3): right, up and height towards the viewer, mm."""
+        """Project points (..., 3) m to (..., 3): right, up and height towards the viewer, mm."""
         axes = np.array([self.right, self.up, np.cross(self.right, self.up)])
         return 1e3 * np.asarray(points) @ axes.T
 
@@ -176,12 +176,14 @@ def _fibres(view: PlotView, scene: Scene) -> list[Polygons]:
 
 
 def _corners(cells: Array) -> Array:
-    """(n, 4, 3) of quads, and of line cells (n, 2, 3) those of bands that face the viewer."""
+    """The corners (n, 4, 3) of quads, and of line cells (n, 2, 3) those of bands that face the
+    viewer."""
     return cells if cells.shape[1] == 4 else _bands(cells, CABLE_WIDTH)
 
 
 def _bands(cells: Array, width: float) -> Array:
-    """(n, 4, 3) corners of bands, `width` mm wide, along lines (n, 2, 3) that face the viewer."""
+    """The corners (n, 4, 3) of bands, `width` mm wide, along lines (n, 2, 3) that face the
+    viewer."""
     along = cells[:, 1, :2] - cells[:, 0, :2]
     across = np.stack([-along[:, 1], along[:, 0], 0 * along[:, 0]], axis=1)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
@@ -213,7 +215,7 @@ def _resample(points: Array, step: float = 1e-3) -> Array:
 
 
 def _shade(colour: Array, corners: Array, ambient: float) -> Array:
-    """(n, 4) colours, darker where a polygon turns away from a light at the viewer's upper left."""
+    """Colours (n, 4), darker where a polygon turns away from a light at the viewer's upper left."""
     normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal = np.where(np.linalg.norm(normal, axis=1, keepdims=True) > 0, normal, flat)

@@ -86,7 +86,7 @@ def summary(
         {**now, "audit": audit},
         posture_in_range=loaded.balance is None or _is_in_range(models, loaded),
     )
-    newton = getattr(loaded.response.state, "iterations", 0)
+    newton = views["loaded"].iterations if "loaded" in views else 0
     iterations = {"coupling": loaded.iterations, "newton": newton}
     rest = rest_block(now, before, models.hood.tendons)
     beside = {
@@ -170,7 +170,8 @@ def _joint_forces(models: Models, e: Equilibrium, books: Books) -> dict[str, dic
 
 
 def _tip_moment(models: Models, e: Equilibrium, books: Books) -> Array:
-    """(3,) N m of the tip on the world about the fingertip, zero where it is free to turn."""
+    """The moment (3,) N m of the tip on the world about the fingertip, zero where it is free to
+    turn."""
     held = books["fingertip"][-1]
     lever = models.finger.tip(e.finger_state) - e.motion.position[-1]
     moment: Array = np.cross(lever, held[:3]) - held[3:]
@@ -178,8 +179,8 @@ def _tip_moment(models: Models, e: Equilibrium, books: Books) -> Array:
 
 
 def _arms(models: Models, e: Equilibrium) -> dict[str, Array]:
-    """(nq,) m of each tendon: d tau/d T for those of the hood, tau/T for the finger's own, so far
-    as the finger tells them."""
+    """Moment arms (nq,) m of each tendon: d tau/d T for those of the hood, tau/T for the finger's
+    own, so far as the finger tells them."""
     by_force = _arms_by_force(models, e)
     out = {} if by_force is None else dict(zip(models.hood.tendons, by_force.T, strict=True))
     if e.balance is None:
@@ -191,7 +192,7 @@ def _arms(models: Models, e: Equilibrium) -> dict[str, Array]:
 
 
 def _arms_by_force(models: Models, e: Equilibrium) -> Array | None:
-    """(nq, nt) m of the hood's tendons, where the finger tells how its bodies turn."""
+    """Moment arms (nq, nt) m of the hood's tendons, where the finger tells how its bodies turn."""
     finger: Finger = models.finger
     jacobian = finger.jacobian(e.finger_state)
     return None if jacobian is None else jacobian.T @ e.jacobian.load_tension

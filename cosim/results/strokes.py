@@ -16,7 +16,8 @@ LIFT = 0.35e-3
 
 
 def stroke_cells(points: Array, quads: np.ndarray) -> np.ndarray:
-    """(k,) quads that get a stroke: evenly spread, however dense the mesh is; points (n, 3) m."""
+    """The quads (k,) that get a stroke: evenly spread, however dense the mesh is; points (n, 3)
+    m."""
     from scipy.spatial import cKDTree
 
     centre = points[quads].mean(axis=1)
@@ -29,7 +30,7 @@ def stroke_cells(points: Array, quads: np.ndarray) -> np.ndarray:
 
 
 def strokes(points: Array, quads: np.ndarray, direction: Array) -> Array:
-    """(k, 2, 3) m, the ends of a stroke over each of the quads (m, 4) that has a direction (m,
+    """The ends (k, 2, 3) m of a stroke over each of the quads (m, 4) that has a direction (m,
     3)."""
     own = np.linalg.norm(direction, axis=1) > 0
     corners, along = points[quads[own]], direction[own]
@@ -41,12 +42,12 @@ def strokes(points: Array, quads: np.ndarray, direction: Array) -> Array:
 
 
 def families_of(cell_data: Mapping[str, Array]) -> list[Array]:
-    """(m, 3) directions of each family that a hood's cell data hold."""
+    """The directions (m, 3) of each family that a hood's cell data hold."""
     return [np.asarray(cell_data[name]) for name in FAMILIES if name in cell_data]
 
 
 def carry(quads: np.ndarray, before: Array, after: Array, direction: Array) -> Array:
-    """(k, 3) directions on quads (k, 4) after their nodes moved from `before` (n, 3) to `after`;
+    """Directions (k, 3) on quads (k, 4) after their nodes moved from `before` (n, 3) to `after`;
     unit, or zero where they were zero."""
     first, last = (_bases(x[quads]) for x in (before, after))
     share = np.einsum("eka,ek->ea", np.linalg.pinv(first), direction)
@@ -56,7 +57,7 @@ def carry(quads: np.ndarray, before: Array, after: Array, direction: Array) -> A
 
 
 def _bases(corners: Array) -> Array:
-    """(k, 2, 3) base vectors at the centres of quads with corners (k, 4, 3)."""
+    """Base vectors (k, 2, 3) at the centres of quads with corners (k, 4, 3)."""
     one = corners[:, 1] + corners[:, 2] - corners[:, 0] - corners[:, 3]
     two = corners[:, 2] + corners[:, 3] - corners[:, 0] - corners[:, 1]
     return np.stack([one, two], axis=1)

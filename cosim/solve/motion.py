@@ -219,8 +219,8 @@ def checkpoint_folder(case: Case, checkpoints: Path | None) -> Path | None:
 
 
 def check_not_begun(case: Case, checkpoints: Path) -> None:
-    """Raises InputError where a part of this case, or of another one of its name, is kept there,
-    which a new run would throw away."""
+    """Check that no part of this case, or of another one of its name, is kept there, which a new
+    run would throw away.  Raises InputError."""
     folder = checkpoint_folder(case, checkpoints)
     if folder is None or not (folder / NAME).is_file():
         return

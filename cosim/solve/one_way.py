@@ -126,7 +126,7 @@ def _lumps(case: Case) -> bool:
 
 
 def _centres(finger: OpenFinger, at: State) -> Array:
-    """(nb, 3) m, the bodies' centres of mass in their frames."""
+    """The bodies' centres of mass (nb, 3) m in their frames."""
     motion = finger.motion(at)
     heavy = cast("MujocoFinger", finger)  # what check_fit lets be lumped
     away = heavy.mass_centres(finger.angles(at)) - motion.position
@@ -134,7 +134,7 @@ def _centres(finger: OpenFinger, at: State) -> Array:
 
 
 def _tensions(case: Case, models: Models) -> tuple[Array, Array, MusclePull]:
-    """N, of the hood's and of the finger's own tendons, in the posture."""
+    """Tensions (N) of the hood's and of the finger's own tendons, in the posture."""
     hood, own = tensions(case, models)
     pull = models.muscles.pull(np.zeros(len(models.muscles.names)))
     for name, force in zip(models.muscles.names, pull.tension, strict=True):

@@ -99,6 +99,6 @@ def _prescribed_excursions(case: Case, names: tuple[str, ...]) -> PrescribedExcu
 
 
 def _shortening(models: Models, before: Equilibrium, now: Equilibrium) -> Array:
-    """(nt,) m of all tendons' paths, the hood's first."""
+    """The shortening (nt,) m of all tendons' paths, the hood's first."""
     lengths = [models.finger.path_lengths(e.finger_state) for e in (before, now)]
     return np.concatenate([now.excursion - before.excursion, lengths[0] - lengths[1]])

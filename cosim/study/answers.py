@@ -167,7 +167,7 @@ class ResponseSurface:
         return dict(sorted(found.items(), key=lambda pair: -abs(pair[1])))
 
     def __call__(self, inputs: Array) -> Array:
-        """(n, d) -> (n,)."""
+        """The surface's answers (n,) at inputs (n, d)."""
         out: Array = _quadratic((np.asarray(inputs) - self.mean) / self.sd) @ self.coefficients
         return out
 

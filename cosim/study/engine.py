@@ -100,7 +100,8 @@ def _hand_out(client: Client, task: Task, running: dict[str, Task]) -> Future:
 
 
 def _verdict(future: Future, task: Task) -> Verdict:
-    """Raises InputError where the store cannot be written, CosimError where the scheduler ended."""
+    """How the run of a task ended.  Raises InputError where the store cannot be written, CosimError
+    where the scheduler ended."""
     from distributed import KilledWorker
 
     if future.status == "finished":

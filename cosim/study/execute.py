@@ -110,8 +110,8 @@ def execute_study(
 
 
 def check_outputs(outputs: Mapping[str, str], summary: Mapping[str, Any]) -> None:
-    """Raises InputError, with the nearest that there are, for paths where a run has no number; a
-    ratio whose divisor is zero in this run is let pass."""
+    """Check that a run has a number wherever the study looks; a ratio whose divisor is zero in this
+    run is let pass.  Raises InputError, with the nearest paths that there are."""
     known = list(numbers_of(summary))
     faults = []
     for name, quantity in outputs.items():
@@ -131,7 +131,7 @@ def _faults(error: InputError) -> str:
 
 
 def _task(plan: StudyPlan, point: Point, store: Store, code: str, again: bool) -> Task:
-    """Raises InputError where the case does not allow the point."""
+    """The run of a point.  Raises InputError where the case does not allow it."""
     case = load_case(plan.case, plan.settings_at(point))
     return Task(
         address(case, code),

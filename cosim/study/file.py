@@ -265,7 +265,7 @@ def packaged_studies() -> list[Path]:
 
 
 def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:
-    """Raises InputError that lists every fault."""
+    """Read and check a study file.  Raises InputError that lists every fault."""
     values = read_toml(source)
     lines: list[str] = []
     checked = None
@@ -309,7 +309,7 @@ def _model(table: Mapping[str, Any]) -> type[ParameterConfig]:
 
 
 def _parameter(name: str, table: dict[str, Any]) -> Parameter:
-    """Raises ValidationError and InputError."""
+    """Read a parameter from its table.  Raises ValidationError and InputError."""
     read = _model(table).model_validate(table)
     if read.settings and read.scale:
         raise InputError("gives both settings and scale; write one of them")

@@ -53,7 +53,7 @@ class Note:
 
     @property
     def remaining(self) -> float | None:
-        """s, at that rate."""
+        """The time that is left (s) at that rate."""
         return None if self.rate is None else (self.total - self.done) / self.rate
 
 

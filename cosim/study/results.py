@@ -74,11 +74,12 @@ class StudyResults:
 
     @property
     def inputs(self) -> Array:
-        """(n, d) of the numeric parameters."""
+        """The values (n, d) of the numeric parameters."""
         return self.table[list(self.numeric)].to_numpy(float)
 
     def values(self, output: str) -> Array:
-        """(n,) NaN where the run failed or has none.  Raises InputError."""
+        """The values (n,) of an output, NaN where the run failed or has none.  Raises
+        InputError."""
         if output not in self.outputs:
             raise InputError(f"no output {output!r}; there are {', '.join(self.outputs)}")
         return self.table[output].to_numpy(float)
@@ -157,7 +158,7 @@ class StudyResults:
 
 
 def read_study(folder: Path) -> StudyResults:
-    """Raises InputError."""
+    """Read what a study left in its folder.  Raises InputError."""
     try:
         facts = json.loads((folder / MARK).read_bytes())
     except (OSError, ValueError) as error:

@@ -24,8 +24,9 @@ def block(dimensions: int, second_order: bool) -> int:
 
 
 def unit_points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bool) -> Array:
-    """(m, dimensions) inside (0, 1); m is n, of Saltelli's scheme (Comput Phys Commun 145:280,
-    2002) n `block`s.  Raises InputError for a count that the sequence is not balanced for."""
+    """Points (m, dimensions) inside (0, 1); m is n, of Saltelli's scheme (Comput Phys Commun
+    145:280, 2002) n `block`s.  Raises InputError for a count that the sequence is not balanced
+    for."""
     if kind in POWERS_OF_TWO and n & (n - 1):
         below = 1 << (n.bit_length() - 1)
         raise InputError(

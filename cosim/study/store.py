@@ -114,7 +114,7 @@ class Store:
                 self._parts[path.name] = frozenset(column.to_pylist())
 
     def put(self, row: StoreRow) -> None:
-        """Raises StoreError."""
+        """Write the row of a run that ended.  Raises StoreError."""
         self.write(self._path(row.key), json_text(asdict(row), None, ensure_ascii=True).encode())
 
     def write(self, path: Path, content: bytes) -> None:

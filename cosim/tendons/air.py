@@ -37,7 +37,8 @@ class Cylinders:
     """(n,) V at a time in s, before the delay."""
 
     def reaching(self, time: float) -> Array:
-        """(n,) V that reach the valves: those commanded a delay before, the first ones before."""
+        """The voltages (n,) V that reach the valves: those commanded a delay before, the first ones
+        before."""
         delay = np.broadcast_to(self.air.valve.delay, len(self.names))
         by_delay = {d: self.command(max(time - d, 0.0)) for d in set(delay.tolist())}
         return np.array([by_delay[d][i] for i, d in enumerate(delay.tolist())])
@@ -54,7 +55,7 @@ class CylinderStep(NamedTuple):
 
 
 def check_air(tables: Mapping[str, TendonConfig], in_motion: bool) -> None:
-    """Raises InputError for a cylinder in an equilibrium, or one whose parts do not fit."""
+    """Check that cylinders are used in a motion and that their parts fit.  Raises InputError."""
     for name in _pneumatic_names(tables):
         if not in_motion:
             raise InputError(
@@ -120,7 +121,7 @@ def step_cylinders(
 
 
 def _within(c: Cylinders, inward: Array) -> Array:
-    """(n,) m, how far the pistons are drawn in."""
+    """How far (n,) m the pistons are drawn in."""
     drawn = c.initial_position + inward
     stroke = np.broadcast_to(c.air.cylinder.stroke, drawn.shape)
     off = np.maximum(-drawn, drawn - stroke)

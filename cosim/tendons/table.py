@@ -122,7 +122,7 @@ class TendonConfig(Table):
 
     @property
     def force(self) -> float | None:
-        """N; None: at the resting tension."""
+        """The stated tension (N); None: at the resting tension."""
         if self.activation is not None and self.max_force is not None:
             return self.activation * self.max_force
         return self.tension

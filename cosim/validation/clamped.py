@@ -106,7 +106,8 @@ def _qiu_targets(trial: Trial) -> Iterator[Target]:
 
 
 def measured_differences(muscle: str, posture: str) -> tuple[float, float]:
-    """mm, flexion positive: of Qiu's arms, which count extension positive, or of his forces."""
+    """Differences of moment arms (mm), flexion positive: of Qiu's arms, which count extension
+    positive, or of his forces."""
     found = values_by("qiu2017", posture)
     if f"arm.{muscle}.MCP" in found:
         mcp, pip, dip = (-found[f"arm.{muscle}.{j}"] for j in ("MCP", "PIP", "DIP"))
@@ -123,8 +124,8 @@ def _qiu_points(posture: str) -> Array:
 
 
 def qiu_force(posture: str, differences: Sequence[float]) -> Array:
-    """(2,) distal and dorsal force, % of the tension, metacarpal's axes, which differences of arms
-    (mm) make in a finger with the lengths of Qiu's hands."""
+    """The distal and dorsal force (2,), % of the tension, metacarpal's axes, which differences of
+    arms (mm) make in a finger with the lengths of Qiu's hands."""
     return 0.1 * force_over_tension(_qiu_points(posture), *differences)
 
 
@@ -187,7 +188,8 @@ def cadaver_arm_group(forces: TrialGroup) -> TrialGroup:
 def _arms_of_hand(
     trials: Sequence[Trial], forces: Sequence[Target]
 ) -> dict[tuple[str, str], float]:
-    """mm by trial and quantity; forces: the components of one hand, distal phalanx's axes."""
+    """Differences of arms (mm) by trial and quantity; forces: the components of one hand, distal
+    phalanx's axes."""
     found: dict[tuple[str, str], float] = {}
     for trial in trials:
         case = load_case(trial.case)

@@ -39,7 +39,7 @@ def _held(case: str, targets: Sequence[Target]) -> Trial:
 
 
 def _turns(case: str, targets: Sequence[Target]) -> dict[str, float]:
-    """deg by joint."""
+    """Turns (deg) by joint."""
     return {
         t.quantity.removeprefix(TURNS): t.reference
         for t in targets

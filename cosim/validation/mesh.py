@@ -121,7 +121,7 @@ def as_row(found: Change) -> dict[str, Any]:
 
 
 def write_changes(path: Path, quads: int, finer: Sequence[Board], found: Sequence[Change]) -> None:
-    """Raises InputError where the file cannot be written."""
+    """Write the changes by a finer mesh.  Raises InputError where the file cannot be written."""
     content = {
         "format": FORMAT,
         "version": __version__,

@@ -62,7 +62,7 @@ def sizes(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]
 
 
 def angles(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]:
-    """deg, between each muscle's force and EDC's, the first trial's."""
+    """Angles (deg) between each muscle's force and EDC's, the first trial's."""
     (_, edc), *others = _said(trials, summaries)
     for trial, said in others:
         muscle = _muscle(trial)
@@ -88,7 +88,7 @@ def _force(summary: Mapping[str, Any]) -> Array:
 
 
 def _rise(summary: Mapping[str, Any]) -> float:
-    """N, of all tensions."""
+    """The rise of all tensions together (N)."""
     return float(
         sum(summary["tension_N"].values()) - sum(summary["unloaded"]["tension_N"].values())
     )

@@ -167,7 +167,7 @@ def _outcomes(
 
 
 def _case(trial: Trial, settings: Sequence[str]) -> Case:
-    """Raises InputError."""
+    """The case of a trial.  Raises InputError."""
     case = load_case(trial.case, [*trial.settings, *settings])
     return case.model_copy(update={"name": folder_name(trial.name)})
 
@@ -297,6 +297,6 @@ def six_digits(value: Any) -> Any:
 
 
 def write_scoreboard(path: Path, boards: Sequence[Board]) -> None:
-    """Raises InputError where the file cannot be written."""
+    """Write the scoreboard.  Raises InputError where the file cannot be written."""
     with output_file(path) as part:
         part.write_text(scoreboard(boards), encoding="utf-8")

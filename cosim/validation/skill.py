@@ -112,7 +112,8 @@ def skill(
 
 
 def _weights(targets: Sequence[Target]) -> Array:
-    """(n,), one over the mean square of what the rows of the same unit are compared with."""
+    """Weights (n,), one over the mean square of what the rows of the same unit are compared
+    with."""
     sizes: dict[str, list[float]] = {}
     for t in targets:
         sizes.setdefault(t.unit, []).append(_size(t) ** 2)

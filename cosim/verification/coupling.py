@@ -85,12 +85,12 @@ def drive(
 
 
 def angles_of(states: list[CoupledState]) -> Array:
-    """(n, nq) rad."""
+    """The joint angles (n, nq) rad of states."""
     return np.array([s.finger.angles for s in states])
 
 
 def times(dt: float, steps: int) -> Array:
-    """(steps + 1,) s."""
+    """The times (steps + 1,) s of equal steps."""
     return dt * np.arange(steps + 1, dtype=float)
 
 
@@ -118,7 +118,7 @@ def monolithic_rows() -> Iterator[Row]:
 
 
 def soft_angles(scheme: Scheme, dt: float, steps: int, order: Literal[1, 2] = 1) -> Array:
-    """(steps + 1, 3) rad."""
+    """The joint angles (steps + 1, 3) rad of the soft pair by a scheme."""
     finger, hood = soft_pair(order)
     return angles_of(drive(scheme, finger, hood, REST, pulls_on_cables, dt, steps))
 
@@ -173,7 +173,7 @@ def limit_row(factor: float) -> Row:
 
 
 def stop_time(dt: float, least_time: float = 1.0) -> float | None:
-    """s, when an explicit run of the stiff pair stops as unstable; None: not in `least_time` s."""
+    """When (s) an explicit run of the stiff pair stops as unstable; None: not in `least_time` s."""
     finger, drum = stiff_pair()
     state = begin(Explicit(), finger, drum, finger.begin({}), pulls_on_drum)
     for _ in range(round(least_time / dt)):
@@ -185,7 +185,8 @@ def stop_time(dt: float, least_time: float = 1.0) -> float | None:
 
 
 def find_limit() -> float:
-    """s, between the stable and the unstable steps of the explicit pair, by bisection."""
+    """Find the step (s) between the stable and the unstable ones of the explicit pair, by
+    bisection."""
     low, high = 1e-3, 2e-3
     while high - low > 5e-6:
         middle = 0.5 * (low + high)

@@ -184,7 +184,7 @@ def time_row(name: str, part: str, native: float, unit: float) -> Row:
 
 
 def _time_of_answer(hood: Hood, at: Equilibrium) -> float:
-    """s, of a hood's static step."""
+    """The time (s) of a hood's static step."""
     if hasattr(hood, "tangent_by"):  # a unit's
         hood.tangent_by = "differences"
     first = hood.advance(hood.start(at.motion), at.motion, at.hood_tension, STATIC)
@@ -192,7 +192,8 @@ def _time_of_answer(hood: Hood, at: Equilibrium) -> float:
 
 
 def _times_of_rest(case: Case, models: Models, path: Path, at: Equilibrium) -> tuple[float, float]:
-    """s, of a finger's equilibrium under the hood's load, from there: native, and in a unit."""
+    """The times (s) of a finger's equilibrium under the hood's load, from there: native, and in a
+    unit."""
     f, load, pulls = models.finger, at.load, at.finger_tension
     slope, tolerance = at.jacobian.load_motion, case.solve.tolerance
     unit = FmuFinger(path, f.bodies, f.joints, f.tendons)
@@ -204,7 +205,7 @@ def _times_of_rest(case: Case, models: Models, path: Path, at: Equilibrium) -> t
 
 
 def _times_of_motion(models: MovingModels, paths: Mapping[str, Path]) -> tuple[float, float]:
-    """s, of a finger's step under a held load: native, and in a unit."""
+    """The times (s) of a finger's step under a held load: native, and in a unit."""
     own, f = models.finger, models.finger
     unit = FmuMovingFinger(paths["finger"], f.bodies, f.joints, f.tendons)
     start, pulls = own.begin(models.posture), np.ones(len(f.tendons))
@@ -217,7 +218,7 @@ def _times_of_motion(models: MovingModels, paths: Mapping[str, Path]) -> tuple[f
 
 
 def _median(call: Callable[[], object]) -> float:
-    """s, of 21 calls."""
+    """The median time (s) of 21 calls."""
     spent = []
     for _ in range(21):
         started = time.perf_counter()

@@ -40,7 +40,7 @@ KNOWN_MISSES = {("mallet", "net of cables", "PIP")}
 
 
 def changes(case: Case) -> dict[str, float]:
-    """deg by joint, after the case's lesion less before, fingertip free."""
+    """The change (deg) by joint, after the case's lesion less before, fingertip free."""
     sides = both_sides(case)
     before, after = (
         run_case(sides["free", side]).summary["posture_deg"] for side in ("before", "after")

@@ -61,7 +61,7 @@ class Drum:
 
     @property
     def _turns(self) -> Array:
-        """(nq, 6 nb) joint angles by the bodies' twists."""
+        """The joint angles by the bodies' twists (nq, 6 nb)."""
         n = len(self.bodies) - 1
         out = np.zeros((n, n + 1, 6))
         i = np.arange(n)
@@ -93,7 +93,7 @@ def stiff_pair(joints: int = 1) -> tuple[MovingHinge, Drum]:
 
 
 def smooth_rise(time: float) -> float:
-    """N, with a continuous slope."""
+    """A tension (N) that rises with a continuous slope."""
     u = min(max(time / RISE, 0.0), 1.0)
     return FULL * u**2 * (3 - 2 * u)
 
@@ -104,7 +104,7 @@ def pulls_on_drum(time: float) -> tuple[Array, Array]:
 
 
 def stiff_truth(times: Array) -> Array:
-    """(n, 1) rad."""
+    """The stiff pair's true angles (n, 1) rad."""
 
     def slope(t: float, y: Array) -> list[float]:
         torque = RADIUS * smooth_rise(t) - STIFFNESS * y[0] - DAMPING * y[1]
@@ -114,14 +114,14 @@ def stiff_truth(times: Array) -> Array:
 
 
 def integrate(slope: Callable[..., object], start: Array, times: Array) -> Array:
-    """(n, len(start)) solution at increasing times from the first on, to 1e-11."""
+    """The solution (n, len(start)) at increasing times from the first on, to 1e-11."""
     span = (times[0], times[-1])
     found = solve_ivp(slope, span, start, "DOP853", times, rtol=1e-11, atol=1e-13)
     return np.asarray(found.y.T)
 
 
 def stiff_by_backward_euler(dt: float, steps: int) -> Array:
-    """(steps + 1, 1) rad: the same equation, both unknowns in one step."""
+    """The angles (steps + 1, 1) rad of the same equation, both unknowns in one step."""
     matrix = np.array([[1.0, -dt], [dt * STIFFNESS / INERTIA, 1 + dt * DAMPING / INERTIA]])
     y = np.zeros((steps + 1, 2))
     for i in range(steps):
@@ -131,7 +131,7 @@ def stiff_by_backward_euler(dt: float, steps: int) -> Array:
 
 
 def unstable_from() -> float:
-    """s, the staggered pair's limit: with the damper implicit the step's characteristic polynomial
+    """The staggered pair's limit (s): with the damper implicit the step's characteristic polynomial
     leaves the unit circle where h^2 K = 4 I + 2 h c, a little above 2 sqrt(I/K)."""
     c = DAMPING / STIFFNESS
     return float(c + np.sqrt(c**2 + 4 * INERTIA / STIFFNESS))
@@ -165,7 +165,7 @@ def _cable(height: float) -> Cable:
 
 
 def soft_tensions(time: float) -> Array:
-    """N, dorsal and palmar."""
+    """The dorsal and the palmar tension (N) of the soft pair."""
     return np.array([3.0 + np.sin(30 * time), 3.0 * (1 - np.cos(40 * time))])
 
 
@@ -176,8 +176,9 @@ def pulls_on_cables(time: float) -> tuple[Array, Array]:
 
 
 def soft_acceleration(time: float, q: Array, v: Array) -> Array:
-    """(3,) rad/s2.  A cable's span over a joint is a chord of the circle on which both eyelets lie,
-    2 rho sin(atan(a/h) +- q/2), and its arm the span's derivative."""
+    """The soft pair's acceleration (3,) rad/s2.  A cable's span over a joint is a chord of the
+    circle on which both eyelets lie, 2 rho sin(atan(a/h) +- q/2), and its arm the span's
+    derivative."""
     rho, angle = np.hypot(HEIGHT, BESIDE), np.arctan(BESIDE / HEIGHT)
     dorsal, palmar = rho * np.cos(angle + q / 2), -rho * np.cos(angle - q / 2)
     pull = soft_tensions(time)
@@ -186,7 +187,7 @@ def soft_acceleration(time: float, q: Array, v: Array) -> Array:
 
 
 def soft_truth(times: Array) -> Array:
-    """(n, 3) rad."""
+    """The soft pair's true angles (n, 3) rad."""
 
     def slope(t: float, y: Array) -> Array:
         return np.concatenate([y[3:], soft_acceleration(t, y[:3], y[3:])])
@@ -195,7 +196,7 @@ def soft_truth(times: Array) -> Array:
 
 
 def soft_by_backward_euler(dt: float, steps: int) -> Array:
-    """(steps + 1, 3) rad: finger and cables in one system a step."""
+    """The soft pair's angles (steps + 1, 3) rad: finger and cables in one system a step."""
     q, v, out = REST, np.zeros(3), [REST]
     for i in range(1, steps + 1):
         rest = lambda new, q=q, v=v, t=i * dt: (  # noqa: E731

@@ -53,13 +53,13 @@ def rows_of(muscle: str) -> Iterator[Row]:
 
 
 def at_rest(muscle: str, scheme: str) -> Array:
-    """(3,) N by a scheme for equilibria."""
+    """The fingertip force (3,) N by a scheme for equilibria."""
     case = load_case(f"isometric_{muscle}", [COARSE, f'coupling.scheme="{scheme}"'])
     return solve(case)[1].loaded.known_balance.tip_force
 
 
 def run_to_rest(muscle: str) -> Array:
-    """(3,) N at the end of a damped motion."""
+    """The fingertip force (3,) N at the end of a damped motion."""
     motion = [f'forward.step="{STEP} s"', f'forward.duration="{DURATION} s"']
     damped = [f"finger.passive.{joint}.damping={DAMPING}" for joint in JOINTS]
     case = load_case(f"isometric_{muscle}", [COARSE, *motion, *damped])

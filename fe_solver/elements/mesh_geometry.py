@@ -10,19 +10,19 @@ from fe_solver.elements.kinds import display_quads, kind_of
 
 
 def is_triangle(quads: Ints) -> NDArray[np.bool_]:
-    """(ne,) whose last two corners are one node."""
+    """Return which elements (ne,) have one node for their last two corners."""
     return quads[:, 2] == quads[:, 3]
 
 
 def corner_shares(quads: Ints) -> Array:
-    """(ne, k) of an element for each of its nodes; a triangle's doubled corner counts once."""
+    """Return each node's share (ne, k) of an element; a triangle's doubled corner counts once."""
     share = np.tile(kind_of(quads).share, (len(quads), 1))
     share[is_triangle(quads), :4] = np.array([2.0, 2.0, 1.0, 1.0]) / 6
     return share
 
 
 def node_directors(points: Array, quads: Ints) -> Array:
-    """(n, 3) unit normals at the nodes: the mean of the adjoining elements' there."""
+    """Return unit normals at the nodes, (n, 3): the mean of the adjoining elements' there."""
     element, p = kind_of(quads), points[quads]
     bases = [element.base_vectors(p, r, s) for r, s in element.nodes]
     corner = np.stack([np.cross(b[:, 0], b[:, 1]) for b in bases], axis=1)
@@ -34,20 +34,22 @@ def node_directors(points: Array, quads: Ints) -> Array:
 
 
 def node_means(values: Array, quads: Ints, count: int) -> Array:
-    """(n,) mean of the quads' values (ne,) that meet at each node."""
-    total = np.bincount(quads.ravel(), weights=np.repeat(values, quads.shape[1]), minlength=count)
+    """Return the mean (n,) at each node of the values (ne,) of the elements that meet there, or of
+    those (ne, k) that they have at it."""
+    each = np.broadcast_to(values.T, quads.T.shape).T.ravel()
+    total = np.bincount(quads.ravel(), weights=each, minlength=count)
     return total / np.maximum(np.bincount(quads.ravel(), minlength=count), 1)
 
 
 def element_areas(points: Array, quads: Ints) -> Array:
-    """(ne,) m2, of the flat quads that show the elements."""
+    """Return the areas (ne,) m2 of the flat quads that show the elements."""
     p = points[display_quads(quads)]
     area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
     return np.asarray(area.reshape(-1, len(kind_of(quads).shown)).sum(axis=1))
 
 
 def node_areas(points: Array, quads: Ints) -> Array:
-    """(n,) m2, of each adjoining element its corner's share."""
+    """Return each node's area (n,) m2: of each adjoining element its corner's share."""
     shares = (element_areas(points, quads)[:, None] * corner_shares(quads)).ravel()
     total = np.bincount(quads.ravel(), weights=shares, minlength=len(points))
     return total.astype(float, copy=False)

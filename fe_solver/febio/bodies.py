@@ -13,7 +13,7 @@ from fe_solver.febio.mesh import SHELLS, FebMesh, rows_of
 from fe_solver.febio.parts import Parts
 from fe_solver.febio.xml import FebTag
 from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
-from fe_solver.job.job import Body
+from fe_solver.supports import Body
 
 AXES = "xyz"
 GROUND = "ground"

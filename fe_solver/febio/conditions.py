@@ -8,15 +8,8 @@ from cosim.port import Array, Ints
 from fe_solver.febio.bodies import AXES, Model, read_curve
 from fe_solver.febio.parts import FebShells
 from fe_solver.febio.xml import FebTag
-from fe_solver.job.job import (
-    HeldDirector,
-    NodalForce,
-    PrescribedDisplacement,
-    Pressure,
-    SpringLaw,
-    SpringSet,
-    Tied,
-)
+from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement, Pressure
+from fe_solver.supports import SpringLaw, SpringSet, Tied
 
 SIZE_OF_FORCE = 3
 SPRINGS = ("linear spring", "tension-only linear spring", "nonlinear spring")

@@ -17,9 +17,11 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array, Mask
 from fe_solver.febio.read import read_feb
-from fe_solver.job.job import Body, Job, NodalForce, ShellPart, SpringLaw, SpringSet, Tied
+from fe_solver.job.job import Job, NodalForce
 from fe_solver.job.solve import ShellState, solve_job
 from fe_solver.materials.linear import Isotropic
+from fe_solver.sheet import ShellPart
+from fe_solver.supports import Body, SpringLaw, SpringSet, Tied
 
 QUADS = 4690
 BODIES = ("Material 5", "Material 6", "Material 7", "Material 8")
@@ -111,24 +113,24 @@ def solve_published_hood(path: str | Path, moduli: Moduli, pull: float) -> Publi
 
     Raises InputError for another file, and ConvergenceError."""
     job = read_feb(path)
-    if len(job.quads) != QUADS or tuple(b.name for b in job.bodies) != BODIES:
+    if len(job.sheet.quads) != QUADS or tuple(b.name for b in job.bodies) != BODIES:
         raise InputError(
             f"{path}: is not the published hood: expected Verify/mi29.feb of FEBio's test suite, "
             f"with {QUADS} shell elements and the bodies {', '.join(BODIES)}"
         )
     job = _with_adhesions(_scale_pull(_with_moduli(job, moduli), pull))
-    job = replace(job, fibre=_along(job))
+    job = replace(job, sheet=replace(job.sheet, fibre=_along(job)))
     (state,) = solve_job(job, times=[1.0]).states
     return _observe(job, state)
 
 
 def _middles(job: Job) -> Array:
-    return np.asarray(job.points[job.quads].mean(axis=1))
+    return np.asarray(job.sheet.points[job.sheet.quads].mean(axis=1))
 
 
 def _along(job: Job) -> Array:
     """(ne, 3) the finger's axis z in the quads' planes."""
-    p = job.points[job.quads]
+    p = job.sheet.points[job.sheet.quads]
     normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     out = np.array([0.0, 0, 1]) - normal[:, 2:] * normal
@@ -138,9 +140,9 @@ def _along(job: Job) -> Array:
 def _with_moduli(job: Job, m: Moduli) -> Job:
     x, _, z = _middles(job).T
     middle = np.abs(x - CENTRE) < HALF
-    slip = (job.part == THIN) | (job.part == INSERTION)
+    slip = (job.sheet.part == THIN) | (job.sheet.part == INSERTION)
     values = np.select(
-        [job.part == SHEET, slip, z > MERGED, z < MCP, middle & (z < JOIN), middle],
+        [job.sheet.part == SHEET, slip, z > MERGED, z < MCP, middle & (z < JOIN), middle],
         [
             m.sheet,
             m.central_slip,
@@ -153,7 +155,7 @@ def _with_moduli(job: Job, m: Moduli) -> Job:
     )
     kinds, part = np.unique(values, return_inverse=True)
     parts = tuple(ShellPart(f"{1e-6 * E:g} MPa", Isotropic(float(E), 0.4)) for E in kinds)
-    return replace(job, parts=parts, part=part)
+    return replace(job, sheet=replace(job.sheet, parts=parts, part=part))
 
 
 def _scale_pull(job: Job, pull: float) -> Job:
@@ -170,23 +172,16 @@ def _scale_pull(job: Job, pull: float) -> Job:
 
 def _with_adhesions(job: Job) -> Job:
     """Springs in place of what is tied to the proximal phalanx."""
-    held = [t for t in job.tied if t.body == PROXIMAL]
+    held = [t for t in job.ties if t.body == PROXIMAL]
     springs = tuple(_adhesion(job, t, job.bodies[PROXIMAL]) for t in held)
-    kept = tuple(t for t in job.tied if t.body != PROXIMAL)
-    return replace(job, tied=kept, springs=(*job.springs, *springs))
+    kept = tuple(t for t in job.ties if t.body != PROXIMAL)
+    return replace(job, ties=kept, springs=(*job.springs, *springs))
 
 
 def _adhesion(job: Job, tied: Tied, body: Body) -> SpringSet:
-    n = len(tied.nodes)
-    return SpringSet(
-        f"adhesion at node {job.node_ids[tied.nodes[0]]}",
-        SpringLaw(ADHESION / n),
-        tied.nodes,
-        np.full(n, tied.body),
-        job.points[tied.nodes] - body.origin,
-        np.full(n, -1),
-        np.zeros(n),
-    )
+    name = f"adhesion at node {job.sheet.node_ids[tied.nodes[0]]}"
+    law, anchor = SpringLaw(ADHESION / len(tied.nodes)), job.sheet.points[tied.nodes] - body.origin
+    return SpringSet.to_body(name, law, tied.nodes, tied.body, anchor, 0.0)
 
 
 def _observe(job: Job, state: ShellState) -> PublishedHood:

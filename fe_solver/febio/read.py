@@ -38,7 +38,9 @@ from fe_solver.febio.notes import collect_notes
 from fe_solver.febio.parts import FebShells, Parts, read_parts
 from fe_solver.febio.xml import FebTag, read_xml
 from fe_solver.job.checks import check_mesh, within
-from fe_solver.job.job import Body, ContactPair, Job, ShellPart, Step
+from fe_solver.job.job import Job, Step
+from fe_solver.sheet import Sheet, ShellPart
+from fe_solver.supports import Body, ContactPair
 
 CONTACTS = ("sliding-elastic", "sliding-facet-on-facet", "sliding-node-on-facet")
 SECTIONS = (
@@ -171,36 +173,37 @@ def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
         touched.setdefault(body, []).append(facets)
     bodies, vertices = read_bodies(model, parts, sections.all("Rigid", "rigid_bc"), touched)
     if any((s.body == len(bodies)).any() for s in springs):
-        none = np.zeros((0, 3))
-        bodies += (Body(GROUND, np.zeros(3), none, none.astype(np.intp)),)
+        bodies += (Body(GROUND),)
     contacts = tuple(
         _contact(model, t, quads, np.searchsorted(vertices[body], triangles_of(facets)), body)
         for (t, _), (quads, _, body, facets) in zip(pairs, sides, strict=True)
     )
     return Job(
-        name,
-        mesh.points[sheet.nodes] * units.length,
-        mesh.node_ids[sheet.nodes],
-        model.shell[sheet.quads],
-        sheet.ids,
-        sheet.part,
-        tuple(
-            ShellPart(n, m.law, m.in_situ_stretch)
-            for n, m in zip(sheet.names, sheet.materials, strict=True)
-            if m.law
+        Sheet(
+            mesh.points[sheet.nodes] * units.length,
+            model.shell[sheet.quads],
+            tuple(
+                ShellPart(n, m.law, m.in_situ_stretch)
+                for n, m in zip(sheet.names, sheet.materials, strict=True)
+                if m.law
+            ),
+            sheet.part,
+            sheet.thickness * units.length,
+            sheet.fibre,
+            -sheet.thickness * units.length / 2,
+            node_ids=mesh.node_ids[sheet.nodes],
+            element_ids=sheet.ids,
         ),
-        sheet.thickness * units.length,
-        -sheet.thickness * units.length / 2,
-        sheet.fibre,
-        bodies,
-        tied,
-        held,
-        directors,
-        springs,
-        read_forces(model, sections.all("Loads", "nodal_load")),
-        read_pressures(model, sheet, sections.all("Loads", "surface_load")),
-        contacts,
-        _steps(sections),
+        ties=tied,
+        held=held,
+        held_directors=directors,
+        springs=springs,
+        forces=read_forces(model, sections.all("Loads", "nodal_load")),
+        pressures=read_pressures(model, sheet, sections.all("Loads", "surface_load")),
+        contacts=contacts,
+        bodies=bodies,
+        steps=_steps(sections),
+        name=name,
     )
 
 

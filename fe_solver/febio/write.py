@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +12,6 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.port import Array, Ints
-from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.bodies import Units
 from fe_solver.febio.laws import law_tag, needs_fibre
 from fe_solver.febio.write_conditions import SAME_POINT, Conditions, curve_tags
@@ -37,9 +37,9 @@ def write_feb(
     is written with its nodes moved there.  The file appears whole or not at all.  Raises InputError
     where the job holds what FEBio's format cannot say, and where the file cannot be written."""
     path = Path(path)
-    own = job.points if points is None else np.asarray(points, dtype=float)
-    if own.shape != job.points.shape:
-        raise InputError(f"points have shape {own.shape}, expected {job.points.shape}")
+    own = job.sheet.points if points is None else np.asarray(points, dtype=float)
+    if own.shape != job.sheet.points.shape:
+        raise InputError(f"points have shape {own.shape}, expected {job.sheet.points.shape}")
     _check_names(job)
     w = Conditions(job, face_points(job, own), Units(length_unit, force_unit))
     root = _document(w)
@@ -48,23 +48,26 @@ def write_feb(
 
 
 def _check_names(job: Job) -> None:
-    names = [p.name for p in job.parts] + [b.name for b in job.bodies]
+    names = [p.name for p in job.sheet.parts] + [b.name for b in job.bodies]
     twice = [n for i, n in enumerate(names) if n in names[:i]]
     if twice:
         raise InputError(f"{job.name}: two parts or bodies are called {twice[0]!r}")
+    shapes = [b.name for b in job.bodies if b.surface is not None]
+    if shapes:
+        raise InputError(
+            f"{job.name}: the body {shapes[0]!r} has a surface that is not of triangles, which "
+            "FEBio's format has no word for; give it vertices and triangles"
+        )
     if not job.steps:
         raise InputError(f"{job.name}: it has no time steps to write")
 
 
 def face_points(job: Job, points: Array) -> Array:
     """(n, 3) m on the face that the normal points to: half a thickness from the mid-surface."""
-    off = job.height + job.thickness / 2
+    off = job.sheet.height + job.sheet.thickness / 2
     if not (np.abs(off) > SAME_POINT).any():
         return points
-    count = np.bincount(job.quads.ravel(), minlength=len(points))
-    total = np.bincount(job.quads.ravel(), weights=off.ravel(), minlength=len(points))
-    mean = total / np.maximum(count, 1)
-    return points + mean[:, None] * node_directors(points, job.quads)
+    return replace(job.sheet, points=points).moved(off)
 
 
 def _document(w: Conditions) -> Element:
@@ -109,9 +112,9 @@ class _Block(NamedTuple):
 
 
 def _blocks(job: Job) -> Iterator[_Block]:
-    triangle = job.quads[:, 2] == job.quads[:, 3]
-    for index, part in enumerate(job.parts):
-        of_part = job.part == index
+    triangle = job.sheet.quads[:, 2] == job.sheet.quads[:, 3]
+    for index, part in enumerate(job.sheet.parts):
+        of_part = job.sheet.part == index
         quads, triangles = np.flatnonzero(of_part & ~triangle), np.flatnonzero(of_part & triangle)
         if len(quads):
             yield _Block(part.name, part.name, part.law, quads, 4)
@@ -121,9 +124,9 @@ def _blocks(job: Job) -> Iterator[_Block]:
 
 
 def _materials(w: Conditions) -> Iterator[Element]:
-    for number, part in enumerate(w.job.parts, 1):
+    for number, part in enumerate(w.job.sheet.parts, 1):
         yield law_tag(number, part.name, part.law, w.units.stress, part.in_situ_stretch)
-    for number, body in enumerate(w.job.bodies, len(w.job.parts) + 1):
+    for number, body in enumerate(w.job.bodies, len(w.job.sheet.parts) + 1):
         inner = {"density": 1, "E": 1, "v": 0, "center_of_mass": body.origin / w.units.length}
         tags = [tag(name, value) for name, value in inner.items()]
         yield tag("material", *tags, id=number, name=body.name, type="rigid body")
@@ -132,7 +135,7 @@ def _materials(w: Conditions) -> Iterator[Element]:
 def _nodes(w: Conditions) -> Element:
     rest = [b.origin + v for b in w.job.bodies for v in b.vertices] + [x for _, x in w.extra]
     places = np.concatenate([w.points, np.reshape(rest, (-1, 3))]) / w.units.length
-    ids = [*w.job.node_ids, *range(w.first_vertex(0), w.first_vertex(0) + len(rest))]
+    ids = [*w.job.sheet.node_ids, *range(w.first_vertex(0), w.first_vertex(0) + len(rest))]
     return nodes_tag(places, ids, name="all nodes")
 
 
@@ -169,10 +172,10 @@ def axes_tag(name: str, corners: Array, fibre: Array) -> Element:
 def _elements(w: Conditions, blocks: list[_Block]) -> Iterator[Element]:
     job = w.job
     for b in blocks:
-        nodes = job.node_ids[job.quads[b.elements, : b.corners]]
+        nodes = job.sheet.node_ids[job.sheet.quads[b.elements, : b.corners]]
         kind = "tri3" if b.corners == 3 else "q4ans"
-        yield elements_tag(kind, b.name, nodes, job.element_ids[b.elements])
-    following = int(job.element_ids.max()) + 1
+        yield elements_tag(kind, b.name, nodes, job.sheet.element_ids[b.elements])
+    following = int(job.sheet.element_ids.max()) + 1
     for index, body in enumerate(job.bodies):
         count = len(body.triangles)
         if count:
@@ -183,19 +186,21 @@ def _elements(w: Conditions, blocks: list[_Block]) -> Iterator[Element]:
 
 def _domains(w: Conditions, blocks: list[_Block]) -> Iterator[Element]:
     for b in blocks:
-        yield domain_tag(b.name, b.part, w.job.thickness[b.elements[0], 0] / w.units.length)
+        yield domain_tag(b.name, b.part, w.job.sheet.thickness[b.elements[0], 0] / w.units.length)
     for body in w.job.bodies:
         if len(body.triangles):
             yield domain_tag(body.name, body.name, RIGID_THICKNESS)
 
 
 def _mesh_data(w: Conditions, b: _Block) -> Iterator[Element]:
-    thickness = w.job.thickness[b.elements, : b.corners] / w.units.length
+    thickness = w.job.sheet.thickness[b.elements, : b.corners] / w.units.length
     if np.ptp(thickness):
         rows = [tag("e", values, lid=i) for i, values in enumerate(thickness, 1)]
         yield tag("ElementData", *rows, type="shell thickness", elem_set=b.name)
     if needs_fibre(b.law):
-        yield axes_tag(b.name, w.points[w.job.quads[b.elements]], w.job.fibre[b.elements])
+        yield axes_tag(
+            b.name, w.points[w.job.sheet.quads[b.elements]], w.job.sheet.fibre[b.elements]
+        )
 
 
 def _controls(job: Job) -> list[Element]:

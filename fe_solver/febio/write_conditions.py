@@ -11,9 +11,13 @@ from cosim.errors import InputError
 from cosim.port import Array, Ints
 from fe_solver.febio.bodies import AXES, DOFS, Units
 from fe_solver.febio.xml import Element, tag
+from fe_solver.forces.ramp import ramp
 from fe_solver.job.curves import Drive, Extension, LoadCurve
-from fe_solver.job.job import Job, SpringLaw, SpringSet
+from fe_solver.job.job import Job
+from fe_solver.supports import SpringLaw, SpringSet
 
+TOE_POINTS = 21
+"""Of the table that a spring's toe becomes."""
 SAME_POINT = 1e-12
 """m: an anchor that near a vertex of its body is that vertex."""
 SAME_LENGTH = 1e-12
@@ -36,7 +40,7 @@ class Conditions:
     def first_vertex(self, body: int) -> int:
         """The number of a body's first vertex; that of the first extra node for one too many."""
         counts = [len(b.vertices) for b in self.job.bodies[:body]]
-        return int(self.job.node_ids.max()) + 1 + sum(counts)
+        return int(self.job.sheet.node_ids.max()) + 1 + sum(counts)
 
     def sections(self) -> list[Element]:
         """All sections.  The springs go first: they make nodes that the boundary section ties."""
@@ -67,7 +71,7 @@ class Conditions:
 
     def _facets(self, quads: Ints, sign: Ints) -> Iterator[tuple[int, ...]]:
         for i, s in zip(quads, sign, strict=True):
-            facet = tuple(self.job.node_ids[self.job.quads[i]].tolist())
+            facet = tuple(self.job.sheet.node_ids[self.job.sheet.quads[i]].tolist())
             facet = facet[:3] if facet[2] == facet[3] else facet
             yield facet if s > 0 else facet[::-1]
 
@@ -79,8 +83,8 @@ class Conditions:
         return tag(kind, *content, name=name, node_set=name, type=how)
 
     def _boundary(self) -> Iterator[Element]:
-        job, ids = self.job, self.job.node_ids
-        for i, t in enumerate(job.tied, 1):
+        job, ids = self.job, self.job.sheet.node_ids
+        for i, t in enumerate(job.ties, 1):
             inner = [tag("rb", job.bodies[t.body].name)]
             inner += [] if t.clamped else [tag("clamp_shells", 0)]
             yield self._on_nodes("bc", f"tied {i}", ids[t.nodes], "rigid", *inner)
@@ -118,7 +122,7 @@ class Conditions:
     def _loads(self) -> Iterator[Element]:
         for i, f in enumerate(self.job.forces, 1):
             value = self._scaled("value", f.force / self.units.force, f.curve)
-            ids = self.job.node_ids[f.nodes]
+            ids = self.job.sheet.node_ids[f.nodes]
             yield self._on_nodes("nodal_load", f"loaded {i}", ids, "nodal_force", value)
         for i, p in enumerate(self.job.pressures, 1):
             name = f"pressed {i}"
@@ -167,20 +171,21 @@ class Conditions:
 
     def _spring_sets(self) -> Iterator[tuple[str, SpringLaw, float]]:
         """Name, law and slack (m) of each set that FEBio needs: springs rest at their initial
-        length there, so that those of one slack make a set."""
+        length there, so that those of one stiffness and slack make a set."""
         for s in self.job.springs:
             slack = s.length - self._initial(s)
             slack[np.abs(slack) < SAME_LENGTH] = 0.0
-            levels = np.unique(slack)
-            for i, level in enumerate(levels):
-                name = s.name if len(levels) == 1 else f"{s.name} {i + 1}"
-                rows = [self._ends(s, int(k)) for k in np.flatnonzero(slack == level)]
+            each = np.column_stack([np.broadcast_to(s.law.stiffness, slack.shape), slack])
+            kinds, kind = np.unique(each, axis=0, return_inverse=True)
+            for i, (stiffness, level) in enumerate(kinds.tolist()):
+                name = s.name if len(kinds) == 1 else f"{s.name} {i + 1}"
+                rows = [self._ends(s, int(k)) for k in np.flatnonzero(kind.reshape(-1) == i)]
                 self.sets.append(tag("DiscreteSet", *rows, name=name))
-                yield name, s.law, float(level)
+                yield name, replace(s.law, stiffness=stiffness), level
 
     def _ends(self, s: SpringSet, k: int) -> Element:
         """The nodes that a set's spring k joins."""
-        ids = self.job.node_ids
+        ids = self.job.sheet.node_ids
         end = ids[s.other[k]] if s.body[k] < 0 else self._anchor(int(s.body[k]), s.anchor[k])
         return tag("delem", (ids[s.nodes[k]], end))
 
@@ -194,13 +199,16 @@ class Conditions:
 
     def _spring_law(self, law: SpringLaw, slack: float) -> tuple[str, Element]:
         """The spring's type and what says its force."""
+        stiffness = float(law.stiffness)
+        if law.tension_only and law.toe:
+            law = SpringLaw(stiffness, table=_toe_table(stiffness, law.toe))
         if law.table is None and not slack:
             kind = "tension-only linear spring" if law.tension_only else "linear spring"
-            return kind, tag("E", law.stiffness * self.units.length / self.units.force)
+            return kind, tag("E", stiffness * self.units.length / self.units.force)
         if law.table is None:
             span = abs(slack)
-            left = 0.0 if law.tension_only else -law.stiffness * span
-            times, values = (slack - span, slack, slack + span), (left, 0.0, law.stiffness * span)
+            left = 0.0 if law.tension_only else -stiffness * span
+            times, values = (slack - span, slack, slack + span), (left, 0.0, stiffness * span)
             curve = LoadCurve(times, values, extension=Extension.EXTRAPOLATE)
         elif law.tension_only:
             raise InputError("FEBio has no tension-only spring with a table; make the table zero")
@@ -216,6 +224,13 @@ class Conditions:
             yield tag("discrete_material", force, id=i, name=name, type=kind)
         for i, (name, _, _) in enumerate(sets, 1):
             yield tag("discrete", dmat=i, discrete_set=name)
+
+
+def _toe_table(stiffness: float, toe: float) -> LoadCurve:
+    """N by elongation (m) of a spring that sets in over a toe, straight beyond it: slack before."""
+    stretch = toe * np.concatenate([[-2.0], np.linspace(-1.0, 1.0, TOE_POINTS), [2.0]])
+    times, values = tuple(stretch.tolist()), tuple((stiffness * ramp(stretch, toe)[1]).tolist())
+    return LoadCurve(times, values, extension=Extension.EXTRAPOLATE)
 
 
 def curve_tags(c: LoadCurve, across: float = 1.0, along: float = 1.0) -> list[Element]:

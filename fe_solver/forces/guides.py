@@ -22,6 +22,12 @@ class Ties:
     position: Array
     director: Array
 
+    @staticmethod
+    def none() -> Ties:
+        """No tied nodes."""
+        i, v = np.zeros(0, dtype=np.intp), np.zeros((0, 3))
+        return Ties(i, i, v, v)
+
 
 @dataclass(frozen=True)
 class Guides:

@@ -10,37 +10,22 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints, Motion
-from fe_solver.elements.mesh_geometry import is_triangle, node_directors
-from fe_solver.elements.mitc4 import GAUSS, shape
+from fe_solver.elements.mesh_geometry import is_triangle, node_means
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
-from fe_solver.forces.ramp import ramp
 from fe_solver.hood.shell_hood import ShellHood
-from fe_solver.job.curves import Drive, Extension, LoadCurve
-from fe_solver.job.job import (
-    Body,
-    ContactPair,
-    Job,
-    NodalForce,
-    PrescribedDisplacement,
-    ShellPart,
-    SpringLaw,
-    SpringSet,
-    Step,
-    Tied,
-)
-from fe_solver.job.model import corner_means
+from fe_solver.job.curves import Drive, LoadCurve
+from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
+from fe_solver.job.model import move_nodes
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
-from fe_solver.materials.in_situ import in_situ_stretch, thickness_as_laid
-from fe_solver.materials.section import Patch
+from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.model import ShellModel
+from fe_solver.supports import Body, ContactPair, SpringLaw, SpringSet, Tied
 
 Triangles = tuple[Array, Ints]
 
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 INCREMENTS = 10
-TOE_POINTS = 21
-"""Of the table that a spring's toe becomes."""
 SAME = 1e-9
 """m, or relative: what differs by less is one."""
 
@@ -66,82 +51,83 @@ def job_of_hood(
     Raises InputError for what a job cannot say: stress-free growth but a stretch in situ, materials
     that vary within a region, springs with tables, tendons that do not slide along an axis of one
     body."""
-    model = hood.model
-    _check(hood)
+    model, sheet = hood.model, _writable_sheet(hood)
     frame = int(model.guides.body[0]) if len(model.guides.node) else 0
     rest, there = _in_frame_of(hood.rest, frame), _in_frame_of(motion, frame)
-    points = (model.reference - hood.rest.position[frame]) @ hood.rest.rotation[frame]
     turned = on_face and _bones_lie_below(model, hood.rest)
-    quads = _reverse_winding(model.quads) if turned else model.quads
-    stretch = in_situ_stretch(model.tables.growth)
-    thickness = _corners(thickness_as_laid(model.section.thickness, model.tables.growth))
-    height = model.tables.height
+    quads, parts, height = sheet.quads, sheet.parts, sheet.height
+    thickness = np.array(np.broadcast_to(sheet.thickness.T, quads.T.shape).T)
     if turned:
-        thickness, height = (
-            _reorder_corners(model.quads, thickness),
-            -_reorder_corners(model.quads, height),
+        quads, thickness, height = (
+            _reorder_corners(sheet.quads, values) for values in (quads, thickness, -height)
         )
-    flat = points
-    if on_face:
-        points = points + corner_means(quads, height + thickness / 2, len(points))[
-            :, None
-        ] * node_directors(points, quads)
-        height = -thickness / 2
-    part, parts = _parts(model, stretch, turned)
-    ne = len(quads)
-    frames = _mean_direction(model.tables.frame[:, :, 0])
-    fibre = frames @ hood.rest.rotation[frame]
-    job = Job(
-        name,
+        parts = tuple(_turn_over(part) for part in parts)
+    fibre = _mean_direction(model.tables.frame[:, :, 0]) @ hood.rest.rotation[frame]
+    points = (sheet.points - hood.rest.position[frame]) @ hood.rest.rotation[frame]
+    sheet = Sheet(
         points,
-        np.arange(1, len(points) + 1),
         quads,
-        np.arange(1, ne + 1),
-        part,
         parts,
+        sheet.part,
         thickness,
-        height,
         fibre / np.linalg.norm(fibre, axis=1, keepdims=True),
-        _bodies(rest, there, bones),
-        _ties(model),
-        _supports(model.guides),
-        (),
-        (*_springs(model, rest, flat, points), *_ropes(model, rest, points, np.asarray(tension))),
-        _pulls(hood, tension),
-        (),
-        (),
-        (Step("pose and tension", 1.0, INCREMENTS),),
+        height,
+        node_ids=np.arange(1, len(points) + 1),
+        element_ids=np.arange(1, len(quads) + 1),
     )
+    springs = [
+        replace(s, anchor=np.einsum("kij,kj->ki", rest.rotation[s.body], s.anchor))
+        for s in hood.springs
+    ]
+    job = Job(
+        sheet,
+        ties=_ties(model),
+        held=_supports(model.guides),
+        springs=(*springs, *_ropes(model, rest, points, np.asarray(tension))),
+        forces=_pulls(hood, tension),
+        bodies=_bodies(rest, there, bones),
+        steps=(Step("pose and tension", 1.0, INCREMENTS),),
+        name=name,
+    )
+    if on_face:
+        job = move_nodes(job, height + thickness / 2)
+        job = replace(job, sheet=replace(job.sheet, height=-thickness / 2))
     side = 1 if turned else -1
     # facets that touch at points of their own, as the format's do, need no lift
-    lift = np.broadcast_to(hood.lift, len(points))
-    pairs = [_pair(job, k, lift[k.nodes], side, bones, hood.bodies) for k in model.contacts]
+    pairs = [_pair(job, k, hood.lift[k.nodes], side, bones, hood.bodies) for k in model.contacts]
     return replace(job, contacts=tuple(pairs))
 
 
-def _check(hood: ShellHood) -> None:
-    m = hood.model
-    if len(m.cables.nodes):
+def _writable_sheet(hood: ShellHood) -> Sheet:
+    """Return the hood's sheet.  Raises InputError where a job cannot say what the hood has."""
+    m, sheet = hood.model, hood.sheet
+    if sheet is None:
         raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
-    if m.quads.shape[1] != 4:
+    if sheet.quads.shape[1] != 4:
         raise InputError(
             "a hood of nine-node elements cannot be written: FEBio's format has no such shell; set "
             'hood.mesh.elements to "linear"'
         )
-    if any(p.bending.any() for p in m.section.patches):
+    if any(part.bending.any() for part in sheet.parts):
         raise InputError(
             "a hood with a bending modulus of its own cannot be written: in FEBio's format a shell "
             "bends as its material does; set hood.bending_stiffness to zero"
         )
-    if np.isnan(in_situ_stretch(m.tables.growth)).any():
+    if sheet.growth is not None and sheet.growth[sheet.stretch == 1.0].any():
         raise InputError(
             "a hood with extra length in its slips cannot be written: FEBio's format has no "
             "stress-free growth but a stretch in situ; set hood.extra_length to zero"
         )
+    for patch in m.section.patches:
+        varies = any(np.ndim(value) for value in vars(patch.law).values())
+        if varies or not np.allclose(patch.factor, 1.0):
+            name = m.regions[patch.elements[0]]
+            raise InputError(f"the region {name!r} has a material that varies within it")
     if m.springs.curves:
         raise InputError("a hood whose springs follow tables is not written")
     if len(set(m.guides.body.tolist())) > 1:
         raise InputError("a hood whose tendons slide along several bodies is not written")
+    return sheet
 
 
 def _in_frame_of(motion: Motion, frame: int) -> Motion:
@@ -160,46 +146,24 @@ def _bones_lie_below(model: ShellModel, rest: Motion) -> bool:
     return total > 0
 
 
-def _reverse_winding(quads: Ints) -> Ints:
-    return np.asarray(_reorder_corners(quads, quads))
-
-
 def _reorder_corners(quads: Ints, values: Array | Ints) -> NDArray:
     """What the corners (ne, 4) hold, in the order of the elements wound the other way."""
     triangle = is_triangle(quads)[:, None]
     return np.where(triangle, values[:, [1, 0, 2, 3]], values[:, [0, 3, 2, 1]])
 
 
-def _corners(gauss: Array) -> Array:
-    """(ne, 4) at the corners of what the Gauss points have."""
-    if np.ptp(gauss, axis=1).max() < SAME * gauss.max():
-        return np.array(np.broadcast_to(gauss.mean(axis=1)[:, None], gauss.shape))
-    weight = np.stack([shape(r, s)[0] for r, s in GAUSS])
-    return np.asarray(gauss @ np.linalg.inv(weight).T)
-
-
 def _mean_direction(gauss: Array) -> Array:
-    """(ne, 3) of directions (ne, g, 3), whose senses say nothing."""
+    """Return the mean (ne, 3) of directions (ne, g, 3), whose senses say nothing."""
     sense = np.einsum("egk,ek->eg", gauss, gauss[:, 0])
     return np.asarray((gauss * np.where(sense < 0, -1.0, 1.0)[..., None]).mean(axis=1))
 
 
-def _parts(model: ShellModel, stretch: Array, turned: bool) -> tuple[Ints, tuple[ShellPart, ...]]:
-    part, parts = np.zeros(len(model.quads), dtype=np.intp), []
-    for i, patch in enumerate(model.section.patches):
-        part[patch.elements] = i
-        name = model.regions[patch.elements[0]] if model.regions else f"part {i + 1}"
-        law = _law(patch, name)
-        if turned and isinstance(law, CrossedLinear | CrossedFibres):
-            law = replace(law, angle=-np.asarray(law.angle).item())  # about the other normal
-        parts.append(ShellPart(name, law, float(stretch[patch.elements[0]])))
-    return part, tuple(parts)
-
-
-def _law(patch: Patch, name: str):  # type: ignore[no-untyped-def]
-    if not np.allclose(patch.factor, 1.0) or any(np.ndim(v) for v in vars(patch.law).values()):
-        raise InputError(f"the region {name!r} has a material that varies within it")
-    return patch.law
+def _turn_over(part: ShellPart) -> ShellPart:
+    """The material of elements wound the other way: an angle is about the other normal."""
+    law = part.law
+    if isinstance(law, CrossedLinear | CrossedFibres):
+        law = replace(law, angle=-np.asarray(law.angle).item())
+    return replace(part, law=law)
 
 
 def _bodies(rest: Motion, there: Motion, bones: Mapping[str, Triangles]) -> tuple[Body, ...]:
@@ -224,7 +188,8 @@ def _ties(model: ShellModel) -> tuple[Tied, ...]:
 
 
 def _supports(guides: Guides) -> tuple[PrescribedDisplacement, ...]:
-    """Raises InputError where a node slides along no axis of its body."""
+    """Hold the guided nodes along the world's axes.  Raises InputError where a node slides along no
+    axis of its body."""
     out = []
     for i in range(3):
         along = np.abs(guides.axes[:, i])
@@ -236,37 +201,6 @@ def _supports(guides: Guides) -> tuple[PrescribedDisplacement, ...]:
         if held.any():
             out.append(PrescribedDisplacement(guides.node[held], component))
     return tuple(out)
-
-
-def _springs(model: ShellModel, rest: Motion, flat: Array, points: Array) -> tuple[SpringSet, ...]:
-    """One set for each group; where its springs are not alike, one for each kind of them."""
-    s, out = model.springs, []
-    toes = np.zeros(len(s.node)) if s.toe is None else s.toe * s.tension_only
-    kinds = np.stack([s.group, s.stiffness, s.tension_only, toes], axis=1)
-    unique, kind = np.unique(kinds, axis=0, return_inverse=True)
-    for i, (group, stiffness, only, toe) in enumerate(unique):
-        own = np.flatnonzero(kind.reshape(-1) == i)
-        node, body = s.node[own], s.body[own]
-        anchor = np.einsum("kij,kj->ki", rest.rotation[body], s.anchor[own])
-        there = rest.position[body] + anchor
-        slack = s.length[own] - np.linalg.norm(flat[node] - there, axis=1)
-        length = slack + np.linalg.norm(points[node] - there, axis=1)
-        group_name = model.groups[int(group)] if model.groups else f"springs {int(group) + 1}"
-        alone = (unique[:, 0] == group).sum() == 1
-        table = _toe_table(float(stiffness), float(toe)) if toe else None
-        law = SpringLaw(float(stiffness), bool(only) and table is None, table)
-        title = group_name if alone else f"{group_name} {i + 1}"
-        out.append(SpringSet(title, law, node, body, anchor, np.full(len(own), -1), length))
-    return tuple(out)
-
-
-def _toe_table(stiffness: float, toe: float) -> LoadCurve:
-    """N by elongation (m) of a spring that sets in over a toe, straight beyond it: slack before."""
-    stretch = toe * np.append(-2.0, np.linspace(-1.0, 1.0, TOE_POINTS))
-    force = stiffness * ramp(stretch, toe)[1]
-    return LoadCurve(
-        tuple(stretch.tolist()), tuple(force.tolist()), extension=Extension.EXTRAPOLATE
-    )
 
 
 def _ropes(model: ShellModel, rest: Motion, points: Array, tension: Array) -> Iterator[SpringSet]:
@@ -302,8 +236,9 @@ def _pair(
     name = bodies[contact.body]
     if name not in bones:
         raise InputError(f"the hood touches the body {name!r}, whose surface is not given")
-    own = np.isin(job.quads, contact.nodes).all(axis=1)
-    half = corner_means(job.quads, job.thickness, len(job.points))[contact.nodes] / 2
+    own = np.isin(job.sheet.quads, contact.nodes).all(axis=1)
+    sheet = job.sheet
+    half = node_means(sheet.thickness, sheet.quads, len(sheet.points))[contact.nodes] / 2
     gap = contact.offset - half - lift
     if np.ptp(gap) > SAME:
         raise InputError(f"the contact level over the body {name!r} varies from node to node")

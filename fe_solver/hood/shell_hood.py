@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError, InputError, say
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
+from fe_solver.sheet import Sheet
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import rope_travel, wrenches
+from fe_solver.solver.continuation import Attempt, first_success
 from fe_solver.solver.mixed_steps import Prediction, predict_motion
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.relaxation import relax
 from fe_solver.solver.residual import residual_norm
+from fe_solver.supports import SpringSet
 from fe_solver.vectors import cross
 
 TIE = "terminal_slip"
@@ -36,6 +40,7 @@ ON_THE_WAY = 1e-3
 MOST_HALVINGS = 4
 DETOUR_TENSION = 6.0
 """Added to every tension (N) on a detour: a sheet that folds in a joint when slack is then taut."""
+IN_STEPS = "in steps"
 SOFT_START = NewtonOptions(tolerance=1e-2)
 """Options for the equilibrium on softer contact that leads to the one that is sought."""
 
@@ -62,39 +67,53 @@ class HoodState:
     solution: Solution | None = None
     iterations: int = 0
     """Newton iterations since the start."""
+    attempt: str = ""
+    """Which attempt of `ShellHood` converged here; empty in a state that was not solved or was
+    read."""
 
 
 @dataclass(frozen=True)
 class ShellHood:
-    """A shell over the bones as a Hood of the port.
-
-    `carriers` (n, nb) say how much of each node's motion each body carries in a large change of
-    pose; `groups` names the springs' groups, each a source of the load; `rest` is the pose in
-    which the mesh was laid.  With `augment` no node penetrates further than it says, and
-    contacts may rub; a state then remembers their pressures and where they stick.  With `softer`
-    below 1 a large change is solved with that much of the contact's stiffness first: what slides on
-    a bone without resisting, as slack cables do, follows its curvature in steps that are longer the
-    softer the contact.  No joint turns further than by `leap`, rad, in one solve.  `lift` (n,) or
-    one for all, m, is how much of the contact's offset makes up for the chords on which the sheet
-    runs between its nodes.  `stretched`: the sheet's fibres are stretched as it is laid out, so
-    that it is not in equilibrium there and is solved in the rest pose before anything moves."""
+    """A sheet or a net over the bones, as a Hood of the port."""
 
     model: ShellModel
     tendons: tuple[str, ...]
     rest: Motion
+    """The pose in which the mesh is laid."""
     carriers: Array
-    groups: tuple[str, ...]
+    """(n, nb) how much of each node's motion each body carries in a large change of pose."""
     options: NewtonOptions = field(default_factory=NewtonOptions)
     augment: AugmentOptions | None = None
+    """How far a node penetrates at most, where that is stated; contacts may rub then, and a state
+    remembers their pressures and where they stick."""
     softer: float = 1.0
+    """Share of the contact's stiffness with which a large change is solved first: what slides on a
+    bone without resisting, as slack cables do, follows its curvature in steps that are longer the
+    softer the contact."""
     leap: float = MAX_TURN
-    lift: Array | float = 0.0
-    stretched: bool = False
+    """rad that a joint turns at most in one solve."""
+    sheet: Sheet | None = None
+    """What the model is made of; None of a net.  One whose fibres are stretched as it is laid out
+    is not in equilibrium there, and is solved in the rest pose before anything moves."""
+    springs: tuple[SpringSet, ...] = ()
+    """The sets that the model's springs are made of."""
 
     @property
     def bodies(self) -> tuple[str, ...]:
         """Names of the bodies that are shared with the other side."""
         return self.model.bodies
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the springs' groups, each a source of the load."""
+        return self.model.groups
+
+    @property
+    def lift(self) -> Array:
+        """How much of the contact's offset makes up for the chords on which the sheet runs between
+        its nodes, (n,) m."""
+        lift = 0.0 if self.sheet is None else self.sheet.lift
+        return np.broadcast_to(lift, len(self.model.reference))
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -118,7 +137,7 @@ class ShellHood:
             raise InputError(
                 f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
             )
-        return self.response(self._solve_with_detour(state, motion, tension))
+        return self.response(self._reach(state, motion, tension))
 
     def response(self, state: HoodState) -> Response:
         """What a solved state does to the bodies."""
@@ -246,26 +265,57 @@ class ShellHood:
         moved = m.move_bodies(moved, motion.position, motion.rotation)
         return predict_motion(m, c, e, step, twist, moved)
 
-    def _solve_with_detour(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
-        """The equilibrium, reached taut where the slack sheet would fold on the way.  There is no
-        such way with friction, which would keep what the detour pulled."""
-        try:
-            return self._solve_in_steps(state, motion, tension)
-        except ConvergenceError as error:
+    def _reach(
+        self,
+        state: HoodState,
+        motion: Motion,
+        tension: Array,
+        halvings: int | None = None,
+        drift: _Drift | None = None,
+    ) -> HoodState:
+        """The state of the first of the `_attempts` that converges, with that one's name."""
+        name, reached = first_success(self._attempts(state, motion, tension, halvings, drift))
+        return reached if name == IN_STEPS else replace(reached, attempt=name)
+
+    def _attempts(
+        self,
+        state: HoodState,
+        motion: Motion,
+        tension: Array,
+        halvings: int | None,
+        drift: _Drift | None,
+    ) -> Iterator[Attempt[HoodState]]:
+        """What is tried in turn to reach `motion` under `tension` (nt,) N.
+
+        The whole way (without `halvings`): in steps, then by a detour on which the sheet is taut
+        and does not fold.  There is no such way with friction, which would keep what the detour
+        pulled.  One step of it: at once with the drift of the step before, without it, half of it
+        first, and where no halving is left by a damped motion."""
+        to = state, motion, tension
+        if halvings is None:
+            yield Attempt(IN_STEPS, partial(self._solve_in_steps, *to))
             rubs = any(k.friction for k in self.model.contacts)
-            if rubs or tension.min(initial=np.inf) > DETOUR_TENSION:
-                raise
-            try:
-                taut = self._solve_in_steps(state, motion, tension + DETOUR_TENSION)
-                return self._solve_in_steps(taut, motion, tension)
-            except ConvergenceError:
-                raise error from None
+            if not rubs and tension.min(initial=np.inf) <= DETOUR_TENSION:
+                yield Attempt("by a taut detour", partial(self._solve_by_detour, *to), False)
+            return
+        if drift is not None:
+            yield Attempt("with the drift before", partial(self._solve_once, *to, drift))
+        yield Attempt("at once", partial(self._solve_once, *to))
+        if halvings:
+            yield Attempt("in halves", partial(self._solve_in_halves, *to, halvings))
+        else:
+            yield Attempt("by a damped motion", partial(self._relax, *to), False)
+
+    def _solve_by_detour(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+        taut = self._solve_in_steps(state, motion, tension + DETOUR_TENSION)
+        return self._solve_in_steps(taut, motion, tension)
 
     def _solve_in_steps(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
         """Solve at `motion` and, where that is far, on the way there, loosely unless friction holds
         what it meets; a sheet stretched in situ is balanced first where it was laid out."""
-        if self.stretched and state.solution is None:
-            state = self._solve_or_halve(state, state.motion, tension, MOST_HALVINGS)
+        stretched = self.sheet is not None and (self.sheet.stretch != 1.0).any()
+        if stretched and state.solution is None:
+            state = self._reach(state, state.motion, tension, MOST_HALVINGS)
         begin, before = state.motion, state.solution.tension if state.solution else tension
         steps = int(np.ceil(_largest_turn(begin, motion) / self.leap))
         remembers, drift = self.augment is not None, None
@@ -273,34 +323,20 @@ class ShellHood:
         for part in np.arange(1, steps) / max(steps, 1):
             pull = before + part * (tension - before)
             there = interpolate_motion(begin, motion, part)
-            reached = way._solve_or_halve(state, there, pull, MOST_HALVINGS, drift)
+            reached = way._reach(state, there, pull, MOST_HALVINGS, drift)
             if not remembers:
                 drift = _Drift.of(reached.configuration, self._carry(state.configuration, there))
             state = reached
-        return self._solve_or_halve(state, motion, tension, MOST_HALVINGS, drift)
+        return self._reach(state, motion, tension, MOST_HALVINGS, drift)
 
-    def _solve_or_halve(
-        self,
-        state: HoodState,
-        motion: Motion,
-        tension: Array,
-        halvings: int,
-        drift: _Drift | None = None,
+    def _solve_in_halves(
+        self, state: HoodState, motion: Motion, tension: Array, halvings: int
     ) -> HoodState:
-        """Solve at once, and where that fails without the drift, then half the way first; at last
-        by a damped motion."""
-        try:
-            return self._solve_once(state, motion, tension, drift)
-        except ConvergenceError as error:
-            if drift is not None:
-                return self._solve_or_halve(state, motion, tension, halvings)
-            if halvings == 0:
-                return self._relax(state, motion, tension, error)
         say(f"the hood finds no equilibrium in one step; half of it first ({halvings} are left)")
         before = state.solution.tension if state.solution else 0.0 * tension
         half = interpolate_motion(state.motion, motion, 0.5)
-        middle = self._solve_or_halve(state, half, (before + tension) / 2, halvings - 1)
-        return self._solve_or_halve(middle, motion, tension, halvings - 1)
+        middle = self._reach(state, half, (before + tension) / 2, halvings - 1)
+        return self._reach(middle, motion, tension, halvings - 1)
 
     def _solve_once(
         self, state: HoodState, motion: Motion, tension: Array, drift: _Drift | None = None
@@ -329,15 +365,9 @@ class ShellHood:
             return guess, SOFT_START.max_iterations
         return s.configuration, s.iterations
 
-    def _relax(
-        self, state: HoodState, motion: Motion, tension: Array, error: ConvergenceError
-    ) -> HoodState:
-        guess = self._carry(state.configuration, motion)
-        try:
-            c = relax(self.model, guess, tension)
-            s = self._equilibrium(state, c, tension)
-        except ConvergenceError:
-            raise error from None
+    def _relax(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+        c = relax(self.model, self._carry(state.configuration, motion), tension)
+        s = self._equilibrium(state, c, tension)
         return HoodState(motion, s.configuration, s, state.iterations + s.iterations)
 
     def _equilibrium(
@@ -356,7 +386,7 @@ class ShellHood:
         return solve_augmented(model, guess, tension, self.options, self.augment)
 
     def _by_source(self, s: Solution) -> Array:
-        """(nb, ns, 6) wrenches on the bodies."""
+        """Return the wrenches on the bodies, (nb, ns, 6)."""
         out = np.zeros((len(self.bodies), len(self.sources), 6))
         parts = wrenches(self.model, s.configuration, s.evaluation, s.tension)
         names = {"contact": "contact", "tie": TIE, "guide": "guide"}
@@ -366,7 +396,7 @@ class ShellHood:
         return out
 
     def _pull(self, c: Configuration, tension: Array) -> Array:
-        """(nt, 6) wrench of each tendon on the hood about the world's origin."""
+        """Return the wrench of each tendon on the hood about the world's origin, (nt, 6)."""
         g, ropes = self.model.guides, self.model.ropes
         along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
         place, share = c.x[g.node], self.model.share
@@ -379,7 +409,8 @@ class ShellHood:
         return np.hstack([force, moment])
 
     def group_forces(self, state: HoodState) -> dict[str, Array]:
-        """(3,) N summed force on the bone of each spring group, and of the ties, world frame."""
+        """Return the summed force of each spring group, and of the ties, on its bone, (3,) N in the
+        world frame."""
         s = _solution_of(state)
         points = s.evaluation.points
         out = {g: points.gradient[points.group == i].sum(axis=0) for i, g in enumerate(self.groups)}
@@ -387,13 +418,13 @@ class ShellHood:
         return out
 
     def strain(self, state: HoodState) -> Array:
-        """(ne, 4, 8) generalized strains at the Gauss points, local axes 1 along the fibre."""
+        """Return generalized strains at the Gauss points, (ne, g, 8), axis 1 along the fibre."""
         c, q = state.configuration, self.model.quads
         return self.model.tables.strain(np.concatenate([c.x[q], c.d[q]], axis=1))
 
     def gap(self, state: HoodState) -> NDArray[np.float64]:
-        """(n,) m smallest gap of each node, or of the points that it is nearest to, to a bone's
-        contact level; inf where it meets none."""
+        """Return the smallest gap (n,) m of each node, or of the points that it is nearest to, to a
+        bone's contact level; inf where it meets none."""
         c = state.configuration
         out = np.full(len(c.x), np.inf)
         for k in self.model.contacts:
@@ -402,7 +433,7 @@ class ShellHood:
 
 
 def _on_bodies(hood: ShellHood) -> Array:
-    """(nb, n, 3) m, the nodes as laid out, in the bodies' frames."""
+    """Return the nodes as laid out, in the bodies' frames, (nb, n, 3) m."""
     from_origin = hood.model.reference - hood.rest.position[:, None]
     return np.asarray(np.einsum("bji,bnj->bni", hood.rest.rotation, from_origin))
 
@@ -424,8 +455,8 @@ def interpolate_motion(start: Motion, end: Motion, part: float) -> Motion:
 
 
 def _relative_poses(start: Motion, end: Motion) -> tuple[Array, Array]:
-    """(nb, 2, 3) origins and (nb, 2, 3, 3) rotations of the bodies in both motions, as the body
-    before each sees them; the first one's in the world."""
+    """Return the origins (nb, 2, 3) and rotations (nb, 2, 3, 3) of the bodies in both motions, as
+    the body before each sees them; the first one's in the world."""
     p = np.stack([start.position, end.position], axis=1)
     R = np.stack([start.rotation, end.rotation], axis=1)
     back = np.swapaxes(R[:-1], 2, 3)

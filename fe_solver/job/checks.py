@@ -28,11 +28,11 @@ TILT = 0.02
 
 
 def check_job(job: Job) -> None:
-    """Raises InputError, naming the node or element of the file, for the first fault found."""
-
+    """Check a job before it is solved.  Raises InputError for the first fault, naming its node or
+    element as the file does."""
     _check_shapes(job)
     with within(job.name):
-        check_mesh(job.points, job.quads, job.node, job.element)
+        check_mesh(job.sheet.points, job.sheet.quads, job.sheet.node, job.sheet.element)
         _check_values(job)
         _check_pieces(job)
 
@@ -52,10 +52,10 @@ def _check_pieces(job: Job) -> None:
         [s.other[s.other >= 0] for s in job.springs],
     )
     joined = np.stack([np.concatenate([np.zeros(0, dtype=np.intp), *p]) for p in pairs], axis=1)
-    holds = [t.nodes for t in job.tied] + [h.nodes for h in job.held]
+    holds = [t.nodes for t in job.ties] + [h.nodes for h in job.held]
     holds += [s.nodes[s.body >= 0] for s in job.springs]
     held = np.concatenate([np.zeros(0, dtype=np.intp), *holds])
-    check_supports(job.quads, held, joined, job.node)
+    check_supports(job.sheet.quads, held, joined, job.sheet.node)
 
 
 def check_mesh(points: Array, quads: Ints, node: Name, element: Name) -> None:
@@ -163,46 +163,47 @@ def _check_places(points: Array, quads: Ints, node: Name) -> None:
 
 
 def _check_shapes(job: Job) -> None:
-    ne = len(job.quads)
+    sheet, ne = job.sheet, len(job.sheet.quads)
     shapes = {"thickness": (ne, 4), "height": (ne, 4), "fibre": (ne, 3), "part": (ne,)}
     for name, shape in shapes.items():
-        if getattr(job, name).shape != shape:
+        if getattr(sheet, name).shape != shape:
             raise InputError(
-                f"{job.name}: {name} has shape {getattr(job, name).shape}, expected {shape}"
+                f"{job.name}: {name} has shape {getattr(sheet, name).shape}, expected {shape}"
             )
 
 
 def _check_values(job: Job) -> None:
-    bad = np.flatnonzero(~((job.thickness > 0) & np.isfinite(job.thickness)).all(axis=1))
+    s = job.sheet
+    bad = np.flatnonzero(~((s.thickness > 0) & np.isfinite(s.thickness)).all(axis=1))
     if len(bad):
         raise InputError(
-            f"{job.element(bad[0])} has the thickness {job.thickness[bad[0]].min():g} m: it must "
+            f"{s.element(bad[0])} has the thickness {s.thickness[bad[0]].min():g} m: it must "
             "be positive at every node"
         )
-    size = float(np.linalg.norm(np.ptp(job.points, axis=0)))
+    size = float(np.linalg.norm(np.ptp(s.points, axis=0)))
     least, most = (share * size for share in THICKNESS)
-    bad = np.flatnonzero(~((job.thickness >= least) & (job.thickness <= most)).all(axis=1))
+    bad = np.flatnonzero(~((s.thickness >= least) & (s.thickness <= most)).all(axis=1))
     if len(bad):
         raise InputError(
-            f"{job.element(bad[0])} has the thickness {job.thickness[bad[0]].max():g} m in a mesh "
+            f"{s.element(bad[0])} has the thickness {s.thickness[bad[0]].max():g} m in a mesh "
             f"of {size:g} m: that is no sheet; check the units"
         )
-    x = job.points[job.quads]
+    x = s.points[s.quads]
     normal = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    flat = job.fibre - np.einsum("ek,ek->e", job.fibre, normal)[:, None] * normal
-    length = np.linalg.norm(job.fibre, axis=1)
+    flat = s.fibre - np.einsum("ek,ek->e", s.fibre, normal)[:, None] * normal
+    length = np.linalg.norm(s.fibre, axis=1)
     bad = np.flatnonzero(~((length > 0) & (np.linalg.norm(flat, axis=1) > TILT * length)))
     if len(bad):
         raise InputError(
-            f"{job.element(bad[0])} has the fibre direction {job.fibre[bad[0]].tolist()}, which is "
+            f"{s.element(bad[0])} has the fibre direction {s.fibre[bad[0]].tolist()}, which is "
             "zero or normal to the shell: it must lie in it"
         )
-    conditions = [[c.nodes for c in cs] for cs in (job.tied, job.held, job.springs, job.forces)]
+    conditions = [[c.nodes for c in cs] for cs in (job.ties, job.held, job.springs, job.forces)]
     for nodes in [nodes for own in conditions for nodes in own]:
-        if len(nodes) and (nodes.min() < 0 or nodes.max() >= len(job.points)):
+        if len(nodes) and (nodes.min() < 0 or nodes.max() >= len(s.points)):
             raise InputError(
-                f"a condition names node index {nodes.max()}, beyond the {len(job.points)} nodes"
+                f"a condition names node index {nodes.max()}, beyond the {len(s.points)} nodes"
             )
 
 

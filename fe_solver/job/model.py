@@ -14,51 +14,53 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints
-from fe_solver.elements.mesh_geometry import node_areas, node_directors
-from fe_solver.elements.mitc4 import GAUSS, shape
-from fe_solver.elements.shell import shell_tables
+from fe_solver.elements.mesh_geometry import node_areas, node_means
 from fe_solver.forces.contact import Contact, needed_distance
 from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.loads import pressure_forces
-from fe_solver.forces.springs import ForceCurve, NodeSprings, Springs
 from fe_solver.job.checks import check_job
-from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
-from fe_solver.job.job import STILL, ZERO, Body, ContactPair, Job, SpringSet
-from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
-from fe_solver.materials.section import Patch, Section, join_sections
+from fe_solver.job.curves import Drive
+from fe_solver.job.job import Job
+from fe_solver.sheet import Sheet
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
+from fe_solver.supports import (
+    STILL,
+    ZERO,
+    Body,
+    ContactPair,
+    SpringSet,
+    links_of,
+    springs_of,
+    ties_of,
+)
 from fe_solver.surfaces.closing import close_surface
-from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
+from fe_solver.surfaces.spline_distance import SplineDistance, Surface, cache_folder
 
-KINK = 0.01
-"""Share of a table's interval, on either side of its points, within which the corners are
-rounded."""
 BEYOND = 1e-3
 """m past what contact needs that a baked distance reaches."""
 
 
 @dataclass(frozen=True)
 class JobOptions:
-    """How a job is solved.
-
-    `penetration` (m) is the largest that a solved state may have (by the augmented Lagrangian);
-    None leaves it to the contact's stiffness, which is `contact_factor` times the sheet's membrane
-    modulus over its thickness, N/m3: of the order of the sheet's own stiffness through its
-    thickness, so that the tangent stays well conditioned and the penetration is the sheet's own
-    compression.  Contact begins smoothly within `smoothing` (m).  `spacing` (m) of the grids that
-    bodies' distances are baked on; `cached` keeps those grids in the user's cache folder.
-
-    No step in time turns a body by more than `turn` (rad) or is shorter than `shortest`, of the
-    time that the step of the job takes."""
+    """How a job is solved."""
 
     penetration: float | None = 2e-6
+    """m, the largest that a solved state may have (by the augmented Lagrangian); None leaves it to
+    the contact's stiffness."""
     contact_factor: float = 1.0
+    """The contact's stiffness over the sheet's membrane modulus over its thickness, N/m3: about one
+    keeps the tangent well conditioned, and the penetration is the sheet's own compression."""
     smoothing: float = 2e-6
+    """m within which contact begins."""
     spacing: float = 0.25e-3
+    """m, of the grids that bodies' distances are baked on."""
     cached: bool = True
+    """Whether those grids are kept in the user's cache folder."""
     turn: float = 0.1
+    """rad that a body turns at most in a step in time."""
     shortest: float = 1e-3
+    """Least length of a step in time, of the time that the step of the job takes."""
     newton: NewtonOptions = field(
         default_factory=lambda: NewtonOptions(tolerance=1e-8, max_iterations=100)
     )
@@ -107,110 +109,75 @@ def body_poses(bodies: Sequence[Body], time: float) -> tuple[Array, Array]:
 
 
 def dead_loads(job: Job, time: float) -> Array:
-    """(n, 3) N on the nodes at a time that keep their direction."""
-    out = np.zeros_like(job.points)
+    """Return the loads on the nodes at a time that keep their direction, (n, 3) N."""
+    out = np.zeros_like(job.sheet.points)
     for load in job.forces:
         scale = 1.0 if load.curve is None else load.curve.at(time)
         np.add.at(out, load.nodes, scale * load.force)
     for p in (p for p in job.pressures if p.dead):
         size = p.pressure.at(time) * p.sign.astype(float)
-        force = pressure_forces(job.points[job.quads[p.quads]], size)
-        np.add.at(out, job.quads[p.quads], force)
+        force = pressure_forces(job.sheet.points[job.sheet.quads[p.quads]], size)
+        np.add.at(out, job.sheet.quads[p.quads], force)
     return out
 
 
 def follower_pressure(job: Job, time: float) -> Array | None:
-    """(ne,) Pa at a time that follow the quads, against their normals; None where none do."""
+    """Return the pressures at a time that follow the quads, against their normals, (ne,) Pa; None
+    where none do."""
     live = [p for p in job.pressures if not p.dead]
-    out = np.zeros(len(job.quads))
+    out = np.zeros(len(job.sheet.quads))
     for p in live:
         np.add.at(out, p.quads, p.sign * p.pressure.at(time))
     return out if live else None
 
 
 def job_model(job: Job, options: JobOptions) -> JobModel:
-    """Raises InputError for what `check_job` finds, for conditions that contradict each other, and
+    """Make the solver's model of a job.
+
+    Raises InputError for what `check_job` finds, for conditions that contradict each other, and
     for surfaces that have no inside."""
     check_job(job)
     check_supports(job)
-    directors = node_directors(job.points, job.quads)
-    ties = _ties(job, directors)
-    guides, carriers = _guides(job, directors, ties.node)
-    bodies = job.bodies + carriers
-    tables = shell_tables(
-        job.points[job.quads],
-        directors[job.quads],
-        job.fibre,
-        in_situ_growth(_in_situ(job)),
-        job.height,
-    )
-    base = ShellModel(
-        job.quads,
-        job.points,
-        directors,
-        tables,
-        _section(job),
-        job_springs(job),
-        ties,
-        guides,
-        np.zeros((0, len(guides.node))),
-        tuple(_contact(job, pair, _immovable(ties, guides), options) for pair in job.contacts),
-        tuple(b.name for b in bodies),
-        links=job_links(job),
+    sheet = job.sheet
+    origins = np.array([b.origin for b in job.bodies]).reshape(-1, 3)
+    upright = np.tile(np.eye(3), (len(origins), 1, 1))
+    ties = ties_of(job.ties, sheet.points, sheet.directors, origins, upright)
+    guides, carriers = _guides(job, sheet.directors, ties.node)
+    bodies = (*job.bodies, *carriers)
+    base = sheet.model(
+        springs=springs_of(job.springs),
+        ties=ties,
+        guides=guides,
+        share=np.zeros((0, len(guides.node))),
+        contacts=tuple(_contact(job, k, _immovable(ties, guides), options) for k in job.contacts),
+        bodies=tuple(b.name for b in bodies),
+        links=links_of(job.springs),
         groups=tuple(s.name for s in job.springs),
-        regions=tuple(job.parts[i].name for i in job.part),
-        node_ids=job.node_ids,
     )
     return JobModel(job, base, bodies)
 
 
-def _in_situ(job: Job) -> Array:
-    """(ne,) stretch of the fibres in the mesh."""
-    return np.array([part.in_situ_stretch for part in job.parts])[job.part]
-
-
-def _section(job: Job) -> Section:
-    weight = np.stack([shape(r, s)[0] for r, s in GAUSS])
-    of_part = [np.flatnonzero(job.part == i) for i in range(len(job.parts))]
-    thickness = stress_free_thickness(job.thickness, _in_situ(job))
-    patches = [
-        Patch(own, part.law, thickness[own] @ weight.T)
-        for own, part in zip(of_part, job.parts, strict=True)
-        if len(own)
-    ]
-    return join_sections(patches)
-
-
-def _origin(job: Job, bodies: Ints) -> Array:
-    return np.array([b.origin for b in job.bodies] or [np.zeros(3)])[bodies]
-
-
-def _ties(job: Job, directors: Array) -> Ties:
-    clamps = [t for t in job.tied if t.clamped]
-    node = np.concatenate([np.zeros(0, dtype=np.intp), *[t.nodes for t in clamps]])
-    body = np.repeat([t.body for t in clamps], [len(t.nodes) for t in clamps]).astype(np.intp)
-    return Ties(node, body, job.points[node] - _origin(job, body), directors[node])
-
-
 def check_supports(job: Job) -> None:
-    """Raises InputError where a node is tied twice, or a displacement given twice and not alike."""
-    tied = [np.zeros(0, dtype=np.intp), *[t.nodes for t in job.tied]]
+    """Check what holds the nodes.  Raises InputError where one is tied twice, or a displacement is
+    given twice and not alike."""
+    tied = [np.zeros(0, dtype=np.intp), *[t.nodes for t in job.ties]]
     unique, times = np.unique(np.concatenate(tied), return_counts=True)
     if (times > 1).any():
         raise InputError(
-            f"{job.name}: {job.node(unique[times > 1][0])} is tied twice; tie each node to one body"
+            f"{job.name}: {job.sheet.node(unique[times > 1][0])} is tied twice; tie each node to "
+            "one body"
         )
     _drives(job, unique)
 
 
 def _guides(job: Job, directors: Array, tied: Ints) -> tuple[Guides, tuple[Body, ...]]:
     """Nodes that are held in part, and the bodies that carry them besides the job's own."""
-    hinges = [t for t in job.tied if not t.clamped]
+    hinges = [t for t in job.ties if not t.clamped]
     pinned = np.concatenate([np.zeros(0, dtype=np.intp), *[t.nodes for t in hinges]])
     drives = _drives(job, np.union1d(tied, pinned))
     moves = list(dict.fromkeys(_whole(own) for own in drives.values()))
     carriers = tuple(
-        Body("ground" if m == STILL else f"displacement {i + 1}", np.zeros(3), *_bare(), m)
+        Body("ground" if m == STILL else f"displacement {i + 1}", displacement=m)
         for i, m in enumerate(moves)
     )
     held = [(int(n), t.body, [True, True, True]) for t in hinges for n in t.nodes]
@@ -221,7 +188,7 @@ def _guides(job: Job, directors: Array, tied: Ints) -> tuple[Guides, tuple[Body,
     node, body = (np.array([h[i] for h in held], dtype=np.intp) for i in (0, 1))
     fixed = np.array([h[2] for h in held], dtype=bool).reshape(-1, 3)
     origins = np.array([b.origin for b in (*job.bodies, *carriers)] or [np.zeros(3)])
-    guides = Guides.on_body_axes(node, body, job.points[node] - origins[body], fixed)
+    guides = Guides.on_body_axes(node, body, job.sheet.points[node] - origins[body], fixed)
     level, still = _levels(job, node)
     return replace(guides, level=level, still=still), carriers
 
@@ -229,10 +196,6 @@ def _guides(job: Job, directors: Array, tied: Ints) -> tuple[Guides, tuple[Body,
 def _whole(own: list[Drive | None]) -> tuple[Drive, Drive, Drive]:
     """The motion of what carries a node; along the components that are free, none."""
     return own[0] or ZERO, own[1] or ZERO, own[2] or ZERO
-
-
-def _bare() -> tuple[Array, Ints]:
-    return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp)
 
 
 def _drives(job: Job, taken: Ints) -> dict[int, list[Drive | None]]:
@@ -243,8 +206,8 @@ def _drives(job: Job, taken: Ints) -> dict[int, list[Drive | None]]:
             own = out.setdefault(n, [None, None, None])
             if own[h.component] not in (None, h.displacement):
                 raise InputError(
-                    f"{job.name}: the displacement {'xyz'[h.component]} of {job.node(n)} is given "
-                    "twice, and not alike"
+                    f"{job.name}: the displacement {'xyz'[h.component]} of {job.sheet.node(n)} is "
+                    "given twice, and not alike"
                 )
             own[h.component] = h.displacement
     for d in job.held_directors:
@@ -256,75 +219,12 @@ def _drives(job: Job, taken: Ints) -> dict[int, list[Drive | None]]:
 def _levels(job: Job, node: Ints) -> tuple[Array, NDArray[np.bool_]]:
     """For guided nodes, the axis (k, 3) of which the director keeps its component, and which of its
     two turns (k, 2) are held: one component holds the turn towards its axis, two hold both."""
-    held = np.zeros((len(job.points), 3), dtype=bool)
+    held = np.zeros((len(job.sheet.points), 3), dtype=bool)
     for d in job.held_directors:
         held[d.nodes, d.component] = True
     own = held[node]
     still = np.stack([own.any(axis=1), own.sum(axis=1) > 1], axis=1)
     return np.eye(3)[np.argmax(own, axis=1)], still
-
-
-def _columns(
-    sets: Sequence[tuple[int, SpringSet, Ints]],
-) -> tuple[Array, Array, NDArray[np.bool_], Ints]:
-    """Stiffness, rest length, tension-only and group of the springs, each (k,)."""
-    count = [len(own) for _, _, own in sets]
-    stiffness = np.repeat([s.law.stiffness for _, s, _ in sets], count).astype(float)
-    length = np.concatenate([np.zeros(0), *[s.length[own] for _, s, own in sets]])
-    only = np.repeat([s.law.tension_only for _, s, _ in sets], count).astype(bool)
-    return stiffness, length, only, np.repeat([i for i, _, _ in sets], count).astype(np.intp)
-
-
-def job_springs(job: Job) -> Springs:
-    """The springs that end at bodies; a spring's group is the number of its set."""
-    sets = [(i, s, np.flatnonzero(s.body >= 0)) for i, s in enumerate(job.springs)]
-    whole = [np.zeros(0, dtype=np.intp)]
-    return Springs(
-        np.concatenate(whole + [s.nodes[own] for _, s, own in sets]),
-        np.concatenate(whole + [s.body[own] for _, s, own in sets]),
-        np.concatenate([np.zeros((0, 3)), *[s.anchor[own] for _, s, own in sets]]),
-        *_columns(sets),
-        _curves(sets),
-    )
-
-
-def job_links(job: Job) -> NodeSprings:
-    """The springs between nodes; a spring's group is the number of its set."""
-    sets = [(i, s, np.flatnonzero(s.body < 0)) for i, s in enumerate(job.springs)]
-    ends = [np.stack([s.nodes[own], s.other[own]], axis=1) for _, s, own in sets]
-    nodes = np.concatenate([np.zeros((0, 2), dtype=np.intp), *ends])
-    return NodeSprings(nodes, *_columns(sets), _curves(sets))
-
-
-def _curves(sets: Sequence[tuple[int, SpringSet, Ints]]) -> tuple[ForceCurve, ...]:
-    first, out = 0, []
-    for _, s, own in sets:
-        if s.law.table is not None and len(own):
-            out.append(_force_curve(s.name, s.law.table, np.arange(first, first + len(own))))
-        first += len(own)
-    return tuple(out)
-
-
-def _force_curve(name: str, table: LoadCurve, springs: Ints) -> ForceCurve:
-    """The table with points beside its corners, so that the smooth curve through them is straight
-    where the table is."""
-    if table.interpolation == Interpolation.STEP or table.extension in (
-        Extension.REPEAT,
-        Extension.REPEAT_OFFSET,
-    ):
-        raise InputError(
-            f"springs {name!r}: a force that steps or repeats with the elongation is not solved; "
-            "give a table of straight or smooth pieces"
-        )
-    times = np.array(table.times)
-    share = np.array([0, KINK, 1 - KINK])
-    if table.interpolation != Interpolation.LINEAR:
-        share = np.linspace(0, 1, 21)[:-1]
-    inside = (times[:-1, None] + np.diff(times)[:, None] * share).ravel()
-    span = times[-1] - times[0]
-    low, high = times[0] - span * np.array([1, KINK]), times[-1] + span * np.array([0, KINK, 1])
-    at = np.concatenate([low, inside, high])
-    return ForceCurve(springs, at, np.array([table.at(float(t)) for t in at]))
 
 
 def _immovable(ties: Ties, guides: Guides) -> Ints:
@@ -333,42 +233,39 @@ def _immovable(ties: Ties, guides: Guides) -> Ints:
 
 
 def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> Contact:
-    quads = job.quads[pair.quads]
+    sheet, quads = job.sheet, job.sheet.quads[pair.quads]
     nodes = np.setdiff1d(quads, given)
-    area = node_areas(job.points, quads)
+    area = node_areas(sheet.points, quads)
     # how far the face that is meant lies beyond the nodes, towards the body
-    beyond = pair.side[:, None] * job.height[pair.quads] + job.thickness[pair.quads] / 2
-    offset = pair.gap + corner_means(quads, beyond, len(job.points))[nodes]
+    beyond = pair.side[:, None] * sheet.height[pair.quads] + sheet.thickness[pair.quads] / 2
+    offset = pair.gap + node_means(beyond, quads, len(sheet.points))[nodes]
     return Contact(
         pair.body,
         _surface(job, pair, float(offset.max(initial=0.0)), options),
         nodes,
         offset,
         area[nodes],
-        options.contact_factor * sheet_stiffness(job, pair.quads),
+        options.contact_factor * sheet_stiffness(sheet, pair.quads),
         options.smoothing,
         friction=pair.friction,
     )
 
 
-def corner_means(quads: Ints, values: Array, count: int) -> Array:
-    """(n,) mean of the corners' values (k, 4) at each node."""
-    total = np.bincount(quads.ravel(), weights=values.ravel(), minlength=count)
-    return total / np.maximum(np.bincount(quads.ravel(), minlength=count), 1)
-
-
-def sheet_stiffness(job: Job, quads: Ints) -> float:
-    """N/m3: modulus over thickness, the mean over quads (k,); of a law that is not isotropic the
-    larger of its two initial plane-stress moduli."""
+def sheet_stiffness(sheet: Sheet, quads: Ints) -> float:
+    """Return the modulus over the thickness, N/m3, the mean over quads (k,); of a law that is not
+    isotropic the larger of its two initial plane-stress moduli."""
     moduli = []
-    for part in job.parts:
+    for part in sheet.parts:
         tangent = part.law.response(np.zeros((1, 1, 1, 3))).tangent
         moduli.append(float(np.max(tangent[..., range(2), range(2)])))
-    return float(np.mean(np.array(moduli)[job.part[quads]] / job.thickness[quads].mean(axis=1)))
+    return float(np.mean(np.array(moduli)[sheet.part[quads]] / sheet.thickness[quads].mean(axis=1)))
 
 
-def _surface(job: Job, pair: ContactPair, offset: float, options: JobOptions) -> SplineDistance:
+def _surface(job: Job, pair: ContactPair, offset: float, options: JobOptions) -> Surface:
+    """The body's own signed distance, or that of the pair's triangles."""
     body = job.bodies[pair.body]
+    if body.surface is not None:
+        return body.surface
     try:
         vertices, triangles = close_surface(body.vertices, pair.triangles)
         return SplineDistance.bake(
@@ -382,3 +279,34 @@ def _surface(job: Job, pair: ContactPair, offset: float, options: JobOptions) ->
         raise InputError(
             f"{job.name}: contact {pair.name!r} with the body {body.name!r}: {error}"
         ) from error
+
+
+def move_to_mid_surface(job: Job) -> Job:
+    """The same sheet in the same place, with what holds and loads it acting on its mid-surface;
+    springs keep their slack.
+
+    A force F along a face of a sheet of thickness t is a couple F t / 2 on it.  Where that is many
+    times the sheet's bending stiffness E t^3 / 12, as a point spring's on a thin sheet, the sheet
+    turns about the point until the couple is gone, which no mesh of elements longer than thick can
+    follow."""
+    return move_nodes(job, job.sheet.height)
+
+
+def move_nodes(job: Job, over: Array) -> Job:
+    """The same sheet in the same place, its nodes moved along their directors by the mean at each
+    of `over` (ne, 4) m, with what holds and loads them; springs keep their slack."""
+    sheet = job.sheet
+    points, moved = sheet.moved(over), node_means(over, sheet.quads, len(sheet.points))
+    springs = [
+        replace(s, length=s.length + _lengths(job, s, points) - _lengths(job, s, sheet.points))
+        for s in job.springs
+    ]
+    sheet = replace(sheet, points=points, height=sheet.height - moved[sheet.quads])
+    return replace(job, sheet=sheet, springs=springs)
+
+
+def _lengths(job: Job, s: SpringSet, points: Array) -> Array:
+    """Return the lengths (k,) m of springs while the sheet is at rest at points (n, 3) m."""
+    origin = np.array([b.origin for b in job.bodies] or [np.zeros(3)])
+    end = np.where((s.body >= 0)[:, None], origin[s.body] + s.anchor, points[s.other])
+    return np.asarray(np.linalg.norm(points[s.nodes] - end, axis=1))

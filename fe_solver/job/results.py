@@ -21,13 +21,13 @@ SUMMARY = "summary.json"
 
 def displacement(job: Job, state: JobState) -> Array:
     """(n, 3) m."""
-    return np.asarray(state.configuration.x - job.points)
+    return np.asarray(state.configuration.x - job.sheet.points)
 
 
 def farthest(job: Job, state: JobState) -> tuple[float, int]:
     """The largest displacement, m, and the number of its node in the file."""
     size = np.linalg.norm(displacement(job, state), axis=1)
-    return float(size.max()), int(job.node_ids[size.argmax()])
+    return float(size.max()), int(job.sheet.node_ids[size.argmax()])
 
 
 def state_summary(job: Job, state: JobState) -> dict[str, Any]:
@@ -70,8 +70,8 @@ def summary(result: JobResult) -> dict[str, Any]:
     return {
         "job": result.job.name,
         "element": result.element,
-        "nodes": len(result.job.points),
-        "elements": len(result.job.quads),
+        "nodes": len(result.job.sheet.points),
+        "elements": len(result.job.sheet.quads),
         "states": [state_summary(result.job, s) for s in result.states],
         "setup_cpu_s": result.setup_s,
         "solve_cpu_s": e.cpu_s,
@@ -122,10 +122,12 @@ def _write_springs(path: Path, result: JobResult) -> None:
         for state in result.states:
             for s, force in zip(job.springs, state.spring_forces, strict=True):
                 ends = [
-                    job.bodies[b].name if b >= 0 else f"node {job.node_ids[n]}"
+                    job.bodies[b].name if b >= 0 else f"node {job.sheet.node_ids[n]}"
                     for b, n in zip(s.body, s.other, strict=True)
                 ]
-                for node, end, f in zip(job.node_ids[s.nodes], ends, force.tolist(), strict=True):
+                for node, end, f in zip(
+                    job.sheet.node_ids[s.nodes], ends, force.tolist(), strict=True
+                ):
                     out.writerow([repr(state.time), s.name, node, end, repr(f + 0.0)])
 
 
@@ -134,7 +136,7 @@ def _write_xdmf(path: Path, result: JobResult, cells: _Cells) -> None:
     from meshio.xdmf import TimeSeriesWriter
 
     with TimeSeriesWriter(path, data_format="XML") as writer:
-        writer.write_points_cells(result.job.points, cells.blocks)
+        writer.write_points_cells(result.job.sheet.points, cells.blocks)
         for state in result.states:
             own = cells.split(cell_data(result.job, state))
             writer.write_data(state.time, point_data=point_data(result.job, state), cell_data=own)
@@ -144,10 +146,10 @@ class _Cells:
     """Quads and triangles as meshio has them, apart."""
 
     def __init__(self, job: Job) -> None:
-        triangle = job.quads[:, 2] == job.quads[:, 3]
+        triangle = job.sheet.quads[:, 2] == job.sheet.quads[:, 3]
         kinds = [("quad", ~triangle, 4), ("triangle", triangle, 3)]
         self._rows = [np.flatnonzero(mask) for _, mask, _ in kinds if mask.any()]
-        self.blocks = [(kind, job.quads[mask, :n]) for kind, mask, n in kinds if mask.any()]
+        self.blocks = [(kind, job.sheet.quads[mask, :n]) for kind, mask, n in kinds if mask.any()]
 
     def split(self, data: Mapping[str, Array]) -> dict[str, list[Array]]:
         return {name: [values[rows] for rows in self._rows] for name, values in data.items()}
@@ -159,7 +161,7 @@ def point_data(job: Job, state: JobState) -> dict[str, Array]:
         "displacement": displacement(job, state),
         "director": state.configuration.d,
         "contact_pressure": state.contact_pressure,
-        "node": job.node_ids.astype(float),
+        "node": job.sheet.node_ids.astype(float),
     }
 
 
@@ -170,6 +172,6 @@ def cell_data(job: Job, state: JobState) -> dict[str, Array]:
         "strain": own.strain,
         "stress": own.stress,
         "face_strain": np.column_stack([own.faces, np.zeros(len(own.faces))]),
-        "part": job.part.astype(float),
-        "element": job.element_ids.astype(float),
+        "part": job.sheet.part.astype(float),
+        "element": job.sheet.element_ids.astype(float),
     }

@@ -95,7 +95,7 @@ def unsupported(job: Job, time: float, motions: Sequence[FreeMotions]) -> InputE
     if motions:
         free = motions[0]
         more = "" if free.pieces == 1 else f", one of {free.pieces} pieces,"
-        what = f"the sheet of {job.node(free.nodes[0])}{more} can {free.words()}"
+        what = f"the sheet of {job.sheet.node(free.nodes[0])}{more} can {free.words()}"
     return InputError(
         f"{job.name}: at t = {time:.6g} {what}, and nothing resists it: the answer would be one of "
         "many. Tie it to a body, hold more of its displacements, or give it springs that are taut"

@@ -23,6 +23,7 @@ from fe_solver.job.model import JobModel, JobOptions, job_model
 from fe_solver.job.rigid_modes import require_supports
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import coupling, wrenches
+from fe_solver.solver.continuation import SAME_TIME, Effort, TimeSteps
 from fe_solver.solver.fields import Fields, contact_pressure, fields
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import Solution, solve
@@ -31,24 +32,9 @@ from fe_solver.solver.relaxation import RelaxOptions, relax
 NO_TENSION = np.zeros(0)
 QUICK = 12
 """Iterations up to which the next step is twice as long."""
-GROWTH = 2.0
 REST = (1e-4, 1e-6, 1e-8)
 """Residuals over forces at which a damped motion is handed to Newton, the next where that fails:
 near a snap the first moves of the sheet are slow."""
-SAME_TIME = 1e-9
-
-
-@dataclass(frozen=True)
-class Effort:
-    """What a solve took: CPU seconds, Newton iterations, linear solves, accepted steps, failed
-    ones, and states that only a damped motion reached."""
-
-    cpu_s: float = 0.0
-    iterations: int = 0
-    solves: int = 0
-    steps: int = 0
-    failures: int = 0
-    relaxations: int = 0
 
 
 @dataclass(frozen=True)
@@ -79,7 +65,7 @@ class JobState:
 
     @property
     def contact(self) -> Array:
-        """(nb, 3) N of the sheet on each body through contact."""
+        """The force (nb, 3) N of the sheet on each body through contact."""
         return self.wrench["contact"][:, :3]
 
 
@@ -128,33 +114,19 @@ def solve_job(
     whose sheet could move as a rigid body without resistance, and ConvergenceError naming the time,
     the place, and what to try.
 
-    >>> import numpy as np
-    >>> from fe_solver.job.curves import LoadCurve
-    >>> from fe_solver.job.job import Body, Job, NodalForce, ShellPart, Step, Tied
+    >>> from fe_solver.job.job import Job, NodalForce
     >>> from fe_solver.job.solve import solve_job
     >>> from fe_solver.materials.linear import Isotropic
-    >>> from fe_solver.verification.sheets import plate
-    >>> points, quads = plate(20e-3, 5e-3, 4, 1)  # a strip of 20 x 5 x 0.5 mm of 4 elements
-    >>> end, ones = np.array([8, 9]), np.ones((len(quads), 4))
-    >>> job = Job(
-    ...     name="strip",
-    ...     points=points,
-    ...     node_ids=np.arange(len(points)),
-    ...     quads=quads,
-    ...     element_ids=np.arange(len(quads)),
-    ...     part=np.zeros(len(quads), dtype=int),
-    ...     parts=(ShellPart("skin", Isotropic(100e6, 0.0)),),
-    ...     thickness=0.5e-3 * ones,
-    ...     height=0.0 * ones,
-    ...     fibre=np.tile([1.0, 0.0, 0.0], (len(quads), 1)),
-    ...     bodies=(Body("wall", np.zeros(3), np.zeros((0, 3)), np.zeros((0, 3), dtype=int)),),
-    ...     tied=(Tied(np.array([0, 1]), 0),),
-    ...     forces=(NodalForce(end, np.array([0, 0, 0.5e-3]), LoadCurve((0, 1), (0, 1))),),
-    ...     steps=(Step("load", 1.0, 1),),
-    ... )
+    >>> from fe_solver.sheet import plate
+    >>> from fe_solver.supports import WALL, Tied
+    >>> # a strip of 20 x 5 x 0.5 mm, clamped at x = 0, with 1 mN on each of the other end's nodes
+    >>> sheet = plate(20e-3, 5e-3, 10, 3, Isotropic(100e6, 0.0), thickness=0.5e-3)
+    >>> end = NodalForce(sheet.edge("x1"), (0, 0, 1e-3))
+    >>> job = Job(sheet, ties=[Tied(sheet.edge("x0"), WALL)], forces=[end])
     >>> state = solve_job(job).states[-1]
-    >>> deflection = state.configuration.x[end, 2].mean()
-    >>> bool(abs(deflection / 0.512e-3 - 1) < 0.03)  # F L^3 / (3 E I)
+    >>> deflection = state.configuration.x[sheet.edge("x1"), 2].mean()
+    >>> beam = 4e-3 * 20e-3**3 / (3 * 100e6 * 5e-3 * 0.5e-3**3 / 12)  # F L^3 / (3 E I)
+    >>> bool(abs(deflection / beam - 1) < 0.02)
     True
     """
     options = options or JobOptions()
@@ -163,7 +135,7 @@ def solve_job(
     model = job_model(job, options)
     setup = clock.process_time() - began
     began = clock.process_time()
-    stepper = _Stepper(model, options, ways)
+    stepper = _JobSteps(model, options, ways)
     states = [stepper.reach(time) for time in wanted]
     effort = replace(stepper.effort, cpu_s=clock.process_time() - began)
     return ShellResult(job, tuple(states), setup, effort)
@@ -195,93 +167,57 @@ def spread_times(job: Job, until: float | None = None, states: int = 1) -> list[
 def _advice(job: Job, steps: int, ways: Sequence[str]) -> str:
     """What to try, the nearest first, where no equilibrium was found after so many steps."""
     tries = [*ways] if steps else []
-    if job.springs and job.height.any():
+    if job.springs and job.sheet.height.any():
         tries.append(
-            "--mid-surface (fe_solver.job.mid_surface: the springs pull at a face of the sheet, on "
-            "a thin one a couple beyond its bending stiffness)"
+            "--mid-surface (fe_solver.job.model.move_to_mid_surface: the springs pull at a face of "
+            "the sheet, on a thin one a couple beyond its bending stiffness)"
         )
     return f" To try, the nearest first: {'; '.join(tries)}." if tries else ""
 
 
-class _Stepper:
-    """The last equilibrium and how to get to the next."""
+class _JobSteps(TimeSteps):
+    """The equilibria of a job's shell."""
 
     def __init__(self, model: JobModel, options: JobOptions, ways: Sequence[str]) -> None:
+        super().__init__(options.shortest, options.turn, QUICK)
         self.model, self.options, self.ways = model, options, ways
-        self.time, self.solution = 0.0, None
-        self.effort = Effort()
-        self.stride = np.inf
-
-    time: float
-    solution: Solution | None
+        self.solution: Solution | None = None
 
     def reach(self, time: float) -> ShellState:
         """Steps up to a time, at which contact does not penetrate."""
         begun, before = clock.process_time(), self.effort
-        span = time - self.time
-        while self.time < time - SAME_TIME * span:
-            self._go(time, span)
+        self.go_to(time)
         cpu = clock.process_time() - begun
-        found = self._last_solution()
+        found = self.solution
+        assert found is not None
         require_supports(self.model.job, time, found.model, found.configuration, found.evaluation)
-        return job_state(self.model, found, time, effort_since(self.effort, before, cpu))
+        return job_state(self.model, found, time, self.effort.since(before, cpu))
 
-    def _last_solution(self) -> Solution:
-        assert self.solution is not None
-        return self.solution
-
-    def _go(self, time: float, span: float) -> None:
-        """One step towards `time`, or a shorter stride after it has failed."""
-        step = min(self.stride, time - self.time, self._longest(time))
-        there = self.time + step
-        end = there > time - SAME_TIME * span
-        there = time if end else there
-        try:
-            solution = self._step(there, end)
-        except ConvergenceError as error:
-            self.effort = replace(self.effort, failures=self.effort.failures + 1)
-            self.stride = step / 2
-            if self.stride < self.options.shortest * span:
-                solution = self._relax_or_raise(there, end, error)
-                self.stride = step
-                self._accept(there, solution)
-            return
-        if solution.iterations <= QUICK:
-            self.stride = GROWTH * step
-        self._accept(there, solution)
-
-    def _accept(self, time: float, solution: Solution) -> None:
-        e = self.effort
-        self.effort = replace(
-            e,
-            iterations=e.iterations + solution.iterations,
-            solves=e.solves + solution.solves,
-            steps=e.steps + 1,
-        )
-        self.time, self.solution = time, solution
-
-    def _longest(self, time: float) -> float:
-        """The stride at which no body turns by more than allowed."""
-        _, before = self.model.poses(self.time)
-        _, after = self.model.poses(time)
-        turn = after @ np.swapaxes(before, 1, 2)
-        cosine = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
-        angle = float(np.arccos(np.clip(cosine, -1, 1)).max(initial=0.0))
-        count = max(1, int(np.ceil(angle / self.options.turn)))
-        return (time - self.time) / count
-
-    def _model(self, time: float) -> ShellModel:
-        if self.solution is None:
-            return self.model.at(time)
-        return self.model.at(time, next_increment(self.solution).contacts)
-
-    def _step(self, time: float, end: bool) -> Solution:
+    def solve_step(self, time: float, is_last: bool) -> None:
+        """By Newton from a prediction."""
         model = self._model(time)
         if self.solution is None:
             start, near = model.move_bodies(self.model.start(), *self.model.poses(time)), False
         else:
             start, near = predict(model, self.solution, *self.model.poses(time)), True
-        return self._equilibrium(model, start, near, end)
+        self._accept(self._equilibrium(model, start, near, is_last))
+
+    def _accept(self, solution: Solution) -> None:
+        self.solution = solution
+        self.effort = self.effort.plus(iterations=solution.iterations, solves=solution.solves)
+
+    def largest_turn(self, time: float) -> float:
+        """See `TimeSteps.largest_turn`."""
+        _, before = self.model.poses(self.time)
+        _, after = self.model.poses(time)
+        turn = after @ np.swapaxes(before, 1, 2)
+        cosine = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
+        return float(np.arccos(np.clip(cosine, -1, 1)).max(initial=0.0))
+
+    def _model(self, time: float) -> ShellModel:
+        if self.solution is None:
+            return self.model.at(time)
+        return self.model.at(time, next_increment(self.solution).contacts)
 
     def _equilibrium(
         self, model: ShellModel, start: Configuration, near: bool, end: bool
@@ -300,13 +236,13 @@ class _Stepper:
             more, iterations=plain.iterations + more.iterations, solves=plain.solves + more.solves
         )
 
-    def _relax_or_raise(self, time: float, end: bool, error: ConvergenceError) -> Solution:
-        """The equilibrium found by a damped motion.  Raises ConvergenceError."""
+    def solve_at_last(self, time: float, is_last: bool, error: ConvergenceError) -> None:
+        """By a damped motion."""
         model = self._model(time)
         last = self.model.start() if self.solution is None else self.solution.configuration
         c = model.move_bodies(last, *self.model.poses(time))
         try:
-            found = self._relax_then_solve(model, c, end)
+            found = self._relax_then_solve(model, c, is_last)
         except ConvergenceError as failed:
             raise ConvergenceError(
                 f"{self.model.job.name}: no equilibrium was found at t = {time:.6g}, after "
@@ -314,8 +250,8 @@ class _Stepper:
                 f"that failed; nor by a damped motion ({failed}). {error}"
                 + _advice(self.model.job, self.effort.steps, self.ways)
             ) from error
-        self.effort = replace(self.effort, relaxations=self.effort.relaxations + 1)
-        return found
+        self.effort = self.effort.plus(relaxations=1)
+        self._accept(found)
 
     def _relax_then_solve(self, model: ShellModel, c: Configuration, end: bool) -> Solution:
         """By a damped motion, then Newton; by a longer motion where Newton fails."""
@@ -348,14 +284,14 @@ def predict(
 
 
 def loads_in_bases(model: ShellModel, c: Configuration, bases: Array) -> Array:
-    """(5n,) N of the dead loads and the pressure in the nodes' bases (n, 3, 3)."""
+    """Return the dead loads and the pressure in the nodes' bases (n, 3, 3), (5n,) N."""
     out = np.zeros((len(c.x), 5))
     out[:, :3] = np.einsum("nij,ni->nj", bases, nodal_loads(model, c.x))
     return out.ravel()
 
 
 def nodal_loads(model: ShellModel, x: Array) -> Array:
-    """(n, 3) N of the dead loads and the pressure on the nodes."""
+    """Return the dead loads and the pressure on the nodes, (n, 3) N."""
     out = np.zeros_like(x) if model.dead is None else model.dead.copy()
     if model.pressure is not None:
         np.add.at(out, model.quads, pressure_forces(x[model.quads], model.pressure))
@@ -389,7 +325,7 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
 
 
 def penetration(solution: Solution) -> float:
-    """m, of the deepest contact node."""
+    """Return how deep the deepest contact node penetrates, m."""
     c = solution.configuration
     gaps = [k.gap(c.x, c.position, c.rotation) for k in solution.model.contacts]
     return max((float(np.max(-g, initial=0.0)) for g in gaps), default=0.0)
@@ -413,15 +349,3 @@ def forces_by_set(
             force[own] = values[springs.group == i]
         out.append(force)
     return tuple(out)
-
-
-def effort_since(now: Effort, before: Effort, cpu: float) -> Effort:
-    """What was spent between two counts, in `cpu` seconds."""
-    return Effort(
-        cpu,
-        now.iterations - before.iterations,
-        now.solves - before.solves,
-        now.steps - before.steps,
-        now.failures - before.failures,
-        now.relaxations - before.relaxations,
-    )

@@ -54,7 +54,7 @@ class CrossedLinear(LinearLaw):
         return self.base.shear()
 
     def response(self, strain: Array) -> Stress:
-        """See `materials.Law.response`; the tangent is a read-only view of `plane`."""
+        """See `materials.linear.Law.response`; the tangent is a read-only view of `plane`."""
         Q = self.plane()
         stress = np.einsum("...ij,...j->...i", np.broadcast_to(Q, (*strain.shape, 3)), strain)
         energy = np.einsum("...i,...i->...", strain, stress) / 2
@@ -77,7 +77,7 @@ class CrossedFibres:
         _check_angle(self, self.angle)
 
     def response(self, strain: Array) -> Stress:
-        """See `materials.Law.response`."""
+        """See `materials.linear.Law.response`."""
         return response(self, strain)
 
     def shear(self) -> tuple[Real, Real]:

@@ -116,7 +116,7 @@ class TransIsoMooneyRivlin(ExponentialToe):
         _check_bulk(self, self.k)
 
     def response(self, strain: Array) -> Stress:
-        """See `materials.Law.response`."""
+        """See `materials.linear.Law.response`."""
         return response(self, strain)
 
     def shear(self) -> tuple[Real, Real]:
@@ -315,7 +315,7 @@ class HolzapfelGasserOgden:
         _check_bulk(self, self.k)
 
     def response(self, strain: Array) -> Stress:
-        """See `materials.Law.response`."""
+        """See `materials.linear.Law.response`."""
         return response(self, strain)
 
     def shear(self) -> tuple[Real, Real]:

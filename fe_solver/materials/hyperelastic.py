@@ -162,7 +162,7 @@ def _by_strain(law: Potential, plane: _Plane, x: Expansion, shape: tuple[int, ..
 
 
 def response(law: Potential, strain: Array) -> Stress:
-    """Stress and tangent of a hyperelastic sheet, S33 = 0; see `materials.Law.response`."""
+    """Stress and tangent of a hyperelastic sheet, S33 = 0; see `materials.linear.Law.response`."""
     strain = np.asarray(strain, dtype=float)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         plane = _plane(law, strain)
@@ -220,7 +220,7 @@ class NeoHookean:
         return 2 * mu * self.nu / (1 - 2 * self.nu), mu
 
     def response(self, strain: Array) -> Stress:
-        """See `materials.Law.response`."""
+        """See `materials.linear.Law.response`."""
         return response(self, strain)
 
     def shear(self) -> tuple[Real, Real]:

@@ -31,10 +31,3 @@ def thickness_as_laid(stress_free: Array, growth: Array) -> Array:
     if growth.ndim == 1:
         return stress_free
     return stress_free / (1 + growth[:, 1]).reshape(-1, *[1] * (stress_free.ndim - 1))
-
-
-def in_situ_stretch(growth: Array) -> Array:
-    """(ne,) the stretch that makes such growth (ne, 2); NaN where none does."""
-    stretch = 1 / (1 + growth[:, 0])
-    fine = np.isclose(np.sqrt(stretch), 1 + growth[:, 1], rtol=1e-9)
-    return np.where(fine, stretch, np.nan)

@@ -87,7 +87,7 @@ class TensionField:
         require(self, "smoothing", self.smoothing, fine, "it must be above 0 and at most 0.1")
 
     def response(self, strain: Array) -> Stress:
-        """See `materials.Law.response`."""
+        """See `materials.linear.Law.response`."""
         w = self._relaxation(strain)
         C, T = w.there.tangent, w.by_growth
         tangent = C - C @ T @ _solve(w.curvature, np.swapaxes(T, 1, 2) @ C)

@@ -19,19 +19,15 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints
-from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.forces.loads import pressure_forces, pressure_tangent
 from fe_solver.forces.springs import NodeSprings, Springs, node_springs, spring_forces
 from fe_solver.job.checks import check_job, within
-from fe_solver.job.job import ContactPair, Job, ShellPart
+from fe_solver.job.job import Job
 from fe_solver.job.model import (
     body_poses,
     check_supports,
-    corner_means,
     dead_loads,
     follower_pressure,
-    job_links,
-    job_springs,
 )
 from fe_solver.materials.linear import Law
 from fe_solver.q4ans.element import (
@@ -42,7 +38,9 @@ from fe_solver.q4ans.element import (
 )
 from fe_solver.q4ans.facets import Facets, Pressed, cut, find_triangles, pressures
 from fe_solver.q4ans.laws import law_obstacle, normal_modulus
+from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.linear_algebra import Analysis, Factor, analyse
+from fe_solver.supports import ContactPair, links_of, springs_of
 from fe_solver.surfaces.closing import border_edges, merge_vertices
 
 ON_FACE = 1e-9
@@ -55,41 +53,44 @@ def obstacles(job: Job) -> list[str]:
 
 
 def _obstacles(job: Job) -> Iterator[str]:
-    for part in job.parts:
+    for body in job.bodies:
+        if body.surface is not None:
+            yield f"the body {body.name!r} has a surface that is not of triangles"
+    for part in job.sheet.parts:
         reason = law_obstacle(part.law)
         if reason is not None:
             yield f"part {part.name!r}: the law {type(part.law).__name__} {reason}"
-    off = np.abs(2 * np.abs(job.height) - job.thickness) > ON_FACE * job.thickness
-    off |= job.height * job.height[0, 0] <= 0
+    off = np.abs(2 * np.abs(job.sheet.height) - job.sheet.thickness) > ON_FACE * job.sheet.thickness
+    off |= job.sheet.height * job.sheet.height[0, 0] <= 0
     if off.any():
         yield "its nodes do not all lie on one face of the sheet"
     else:
-        yield from _crossed_faces(job)
+        yield from _crossed_faces(job.sheet)
     for pair in job.contacts:
         if pair.friction > 0:
             yield f"contact {pair.name!r} has friction"
     for d in job.held_directors:
         given = [h.nodes for h in job.held if h.component == d.component]
-        loose = np.setdiff1d(d.nodes, np.concatenate([*given, *(t.nodes for t in job.tied)]))
+        loose = np.setdiff1d(d.nodes, np.concatenate([*given, *(t.nodes for t in job.ties)]))
         if len(loose):
-            yield f"the director of {job.node(loose[0])} is held, and the node is free to move"
+            yield f"the director of {job.sheet.node(loose[0])} is held, and it is free to move"
 
 
-def _crossed_faces(job: Job) -> Iterator[str]:
-    rest = _rest(job, np.arange(len(job.quads)), node_directors(job.points, job.quads))
-    crossed = np.flatnonzero(cross_matrix(rest, job.height[0, 0]))
+def _crossed_faces(sheet: Sheet) -> Iterator[str]:
+    rest = _rest(sheet, np.arange(len(sheet.quads)))
+    crossed = np.flatnonzero(cross_matrix(rest, sheet.height[0, 0]))
     if len(crossed):
         yield (
-            f"{job.element(crossed[0])}: the sheet is thicker than its radius there, so that its "
+            f"{sheet.element(crossed[0])}: the sheet is thicker than its radius there, so that its "
             f"faces cross ({len(crossed)} such elements)"
         )
 
 
-def _rest(job: Job, elements: Ints, directors: Array) -> Array:
+def _rest(sheet: Sheet, elements: Ints) -> Array:
     """(k, 8, 3) m, the corners of elements (k,) as laid out: on the file's face, on the other."""
-    quads = job.quads[elements]
-    low = job.points[quads]
-    high = low + 2 * job.height[elements, :, None] * directors[quads]
+    quads = sheet.quads[elements]
+    low = sheet.points[quads]
+    high = low + 2 * sheet.height[elements, :, None] * sheet.directors[quads]
     return np.concatenate([low, high], axis=1)
 
 
@@ -159,7 +160,9 @@ class SolidModel:
     @cached_property
     def pairs(self) -> Ints:
         """(ne, 8) the elements' nodes."""
-        return np.concatenate([self.job.quads, self.job.quads + len(self.job.points)], axis=1)
+        return np.concatenate(
+            [self.job.sheet.quads, self.job.sheet.quads + len(self.job.sheet.points)], axis=1
+        )
 
     def at(self, time: float, multipliers: tuple[Array | float, ...] | None = None) -> Loads:
         """The loads of a time; contact without multipliers where None."""
@@ -184,13 +187,13 @@ class SolidModel:
 
     def place(self, z: Array, time: float) -> Array:
         """z (2n, 3) with what is given at a time: ties to bodies and held displacements."""
-        job, n, out = self.job, len(self.job.points), z.copy()
+        job, n, out = self.job, len(self.job.sheet.points), z.copy()
         for h in job.held:
             out[h.nodes, h.component] = self.rest[h.nodes, h.component] + h.displacement.at(time)
         for d in job.held_directors:
             moved = out[d.nodes, d.component] - self.rest[d.nodes, d.component]
             out[n + d.nodes, d.component] = self.rest[n + d.nodes, d.component] + moved
-        for t in job.tied:
+        for t in job.ties:
             body = job.bodies[t.body]
             position, rotation = body.pose(time)
             nodes = np.concatenate([t.nodes, n + t.nodes]) if t.clamped else t.nodes
@@ -220,11 +223,11 @@ class SolidModel:
         links = node_springs(self.links, z, curvature=True)
         yield Term(Source.LINK, self.links.nodes, links.gradient, links.hessian)
         if loads.pressure is not None:
-            x = z[self.job.quads]
+            x = z[self.job.sheet.quads]
             stiffness = -pressure_tangent(x, loads.pressure).reshape(-1, 12, 12)
             stiffness = (stiffness + np.swapaxes(stiffness, 1, 2)) / 2
             force = -pressure_forces(x, loads.pressure)
-            yield Term(Source.PRESSURE, self.job.quads, force, stiffness)
+            yield Term(Source.PRESSURE, self.job.sheet.quads, force, stiffness)
 
     def imbalance(self, terms: Sequence[Term], loads: Loads) -> Array:
         """(2n, 3) N with which the nodes resist more than the dead loads ask for: zero at free
@@ -248,7 +251,7 @@ class SolidModel:
     @cached_property
     def thickness(self) -> float:
         """m, the mean."""
-        return float(self.job.thickness.mean())
+        return float(self.job.sheet.thickness.mean())
 
     @cached_property
     def least_force(self) -> float:
@@ -274,34 +277,30 @@ def solid_model(job: Job) -> SolidModel:
     reasons = obstacles(job)
     if reasons:
         raise InputError(f"{job.name}: --element q4ans does not cover it: {'; '.join(reasons)}")
-    n, quads = len(job.points), job.quads
-    directors = node_directors(job.points, quads)
-    mean = corner_means(quads, job.height, n)
-    rest = np.concatenate([job.points, job.points + 2 * mean[:, None] * directors])
-    parts = [
-        _part(job, np.flatnonzero(job.part == i), p, directors) for i, p in enumerate(job.parts)
-    ]
+    sheet, quads = job.sheet, job.sheet.quads
+    rest = np.concatenate([sheet.points, sheet.moved(2 * sheet.height)])
+    parts = [_part(job, np.flatnonzero(sheet.part == i), p) for i, p in enumerate(sheet.parts)]
     parts = [p for p in parts if len(p.elements)]
     volume, modulus = np.zeros(len(quads)), np.zeros(len(quads))
     for p in parts:
         volume[p.elements] = p.tables.volume.sum(axis=1)
         modulus[p.elements] = p.normal_modulus
     facets = tuple(_facets(job, pair, volume, modulus) for pair in job.contacts)
-    springs, links = job_springs(job), job_links(job)
+    springs, links = springs_of(job.springs), links_of(job.springs)
     return SolidModel(job, rest, _free(job), tuple(parts), facets, springs, links)
 
 
-def _part(job: Job, elements: Ints, part: ShellPart, directors: Array) -> SolidPart:
-    rest = _rest(job, elements, directors)
-    tables = solid_tables(rest, job.fibre[elements], part.in_situ_stretch)
+def _part(job: Job, elements: Ints, part: ShellPart) -> SolidPart:
+    rest = _rest(job.sheet, elements)
+    tables = solid_tables(rest, job.sheet.fibre[elements], part.in_situ_stretch)
     modulus = normal_modulus(part.law, part.in_situ_stretch)
     return SolidPart(elements, rest, tables, part.law, modulus)
 
 
 def _free(job: Job) -> NDArray[np.bool_]:
-    n = len(job.points)
+    n = len(job.sheet.points)
     free = np.ones((2 * n, 3), dtype=bool)
-    for t in job.tied:
+    for t in job.ties:
         free[t.nodes] = False
         if t.clamped:
             free[n + t.nodes] = False
@@ -315,13 +314,13 @@ def _free(job: Job) -> NDArray[np.bool_]:
 def _facets(job: Job, pair: ContactPair, volume: Array, modulus: Array) -> Facets:
     """With FEBio's automatic penalty E A / V times the file's factor: the modulus along the normal,
     the facet's area, the element's volume (theory manual 3.4, section 7.1.7); or the file's."""
-    X = job.points[job.quads[pair.quads]]
+    X = job.sheet.points[job.sheet.quads[pair.quads]]
     area = np.linalg.norm(np.cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1]), axis=1) / 2
     penalty = np.full(len(pair.quads), pair.penalty)
     if pair.automatic:
         penalty *= modulus[pair.quads] * area / volume[pair.quads]
-    other = pair.side * job.height[pair.quads, 0] > 0
-    quads = job.quads[pair.quads] + len(job.points) * other[:, None]
+    other = pair.side * job.sheet.height[pair.quads, 0] > 0
+    quads = job.sheet.quads[pair.quads] + len(job.sheet.points) * other[:, None]
     body = job.bodies[pair.body]
     with within(f"{job.name}: contact {pair.name!r} with the body {body.name!r}"):
         border_edges(merge_vertices(body.vertices, pair.triangles)[1])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,7 +22,7 @@ from cosim.processes import one_blas_thread
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
 from fe_solver.job.rigid_modes import FreeMotions, Pieces, free_motions, unsupported
-from fe_solver.job.solve import SAME_TIME, Effort, JobResult, JobState, effort_since, output_times
+from fe_solver.job.solve import JobResult, JobState, output_times
 from fe_solver.q4ans.model import (
     Loads,
     SolidModel,
@@ -31,6 +31,7 @@ from fe_solver.q4ans.model import (
     solid_model,
 )
 from fe_solver.q4ans.state import SolidEquilibrium, solid_state
+from fe_solver.solver.continuation import TimeSteps
 from fe_solver.solver.linear_algebra import Factor, has_mechanism, positions
 from fe_solver.vectors import cross
 
@@ -80,7 +81,7 @@ def solve_solid(
     options = options or JobOptions(penetration=None)
     began = clock.process_time()
     wanted = output_times(job, until, times)
-    stepper = _Stepper(solid_model(job), options)
+    stepper = _SolidSteps(solid_model(job), options)
     setup = clock.process_time() - began
     began = clock.process_time()
     states = tuple(stepper.reach(time) for time in wanted)
@@ -88,78 +89,56 @@ def solve_solid(
     return JobResult(job, states, setup, effort, "q4ans")
 
 
-@dataclass
-class _Stepper:
-    """The last equilibrium and how to get to the next."""
+class _SolidSteps(TimeSteps):
+    """The equilibria of a job's `q4ans` elements."""
 
-    model: SolidModel
-    options: JobOptions
-
-    def __post_init__(self) -> None:
+    def __init__(self, model: SolidModel, options: JobOptions) -> None:
+        super().__init__(options.shortest, TURN, QUICK)
+        self.model, self.options = model, options
         loads = self.model.at(0.0)
         terms = tuple(self.model.terms(self.model.rest, loads))
         self.pattern = self.model.pattern(terms)
         self.last = SolidEquilibrium(0.0, self.model.rest, loads, terms, 0.0)
-        self.effort, self.stride = Effort(), np.inf
 
     def reach(self, time: float) -> JobState:
         """Steps up to a time, at which contact does not penetrate too deep."""
         began, before = clock.process_time(), self.effort
-        span = time - self.last.time
-        while self.last.time < time - SAME_TIME * span:
-            self._go(time, span)
+        self.go_to(time)
         self._augment()
         cpu = clock.process_time() - began
         self._require_supports()
-        return solid_state(self.model, self.last, effort_since(self.effort, before, cpu))
+        return solid_state(self.model, self.last, self.effort.since(before, cpu))
 
-    def _go(self, time: float, span: float) -> None:
-        """One step towards `time`, or a shorter stride after it has failed."""
-        step = min(self.stride, time - self.last.time, self._longest(time))
-        there = self.last.time + step
-        there = time if there > time - SAME_TIME * span else there
-        before = self.effort.iterations
-        try:
-            self.last = self._step(there)
-        except ConvergenceError as error:
-            self.effort = replace(self.effort, failures=self.effort.failures + 1)
-            self.stride = step / 2
-            if self.stride < self.options.shortest * span:
-                raise self._stop(there, error) from error
-            return
-        self.effort = replace(self.effort, steps=self.effort.steps + 1)
-        if self.effort.iterations - before <= QUICK:
-            self.stride = 2 * step
-
-    def _step(self, time: float) -> SolidEquilibrium:
-        """The equilibrium of a time; from rest, where nothing tells which points will touch, by
-        softer contact if not at once.  Raises ConvergenceError."""
+    def solve_step(self, time: float, is_last: bool) -> None:
+        """From rest, where nothing tells which points will touch, by softer contact if not at
+        once."""
         z, loads = self._predict(time)
         try:
-            return self._equilibrium(self.model, z, loads, time)
+            self.last = self._equilibrium(self.model, z, loads, time)
+            return
         except ConvergenceError:
             if self.effort.steps or not self.model.facets:
                 raise
         for share in SOFTER:
             z = self._equilibrium(self.model.with_penalty(share), z, loads, time).z
-        return self._equilibrium(self.model, z, loads, time)
+        self.last = self._equilibrium(self.model, z, loads, time)
 
-    def _stop(self, time: float, error: ConvergenceError) -> ConvergenceError:
+    def solve_at_last(self, time: float, is_last: bool, error: ConvergenceError) -> None:
+        """Raises ConvergenceError: nothing is left to try."""
         e = self.effort
-        return ConvergenceError(
+        raise ConvergenceError(
             f"{self.model.job.name}: no equilibrium of q4ans elements was found at t = {time:.6g}, "
             f"after {e.steps} steps up to t = {self.last.time:.6g} and {e.failures} that failed. "
             f"{error}."
-        )
+        ) from error
 
-    def _longest(self, time: float) -> float:
-        """The stride at which no body turns by more than TURN."""
+    def largest_turn(self, time: float) -> float:
+        """See `TimeSteps.largest_turn`."""
         before, after = self.last.loads.rotation, self.model.at(time).rotation
-        angle = np.linalg.norm(_turns(before, after), axis=1).max(initial=0.0)
-        return (time - self.last.time) / max(1, int(np.ceil(angle / TURN)))
+        return float(np.linalg.norm(_turns(before, after), axis=1).max(initial=0.0))
 
     def _factorise(self, terms: Sequence[Term]) -> Factor:
-        self.effort = replace(self.effort, solves=self.effort.solves + 1)
+        self.effort = self.effort.plus(solves=1)
         return self.pattern.factorise(terms)
 
     def _predict(self, time: float) -> tuple[Array, Loads]:
@@ -209,7 +188,7 @@ class _Stepper:
                 limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
                 searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
                 z, terms = _move(m, z, share * step, loads, missed if searched else np.inf)
-                self.effort = replace(self.effort, iterations=self.effort.iterations + 1)
+                self.effort = self.effort.plus(iterations=1)
         raise ConvergenceError(self._words(z, force, missed, scale))
 
     def _words(self, z: Array, force: Array, missed: float, scale: float) -> str:
@@ -217,11 +196,11 @@ class _Stepper:
             return "An element is turned inside out, or its law has no answer"
         size = np.linalg.norm(np.where(self.model.free, force, 0.0), axis=1)
         worst = int(size.argmax())
-        job = self.model.job
+        sheet = self.model.job.sheet
         place = ", ".join(f"{1e3 * v:.2f}" for v in z[worst])
         return (
             f"After {MOST_ITERATIONS} iterations {missed:.2e} N do not balance, against forces of "
-            f"{scale:.2e} N, most at {job.node(worst % len(job.points))} at ({place}) mm"
+            f"{scale:.2e} N, most at {sheet.node(worst % len(sheet.points))} at ({place}) mm"
         )
 
     def _deepest(self) -> float:

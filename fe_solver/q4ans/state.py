@@ -9,10 +9,11 @@ import numpy as np
 from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.springs import node_spring_state, spring_state
-from fe_solver.job.solve import Effort, JobState, forces_by_set
+from fe_solver.job.solve import JobState, forces_by_set
 from fe_solver.q4ans.element import solid_strain
 from fe_solver.q4ans.laws import solid_stress
 from fe_solver.q4ans.model import Loads, SolidModel, Source, Term
+from fe_solver.solver.continuation import Effort
 from fe_solver.solver.fields import Fields
 from fe_solver.solver.model import Configuration
 from fe_solver.vectors import cross
@@ -36,14 +37,14 @@ class SolidEquilibrium(NamedTuple):
 def solid_state(model: SolidModel, found: SolidEquilibrium, effort: Effort) -> JobState:
     """An equilibrium's fields, forces and balance."""
     job, (z, loads) = model.job, (found.z, found.loads)
-    n = len(job.points)
+    n = len(job.sheet.points)
     wrench = _wrenches(model, found)
     applied = _load_wrench(model, found)
     position = np.concatenate([loads.position, np.zeros((1, 3))])
     total = np.asarray(sum(wrench.values()))
     force = total[:, :3].sum(axis=0) - applied[:3]
     moment = (total[:, 3:] + cross(position, total[:, :3])).sum(axis=0) - applied[3:]
-    director = (z[n:] - z[:n]) * np.sign(job.height[0, 0])
+    director = (z[n:] - z[:n]) * np.sign(job.sheet.height[0, 0])
     director /= np.linalg.norm(director, axis=1, keepdims=True)
     rotation = np.concatenate([loads.rotation, np.eye(3)[None]])
     to_bodies = spring_state(model.springs, z, loads.position, loads.rotation).force
@@ -87,8 +88,8 @@ def _wrenches(model: SolidModel, found: SolidEquilibrium) -> dict[str, Array]:
             wrench[body] += _about(arm, term.force[own].reshape(-1, 3))
     resisted = model.imbalance(found.terms, found.loads)
     tie, guide, left = np.zeros((count, 6)), np.zeros((count, 6)), ~model.free
-    n = len(job.points)
-    for t in job.tied:
+    n = len(job.sheet.points)
+    for t in job.ties:
         nodes = np.concatenate([t.nodes, n + t.nodes]) if t.clamped else t.nodes
         tie[t.body] -= _about(z[nodes] - position[t.body], resisted[nodes])
         left[nodes] = False
@@ -109,7 +110,7 @@ def _load_wrench(model: SolidModel, found: SolidEquilibrium) -> Array:
 def _fields(model: SolidModel, z: Array) -> Fields:
     """Means over each element, from the stress-free sheet; its faces' strains by what the Gauss
     points on either side of the middle say."""
-    count = len(model.job.quads)
+    count = len(model.job.sheet.quads)
     strain, stress, faces = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 2))
     for part in model.parts:
         e = part.elements
@@ -118,16 +119,16 @@ def _fields(model: SolidModel, z: Array) -> Fields:
         strain[e] = np.einsum("ng,ngc->nc", weight, points[..., PLANE])
         stress[e] = np.einsum("ng,ngc->nc", weight, solid_stress(part.law, points)[0][..., PLANE])
         low, high = (points[:, i::2, 0].mean(axis=1) for i in (0, 1))
-        bend = np.sqrt(3) * (high - low) / 2 * np.sign(model.job.height[0, 0])
+        bend = np.sqrt(3) * (high - low) / 2 * np.sign(model.job.sheet.height[0, 0])
         faces[e] = np.stack([strain[e, 0] - bend, strain[e, 0] + bend], axis=1)
     return Fields(strain, stress, faces, np.full(count, -1, dtype=np.int8))
 
 
 def _contact_pressure(model: SolidModel, found: SolidEquilibrium) -> Array:
     """(n,) N/m2 on each pair of nodes, over its area."""
-    n = len(model.job.points)
+    n = len(model.job.sheet.points)
     force = np.zeros((2 * n, 3))
     for f, p in zip(model.facets, model.contacts(found.z, found.loads), strict=True):
         np.add.at(force, f.quads, p.gradient.reshape(-1, 4, 3))
     size = np.linalg.norm(force[:n] + force[n:], axis=1)
-    return np.asarray(size / node_areas(model.job.points, model.job.quads))
+    return np.asarray(size / node_areas(model.job.sheet.points, model.job.sheet.quads))

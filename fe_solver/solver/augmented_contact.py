@@ -56,8 +56,8 @@ def solve_augmented(
     """Equilibrium as of `newton.solve`, without penetration and with Coulomb's friction.
 
     The solution's `model` holds the multipliers and the state of friction.  Solve the next
-    increment of load or posture with `settled(solution)`, which lets the anchors follow what has
-    slid; without friction that only saves rounds.  Its tangent is that of the problem with the
+    increment of load or posture with `next_increment(solution)`, which lets the anchors follow what
+    has slid; without friction that only saves rounds.  Its tangent is that of the problem with the
     pressed nodes held on their surfaces (the curvature of which turns the pressure), so that the
     condensed derivatives are those of the constrained problem; friction enters it with its limits
     as they are.

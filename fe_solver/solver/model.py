@@ -82,12 +82,12 @@ class ShellModel:
     directors: Array
     tables: ShellTables
     section: Section
-    springs: Springs
-    ties: Ties
-    guides: Guides
-    share: Array
-    contacts: tuple[Contact, ...]
-    bodies: tuple[str, ...]
+    springs: Springs = field(default_factory=Springs.none)
+    ties: Ties = field(default_factory=Ties.none)
+    guides: Guides = field(default_factory=Guides.none)
+    share: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    contacts: tuple[Contact, ...] = ()
+    bodies: tuple[str, ...] = ()
     dead: Array | None = None
     pressure: Array | None = None
     links: NodeSprings = field(default_factory=NodeSprings.none)

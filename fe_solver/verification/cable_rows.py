@@ -13,10 +13,7 @@ from cosim.checks import Row, Study
 from cosim.port import Array, Ints, rotation_matrix
 from fe_solver.forces.cables import Cables, cable_forces, cable_state
 from fe_solver.forces.contact import Contact, partition
-from fe_solver.forces.guides import Guides, Ties
-from fe_solver.forces.springs import Springs
-from fe_solver.hood.build_cable import NO_QUADS, no_tables
-from fe_solver.materials.section import Section
+from fe_solver.hood.build import Net
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.surfaces.shapes import Capsule, Cylinder
@@ -41,23 +38,8 @@ def cables(nodes: Ints, length: Array, residual: float = RESIDUAL) -> Cables:
 
 def net(points: Array, cells: Ints, bodies: tuple[str, ...] = ("ground",)) -> ShellModel:
     """Cables alone through points (n, 3), free of stress there; nothing holds them yet."""
-    D = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    i, none = np.zeros(0, dtype=np.intp), np.zeros((0, 3))
     length = np.linalg.norm(points[cells[:, 1]] - points[cells[:, 0]], axis=1)
-    return ShellModel(
-        NO_QUADS,
-        points,
-        D,
-        no_tables(),
-        Section(()),
-        Springs.none(),
-        Ties(i, i, none, none),
-        Guides.none(),
-        np.zeros((0, 0)),
-        (),
-        bodies,
-        cables=cables(cells, length),
-    )
+    return Net(points, cables(cells, length)).model(bodies=bodies)
 
 
 def chain(count: int) -> Ints:

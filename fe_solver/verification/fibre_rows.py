@@ -23,7 +23,6 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.checks import Row
-from fe_solver.elements.shell import shell_tables
 from fe_solver.forces.guides import Guides
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.materials.fibres import (
@@ -32,12 +31,12 @@ from fe_solver.materials.fibres import (
     HolzapfelGasserOgden,
     TransIsoMooneyRivlin,
 )
-from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
 from fe_solver.materials.linear import Law, Orthotropic
+from fe_solver.sheet import even_sheet
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.verification.material_points import fibre_tension, uniaxial
-from fe_solver.verification.sheets import NO_TENSION, at_rest, plate, sheet
+from fe_solver.verification.sheets import NO_TENSION, at_rest, plate
 
 MPA = 1e6
 LENGTH, WIDTH, THICKNESS = 3.0, 1.0, 0.01
@@ -85,12 +84,9 @@ def strip(
     across, pulled to a stretch of its length; its first fibres at the angle `fibre` (rad) from the
     length.  Raises ConvergenceError."""
     X, quads = plate(LENGTH, WIDTH, 6, 2)
-    directions = np.tile([np.cos(fibre), np.sin(fibre), 0.0], (len(quads), 1))
-    s = np.full(len(quads), in_situ)
-    thickness = float(stress_free_thickness(np.array([THICKNESS]), s[:1])[0])
-    model = sheet(X, quads, 0, 0, thickness, law=law, bodies=("ground", "grip"))
-    D = model.directors[quads]
-    model = replace(model, tables=shell_tables(X[quads], D, directions, in_situ_growth(s)))
+    laid = even_sheet(X, quads, law, THICKNESS, fibre=(np.cos(fibre), np.sin(fibre), 0.0))
+    laid = replace(laid, parts=(replace(laid.parts[0], in_situ_stretch=in_situ),))
+    model = laid.model(bodies=("ground", "grip"))
     low, side = np.isclose(X[:, 1], 0), np.isclose(X[:, 1], WIDTH)
     start, end = np.isclose(X[:, 0], 0), np.isclose(X[:, 0], LENGTH)
     held = np.column_stack([start | end, low | (side & held_across), np.ones(len(X), dtype=bool)])

@@ -121,7 +121,7 @@ def jacobian(solution: Solution) -> HoodJacobian:
     """As a hood behind the port answers it."""
     model, here = solution.model, motion(solution)
     none = np.zeros((len(model.reference), 2))
-    hood = ShellHood(model, ("tendon",), here, none, ("bands",))
+    hood = ShellHood(replace(model, groups=("bands",)), ("tendon",), here, none)
     return hood.jacobian(HoodState(here, solution.configuration, solution))
 
 

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from cosim.port import Array
 from fe_solver.elements.kinds import kind_of
-from fe_solver.elements.mesh_geometry import node_areas, node_directors
-from fe_solver.elements.shell import shell_tables
+from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.guides import Guides, Ties
-from fe_solver.forces.springs import Springs
 from fe_solver.materials.linear import Isotropic, Law
-from fe_solver.materials.section import one_law
 from fe_solver.materials.tension_field import TensionField
+from fe_solver.sheet import even_sheet, grid
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.solver.newton_step import factorise
@@ -29,14 +28,6 @@ NO_TENSION = np.zeros(0)
 BENCHMARK = NewtonOptions(tolerance=1e-9, max_step=1.0)
 """For benchmarks whose lengths are of the order of ten."""
 Map = Callable[[Array], Array]
-
-
-def grid(nx: int, ny: int) -> tuple[Array, np.ndarray]:
-    """Nodes (n, 2) of the unit square, x slowest, and its quads (nx ny, 4)."""
-    x, y = np.meshgrid(np.linspace(0, 1, nx + 1), np.linspace(0, 1, ny + 1), indexing="ij")
-    node = np.arange((nx + 1) * (ny + 1)).reshape(nx + 1, ny + 1)
-    corners = [node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]]
-    return np.column_stack([x.ravel(), y.ravel()]), np.stack([c.ravel() for c in corners], axis=1)
 
 
 def plate(length: float, width: float, nx: int, ny: int) -> tuple[Array, np.ndarray]:
@@ -108,39 +99,16 @@ def sheet(
     thickness: float | Array,
     *,
     directors: Array | None = None,
-    fibre: Sequence[float] = (1.0, 0.0, 0.0),
     growth: float = 0.0,
-    height: float = 0.0,
     law: Law | TensionField | None = None,
     bodies: tuple[str, ...] = ("ground",),
+    **more: Any,
 ) -> ShellModel:
-    """A sheet that nothing holds, isotropic or of another law, of one thickness or that (n,) of its
-    nodes, its mid-surface `height` over the points; its parts are added with `clamp`, `guide`,
-    `mirror_plane` and `replace`."""
-    ne = len(quads)
-    D = node_directors(points, quads) if directors is None else directors
-    fibres, ones = np.tile(np.asarray(fibre, dtype=float), (ne, 1)), np.ones(ne)
-    none, nothing = np.zeros(0, dtype=np.intp), np.zeros((0, 3))
-    return ShellModel(
-        quads,
-        points,
-        D,
-        shell_tables(points[quads], D[quads], fibres, growth * ones, height),
-        one_law(law or Isotropic(modulus, poisson), _at_gauss(thickness, len(points), quads)),
-        Springs.none(),
-        Ties(none, none, nothing, nothing),
-        Guides.none(),
-        np.zeros((0, 0)),
-        (),
-        bodies,
-    )
-
-
-def _at_gauss(nodal: float | Array, n: int, quads: np.ndarray) -> Array:
-    """(ne, g) at the Gauss points of what the n nodes have."""
-    element = kind_of(quads)
-    weight = np.stack([element.shape(r, s)[0] for r, s in element.gauss])
-    return np.asarray(np.broadcast_to(nodal, (n,))[quads] @ weight.T)
+    """A sheet that nothing holds, isotropic or of another law, as `even_sheet` makes it; its parts
+    are added with `clamp`, `guide`, `mirror_plane` and `replace`."""
+    law, grown = law or Isotropic(modulus, poisson), np.tile([growth, 0.0], (len(quads), 1))
+    laid = even_sheet(points, quads, law, thickness, normals=directors, growth=grown, **more)
+    return laid.model(bodies=bodies)
 
 
 def clamp(model: ShellModel, nodes: np.ndarray, body: int = 0) -> ShellModel:

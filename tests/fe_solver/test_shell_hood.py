@@ -17,12 +17,13 @@ from cosim.port import STATIC, Motion, Response
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.guides import Ropes
 from fe_solver.forces.springs import ROPE
-from fe_solver.hood.build_shell import ContactLaw, ShellSheet, TendonEnd, shell_hood
+from fe_solver.hood.build import ContactLaw, HoodSupports, TendonEnd, shell_hood
 from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood, _largest_turn
 from fe_solver.materials.linear import Isotropic
-from fe_solver.materials.section import one_law
+from fe_solver.sheet import plate
 from fe_solver.solver.fields import contact_pressure, fields
 from fe_solver.solver.newton import NewtonOptions
+from fe_solver.supports import Tied
 from meshes.hood_mesh import HoodMesh
 from meshes.skeleton import BODIES
 from tests.helpers import shells
@@ -295,21 +296,27 @@ def test_where_newton_finds_nothing_a_damped_motion_comes_to_rest(
     monkeypatch.setattr("fe_solver.hood.shell_hood.MOST_HALVINGS", 0)
     found = hood.advance(solved.state, motion, 1.1 * TENSION, STATIC)
     assert found.load.wrench == pytest.approx(known.load.wrench, abs=1e-9)
+    assert (known.state.attempt, found.state.attempt) == ("at once", "by a damped motion")
 
 
 def test_a_hood_that_nothing_holds_is_refused(motion):
-    X, quads = shells.plate(10e-3, 4e-3, 2, 1)
-    section = one_law(Isotropic(1e8, 0.3), np.full(2, 5e-4))
-    sheet = ShellSheet(X, quads, np.tile([1.0, 0, 0], (2, 1)), section, np.zeros(2))
-    carried = np.tile([1.0, 0, 0, 0], (6, 1))
-    end = {"EDC": TendonEnd(np.array([0, 1]), np.array([0.5, 0.5]))}
-    law = ContactLaw(1e11, 5e-5, {}, {})
-    pull, options = np.array([-1.0, 0, 0]), NewtonOptions()
-    for tied in ({}, {"distal": np.zeros(0, dtype=np.intp)}):
+    sheet = plate(10e-3, 4e-3, 2, 1, Isotropic(1e8, 0.3), 5e-4)
+    supports = HoodSupports(
+        motion,
+        np.tile([1.0, 0, 0, 0], (6, 1)),
+        (),
+        (),
+        BODIES[0],
+        np.array([-1.0, 0, 0]),
+        {"EDC": TendonEnd(np.array([0, 1]), np.array([0.5, 0.5]))},
+        ContactLaw(1e11, 5e-5, {}, {}),
+        NewtonOptions(),
+    )
+    distal = motion.bodies.index("distal")
+    for ties in ((), (Tied(np.zeros(0, dtype=np.intp), distal),)):
         with pytest.raises(InputError, match=r"no insertion holds the hood.*hood\.springs"):
-            shell_hood(sheet, motion, carried, {}, tied, BODIES[0], pull, end, law, options)
-    held = {"distal": np.array([4, 5])}
-    hood = shell_hood(sheet, motion, carried, {}, held, BODIES[0], pull, end, law, options)
+            shell_hood(sheet, replace(supports, ties=ties))
+    hood = shell_hood(sheet, replace(supports, ties=(Tied(np.array([4, 5]), distal),)))
     assert hood.sources == (TIE, "contact", "guide")
 
 

@@ -46,6 +46,7 @@ class StringView:
     points: Array
     tension: float
     strain: float
+    iterations: int = 0
 
     @property
     def plot_cells(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The shells that tests share: those of the verification, and the index finger's hood."""
+"""The hoods of the index finger that tests share, as cases build them: a sheet and a net."""
 
 from __future__ import annotations
 
@@ -6,44 +6,8 @@ from dataclasses import replace
 from functools import cache
 
 from fe_solver.hood.shell_hood import ShellHood
-from fe_solver.verification.sheets import (
-    BENCHMARK,
-    GROUND,
-    NO_TENSION,
-    at_rest,
-    clamp,
-    contact,
-    disturb,
-    grid,
-    guide,
-    in_basis,
-    linear_response,
-    map_grid,
-    mirror_plane,
-    plate,
-    sheet,
-    with_nine_nodes,
-)
 
-__all__ = [
-    "BENCHMARK",
-    "GROUND",
-    "NO_TENSION",
-    "at_rest",
-    "clamp",
-    "contact",
-    "disturb",
-    "grid",
-    "guide",
-    "in_basis",
-    "index_hood",
-    "linear_response",
-    "map_grid",
-    "mirror_plane",
-    "plate",
-    "sheet",
-    "with_nine_nodes",
-]
+COARSE_NET = 'hood.mesh.spacing="3 mm"'
 
 
 @cache
@@ -54,3 +18,14 @@ def index_hood(*overrides: str) -> ShellHood:
 
     hood = build(load_case("base/one_sheet.toml", ["hood.mesh.quads=250", *overrides])).hood
     return replace(hood, options=replace(hood.options, tolerance=1e-11))
+
+
+@cache
+def cable_hood(*overrides: str) -> ShellHood:
+    """That of cables, of some 230 cells."""
+    from cosim.case.file import load_case
+    from cosim.models.build import build
+
+    hood = build(load_case("cable_edc", [COARSE_NET, *overrides])).hood
+    assert isinstance(hood, ShellHood)
+    return replace(hood, options=replace(hood.options, tolerance=1e-12))

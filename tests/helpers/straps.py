@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
 from cosim.port import Array
-from fe_solver.forces.springs import NodeSprings, Springs
+from fe_solver.forces.springs import NodeSprings
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
+from fe_solver.supports import SpringLaw, SpringSet, springs_of
 from fe_solver.surfaces.spline_distance import Sphere
-from tests.helpers import shells
-from tests.helpers.shells import clamp, guide, sheet
+from fe_solver.verification import sheets
+from fe_solver.verification.sheets import clamp, guide, sheet
 
 TIGHT = NewtonOptions(tolerance=1e-12)
 TENSION = np.array([3.0, 1.5])
@@ -26,24 +27,8 @@ def springs(
     stiffness: float,
     length: Array | float,
     only: bool,
-) -> Springs:
-    k = len(nodes)
-    return Springs(
-        nodes,
-        np.full(k, body),
-        anchors,
-        np.full(k, stiffness),
-        length * np.ones(k),
-        np.full(k, only),
-        np.zeros(k, dtype=np.intp),
-    )
-
-
-def join_springs(*parts: Springs) -> Springs:
-    names = [f.name for f in fields(Springs) if f.name not in ("group", "curves", "toe")]
-    columns = {name: np.concatenate([getattr(s, name) for s in parts]) for name in names}
-    group = np.repeat(np.arange(len(parts)), [len(s.node) for s in parts])
-    return Springs(**columns, group=group)
+) -> SpringSet:
+    return SpringSet.to_body("strings", SpringLaw(stiffness, only), nodes, body, anchors, length)
 
 
 def strap() -> ShellModel:
@@ -55,14 +40,14 @@ def strap() -> ShellModel:
         x, y = LENGTH * (uv[:, 0] - 0.5), WIDTH * (uv[:, 1] - 0.5)
         return np.column_stack([x, y, 2e-3 - 12.0 * x**2 + 0.05 * y])
 
-    X, quads = shells.map_grid(8, 4, bowed)
+    X, quads = sheets.map_grid(8, 4, bowed)
     model = sheet(X, quads, 5e7, 0.3, 0.5e-3, growth=0.02, bodies=("hand", "bone", "ball"))
     model = clamp(model, np.flatnonzero(X[:, 0] > LENGTH / 2 - 1e-6), body=1)
     end = np.flatnonzero(X[:, 0] < -LENGTH / 2 + 1e-6)
     model = guide(model, [end[:3], end[3:]], [(-1.0, 0, -0.4), (-1.0, 0.1, -0.4)])
     middle = np.flatnonzero((np.abs(X[:, 0]) < 12e-3) & (X[:, 0] > -12e-3))
     ball = Sphere(np.array([0.5e-3, 0.3e-3, -9.8e-3]), 11e-3)
-    touching = replace(shells.contact(model, ball, middle, 2e10, 1e-4), body=2)
+    touching = replace(sheets.contact(model, ball, middle, 2e10, 1e-4), body=2)
     a, b, c = middle[[0, 4]], middle[[10, 14]], middle[[20, 24]]
     low = np.array([0.0, 0, -5e-3])
     other = X[[b, c]]
@@ -77,10 +62,12 @@ def strap() -> ShellModel:
         model,
         contacts=(touching,),
         links=across,
-        springs=join_springs(
-            springs(a, 1, X[a] + low, 200.0, 5.5e-3, only=False),
-            springs(b, 2, X[b] + low, 300.0, 3e-3, only=True),
-            springs(c, 2, X[c] + low, 300.0, 9e-3, only=True),
+        springs=springs_of(
+            [
+                springs(a, 1, X[a] + low, 200.0, 5.5e-3, only=False),
+                springs(b, 2, X[b] + low, 300.0, 3e-3, only=True),
+                springs(c, 2, X[c] + low, 300.0, 9e-3, only=True),
+            ]
         ),
     )
 

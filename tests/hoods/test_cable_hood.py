@@ -20,12 +20,12 @@ from cosim.hoods.cable.table import CableHoodConfig
 from cosim.port import STATIC, Motion
 from cosim.report.views import view_of
 from cosim.results.read import read_run
-from fe_solver.hood.build_cable import pulls_in
+from fe_solver.hood.build import pulls_in
 from fe_solver.hood.shell_hood import ShellHood
 from meshes.cable_net import CABLES, CableNet, cable_of, lay
 from meshes.hull import PIP
 from meshes.skeleton import BODIES, index_finger
-from tests.helpers import nets
+from tests.helpers import shells
 
 EDC = np.array([11.8, 0.05, 0.05, 0.05])
 FLEXED = {"MCP": np.deg2rad(30), "PIP": np.deg2rad(45), "DIP": np.deg2rad(15)}
@@ -94,15 +94,15 @@ def slips(hood: ShellHood, motion: Motion) -> tuple[float, float]:
 
 def test_slips_share_what_the_tendon_pulls() -> None:
     """At the straight finger both slips bear, and sagittal bands little."""
-    central, terminal = slips(nets.cable_hood(), pose())
+    central, terminal = slips(shells.cable_hood(), pose())
     assert 0.7 < terminal / central < 2.0
     assert central + terminal == pytest.approx(11.8, rel=0.1)
-    longer = nets.cable_hood('hood.cables.terminal_slip.extra_length="1 mm"')
+    longer = shells.cable_hood('hood.cables.terminal_slip.extra_length="1 mm"')
     assert slips(longer, pose())[1] < terminal / 1.3
 
 
 def test_no_cable_pushes() -> None:
-    hood = nets.cable_hood()
+    hood = shells.cable_hood()
     state = hood.advance(hood.start(pose()), pose(**FLEXED), EDC, STATIC).state
     pull, residual = pulls_in(hood, state), hood.model.cables.residual
     assert (pull.force > 0).all()
@@ -112,14 +112,14 @@ def test_no_cable_pushes() -> None:
 
 def test_the_residual_tension_hardly_shares_the_load() -> None:
     """Halved, it moves the slips' forces under 11.8 N by hundredths of a newton."""
-    halved = nets.cable_hood('hood.residual_tension="0.01 N"')
+    halved = shells.cable_hood('hood.residual_tension="0.01 N"')
     there = pose(**FLEXED)
-    change = np.subtract(slips(nets.cable_hood(), there), slips(halved, there))
+    change = np.subtract(slips(shells.cable_hood(), there), slips(halved, there))
     assert 1e-4 < np.abs(change).max() < 0.15
 
 
 def test_moment_arms_by_force_and_by_excursion_are_one() -> None:
-    hood = nets.cable_hood()
+    hood = shells.cable_hood()
     state = hood.advance(hood.start(pose()), pose(**FLEXED), EDC, STATIC).state
     J = hood.jacobian(state)
     force, slide = J.load_tension[6:], J.excursion_motion[:, 6:].T
@@ -129,7 +129,7 @@ def test_moment_arms_by_force_and_by_excursion_are_one() -> None:
 @pytest.mark.slow
 def test_a_way_over_softer_contact_ends_where_the_straight_one_does() -> None:
     """And sooner, taken together: which way is the shorter hangs on the posture."""
-    hood, spent = nets.cable_hood(), np.zeros(2)
+    hood, spent = shells.cable_hood(), np.zeros(2)
     ways = hood, replace(hood, softer=1.0)
     for angles in ({}, FLEXED | {"MCP": 0.0}, FLEXED):
         there = pose(**angles)
@@ -140,7 +140,7 @@ def test_a_way_over_softer_contact_ends_where_the_straight_one_does() -> None:
 
 
 def test_a_case_runs_and_passes_its_audits(tmp_path: Path) -> None:
-    args = ["run", "cable_edc", "--set", nets.COARSE, "--set", "output.picture=false"]
+    args = ["run", "cable_edc", "--set", shells.COARSE_NET, "--set", "output.picture=false"]
     answer = CliRunner().invoke(app, [*args, "--out", str(tmp_path)])
     assert answer.exit_code == 0, answer.output
     folder = tmp_path / "cable_edc"

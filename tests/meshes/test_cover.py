@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from cosim.case.file import load_case
 from cosim.fingers.kinds import anatomy_of
-from cosim.hoods.bone_surfaces import contact_levels, pose_surfaces
+from cosim.hoods.fe_supports import contact_levels, pose_surfaces
 from fe_solver.surfaces.spline_distance import SplineDistance
 from meshes.cover import FLEXION, Head, Joint, thinner
 from meshes.skeleton import index_finger

@@ -9,7 +9,7 @@ import pytest
 
 from cosim.analyses.reduction.samples import Walk, sample_walks
 from cosim.case.file import find_case, load_case
-from cosim.hoods.bone_surfaces import pose_surfaces
+from cosim.hoods.fe_supports import pose_surfaces
 from cosim.hoods.fe_view import guide_depth
 from cosim.models.build import bone_surfaces, build, hood_mesh
 from cosim.pipeline import run_case

@@ -10,12 +10,13 @@ import pytest
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.hoods.cable.table import PARTS as OF_CABLES
-from cosim.hoods.injury import STRUT, adhesions, apply_lesion_to_mesh, apply_lesion_to_net
+from cosim.hoods.fe_supports import STRUT, adhesions
+from cosim.hoods.injury import apply_lesion_to_mesh, apply_lesion_to_net
 from cosim.hoods.shell.table import PARTS as OF_SHELL
 from cosim.models.build import build, hood_mesh
 from cosim.port import Motion
 from fe_solver.forces.springs import spring_forces
-from fe_solver.hood.build_shell import SpringGroup, springs_of
+from fe_solver.supports import springs_of
 from meshes.cable_net import CableNet
 from meshes.hood_lines import JOIN
 from meshes.hood_mesh import REGIONS, Attachment, HoodMesh
@@ -193,9 +194,8 @@ def test_an_adhesion_holds_a_part_with_its_stiffness_in_every_direction():
 
     rest = Motion(BODIES, *skeleton_of(case.finger).pose(mesh.rest_posture))
     grown = adhesions(lesion, mesh, mesh.points, rest)
-    assert set(grown) == {"adhesion_central_band_proximal"}
-    sets = {n: SpringGroup(g.held, g.stiffness, 0.0, False) for n, g in grown.items()}
-    springs = springs_of(mesh.points, rest, sets)
+    assert [g.name for g in grown] == ["adhesion_central_band_proximal"]
+    springs = springs_of(grown)
     nodes = np.unique(springs.node)
     assert np.array_equal(nodes, np.unique(mesh.quads[mesh.cells("central_band")]))
     for shift in 1e-3 * STRUT * np.eye(3):
@@ -211,8 +211,8 @@ def test_a_part_over_a_joint_grows_onto_both_bones():
     case = load_case("lesion_adhesion", [COARSE, 'lesion.adhere=["central_slip"]'])
     rest = Motion(BODIES, *skeleton_of(case.finger).pose(intact().rest_posture))
     grown = adhesions(case.lesion, intact(), intact().points, rest)
-    assert set(grown) == {"adhesion_central_slip_proximal", "adhesion_central_slip_middle"}
-    assert sum(g.stiffness for g in grown.values()) == pytest.approx(3 * case.lesion.adhesion)
+    assert {g.name for g in grown} == {f"adhesion_central_slip_{b}" for b in ("proximal", "middle")}
+    assert springs_of(grown).stiffness.sum() == pytest.approx(3 * case.lesion.adhesion)
 
 
 def test_shorter_by_a_lesion_is_shorter_by_its_extra_length():

@@ -139,7 +139,7 @@ show(picture, pd.DataFrame({"x": [MOST]}), table_2=parts)
 # ## two: a fault
 # ### Figure 2
 
-# %%
+# %% two
 show(None, pd.DataFrame({"x": [twice]}))
 """
 
@@ -220,8 +220,7 @@ def test_every_script_has_a_command_its_numbers_and_a_line_in_the_guide(path):
             names |= {n for node in ast.walk(ast.parse(cell.source)) for n in defined_names(node)}
     used = [node for text in texts for node in ast.walk(ast.parse(f"f{text!r}"))]
     assert {n.id for n in used if isinstance(n, ast.Name)} <= names
-    if path.stem != "xu2012":  # whose table is the model's: rigid/fingers/robot_tables.py
-        assert read_printed(path.stem)
+    assert read_printed(path.stem)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from cosim.results.arrays import Arrays
 from cosim.results.audit import describe_misses
 from cosim.results.conventions import FRAME, by_axis
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
+from cosim.results.picture import as_plain_text
 from cosim.results.result import Result
 from cosim.results.scene_plot import MOST_TRIANGLES, VIEWS, decimate, draw
 from cosim.results.write import with_nan
@@ -254,3 +255,18 @@ def test_a_name_of_any_letters_is_written_so_that_it_is_read_back(name):
     text = resolved_toml(load_case("isometric_edc").replace({"hood": hood}))
     assert tomllib.loads(text)["hood"]["points"].keys() == points.keys()
     assert tomllib.loads(text)["hood"]["gauges"] == hood["gauges"]
+
+
+def test_numbers_on_logarithmic_axes_are_plain():
+    """Texts are drawn as they stand, so that those of a formula would be shown with its marks."""
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    axes = figure.subplots()
+    axes.loglog([1e-3, 1e3], [2.0, 8.0])
+    as_plain_text(figure)
+    figure.draw_without_rendering()
+    labels = [*axes.get_xticklabels(), *axes.get_yticklabels(minor=True)]
+    texts = {label.get_text() for label in labels}
+    assert {"0.001", "1", "1000"} <= texts
+    assert not any("$" in text for text in texts)

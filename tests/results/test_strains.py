@@ -67,6 +67,7 @@ def stretch(mesh: HoodMesh, along: float, across: float) -> ShellView:
         region_force={},
         strip_arm={},
         ropes={},
+        iterations=0,
     )
 
 

@@ -30,7 +30,7 @@ class Capacity:
     sources: tuple[tuple[str, str], ...]
 
     def weight(self, by: Weights) -> Array:
-        """(n,) what a tension is divided by in the cost: m2, N or 1."""
+        """What a tension is divided by in the cost (n,): m2, N or 1."""
         return {"pcsa": self.area, "F0": self.most, "one": np.ones(len(self.names))}[by]
 
 

@@ -34,7 +34,7 @@ class Demand:
     """(nq,) N m."""
 
     def component_values(self, torque: Array) -> Array:
-        """(d,) the components that muscles' torques (nq,) make, in the sense of least squares where
+        """The components (d,) that muscles' torques (nq,) make, in the sense of least squares where
         no such components balance them."""
         need = self.rows @ (torque + self.beside)
         return np.array(np.linalg.lstsq(self.spread, need, rcond=None)[0])
@@ -64,7 +64,7 @@ def force_demand(held: HeldFinger, at: Torques, free_axes: Collection[str] = ())
 
 
 def _left_null(matrix: Array) -> Array:
-    """(k, n) orthonormal rows that vanish on the columns of (n, m)."""
+    """Orthonormal rows (k, n) that vanish on the columns of (n, m)."""
     if matrix.shape[1] == 0:
         return np.eye(len(matrix))
     vectors, values, _ = np.linalg.svd(matrix)

@@ -46,11 +46,11 @@ class ForceSet:
         return bool((self.halfspaces[:, :-1] @ force + self.halfspaces[:, -1] <= by).all())
 
     def outline(self, first: int, second: int) -> Array:
-        """(p, 2) N, in order: what the set's shadow along the other component is bounded by."""
+        """What the set's shadow along the other component is bounded by (p, 2) N, in order."""
         return _around(self.vertices[:, [first, second]])
 
     def section(self, first: int, second: int) -> Array:
-        """(p, 2) N, in order: the forces with no other component; none: (0, 2)."""
+        """The forces with no other component (p, 2) N, in order; none: (0, 2)."""
         if len(self.names) == 2:
             return self.outline(first, second)
         cut = self.halfspaces[:, [first, second, -1]]

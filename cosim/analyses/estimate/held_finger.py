@@ -69,7 +69,8 @@ class HeldFinger:
         return Torques(torque, by_tension, response.state, response.load, tangent.load_motion)
 
     def beside(self) -> Array:
-        """(nq,) N m of all that pulls without muscles: passive joints, limits, weight."""
+        """The torques (nq,) N m of all that pulls without muscles: passive joints, limits,
+        weight."""
         finger, bodies = self.models.finger, self.models.finger.bodies
         none = Load(bodies, ("none",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
         torque = finger.balance(self.finger_state, none, np.zeros(len(finger.tendons))).torque

@@ -82,7 +82,6 @@ def _filter(path: Path, time: Array, angle: Array, cutoff: float) -> Array:
 
 
 def _sto(path: Path, joints: Sequence[str]) -> tuple[Array, dict[str, Array]]:
-
     table = read_sto(path, joints)
     return table.time, {
         name: table.values[:, k] for k, name in enumerate(table.columns) if name in joints

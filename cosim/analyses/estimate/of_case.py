@@ -86,7 +86,7 @@ def setup(
 
 
 def parse_force(text: str) -> tuple[float | None, float | None, float | None]:
-    """N along distal, radial and dorsal; None where a component is left open.
+    """Read a force (N) along distal, radial and dorsal; None where a component is left open.
 
     Raises InputError for anything but three of them."""
     parts, rest = COMPONENT.findall(text), COMPONENT.sub("", text).strip()
@@ -103,7 +103,8 @@ def parse_force(text: str) -> tuple[float | None, float | None, float | None]:
 
 
 def target_torques(joints: Sequence[str], given: Mapping[str, float]) -> Array:
-    """(nq,) N m; a joint that is not named bears none.  Raises InputError for an unknown one."""
+    """The wanted torques (nq,) N m; a joint that is not named bears none.  Raises InputError for an
+    unknown one."""
     strange = [name for name in given if name.removesuffix("_flexion") not in joints]
     if strange:
         raise InputError(
@@ -260,7 +261,6 @@ def for_motion(
 
 
 def _required_torque(s: Setup, motion: JointMotion) -> Array:
-
     finger = cast(MujocoFinger, s.models.finger)
     if not s.case.finger.has_mass:
         raise InputError(f"--motion takes a finger with mass: {with_mass()}")

@@ -41,13 +41,13 @@ class Cost(NamedTuple):
 
     @property
     def factors(self) -> Array:
-        """(n,) factors c of the same cost written as sum c T^power."""
+        """The factors c (n,) of the same cost written as sum c T^power."""
         factors: Array = (1.0 / self.weight) ** self.power
         return factors
 
 
 class Bounds(NamedTuple):
-    """N, (n,) each."""
+    """The least and the greatest tensions, (n,) N each."""
 
     least: Array
     most: Array
@@ -119,7 +119,7 @@ def linearise(
 
 
 def nearest(demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: Bounds) -> Array:
-    """(d,) the components nearest to those wanted that tensions within the bounds can make, as
+    """The components (d,) nearest to those wanted that tensions within the bounds can make, as
     linearised.  Raises InputError where they balance none at all."""
     programme = linearise(demand, wanted, tension, at, bounds)
     d, n = len(wanted), len(tension)

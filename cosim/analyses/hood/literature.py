@@ -38,18 +38,19 @@ OFF = 15.0
 
 
 def buchner_dip(pip: float) -> float:
-    """deg of the DIP on Buchner's coupling curve R'12/R13 PIP^2, 1.21 mm/rad over 3.5 mm."""
+    """The DIP's angle (deg) on Buchner's coupling curve R'12/R13 PIP^2, 1.21 mm/rad over 3.5 mm."""
     return float(np.degrees(coupled_dip(np.radians(np.asarray(pip)))))
 
 
 def fdp_dip(pip: float) -> float:
-    """deg of the DIP as FDP flexes the finger."""
+    """The DIP's angle (deg) as FDP flexes the finger."""
     return FDP_RATIO * pip
 
 
 def buchner_height(pip: Array) -> Array:
-    """mm of the lateral bands over the PIP's axis at PIP angles in deg, 5 - 2.42 PIP (rad):
-    Buchner et al. 1988.  An assumption with the right ends of the range, not a measurement."""
+    """The height (mm) of the lateral bands over the PIP's axis at PIP angles in deg, 5 - 2.42 PIP
+    (rad): Buchner et al. 1988.  An assumption with the right ends of the range, not a
+    measurement."""
     constant, slope = lateral_band()["PIP"]
     return -1e3 * (constant + slope * np.radians(pip))
 
@@ -64,7 +65,7 @@ COUPLINGS = {
 
 
 def dip_on_coupling(name: str, pip: float) -> float:
-    """deg of the DIP on a coupling's line, a whole number within `DIP_RANGE`."""
+    """The DIP's angle (deg) on a coupling's line, a whole number within `DIP_RANGE`."""
     return float(np.clip(round(COUPLINGS[name](pip)), *DIP_RANGE))
 
 

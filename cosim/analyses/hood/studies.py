@@ -76,7 +76,8 @@ class HoodStudies:
 
     @cached_property
     def poses(self) -> HoodPoses:
-        """Raises InputError for a case without a sheet."""
+        """The hood's poses, built when they are first asked for.  Raises InputError for a case
+        without a sheet."""
         return HoodPoses(self.case, self.say)
 
     def paper(self, command: str) -> FigurePage:
@@ -475,7 +476,7 @@ def glide_table(poses: Sequence[SolvedPose]) -> pd.DataFrame:
 
 
 def _glides(pose: SolvedPose) -> tuple[float, float]:
-    """mm, of the terminal slip, and mean of the lateral bands."""
+    """How far the terminal slip and, in the mean, the lateral bands glide (mm)."""
     bands = [_number(pose, f"glide_lateral_band_{side}_mm") for side in ("radial", "ulnar")]
     return _number(pose, "glide_terminal_slip_mm"), (bands[0] + bands[1]) / 2
 

@@ -33,8 +33,8 @@ def case_text(
 
 
 def check_same_settings(cases: Sequence[FitCase]) -> None:
-    """Raises InputError where one file cannot hold what is fitted, as it sets other keys in other
-    cases."""
+    """Check that one file can hold what is fitted: that it sets the same keys in all cases.  Raises
+    InputError."""
     first = cases[0].free
     start = {p.name: p.start for p in first.parameters}
     other = [c.name for c in cases if c.free.settings(start) != first.settings(start)]
@@ -104,7 +104,7 @@ def _row(before: Comparison, row: Comparison) -> str:
 
 
 def check_loads(path: Path) -> None:
-    """Raises InputError where the file is no case."""
+    """Check that the file is a case.  Raises InputError."""
     try:
         load_case(path)
     except InputError as error:

@@ -36,7 +36,7 @@ class StatedCase:
     settings: Settings
 
     def load(self) -> Case:
-        """Raises InputError, naming the case where its name is not the file's."""
+        """Load the case.  Raises InputError, naming the case where its name is not the file's."""
         try:
             return load_case(self.source, self.settings)
         except InputError as error:

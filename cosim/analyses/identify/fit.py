@@ -320,7 +320,8 @@ class _Search:
         return self.last
 
     def point(self, x: Array, outcomes: Mapping[int, Trial]) -> _Point:
-        """Raises InputError for what a case does not take, and for numbers that no run has."""
+        """The point of the search that outcomes make.  Raises InputError for what a case does not
+        take, and for numbers that no run has."""
         failures, faults = [], []
         fitted: list[Comparison] = []
         held_out: list[Comparison] = []
@@ -392,7 +393,8 @@ class _Search:
         ]
 
     def residuals(self, x: Array) -> Array:
-        """(m,); infinite where a solve did not converge, which makes the search step shorter."""
+        """The misses (m,); infinite where a solve did not converge, which makes the search step
+        shorter."""
         point = self.at(x)
         if point.failures:
             return np.full(sum(len(case.rows) for case in self.cases), np.inf)
@@ -404,7 +406,7 @@ class _Search:
         return self.slopes(point) * told[:, None]
 
     def slopes(self, point: _Point) -> Array:
-        """(m, n) of the numbers by the coordinates, in units of their SDs."""
+        """The slopes (m, n) of the numbers by the coordinates, in units of their SDs."""
         x, sides = point.x, (-1, 1)
         ends = [
             [
@@ -441,7 +443,8 @@ class _Search:
         ends: Sequence[Array],
         outcomes: Sequence[Trial],
     ) -> Array:
-        """(m, n) of one case; NaN by a parameter to neither side of which it converged."""
+        """The slopes (m, n) of one case; NaN by a parameter to neither side of which it
+        converged."""
         there: list[tuple[Array, Sequence[Comparison]]] = []
         for end, outcome in zip(ends, outcomes, strict=True):
             if outcome.status == "refused":

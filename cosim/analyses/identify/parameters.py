@@ -133,7 +133,7 @@ def read_free(path: Path, case: Case) -> Free:
 
 
 def raise_faults(faults: Iterable[str]) -> None:
-    """Raises InputError with all faults, each once, if there are any."""
+    """Raise InputError with all faults, each once, if there are any."""
     each = [fault.replace("\n", "\n  ") for fault in dict.fromkeys(faults)]
     if len(each) == 1:
         raise InputError(each[0])

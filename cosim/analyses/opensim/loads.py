@@ -106,7 +106,7 @@ def loads_of(
 
 
 def mean(time: Array, values: Array, window: tuple[float, float]) -> Array:
-    """(m,) means over time of (n, m) values, linear between times (n,), within the window.
+    """Means (m,) over time of (n, m) values, linear between times (n,), within the window.
 
     Raises InputError for a window that is empty or not within the times."""
     first, last = window
@@ -125,7 +125,8 @@ def mean(time: Array, values: Array, window: tuple[float, float]) -> Array:
 
 
 def axes_of(text: str) -> Array:
-    """(3, 3) whose rows are OpenSim's x, y, z in FEBio's axes, of a text like "-x -z -y".
+    """The matrix (3, 3) whose rows are OpenSim's x, y, z in FEBio's axes, of a text like "-x -z
+    -y".
 
     Raises InputError for axes that do not name each of x, y, z once, or that mirror: a moment has
     no image in a mirror that a force's rule would give."""
@@ -147,7 +148,8 @@ def axes_of(text: str) -> Array:
 
 
 def mass_centres(model: Path) -> dict[str, Array]:
-    """(3,) m of each body of an .osim by its name, in the body's frame.  Raises InputError."""
+    """The centre of mass (3,) m of each body of an .osim by its name, in the body's frame.  Raises
+    InputError."""
     root = read_xml(model)
     tag = root.one("Model")
     if tag is None:

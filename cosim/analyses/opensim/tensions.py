@@ -84,7 +84,7 @@ def read_tensions(path: Path, named: Mapping[str, str]) -> TensionTable:
 
 
 def tensions_at(tensions: TensionTable, time: float | None) -> dict[str, float]:
-    """N by tendon at a time in s, linear between rows; at the last without one.
+    """Tensions (N) by tendon at a time in s, linear between rows; at the last without one.
 
     Raises InputError for a time that the table does not span."""
     table = tensions.table

@@ -8,23 +8,18 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.bone_surfaces import contact_levels
 from cosim.hoods.cable.table import CableHoodConfig
 from cosim.hoods.cable.view import view_of
+from cosim.hoods.fe_supports import contact_levels, supports_of
 from cosim.hoods.fe_view import slip_forces, tangent_seconds
-from cosim.hoods.injury import adhesions, apply_lesion_to_net, longer
+from cosim.hoods.injury import apply_lesion_to_net, longer
 from cosim.hoods.kind import BuiltHood, HoodBuilder, Site, skeleton_of
 from cosim.hoods.lesion import LesionConfig
-from cosim.port import Motion
 from fe_solver.forces.cables import Cables
-from fe_solver.hood.build_cable import Net, cable_hood
-from fe_solver.hood.build_shell import ContactLaw, SpringGroup, TendonEnd
+from fe_solver.hood.build import Net, TendonEnd, cable_hood
 from fe_solver.hood.shell_hood import ShellHood as FeHood
-from fe_solver.solver.newton import NewtonOptions
 from meshes.cable_net import CableNet, lay
-from meshes.hull import along, carriers
 from meshes.robot_net import keep_extensor
-from meshes.skeleton import BODIES
 
 ENDS = {
     "index": {"EDC": "central", "EI": "indicis", "LUM": "radial", "FPI": "ulnar"},
@@ -64,34 +59,10 @@ def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
         raise InputError(
             "hood.springs: nothing holds the central slip; give hood.springs a table central_slip"
         )
-    contact, skeleton = hood.contact, site.skeleton
-    rest = Motion(BODIES, *skeleton.pose(net.rest_posture))
-    springs = {
-        name: SpringGroup(net.springs[name], s.stiffness, s.slack, s.tension_only, s.toe)
-        for name, s in hood.springs.items()
-        if name in net.springs
-    }
-    for name, grown in adhesions(site.lesion, net, net.points, rest).items():
-        springs[name] = SpringGroup(grown.held, grown.stiffness, 0.0, tension_only=False)
     ends = ENDS[site.anatomy.finger]
-    return cable_hood(
-        Net(net.points, cable_law(hood, net, site.lesion)),
-        rest,
-        carriers(skeleton, along(skeleton, net.station)),
-        springs,
-        net.tied,
-        "metacarpal",
-        np.array([-1.0, 0.0, 0.0]),
-        {tendon: TendonEnd(net.ends[end], np.ones(1)) for tendon, end in ends.items()},
-        ContactLaw(
-            contact.stiffness,
-            contact.smoothing,
-            *contact_levels(contact, site.anatomy.bones, skeleton),
-            contact.penetration,
-            contact.friction,
-        ),
-        NewtonOptions(tolerance=site.tolerance),
-    )
+    tendons = {tendon: TendonEnd(net.ends[end], np.ones(1)) for tendon, end in ends.items()}
+    laid = Net(net.points, cable_law(hood, net, site.lesion))
+    return cable_hood(laid, supports_of(hood, site, net, net.points, tendons))
 
 
 def cable_law(hood: CableHoodConfig, net: CableNet, lesion: LesionConfig | None = None) -> Cables:

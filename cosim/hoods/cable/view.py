@@ -12,7 +12,7 @@ import numpy as np
 from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
 from cosim.hoods.view import STRAIN, Field
 from cosim.port import Array, State
-from fe_solver.hood.build_cable import pulls_in
+from fe_solver.hood.build import pulls_in
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from meshes.bands import net_bands
 from meshes.cable_net import CableNet
@@ -86,7 +86,6 @@ def view_of(hood: FeHood, net: CableNet, skeleton: Skeleton) -> Callable[[State]
 
 
 def _view(hood: FeHood, net: CableNet, depth: float, lines: Lines, state: State) -> CableView:
-
     seen, pull = view_at(hood, depth, lines, state), pulls_in(hood, state)
     points = state.solution.evaluation.points
     on = points.group < 0

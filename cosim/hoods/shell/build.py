@@ -9,9 +9,9 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.bone_surfaces import contact_levels
+from cosim.hoods.fe_supports import contact_levels, supports_of
 from cosim.hoods.fe_view import slip_forces, tangent_seconds
-from cosim.hoods.injury import adhesions, apply_lesion_to_mesh, longer
+from cosim.hoods.injury import apply_lesion_to_mesh, longer
 from cosim.hoods.kind import BuiltHood, HoodBuilder, Site, skeleton_of
 from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.shell import table
@@ -21,30 +21,21 @@ from cosim.hoods.shell.gauges import points_on
 from cosim.hoods.shell.table import ShellHoodConfig
 from cosim.hoods.shell.view import view_of
 from cosim.hoods.view import TrackedPoints
-from cosim.port import Array, Motion
+from cosim.port import Array
 from cosim.schema.types import RegionConfig
 from fe_solver.elements.mesh_geometry import node_directors, node_means
-from fe_solver.hood.build_shell import (
-    ContactLaw,
-    ShellSheet,
-    SpringGroup,
-    TendonEnd,
-    heights,
-    shell_hood,
-)
+from fe_solver.hood.build import TendonEnd, heights, shell_hood
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from fe_solver.materials import crossed_fibres, hyperelastic
 from fe_solver.materials import fibres as fibre_materials
 from fe_solver.materials import linear as materials
 from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
 from fe_solver.materials.linear import Law, LinearLaw, Real
-from fe_solver.materials.section import Patch, Section, join_sections
 from fe_solver.materials.tension_field import TensionField
-from fe_solver.solver.newton import NewtonOptions
+from fe_solver.sheet import Sheet, ShellPart
 from meshes.hood import generate
 from meshes.hood_lines import even_shares
 from meshes.hood_mesh import REGIONS, HoodMesh, read
-from meshes.skeleton import BODIES
 
 WHOLE, ULNAR = np.zeros(3), np.array([0.0, -1.0, 0.0])
 PALMAR, DORSAL = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
@@ -107,7 +98,6 @@ class _MeshInput:
 
 @lru_cache(maxsize=8)
 def _generate(laying: _MeshInput) -> HoodMesh:
-
     hood, anatomy = laying.hood, laying.anatomy
     skeleton = skeleton_of(anatomy)
     if hood.mesh.kind == "file":
@@ -134,80 +124,49 @@ def _generate(laying: _MeshInput) -> HoodMesh:
 
 def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     """The hood over the bones as a case describes it, behind the port.  Raises InputError."""
-    from meshes.hull import along, carriers
-
     missing = [REGIONS[i] for i in np.unique(mesh.region) if REGIONS[i] not in hood.regions]
     if missing:
         raise InputError(f"hood.regions: the mesh also has {', '.join(missing)}; name them")
     thickness, skeleton = thickness_of(hood, mesh), site.skeleton
     points = _leave_face(mesh, thickness)
     fibres = fibres_of(mesh, points, hood.regions, skeleton)
-    stretch, growth = _in_situ(hood, mesh), _growth(hood, mesh, site.lesion)
-    growth = np.where(stretch[:, None] != 1.0, in_situ_growth(stretch), growth)
-    sheet = ShellSheet(
+    growth = _growth(hood, mesh, site.lesion)
+    present, part = np.unique(mesh.region, return_inverse=True)
+    sheet = Sheet(
         points,
         mesh.quads,
+        tuple(_part(hood, mesh, i, thickness, fibres, growth) for i in present),
+        part,
+        thickness,
         fibres.first,
-        _section(hood, mesh, stress_free_thickness(thickness, stretch), fibres, growth),
-        growth,
-        tuple(REGIONS[i] for i in mesh.region),
-        0.0 if mesh.lift is None else mesh.lift,
-        bool((stretch != 1.0).any()),
+        growth=growth,
+        lift=0.0 if mesh.lift is None else mesh.lift,
     )
-    springs = {
-        name: SpringGroup(
-            mesh.springs[name],
-            spring.stiffness,
-            spring.slack,
-            spring.tension_only,
-            spring.toe,
-        )
-        for name, spring in hood.springs.items()
-        if name in mesh.springs
-    }
-    position, rotation = skeleton.pose(mesh.rest_posture)
-    rest = Motion(BODIES, position, rotation)
-    for name, grown in adhesions(site.lesion, mesh, sheet.points, rest).items():
-        springs[name] = SpringGroup(grown.held, grown.stiffness, 0.0, tension_only=False)
-    if "central_slip" not in springs and not any(len(nodes) for nodes in mesh.tied.values()):
+    tendons, highest = _tendons(mesh, site.anatomy), float(heights(sheet).max())
+    supports = supports_of(hood, site, mesh, points, tendons, highest)
+    if not any(s.name == "central_slip" for s in supports.springs) and not any(
+        len(nodes) for nodes in mesh.tied.values()
+    ):
         raise InputError(
             "hood: no insertion holds the hood: its mesh ties no nodes to a bone, and there are no "
             "springs of the central slip. Give hood.springs.central_slip, or a mesh that is tied"
         )
-    return shell_hood(
-        sheet,
-        rest,
-        carriers(skeleton, along(skeleton, mesh.station)),
-        springs,
-        mesh.tied,
-        "metacarpal",
-        np.array([-1.0, 0.0, 0.0]),
-        _tendons(mesh, site.anatomy),
-        ContactLaw(
-            hood.contact.stiffness,
-            hood.contact.smoothing,
-            *contact_levels(
-                hood.contact, site.anatomy.bones, skeleton, float(heights(sheet).max())
-            ),
-            hood.contact.penetration,
-            hood.contact.friction,
-        ),
-        NewtonOptions(tolerance=site.tolerance),
-    )
+    return shell_hood(sheet, supports)
 
 
-def _section(
-    hood: ShellHoodConfig, mesh: HoodMesh, thickness: Array, fibres: Fibres, growth: Array
-) -> Section:
-    """The materials of the regions, each of its thickness, with the hood's own bending."""
-    patches = []
-    for i in np.unique(mesh.region):
-        region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
-        h = np.tile(thickness[cells, None], (1, mesh.quads.shape[1]))
-        law = _law(REGIONS[i], region, _law_angle(fibres.angle.get(i), growth[cells]))
-        bending = 12 * hood.bending_stiffness / thickness[cells[0]] ** 3 * INCOMPRESSIBLE
-        patches.append(Patch(cells, law, h, bending=bending))
-    return join_sections(patches)
+def _part(
+    hood: ShellHoodConfig, mesh: HoodMesh, i: int, laid: Array, fibres: Fibres, growth: Array
+) -> ShellPart:
+    """The material of a region (its number), with the hood's own bending; `laid` (ne,) m thick,
+    `growth` (ne, 2) where no fibre is stretched in situ."""
+    region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
+    stretch = 1.0 if region.fibrous is None else region.fibrous.in_situ_stretch
+    each = np.full(len(cells), stretch)
+    grown = growth[cells] if stretch == 1.0 else in_situ_growth(each)
+    thickness = stress_free_thickness(laid[cells], each)
+    law = _law(REGIONS[i], region, _law_angle(fibres.angle.get(i), grown))
+    bending = 12 * hood.bending_stiffness / thickness[0] ** 3 * INCOMPRESSIBLE
+    return ShellPart(REGIONS[i], law, stretch, bending)
 
 
 def _law_angle(laid: Array | None, growth: Array) -> Real:
@@ -275,7 +234,7 @@ def _bare_law(name: str, region: RegionConfig, angle: Real) -> Law:
 
 
 def thickness_of(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
-    """(ne,) m."""
+    """The thickness (ne,) m of each element."""
     out = np.full(len(mesh.quads), hood.thickness)
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], mesh.region == i
@@ -297,8 +256,8 @@ def _leave_face(mesh: HoodMesh, thickness: Array) -> Array:
 
 
 def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) -> Array:
-    """(ne, 2) growth along and across the fibres that makes a region longer than laid out by its
-    extra length.
+    """The growth (ne, 2) along and across the fibres that makes a region longer than laid out by
+    its extra length.
 
     Raises InputError for a length that the mesh or the fibres cannot have."""
     out = np.zeros((len(mesh.quads), 2))
@@ -325,7 +284,7 @@ def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) 
 
 
 def _check_one_rest(key: str, name: str, region: FibrousConfig) -> None:
-    """Raises InputError for a region whose extra length does not go with its fibres."""
+    """Check that a region's extra length goes with its fibres.  Raises InputError."""
     own = f"hood.regions.{name}"
     if region.direction is not None:
         raise InputError(
@@ -337,16 +296,6 @@ def _check_one_rest(key: str, name: str, region: FibrousConfig) -> None:
             f"{key}: says how long the fibres are at rest, and so does {own}.in_situ_stretch; "
             "leave one of them out"
         )
-
-
-def _in_situ(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
-    """(ne,) stretch of the fibres in the sheet as laid out."""
-    out = np.ones(len(mesh.quads))
-    for i in np.unique(mesh.region):
-        region = hood.regions[REGIONS[i]].fibrous
-        if region is not None:
-            out[mesh.region == i] = region.in_situ_stretch
-    return out
 
 
 def _sides(anatomy: Anatomy) -> dict[str, tuple[float, ...]]:

@@ -57,9 +57,9 @@ def fibres_of(
 
 
 def at_gauss_points(mesh: HoodMesh, fibre: Array) -> Array:
-    """(ne, g, 3) of directions (ne, 3).  Those of quadratic elements follow the mesh's lines; one
-    an element, smoothed, is of first order at a region's edge, where a soft matrix is drawn aside
-    by the width of a column."""
+    """Directions at the Gauss points (ne, g, 3) of directions (ne, 3).  Those of quadratic elements
+    follow the mesh's lines; one an element, smoothed, is of first order at a region's edge, where a
+    soft matrix is drawn aside by the width of a column."""
     if mesh.quadratic:
         return follow_mesh(mesh.points, mesh.quads, fibre)
     return smooth_fibres(mesh.quads, fibre, mesh.region)
@@ -74,7 +74,7 @@ class _FibreMesh:
         self._turns: Turns | None = None
 
     def directions(self, region: int, stated: DirectionConfig, key: str) -> Array:
-        """(k, g, 3) unit directions on a region's elements."""
+        """Unit directions (k, g, 3) on a region's elements."""
         cells = self.mesh.region == region
         if stated.field is not None:
             return at_gauss_points(self.mesh, self._field(region, stated.field, key))[cells]
@@ -84,7 +84,6 @@ class _FibreMesh:
         )
 
     def _field(self, region: int, name: str, key: str) -> Array:
-
         if name not in self.mesh.fields:
             known = ", ".join(self.mesh.fields) or "none"
             raise InputError(
@@ -94,7 +93,7 @@ class _FibreMesh:
         return self.mesh.fields[name]
 
     def _angles(self, region: int, stated: DirectionConfig) -> Array:
-        """(k, g) rad from the mesh's own direction, counter-clockwise about the normal."""
+        """Angles (k, g) rad from the mesh's own direction, counter-clockwise about the normal."""
         laid = self._turns = self._turns or turns(self.mesh, self.skeleton)
         quads = self.mesh.quads[self.mesh.region == region]
         turn, station, outward = (
@@ -108,8 +107,9 @@ class _FibreMesh:
 
 
 def angles_at(stated: DirectionConfig, along: Array, across: Array) -> Array:
-    """(...) rad, of the spline through a direction's angles at places (...) of a region; of a cubic
-    one where there are four places or more.  Beyond its first and last place it is level."""
+    """The angles (...) rad of the spline through a direction's angles at places (...) of a region;
+    of a cubic one where there are four places or more.  Beyond its first and last place it is
+    level."""
     from scipy.interpolate import RectBivariateSpline, make_interp_spline
 
     grid = np.asarray(stated.angle, dtype=float)

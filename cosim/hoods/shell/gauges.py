@@ -42,11 +42,11 @@ class Gauges:
     distally, columns radially."""
 
     def positions(self, x: Array) -> Array:
-        """(k, 3) m, of a sheet with nodes at x (n, 3)."""
+        """The points (k, 3) m, of a sheet with nodes at x (n, 3)."""
         return np.asarray(np.einsum("ki,kij->kj", self.weights, x[self.nodes]))
 
     def lengths(self, x: Array) -> dict[str, float]:
-        """m by gauge."""
+        """The length (m) of each gauge."""
         at = dict(zip(self.points, self.positions(x), strict=True))
         return {n: float(np.linalg.norm(at[b] - at[a])) for n, (a, b) in self.gauges.items()}
 
@@ -61,7 +61,8 @@ class Gauges:
         return {name: neighbour_strains(first[k], now[k]) for name, k in self.grids.items()}
 
     def displacements(self, x: Array, before: Array) -> dict[str, dict[str, float]]:
-        """mm by point, from the sheet at `before`, along the world's axes."""
+        """The displacement (mm) of each point, from the sheet at `before`, along the world's
+        axes."""
         moved = 1e3 * (self.positions(x) - self.positions(before))
         return {
             name: dict(zip(AXES, map(float, way), strict=True))
@@ -92,7 +93,7 @@ def points_on(config: ShellHoodConfig, x: Array, quads: np.ndarray) -> Gauges:
 
 
 def neighbour_strains(first: Array, now: Array) -> tuple[Array, Array]:
-    """(rows - 1, columns) longitudinal and (rows, columns - 1) lateral engineering strains between
+    """Longitudinal (rows - 1, columns) and lateral (rows, columns - 1) engineering strains between
     neighbours of points (rows, columns, 3), from `first` to `now`."""
 
     def stretch(axis: int) -> Array:
@@ -103,7 +104,7 @@ def neighbour_strains(first: Array, now: Array) -> tuple[Array, Array]:
 
 
 def _lay_grid(name: str, grid: GridConfig, corners: Array) -> Array:
-    """(k, 3) m, the grid's points on triangles with corners (m, 3, 3): the most dorsal ones.
+    """Lay the grid's points (k, 3) m on triangles with corners (m, 3, 3): the most dorsal ones.
 
     Raises InputError where the grid leaves the sheet."""
     distal = np.linspace(*grid.distal, grid.count[0])
@@ -123,7 +124,7 @@ def _lay_grid(name: str, grid: GridConfig, corners: Array) -> Array:
 
 
 def _most_dorsal(place: Array, corners: Array) -> float:
-    """m, the largest dorsal coordinate of triangles (m, 3, 3) at distal and radial ones (2,); NaN
+    """The largest dorsal coordinate (m) of triangles (m, 3, 3) at distal and radial ones (2,); NaN
     where there is none."""
     a, e, f = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     d = place - a[:, :2]
@@ -137,12 +138,12 @@ def _most_dorsal(place: Array, corners: Array) -> float:
 
 
 def strain_between(before: Array, now: Array) -> Array:
-    """(k, 3) Green-Lagrange E11, E22, E12 of states with strains (k, 3) E11, E22, 2 E12 from one
-    reference, seen from the first: axis 1 is the line that was axis 1 in the reference, as it lies
-    in the first state, axis 2 is perpendicular to it there.
+    """Green-Lagrange strains (k, 3) E11, E22, E12 of states with strains (k, 3) E11, E22, 2 E12
+    from one reference, seen from the first: axis 1 is the line that was axis 1 in the reference, as
+    it lies in the first state, axis 2 is perpendicular to it there.
 
-    With F the first state's gradient and U upper triangular in F^T F = U^T U, it is
-    U^-T (E_now - E_before) U^-1."""
+    With F the first state's gradient and U upper triangular in F^T F = U^T U, it is U^-T (E_now -
+    E_before) U^-1."""
     first, change = _tensor(before), _tensor(now) - _tensor(before)
     lower = np.linalg.cholesky(np.eye(2) + 2 * first)
     half = np.linalg.solve(lower, change)
@@ -151,7 +152,7 @@ def strain_between(before: Array, now: Array) -> Array:
 
 
 def _tensor(strain: Array) -> Array:
-    """(k, 2, 2) of E11, E22, 2 E12 (k, 3)."""
+    """Tensors (k, 2, 2) of E11, E22, 2 E12 (k, 3)."""
     e1, e2, shear = strain.T
     return np.stack([e1, shear / 2, shear / 2, e2], axis=1).reshape(-1, 2, 2)
 

@@ -53,8 +53,8 @@ class GridConfig(Table):
 
 
 def check_names(names: Sequence[str]) -> None:
-    """Raises ValueError for a name that no quantity could hold, one that comes twice, and more
-    points than MOST_POINTS."""
+    """Check the names of points: none that no quantity could hold, none twice, no more than
+    MOST_POINTS.  Raises ValueError."""
     if len(names) > MOST_POINTS:
         raise ValueError(f"{len(names)} points in all; at most {MOST_POINTS}")
     seen = set()

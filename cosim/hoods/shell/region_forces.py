@@ -72,7 +72,7 @@ def middle_crossings(mesh: HoodMesh, skeleton: Skeleton) -> dict[str, Crossing]:
 
 
 def element_forces(hood: FeHood, state: State) -> Array:
-    """(ne, k, 3) N, the gradient of each element's energy by the places of its nodes."""
+    """The gradient (ne, k, 3) N of each element's energy by the places of its nodes."""
     model, c = hood.model, state.configuration
     nodes = np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1)
     gradient = element_response(model.tables, model.section, nodes).gradient
@@ -80,8 +80,8 @@ def element_forces(hood: FeHood, state: State) -> Array:
 
 
 def crossing_force(force: Array, points: Array, quads: np.ndarray, line: Crossing) -> float:
-    """N, what elements pull with across a line; `force` (ne, k, 3) of all elements, `points` (n, 3)
-    of the nodes."""
+    """The force (N) that elements pull with across a line; `force` (ne, k, 3) of all elements,
+    `points` (n, 3) of the nodes."""
     placed, beyond = points[quads[line.elements]], line.beyond[..., None]
     count = line.beyond.sum(axis=1)[:, None]
     ahead = (placed * beyond).sum(axis=1) / count
@@ -94,7 +94,7 @@ def crossing_force(force: Array, points: Array, quads: np.ndarray, line: Crossin
 def region_forces(
     force: Array, points: Array, quads: np.ndarray, lines: Mapping[str, Crossing]
 ) -> dict[str, float]:
-    """N by region, arguments as of `crossing_force`."""
+    """The force (N) that each region passes on, arguments as of `crossing_force`."""
     return {name: crossing_force(force, points, quads, line) for name, line in lines.items()}
 
 
@@ -110,7 +110,7 @@ def strip_crossings(mesh: HoodMesh) -> dict[str, Crossing]:
 def strip_arms(
     force: Array, points: Array, quads: np.ndarray, lines: Mapping[str, Crossing], axis: Array
 ) -> dict[str, float]:
-    """m by strip, the arm about the PIP's axis of the force that it passes on, by that force's line
+    """The arm (m) about the PIP's axis of the force that each strip passes on, by that force's line
     of action; positive where it extends, as a height over the axis is.  A slack strip has none.
 
     force: as of `crossing_force`; points: (n, 3) m from a point on the axis; axis: (3,) unit, of

@@ -156,7 +156,7 @@ class ShellView(FeView):
         )
 
     def point_strain(self, before: ShellView | None = None) -> Array:
-        """(k, 3) Green-Lagrange E11, E22, E12 at the user's points, along the finger, across it and
+        """Green-Lagrange E11, E22, E12 (k, 3) at the user's points, along the finger, across it and
         shear, from free of stress or from another state."""
         strain = self.line_strain[self.gauges.quads]
         first = np.zeros_like(strain) if before is None else before.line_strain[self.gauges.quads]
@@ -219,7 +219,8 @@ def view_of(
 
 
 def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
-    """(ne,) rad from the fibre to the mesh's own line in each element, 0 where they are one."""
+    """The angle (ne,) rad from the fibre to the mesh's own line in each element, 0 where they are
+    one."""
     fibre, lines = hood.model.tables.frame[:, :, 0], at_gauss_points(mesh, mesh.fibre)
     angle = angle_between(hood.model.reference, mesh.quads, fibre, lines)
     twice = np.stack([np.cos(2 * angle), np.sin(2 * angle)]).mean(axis=2)
@@ -228,7 +229,7 @@ def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
 
 
 def _rotate_strains(strain: Array, angle: Array) -> Array:
-    """(ne, 3) strains E11, E22, 2 E12 (ne, 3) on axes turned by angle (ne,), rad."""
+    """Strains E11, E22, 2 E12 (ne, 3) on axes turned by angle (ne,), rad."""
     c, s = np.cos(angle), np.sin(angle)
     e1, e2, shear = strain.T
     along = c * c * e1 + s * s * e2 + s * c * shear
@@ -247,7 +248,6 @@ def _view(
     gauges: Gauges,
     state: State,
 ) -> ShellView:
-
     field = fields(hood.model, state.configuration)
     energy = energy_fields(hood.model, state.configuration)
     c, quads = state.configuration, hood.model.quads
@@ -310,13 +310,13 @@ def strain_change(before: ShellView, now: ShellView) -> dict[str, object]:
 
 
 def marker_strains(before: ShellView, now: ShellView) -> tuple[Array, Array]:
-    """(rows - 1, columns) longitudinal and (rows, columns - 1) lateral engineering strains between
+    """Longitudinal (rows - 1, columns) and lateral (rows, columns - 1) engineering strains between
     neighbours of the marker grid, from `before` to `now`."""
     return neighbour_strains(now.markers.at(before.points), now.markers.at(now.points))
 
 
 def gauge_strains(strain: Array, view: ShellView) -> Array:
-    """(m, 2) what gauges at the m markers read of strains (ne, 2 or 3) of the central region."""
+    """What gauges at the m markers read (m, 2) of strains (ne, 2 or 3) of the central region."""
     on = view.central
     middle = view.reference[view.quads[on]].mean(axis=1)
     place = view.markers.at(view.reference).reshape(-1, 1, 3)

@@ -111,9 +111,9 @@ def models_in(folder: Path) -> list[Path]:
 def quantities(job: Job, state: JobState, published: Published | None) -> dict[str, float]:
     """What is compared, by name, mm and N: what is published, else the node at rest farthest from
     all that are held, the bodies in contact and the springs."""
-    index = {int(n): i for i, n in enumerate(job.node_ids)}
+    index = {int(n): i for i, n in enumerate(job.sheet.node_ids)}
     if published is None:
-        wanted = [(int(job.node_ids[_loosest(job)]), i) for i in range(3)]
+        wanted = [(int(job.sheet.node_ids[_loosest(job)]), i) for i in range(3)]
         touched = sorted({pair.body for pair in job.contacts})
     else:
         nodes = published.displacement
@@ -137,11 +137,11 @@ def quantities(job: Job, state: JobState, published: Published | None) -> dict[s
 
 def _loosest(job: Job) -> int:
     """The node farthest from those that are tied or held."""
-    held = [t.nodes for t in job.tied] + [h.nodes for h in job.held]
+    held = [t.nodes for t in job.ties] + [h.nodes for h in job.held]
     if not held:
         return 0
-    x = job.points[np.concatenate(held)]
-    return int(np.linalg.norm(job.points[:, None] - x, axis=2).min(axis=1).argmax())
+    x = job.sheet.points[np.concatenate(held)]
+    return int(np.linalg.norm(job.sheet.points[:, None] - x, axis=2).min(axis=1).argmax())
 
 
 def _figures(published: Published) -> list[float]:

@@ -8,7 +8,7 @@ import pytest
 from fe_solver.elements.fibres import at_nodes, follow_mesh, smooth_fibres
 from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.mitc4 import GAUSS, shape
-from tests.helpers import shells
+from fe_solver.verification import sheets
 
 
 def ring(around: int):
@@ -18,7 +18,7 @@ def ring(around: int):
         radius, turn = 1 + uv[:, 1], np.pi / 2 * uv[:, 0]
         return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn])
 
-    X, quads = shells.map_grid(around, 4, bent)
+    X, quads = sheets.map_grid(around, 4, bent)
     centre = X[quads].mean(axis=1)
     return X, quads, np.cross([0.0, 0, 1], centre)
 
@@ -56,7 +56,7 @@ def test_fibres_along_the_lines_of_a_quadratic_mesh_follow_them():
 
 def lines_off(around: int, lean: float) -> float:
     """By how much (rad) fibres around a quarter ring (lean 0) or out of it miss at Gauss points."""
-    X, quads = shells.with_nine_nodes(*shells.plate(1.0, 1.0, around, 3))
+    X, quads = sheets.with_nine_nodes(*sheets.plate(1.0, 1.0, around, 3))
     turn, radius = np.pi / 2 * X[:, 0], 1 + X[:, 1]
     X = np.column_stack([radius * np.sin(turn), radius * np.cos(turn), 0 * turn])
     element = kind_of(quads)

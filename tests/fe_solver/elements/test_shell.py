@@ -29,8 +29,8 @@ from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.fields import energy_fields, fields
 from fe_solver.solver.model import Configuration
 from fe_solver.solver.newton import solve
-from tests.helpers import shells
-from tests.helpers.shells import (
+from fe_solver.verification import sheets
+from fe_solver.verification.sheets import (
     BENCHMARK,
     NO_TENSION,
     at_rest,
@@ -41,6 +41,7 @@ from tests.helpers.shells import (
     plate,
     sheet,
 )
+from tests.helpers import shells
 
 VECTORS = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
 SHAPES = {
@@ -73,7 +74,7 @@ def arc(X: Array, angle: float, length: float) -> Configuration:
     radius, turn = length / angle, X[:, 0] / length * angle
     x = np.column_stack([radius * np.sin(turn), X[:, 1], radius * (1 - np.cos(turn))])
     d = np.column_stack([-np.sin(turn), 0 * turn, np.cos(turn)])
-    return Configuration(x, d, *shells.GROUND)
+    return Configuration(x, d, *sheets.GROUND)
 
 
 def derivative(f, y, direction, step=0.1):
@@ -156,7 +157,7 @@ def test_gradient_and_tangent_are_the_energys(name, growth, law, compiled, monke
 @pytest.mark.skipif(not kernels.COMPILED, reason="numba is not installed")
 def test_the_compiled_kernels_do_what_numpy_does(monkeypatch):
     model = shells.index_hood().model
-    c = shells.disturb(model, 1e-3, seed=1)
+    c = sheets.disturb(model, 1e-3, seed=1)
     compiled = model.evaluate(c, np.ones(4), tangent=True)
     monkeypatch.setenv("FE_SOLVER_THREADS", "2")
     monkeypatch.setattr(kernels, "PAYS", 1)

@@ -12,25 +12,26 @@ from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.job.checks import check_job
 from fe_solver.job.curves import LoadCurve
-from fe_solver.job.job import SpringLaw, Step
+from fe_solver.job.job import Step
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law, Orthotropic
+from fe_solver.supports import SpringLaw
 from tests.helpers.feb_files import SECTIONS, Sections, change_section, feb_text, read, same, write
 
 
 def test_everything_in_the_file_arrives_in_si_units(tmp_path: Path) -> None:
     job = read(tmp_path)
-    np.testing.assert_allclose(job.points[-1], [3e-3, 0.5e-3, 0])
-    assert job.node_ids.tolist() == [1, 2, 3, 4, 5, 6, 7]
-    assert job.quads.tolist() == [[0, 1, 4, 3], [1, 2, 5, 4], [2, 6, 5, 5]]
-    assert job.element_ids.tolist() == [1, 2, 3]
-    assert job.part.tolist() == [0, 0, 1]
-    law = job.parts[0].law
+    np.testing.assert_allclose(job.sheet.points[-1], [3e-3, 0.5e-3, 0])
+    assert job.sheet.node_ids.tolist() == [1, 2, 3, 4, 5, 6, 7]
+    assert job.sheet.quads.tolist() == [[0, 1, 4, 3], [1, 2, 5, 4], [2, 6, 5, 5]]
+    assert job.sheet.element_ids.tolist() == [1, 2, 3]
+    assert job.sheet.part.tolist() == [0, 0, 1]
+    law = job.sheet.parts[0].law
     assert isinstance(law, Isotropic)
     assert pytest.approx(100e6) == law.E
-    np.testing.assert_allclose(job.thickness[1], [1e-4, 2e-4, 3e-4, 4e-4])
-    np.testing.assert_allclose(job.thickness[[0, 2]], [[5e-4] * 4, [2.5e-4] * 4])
+    np.testing.assert_allclose(job.sheet.thickness[1], [1e-4, 2e-4, 3e-4, 4e-4])
+    np.testing.assert_allclose(job.sheet.thickness[[0, 2]], [[5e-4] * 4, [2.5e-4] * 4])
     body = job.bodies[0]
     np.testing.assert_allclose(body.origin, [1e-3, 2e-3, 3e-3])
     np.testing.assert_allclose(body.vertices[0], [-1e-3, -2e-3, -1e-3])
@@ -58,16 +59,16 @@ def test_everything_in_the_file_arrives_in_si_units(tmp_path: Path) -> None:
 def test_the_mid_surface_lies_against_the_normal(tmp_path: Path) -> None:
     """FEBio's nodes are the face that the normal points to."""
     job = read(tmp_path)
-    np.testing.assert_allclose(job.height, -job.thickness / 2)
+    np.testing.assert_allclose(job.sheet.height, -job.sheet.thickness / 2)
 
 
 def test_units_scale_as_their_dimensions_say(tmp_path: Path) -> None:
     text = {**change_section("Contact", "<auto_penalty>1", "<auto_penalty>0")}
     a, b = read(tmp_path, text), read(tmp_path, text, length_unit=2e-3, force_unit=3.0)
-    np.testing.assert_allclose(b.points, 2 * a.points)
-    assert isinstance(a.parts[0].law, Isotropic)
-    assert isinstance(b.parts[0].law, Isotropic)
-    assert pytest.approx(a.parts[0].law.E * 3 / 4) == b.parts[0].law.E
+    np.testing.assert_allclose(b.sheet.points, 2 * a.sheet.points)
+    assert isinstance(a.sheet.parts[0].law, Isotropic)
+    assert isinstance(b.sheet.parts[0].law, Isotropic)
+    assert pytest.approx(a.sheet.parts[0].law.E * 3 / 4) == b.sheet.parts[0].law.E
     assert b.springs[0].law.stiffness == pytest.approx(a.springs[0].law.stiffness * 3 / 2)
     assert b.contacts[0].penalty == pytest.approx(a.contacts[0].penalty * 3 / 8)
     assert b.pressures[0].pressure.value == pytest.approx(a.pressures[0].pressure.value * 3 / 4)
@@ -118,7 +119,7 @@ def test_a_file_that_is_read_whole_has_no_notes(tmp_path: Path) -> None:
 def test_rigid_nodes_tie_and_go_before_held_ones(tmp_path: Path) -> None:
     more = '<bc node_set="edge" type="rigid"><rb>bone</rb></bc></Boundary>'
     job = read(tmp_path, change_section("Boundary", "</Boundary>", more))
-    assert [(t.nodes.tolist(), t.body, t.clamped) for t in job.tied] == [([0, 3], 0, True)]
+    assert [(t.nodes.tolist(), t.body, t.clamped) for t in job.ties] == [([0, 3], 0, True)]
     assert job.held == ()
     assert any("goes first" in n for n in job.notes)
 
@@ -126,7 +127,7 @@ def test_rigid_nodes_tie_and_go_before_held_ones(tmp_path: Path) -> None:
 def test_nodes_shared_with_a_rigid_part_are_tied(tmp_path: Path) -> None:
     mesh = SECTIONS["Mesh"].replace("20,21,22,23</elem>", "3,21,22,6</elem>")
     job = read(tmp_path, {"Mesh": mesh.replace("2,20</delem>", "2,21</delem>"), "Contact": None})
-    assert [(t.nodes.tolist(), t.body) for t in job.tied] == [([2, 5], 0)]
+    assert [(t.nodes.tolist(), t.body) for t in job.ties] == [([2, 5], 0)]
 
 
 def test_the_back_face_held_with_the_front_holds_the_director(tmp_path: Path) -> None:
@@ -210,11 +211,13 @@ X = '<fiber type="vector"><vector>2,0,0</vector></fiber>'
     ],
 )
 def test_materials_become_our_laws(tmp_path: Path, kind: str, inner: str, law: Law) -> None:
-    same(read(tmp_path, material(kind, inner)).parts[0].law, law)
+    same(read(tmp_path, material(kind, inner)).sheet.parts[0].law, law)
 
 
 def test_mooney_rivlin_is_the_fibred_law_without_fibres(tmp_path: Path) -> None:
-    law = read(tmp_path, material("Mooney-Rivlin", "<c1>1</c1><c2>2</c2><k>9</k>")).parts[0].law
+    law = (
+        read(tmp_path, material("Mooney-Rivlin", "<c1>1</c1><c2>2</c2><k>9</k>")).sheet.parts[0].law
+    )
     assert isinstance(law, TransIsoMooneyRivlin)
     assert (law.c3, law.c5) == (0.0, 0.0)
 
@@ -246,7 +249,7 @@ FIBRE = '<ElementData type="fiber" elem_set="{}">{}</ElementData>'
 def test_fibres_in_all_spellings(tmp_path: Path, fiber: str, data: str, direction: Any) -> None:
     text = material("trans iso Mooney-Rivlin", TIMR + fiber)
     text["MeshData"] = SECTIONS["MeshData"].replace("</MeshData>", data + "</MeshData>")
-    np.testing.assert_allclose(read(tmp_path, text).fibre[0], direction, atol=1e-12)
+    np.testing.assert_allclose(read(tmp_path, text).sheet.fibre[0], direction, atol=1e-12)
 
 
 def test_axes_out_of_the_sheet_are_refused_where_they_matter(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from fe_solver.materials.fibres import (
 from fe_solver.materials.linear import Law, Orthotropic
 from fe_solver.q4ans.model import obstacles
 from tests.helpers.feb_files import ISOTROPIC, change_section, read, same
+from tests.helpers.jobs import change_job
 
 TENDON = TransIsoMooneyRivlin(1e6, 2e5, 3e5, 50.0, 9e7, 1.05, 1e9)
 TOE = ExponentialFamily(1e5, 40.0, 5e7, 1.04)
@@ -32,8 +33,8 @@ STRAIGHT = Orthotropic(3e8, 1e7, 0.3, 5e6, 5e6, 4e6)
 
 def with_law(job: Job, law: Law, stretch: float = 1.0) -> Job:
     """Its first part of another law."""
-    part = dataclasses.replace(job.parts[0], law=law, in_situ_stretch=stretch)
-    return dataclasses.replace(job, parts=(part, *job.parts[1:]), notes=())
+    part = dataclasses.replace(job.sheet.parts[0], law=law, in_situ_stretch=stretch)
+    return change_job(job, parts=(part, *job.sheet.parts[1:]), notes=())
 
 
 @pytest.mark.parametrize(("law", "stretch"), [(CROSSED, 1.0), (TENDON, 1.03), (TENDON, 0.98)])
@@ -42,7 +43,7 @@ def test_what_is_written_reads_back(tmp_path: Path, law: Law, stretch: float) ->
     write_feb(job, tmp_path / "again.feb")
     again = dataclasses.replace(read_feb(tmp_path / "again.feb"), notes=())
     assert obstacles(dataclasses.replace(again, contacts=())) == []
-    found, wanted = again.parts[0].law, job.parts[0].law
+    found, wanted = again.sheet.parts[0].law, job.sheet.parts[0].law
     if isinstance(law, CrossedFibres):
         assert isinstance(found, CrossedFibres)
         assert found.angle == pytest.approx(law.angle)
@@ -101,22 +102,22 @@ STRETCHED = '<prestrain type="in-situ stretch"><stretch>1.02</stretch>%s</prestr
 def test_a_mixture_of_a_matrix_and_one_or_two_fibres(tmp_path: Path) -> None:
     one = read(tmp_path, material(MIXED, AXES + MATRIX + LINE % "0.6,0.8,0"))
     law = TransIsoMooneyRivlin(1e6, 0.0, 1e5, 40.0, 5e7, 1.04, 1e9)
-    assert one.parts[0].law == law
+    assert one.sheet.parts[0].law == law
     two = read(tmp_path, material(MIXED, AXES + MATRIX + LINE % "1,1,0" + LINE % "1,-1,0"))
-    crossed = two.parts[0].law
+    crossed = two.sheet.parts[0].law
     assert isinstance(crossed, CrossedFibres)
     assert (crossed.base, crossed.second) == (law, ExponentialFamily(1e5, 40.0, 5e7, 1.04))
     assert crossed.angle == pytest.approx(-np.pi / 2)
-    assert one.fibre[0] @ two.fibre[0] == pytest.approx(1.4 / np.sqrt(2))
+    assert one.sheet.fibre[0] @ two.sheet.fibre[0] == pytest.approx(1.4 / np.sqrt(2))
 
 
 def test_a_stretch_in_situ_is_read_and_thins_nothing(tmp_path: Path) -> None:
     job = read(tmp_path, material("uncoupled prestrain elastic", TIGHT % (STRETCHED % "")))
-    assert job.parts[0].in_situ_stretch == 1.02
+    assert job.sheet.parts[0].in_situ_stretch == 1.02
     job = dataclasses.replace(job, contacts=())
     options = JobOptions()
     model, plain = (job_model(with_law(job, TENDON, s), options).base for s in (1.02, 1.0))
-    cells = np.flatnonzero(job.part == 0)
+    cells = np.flatnonzero(job.sheet.part == 0)
     volume, laid = ((m.tables.weight * m.section.thickness)[cells].sum() for m in (model, plain))
     assert volume == pytest.approx(laid)
 

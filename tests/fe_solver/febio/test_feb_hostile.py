@@ -72,7 +72,7 @@ def test_utf_8_and_latin_1_names(tmp_path: Path) -> None:
     text = text.replace('name="strip">', 'name="Häutchen">').replace('"strip"', '"Häutchen"')
     latin = read_feb(write(tmp_path, text))
     utf = read_feb(write(tmp_path, text.replace("ISO-8859-1", "UTF-8").encode()))
-    assert latin.parts[0].name == utf.parts[0].name == "Häutchen"
+    assert latin.sheet.parts[0].name == utf.sheet.parts[0].name == "Häutchen"
 
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])

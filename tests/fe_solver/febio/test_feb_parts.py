@@ -15,10 +15,12 @@ from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.job.checks import check_job
 from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
-from fe_solver.job.job import Job, SpringLaw
+from fe_solver.job.job import Job
+from fe_solver.supports import SpringLaw
 from fe_solver.surfaces.closing import boundary_loops, close_surface, volume
 from fe_solver.surfaces.spline_distance import SplineDistance
 from tests.helpers.feb_files import feb_text, write
+from tests.helpers.jobs import change_job
 
 TIMES = (0.0, 1.0, 3.0, 4.0)
 VALUES = (1.0, 2.0, 0.0, 6.0)
@@ -216,15 +218,15 @@ def job(tmp_path: Path) -> Job:
 
 
 def move_node(job: Job, node: int, place: tuple[float, float, float]) -> Job:
-    points = job.points.copy()
+    points = job.sheet.points.copy()
     points[node] = place
-    return dataclasses.replace(job, points=points)
+    return change_job(job, points=points)
 
 
 def with_row(job: Job, name: str, row: int, values: Any) -> Job:
-    array = getattr(job, name).copy()
+    array = getattr(job.sheet, name).copy()
     array[row] = values
-    return dataclasses.replace(job, **{name: array})
+    return change_job(job, **{name: array})
 
 
 FAULTS = {
@@ -249,10 +251,14 @@ FAULTS = {
     "nan thickness": (lambda j: with_row(j, "thickness", 2, np.nan), "element 3"),
     "fibre across": (lambda j: with_row(j, "fibre", 1, [0.01, 0, 1]), "element 2 .*normal to"),
     "no fibre": (lambda j: with_row(j, "fibre", 0, 0.0), "element 1 .*fibre"),
-    "shape": (lambda j: dataclasses.replace(j, fibre=j.fibre[1:]), "fibre has shape"),
+    "shape": (lambda j: change_job(j, fibre=j.sheet.fibre[1:]), "fibre has shape"),
     "no elements": (
-        lambda j: dataclasses.replace(
-            j, **{n: getattr(j, n)[:0] for n in ("quads", "thickness", "height", "fibre", "part")}
+        lambda j: change_job(
+            j,
+            **{
+                n: getattr(j.sheet, n)[:0]
+                for n in ("quads", "thickness", "height", "fibre", "part")
+            },
         ),
         "no elements",
     ),
@@ -270,11 +276,11 @@ def test_a_faulty_job_is_told_by_node_or_element(job: Job, name: str) -> None:
 
 def separate_triangle(job: Job) -> Job:
     """The tip's triangle off the strip, with nodes of its own where the strip's were."""
-    points = np.concatenate([job.points, job.points[[2, 5]]])
-    quads = job.quads.copy()
+    points = np.concatenate([job.sheet.points, job.sheet.points[[2, 5]]])
+    quads = job.sheet.quads.copy()
     quads[2] = [7, 6, 8, 8]
-    ids = np.concatenate([job.node_ids, [98, 99]])
-    return dataclasses.replace(job, points=points, quads=quads, node_ids=ids)
+    ids = np.concatenate([job.sheet.node_ids, [98, 99]])
+    return change_job(job, points=points, quads=quads, node_ids=ids)
 
 
 def test_duplicate_nodes_are_named(job: Job) -> None:

@@ -14,24 +14,14 @@ from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
-from fe_solver.job.job import (
-    Body,
-    ContactPair,
-    HeldDirector,
-    Job,
-    NodalForce,
-    PrescribedDisplacement,
-    Pressure,
-    ShellPart,
-    SpringLaw,
-    SpringSet,
-    Step,
-    Tied,
-)
+from fe_solver.job.job import HeldDirector, Job, NodalForce, PrescribedDisplacement, Pressure, Step
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law, Orthotropic
+from fe_solver.sheet import Sheet, ShellPart
+from fe_solver.supports import Body, ContactPair, SpringLaw, SpringSet, Tied
 from tests.helpers.feb_files import change_section, read, same
+from tests.helpers.jobs import change_job
 
 INTS = np.array
 SLACK = np.array([1e-4, 2e-4])
@@ -122,33 +112,35 @@ def jobs(draw: st.DrawFn) -> Job:
     edge = points[quads[:, 1]] - points[quads[:, 0]]
     plain = isinstance(law, Isotropic | NeoHookean)
     along = edge / np.linalg.norm(edge, axis=1, keepdims=True)
-    return Job(
-        "job",
+    numbers = st.permutations(range(1, len(points) + 1)).map(sorted).map(np.array)
+    sheet = Sheet(
         points,
-        draw(st.permutations(range(1, len(points) + 1)).map(sorted).map(np.array))
-        + draw(st.integers(0, 9)),
         quads,
-        quads_in + draw(st.integers(1, 50)),
-        np.where(quads_in < len(quads) - 1, 0, 1),
         (
             ShellPart("sheet", law),
             ShellPart(draw(st.sampled_from(["tip", "é & <x>"])), Isotropic(1e6, 0.3)),
         ),
+        np.where(quads_in < len(quads) - 1, 0, 1),
         thickness,
-        -thickness / 2,
         np.where((plain | (quads_in == len(quads) - 1))[:, None], along, fibre),
-        (body, other),
-        (Tied(corner[:2] + n, 1, draw(st.booleans())),),
-        (
+        -thickness / 2,
+        node_ids=draw(numbers) + draw(st.integers(0, 9)),
+        element_ids=quads_in + draw(st.integers(1, 50)),
+    )
+    two = INTS([0, len(quads) - 1])
+    return Job(
+        sheet,
+        ties=(Tied(corner[:2] + n, 1, draw(st.booleans())),),
+        held=(
             PrescribedDisplacement(INTS([0]), 0),
             PrescribedDisplacement(INTS([0]), 1),
             PrescribedDisplacement(INTS([0]), 2, draw(drives)),
         ),
-        (HeldDirector(INTS([0]), 1),),
-        (springs,),
-        (NodalForce(INTS([draw(node)]), draw(three), draw(st.none() | curves())),),
-        (Pressure(INTS([0, len(quads) - 1]), INTS([1, -1]), draw(drives), draw(st.booleans())),),
-        (
+        held_directors=(HeldDirector(INTS([0]), 1),),
+        springs=(springs,),
+        forces=(NodalForce(INTS([draw(node)]), draw(three), draw(st.none() | curves())),),
+        pressures=(Pressure(two, INTS([1, -1]), draw(drives), draw(st.booleans())),),
+        contacts=(
             ContactPair(
                 "touch <&>",
                 quads_in,
@@ -161,7 +153,8 @@ def jobs(draw: st.DrawFn) -> Job:
                 draw(st.sampled_from([0.0, 1e-5])),
             ),
         ),
-        tuple(
+        bodies=(body, other),
+        steps=tuple(
             Step(f"s{i}" if len(ends) > 1 else "step 1", e, draw(st.integers(1, 4)))
             for i, e in enumerate(ends)
         ),
@@ -196,36 +189,41 @@ def test_slack_springs_become_tables(tmp_path: Path) -> None:
 
 def test_nodes_on_the_mid_surface_are_moved_to_febios_face(tmp_path: Path) -> None:
     job = read(tmp_path, {"MeshData": None, **change_section("MeshDomains", "0.25", "0.5")})
-    flat = dataclasses.replace(job, height=np.zeros_like(job.height))
+    flat = change_job(job, height=np.zeros_like(job.sheet.height))
     write_feb(flat, tmp_path / "face.feb")
     back = read_feb(tmp_path / "face.feb")
     np.testing.assert_allclose(
-        back.points - job.points, np.tile([0, 0, 2.5e-4], (7, 1)), atol=1e-12
+        back.sheet.points - job.sheet.points, np.tile([0, 0, 2.5e-4], (7, 1)), atol=1e-12
     )
 
 
 def test_other_points_are_written_in_place_of_the_jobs(tmp_path: Path) -> None:
     job = read(tmp_path)
-    write_feb(job, tmp_path / "moved.feb", points=job.points + 1e-3)
-    np.testing.assert_allclose(read_feb(tmp_path / "moved.feb").points, job.points + 1e-3)
+    write_feb(job, tmp_path / "moved.feb", points=job.sheet.points + 1e-3)
+    np.testing.assert_allclose(
+        read_feb(tmp_path / "moved.feb").sheet.points, job.sheet.points + 1e-3
+    )
     with pytest.raises(InputError, match="shape"):
-        write_feb(job, tmp_path / "moved.feb", points=job.points[1:])
+        write_feb(job, tmp_path / "moved.feb", points=job.sheet.points[1:])
 
 
 def test_what_febio_cannot_say_is_not_written(tmp_path: Path) -> None:
     job, path = read(tmp_path), tmp_path / "no.feb"
     endless = ShellPart("strip", TransIsoMooneyRivlin(1e6, 0.0, 0.0, 1.0, 0.0, 2.0))
-    twins = (job.parts[0], dataclasses.replace(job.parts[1], name="strip"))
+    twins = (job.sheet.parts[0], dataclasses.replace(job.sheet.parts[1], name="strip"))
     mixed = dataclasses.replace(job.contacts[0], side=INTS([1, -1]))
     for changes, words in (
-        ({"parts": (endless, job.parts[1])}, "finite bulk modulus"),
+        ({"parts": (endless, job.sheet.parts[1])}, "finite bulk modulus"),
         ({"parts": twins}, "are called 'strip'"),
         ({"contacts": (mixed,)}, "one face"),
         ({"steps": ()}, "no time steps"),
-        ({"parts": (dataclasses.replace(job.parts[0], name="\x01"), job.parts[1])}, "control char"),
+        (
+            {"parts": (dataclasses.replace(job.sheet.parts[0], name="\x01"), job.sheet.parts[1])},
+            "control char",
+        ),
     ):
         with pytest.raises(InputError, match=words):
-            write_feb(dataclasses.replace(job, **changes), path)
+            write_feb(change_job(job, **changes), path)
     assert not path.exists()
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be written"):

@@ -10,11 +10,11 @@ import pytest
 from cosim.errors import InputError
 from cosim.port import Motion, rotation_matrix
 from fe_solver.forces.cables import Cables, cable_forces, cable_masses, cable_state, law
-from fe_solver.hood.build_cable import Net, cable_hood
-from fe_solver.hood.build_shell import ContactLaw, TendonEnd
+from fe_solver.hood.build import ContactLaw, HoodSupports, Net, TendonEnd, cable_hood
 from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.solver.relaxation import relax
+from fe_solver.supports import Tied
 from fe_solver.verification import cable_rows
 from fe_solver.verification.sheets import NO_TENSION, at_rest, clamp
 
@@ -144,26 +144,26 @@ def test_what_is_not_positive_is_refused(name: str) -> None:
         replace(one(), **{name: np.ones(2)})
 
 
-def hood_of(points: np.ndarray, cells: np.ndarray, tied: dict[str, np.ndarray]) -> None:
+def hood_of(points: np.ndarray, cells: np.ndarray, *ties: Tied) -> None:
     rest = Motion(("bone",), np.zeros((1, 3)), np.eye(3)[None])
     length = np.linalg.norm(points[cells[:, 1]] - points[cells[:, 0]], axis=1)
-    cable_hood(
-        Net(points, cable_rows.cables(cells, length)),
+    supports = HoodSupports(
         rest,
         np.ones((len(points), 1)),
-        {},
-        tied,
+        (),
+        ties,
         "bone",
         np.array([-1.0, 0, 0]),
         {"T": TendonEnd(np.array([0]), np.ones(1))},
         ContactLaw(1e10, 1e-5, {}, {}),
         NewtonOptions(),
     )
+    cable_hood(Net(points, cable_rows.cables(cells, length)), supports)
 
 
 def test_a_net_that_nothing_holds_or_reaches_is_refused() -> None:
     points = np.linspace([0, 0, 0], [0.03, 0, 0], 4)
     with pytest.raises(InputError, match="no insertion holds the hood"):
-        hood_of(points, cable_rows.chain(3), {})
+        hood_of(points, cable_rows.chain(3))
     with pytest.raises(InputError, match="node 3 is of no cable"):
-        hood_of(points, cable_rows.chain(2), {"bone": np.array([2])})
+        hood_of(points, cable_rows.chain(2), Tied(np.array([2]), 0))

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.errors import ConvergenceError, InputError
-from cosim.hoods.bone_surfaces import pose_surfaces
+from cosim.hoods.fe_supports import pose_surfaces
 from cosim.port import Array, rotation_matrix
 from fe_solver.forces.contact import (
     REACH,
@@ -34,12 +34,12 @@ from fe_solver.solver.fields import contact_pressure
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.residual import residual_norm
+from fe_solver.supports import SpringLaw, SpringSet, springs_of
 from fe_solver.surfaces.shapes import HalfSpace, Sphere, Surface
 from fe_solver.surfaces.spline_distance import SplineDistance
-from fe_solver.verification import contact_rows
-from tests.helpers import shells
+from fe_solver.verification import contact_rows, sheets
+from fe_solver.verification.sheets import NO_TENSION, at_rest, clamp, guide, plate, sheet
 from tests.helpers.poses import POSITION, ROTATION
-from tests.helpers.shells import NO_TENSION, at_rest, clamp, guide, plate, sheet
 
 TIGHT = NewtonOptions(tolerance=1e-11)
 DEPTHS = st.floats(-3e-4, 3e-4)
@@ -160,14 +160,14 @@ def test_a_pressed_sheet_hands_on_the_load(surface):
     }[surface]
     free = np.setdiff1d(np.arange(len(X)), corners)
     smoothing = 5e-5
-    touching = shells.contact(model, bone, free, 2e11, smoothing)
+    touching = sheets.contact(model, bone, free, 2e11, smoothing)
     model = replace(model, contacts=(touching,))
     force = np.array([4.0])
     solution = solve(model, at_rest(model), force, TIGHT)
     c = solution.configuration
     wrench = wrenches(model, c, solution.evaluation, force)["contact"][0]
     assert wrench == pytest.approx([0, 0, -4.0, 0, 0, 0], abs=1e-8)
-    gap = touching.gap(c.x, *shells.GROUND)
+    gap = touching.gap(c.x, *sheets.GROUND)
     assert abs(gap.min()) < smoothing
     pressure = np.zeros(len(X))
     pressure[free] = contact_pressure(model, c)[free]
@@ -185,7 +185,7 @@ def test_without_contact_force_there_is_no_load():
     X, quads = plate(10e-3, 10e-3, 4, 4)
     model = clamp(sheet(X, quads, 1e8, 0.3, 0.6e-3), np.arange(5))
     floor = HalfSpace(np.array([0.0, 0, -1e-3]), np.array([0.0, 0, 1]))
-    model = replace(model, contacts=(shells.contact(model, floor, np.arange(5, 25), 1e11, 5e-5),))
+    model = replace(model, contacts=(sheets.contact(model, floor, np.arange(5, 25), 1e11, 5e-5),))
     solution = solve(model, at_rest(model), NO_TENSION, TIGHT)
     wrench = wrenches(model, at_rest(model), solution.evaluation, NO_TENSION)
     assert solution.iterations == 0
@@ -213,20 +213,12 @@ def press_sheet(friction: float = 0.0, **changes) -> ShellModel:
     model = sheet(X, quads, 1e9, 0.3, 1e-3, bodies=("ground", "hand"))
     dead = np.zeros_like(X)
     dead[:, 2] = -1.0 / len(X)
-    n, everywhere = len(X), np.arange(len(X))
-    springs = Springs(
-        everywhere,
-        np.ones(n, dtype=int),
-        X + np.array([50e-3, 0, 0]),
-        np.full(n, 1e3),
-        np.full(n, 50e-3),
-        np.zeros(n, dtype=bool),
-        np.zeros(n, dtype=int),
-    )
+    everywhere, ends = np.arange(len(X)), X + np.array([50e-3, 0, 0])
+    strings = SpringSet.to_body("strings", SpringLaw(1e3), everywhere, 1, ends, 50e-3)
     floor = HalfSpace(np.zeros(3), np.array([0.0, 0, 1]))
-    contact = shells.contact(model, floor, everywhere, 1e9, 1e-6)
+    contact = sheets.contact(model, floor, everywhere, 1e9, 1e-6)
     contact = replace(contact, friction=friction, **changes)
-    return replace(model, dead=dead, springs=springs, contacts=(contact,))
+    return replace(model, dead=dead, springs=springs_of([strings]), contacts=(contact,))
 
 
 def drag_sheet(model: ShellModel, c: Configuration, by: float) -> Solution:
@@ -303,7 +295,7 @@ def test_augmented_pressure_does_not_know_penalty_or_smoothing():
         assert np.abs(state.gap[state.pressure > 0]).max() <= 1e-9
         assert state.pressure @ model.contacts[0].area == pytest.approx(1.0)
         penalty = solve(model, at_rest(model), NO_TENSION, TIGHT).configuration
-        gap = model.contacts[0].gap(penalty.x, *shells.GROUND)
+        gap = model.contacts[0].gap(penalty.x, *sheets.GROUND)
         assert np.abs(gap).max() > 1e-6
 
 

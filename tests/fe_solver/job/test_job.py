@@ -8,29 +8,28 @@ import numpy as np
 import pytest
 
 from cosim.errors import ConvergenceError, InputError
+from fe_solver.febio.read import read_feb
+from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Drive, LoadCurve
-from fe_solver.job.job import (
-    Body,
-    HeldDirector,
-    NodalForce,
-    PrescribedDisplacement,
-    Pressure,
-    SpringLaw,
-    SpringSet,
-    Tied,
-)
+from fe_solver.job.job import HeldDirector, Job, NodalForce, PrescribedDisplacement, Pressure
 from fe_solver.job.model import JobOptions, job_model
 from fe_solver.job.solve import solve_job, spread_times
+from fe_solver.materials.linear import Isotropic
+from fe_solver.q4ans.solve import solve_solid
+from fe_solver.sheet import plate
 from fe_solver.solver.newton import NewtonOptions, solve
+from fe_solver.supports import WALL, Body, SpringLaw, SpringSet, Tied
+from fe_solver.surfaces.shapes import HalfSpace
 from tests.helpers.jobs import (
     LENGTH,
-    NONE,
     PLAIN,
     RAMP,
     THICK,
     WIDTH,
     E,
     bending_job,
+    body,
+    change_job,
     contact_job,
     fix_components,
     nodes_at,
@@ -38,6 +37,28 @@ from tests.helpers.jobs import (
     strip,
     total,
 )
+
+
+def test_a_job_of_three_lines_bends_as_a_beam():
+    sheet = plate(LENGTH, WIDTH, 10, 3, Isotropic(E, 0.0), THICK)
+    load = NodalForce(sheet.edge("x1"), (0, 0, 1e-4))
+    job = Job(sheet, ties=[Tied(sheet.edge("x0"), WALL)], forces=[load])
+    state = solve_job(job).states[-1]
+    force, inertia = 1e-4 * len(load.nodes), WIDTH * THICK**3 / 12
+    deflection = state.configuration.x[load.nodes, 2].mean()
+    assert deflection == pytest.approx(force * LENGTH**3 / (3 * E * inertia), rel=0.01)
+    assert state.bodies == ("wall",)
+    assert total(state, "tie", "wall") == pytest.approx([0, 0, force], abs=1e-9)
+
+
+def test_a_second_tie_to_the_wall_is_to_the_same_wall():
+    sheet = plate(LENGTH, WIDTH, 4, 1, Isotropic(E, 0.0), THICK)
+    job = Job(sheet, ties=[Tied(sheet.edge("x0"), WALL)])
+    both = replace(job, ties=(*job.ties, Tied(sheet.edge("x1"), WALL)))
+    assert [b.name for b in both.bodies] == ["wall"]
+    assert [t.body for t in both.ties] == [0, 0]
+    with pytest.raises(InputError, match="edges x0, x1, y0, y1, not 'z0'"):
+        sheet.edge("z0")
 
 
 def test_a_prescribed_displacement_stretches_as_the_law_says():
@@ -61,7 +82,7 @@ def test_one_component_given_twice_and_not_alike_is_refused():
     job = replace(
         job, held=(*fix_components(job, 0), PrescribedDisplacement(end, 0, Drive(1e-3, RAMP)))
     )
-    with pytest.raises(InputError, match=f"of {job.node(end[0])} is given twice"):
+    with pytest.raises(InputError, match=f"of {job.sheet.node(end[0])} is given twice"):
         solve_job(job, options=PLAIN)
 
 
@@ -118,12 +139,12 @@ def test_a_sheet_follows_the_body_that_turns_without_force():
     turn = (Drive(), Drive(0.7, RAMP), Drive())
     moved = (Drive(), Drive(), Drive(2e-3, RAMP))
     job = strip(nu=0.3)
-    bone = Body("bone", np.array([3e-3, 0, 0]), *NONE, moved, turn)
-    job = replace(job, bodies=(bone,), tied=(Tied(nodes_at(job, 0.0), 0),))
+    bone = Body("bone", np.array([3e-3, 0, 0]), displacement=moved, rotation=turn)
+    job = replace(job, bodies=(bone,), ties=(Tied(nodes_at(job, 0.0), 0),))
     result = solve_job(job, options=PLAIN)
     (state,) = result.states
     p, R = bone.pose(1.0)
-    assert np.abs(state.configuration.x - (job.points - bone.origin) @ R.T - p).max() < 1e-8
+    assert np.abs(state.configuration.x - (job.sheet.points - bone.origin) @ R.T - p).max() < 1e-8
     assert np.abs(state.wrench["tie"]).max() < 1e-7
     assert result.effort.steps >= 7
 
@@ -132,7 +153,7 @@ def test_a_hinge_holds_places_and_leaves_directors_free():
     job = bending_job(held=(PrescribedDisplacement(nodes_at(strip(), LENGTH), 2),), forces=())
     job = replace(job, pressures=(Pressure(np.arange(30), np.ones(30, int), Drive(-1e3, RAMP)),))
     stiff = solve_job(job, options=PLAIN).states[0]
-    loose = replace(job, tied=(replace(job.tied[0], clamped=False),))
+    loose = replace(job, ties=(replace(job.ties[0], clamped=False),))
     hinged = solve_job(loose, options=PLAIN).states[0]
     moment = hinged.wrench["guide"][0, 4] + 0.0
     assert abs(moment) < 1e-9 < 1e-5 < abs(stiff.wrench["tie"][0, 4])
@@ -159,7 +180,7 @@ def test_a_held_director_makes_a_mirror_of_the_edge():
 @pytest.mark.parametrize("dead", [True, False])
 def test_pressure_pushes_against_the_normal(dead):
     job = bending_job(forces=())
-    quads = np.arange(len(job.quads))
+    quads = np.arange(len(job.sheet.quads))
     load = Pressure(quads, np.full(len(quads), -1), Drive(500.0, RAMP), dead)
     state = solve_job(replace(job, pressures=(load,)), options=PLAIN).states[0]
     area = 500.0 * LENGTH * WIDTH
@@ -223,6 +244,42 @@ def test_contact_holds_the_face_that_is_meant_at_its_gap(gap, height, rest):
     assert max(state.imbalance) < 1e-6
 
 
+def test_a_sheet_lies_on_a_shape_as_on_triangles(tmp_path):
+    """A half-space in place of a block whose flat top is of triangles."""
+    job = contact_job(lift=THICK / 2 + 1e-6)
+    shape = Body("block", surface=HalfSpace(np.zeros(3), np.array([0, 0, 1.0])))
+    pair = replace(job.contacts[0], triangles=np.zeros((0, 3), dtype=int))
+    smooth = replace(job, bodies=(shape,), contacts=(pair,))
+    by_triangles, by_shape = (solve_job(j, options=PLAIN).states[0] for j in (job, smooth))
+    apart = by_shape.configuration.x - by_triangles.configuration.x
+    assert np.abs(apart).max() < 1e-8
+    assert by_shape.contact[0] == pytest.approx([0, 0, -1.0], abs=1e-6)
+    with pytest.raises(InputError, match="the body 'block' has a surface that is not of triangles"):
+        write_feb(smooth, tmp_path / "shape.feb")
+    with pytest.raises(InputError, match="the body 'block' has a surface that is not of triangles"):
+        solve_solid(smooth)
+
+
+def test_springs_with_a_toe_and_of_several_stiffnesses_pull_as_they_say(tmp_path):
+    law = SpringLaw(np.array([1e3, 2e3]), tension_only=True, toe=0.5e-3)
+    job, first = strip(), nodes_at(strip(), 0.0)[:2]
+    places = job.sheet.points[first] - np.array([4e-3, 0, 0])
+    strings = SpringSet.to_body("strings", law, first, 0, places, 4e-3)
+    load = NodalForce(nodes_at(job, LENGTH), np.array([0.1, 0, 0]), RAMP)
+    job = replace(
+        job, bodies=(body(),), held=fix_components(job, 1, 2), springs=(strings,), forces=(load,)
+    )
+    (state,) = solve_job(job, options=PLAIN).states
+    stretch = np.linalg.norm(state.configuration.x[first] - places, axis=1) - 4e-3
+    expected = [law.force(u)[i] for i, u in enumerate(stretch)]
+    assert state.spring_forces[0] == pytest.approx(expected, rel=1e-6)
+    assert state.spring_forces[0].sum() == pytest.approx(0.1 * len(load.nodes), rel=1e-6)
+    write_feb(change_job(job, height=THICK / 2 - THICK), tmp_path / "toe.feb")
+    back = read_feb(tmp_path / "toe.feb").springs  # a set to each stiffness, the toe a table
+    pulled = [s.law.force(u) for s, u in zip(back, stretch, strict=True)]
+    assert pulled == pytest.approx(expected, rel=0.01)
+
+
 def test_penetration_is_what_is_asked_for():
     job = contact_job(lift=THICK / 2)
     job = replace(job, held=(*job.held, PrescribedDisplacement(nodes_at(job, 0.0), 2)))
@@ -234,10 +291,10 @@ def test_penetration_is_what_is_asked_for():
 
 def test_nodes_that_a_body_carries_do_not_touch_it():
     job = contact_job(lift=THICK / 4)
-    job = replace(job, held=(), tied=(Tied(nodes_at(job, 0.0), 0),))
+    job = replace(job, held=(), ties=(Tied(nodes_at(job, 0.0), 0),))
     model = job_model(job, PLAIN)
     assert not np.isin(nodes_at(job, 0.0), model.base.contacts[0].nodes).any()
-    assert len(model.base.contacts[0].nodes) == len(job.points) - len(nodes_at(job, 0.0))
+    assert len(model.base.contacts[0].nodes) == len(job.sheet.points) - len(nodes_at(job, 0.0))
 
 
 def test_a_solve_that_fails_says_when_and_where():

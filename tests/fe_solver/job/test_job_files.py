@@ -14,10 +14,10 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.forces.springs import ROPE
 from fe_solver.hood.as_job import job_of_hood
-from fe_solver.job.job import Body, NodalForce, SpringLaw, SpringSet, Tied
-from fe_solver.job.mid_surface import move_to_mid_surface
+from fe_solver.job.job import NodalForce
+from fe_solver.job.model import move_to_mid_surface
 from fe_solver.job.solve import solve_job
-from fe_solver.materials.section import Section
+from fe_solver.supports import Body, SpringLaw, SpringSet, Tied
 from fe_solver.verification.febio.compare import quantities
 from tests.helpers.folders import TEST_DATA
 from tests.helpers.jobs import (
@@ -27,6 +27,7 @@ from tests.helpers.jobs import (
     RAMP,
     THICK,
     body,
+    change_job,
     nodes_at,
     rod_hood,
     roped_hood,
@@ -44,7 +45,7 @@ def test_a_hood_and_its_job_agree_and_so_does_the_file(tmp_path):
     c = answer.state.configuration
     middle = job_of_hood(hood, motion, tension, bones, on_face=False)
     (state,) = solve_job(middle, options=COARSE).states
-    moved = np.abs(c.x - middle.points).max()
+    moved = np.abs(c.x - middle.sheet.points).max()
     assert np.abs(state.configuration.x - c.x).max() < 0.01 * moved
     load = answer.load.wrench[0, answer.load.sources.index("contact"), :3]
     assert state.contact[0] == pytest.approx(load, abs=0.01 * np.abs(load).max())
@@ -67,7 +68,8 @@ def test_ropes_and_springs_with_a_toe_pull_the_same_in_a_file(tmp_path):
     c, points = answer.state.configuration, answer.state.solution.evaluation.points
     middle = job_of_hood(hood, motion, tension, bones, on_face=False)
     (state,) = solve_job(middle, options=COARSE).states
-    assert np.abs(state.configuration.x - c.x).max() < 0.01 * np.abs(c.x - middle.points).max()
+    moved = np.abs(c.x - middle.sheet.points).max()
+    assert np.abs(state.configuration.x - c.x).max() < 0.01 * moved
     of_ropes = [total(state, f"spring {i}", "rod") for i in range(1, len(middle.springs))]
     for group, found in ((0, total(state, "spring 0", "rod")), (ROPE, np.sum(of_ropes, axis=0))):
         own = points.gradient[points.group == group].sum(axis=0)
@@ -113,11 +115,11 @@ def test_stiff_contact_a_gap_and_thin_sheets_are_solved(packed, thin, gap, optio
     sheets stands still, as so few quads would buckle in zigzags where it turns."""
     job = read_feb(packed / "hood_over_rod.feb")
     still = tuple(Body(b.name, b.origin, b.vertices, b.triangles) for b in job.bodies)
-    job = replace(
+    job = change_job(
         job,
         bodies=still if thin < 1 else job.bodies,
-        thickness=thin * job.thickness,
-        height=thin * job.height,
+        thickness=thin * job.sheet.thickness,
+        height=thin * job.sheet.height,
         contacts=tuple(replace(c, gap=c.gap + gap) for c in job.contacts),
     )
     (state,) = solve_job(job, options=replace(COARSE, **options)).states
@@ -142,15 +144,11 @@ def test_what_a_job_cannot_say_of_a_hood_is_refused():
     hood, bones = rod_hood()
     with pytest.raises(InputError, match="surface is not given"):
         job_of_hood(hood, hood.rest, np.array([1.0]), {})
-    longer = np.tile([0.1, 0.0], (len(hood.model.quads), 1))
-    model = replace(hood.model, tables=replace(hood.model.tables, growth=longer))
-    with pytest.raises(InputError, match="extra length"):
-        job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
-    (patch,) = hood.model.section.patches
-    stiff = Section((replace(patch, bending=1e7 * np.eye(3)),))
-    model = replace(hood.model, section=stiff)
-    with pytest.raises(InputError, match="bending_stiffness"):
-        job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
+    longer = replace(hood.sheet, growth=np.tile([0.1, 0.0], (len(hood.model.quads), 1)))
+    stiff = replace(hood.sheet, parts=(replace(hood.sheet.parts[0], bending=1e7 * np.eye(3)),))
+    for sheet, words in ((longer, "extra length"), (stiff, "bending_stiffness"), (None, "cables")):
+        with pytest.raises(InputError, match=words):
+            job_of_hood(replace(hood, sheet=sheet), hood.rest, np.array([1.0]), bones)
 
 
 def test_heads_covered_by_less_than_the_back_are_refused_with_what_to_write(tmp_path):
@@ -170,8 +168,8 @@ def test_on_its_mid_surface_a_sheet_is_pulled_straight_and_springs_keep_their_sl
     job, end = strip(), nodes_at(strip(), LENGTH)
     pull = NodalForce(end, np.array([0.5 / len(end), 0, 0]), RAMP)
     tied = Tied(nodes_at(job, 0.0), 0)
-    job = replace(
-        job, height=job.height - THICK / 2, bodies=(body(),), tied=(tied,), forces=(pull,)
+    job = change_job(
+        job, height=job.sheet.height - THICK / 2, bodies=(body(),), ties=(tied,), forces=(pull,)
     )
     other = np.array([-1, int(end[1])])
     ends = SpringSet(
@@ -185,7 +183,7 @@ def test_on_its_mid_surface_a_sheet_is_pulled_straight_and_springs_keep_their_sl
     assert np.ptp(bent_.x[:, 2]) > 1e-4
     assert np.ptp(straight.x[:, 2]) < 1e-12
     moved = move_to_mid_surface(replace(job, springs=(ends,)))
-    assert moved.points[:, 2] == pytest.approx(-THICK / 2)
+    assert moved.sheet.points[:, 2] == pytest.approx(-THICK / 2)
     slack = np.hypot(LENGTH, 9e-3) - 0.03
     reach = np.hypot(LENGTH, 9e-3 + THICK / 2)
     assert moved.springs[0].length == pytest.approx([reach - slack, 0.01])

@@ -15,16 +15,17 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job import model
 from fe_solver.job.curves import LoadCurve
-from fe_solver.job.job import SpringLaw
 from fe_solver.job.model import JobOptions
 from fe_solver.job.results import write_job
 from fe_solver.job.solve import _advice, solve_job
 from fe_solver.q4ans.solve import alternatives, solve_solid
+from fe_solver.supports import SpringLaw
 from fe_solver.verification.febio.compare import Formulation, quantities, rows
 from fe_solver.verification.febio.figures import PUBLISHED
 from tests.helpers.jobs import (
     PLAIN,
     bending_job,
+    change_job,
     run,
     spring_job,
     strip,
@@ -39,14 +40,14 @@ def test_results_are_whole_and_can_be_read(tmp_path):
     mesh = meshio.read(folder / "state_001.vtu")
     x = result.states[1].configuration.x
     assert np.allclose(mesh.points, x)
-    assert np.allclose(mesh.point_data["displacement"], x - result.job.points)
+    assert np.allclose(mesh.point_data["displacement"], x - result.job.sheet.points)
     assert {"strain", "stress"} <= set(mesh.cell_data)
     assert (folder / "states.pvd").read_text().count("state_00") == 2
     with meshio.xdmf.TimeSeriesReader(folder / "states.xdmf") as reader:
         reader.read_points_cells()
         time, points, _ = reader.read_data(1)
     assert time == 1.0
-    assert np.allclose(points["displacement"], x - result.job.points)
+    assert np.allclose(points["displacement"], x - result.job.sheet.points)
     write_job(folder, result)
     assert [p.name for p in tmp_path.iterdir()] == ["bent"]
     (tmp_path / "mine").mkdir()
@@ -67,7 +68,7 @@ def test_the_force_of_every_spring_is_written(tmp_path):
 def test_published_figures_are_compared_by_their_names():
     figures = PUBLISHED["free_iso_2000"]
     X, ids = np.zeros((3, 3)), np.array([11, 1, 1271])
-    job = replace(strip(), points=X, node_ids=ids)
+    job = change_job(strip(), points=X, node_ids=ids)
     (state,) = solve_job(bending_job(), options=PLAIN).states
     moved = np.array([figures.displacement[i] for i in ids]) * 1e-3
     state = replace(
@@ -93,7 +94,9 @@ def test_the_command_solves_a_file_and_writes_its_result(tmp_path):
     assert "left out:" in done.output
     told = json.loads((tmp_path / "out" / "summary.json").read_text())
     (direct,) = solve_solid(read_feb(tmp_path / "bent.feb")).states
-    top = np.linalg.norm(direct.configuration.x - read_feb(tmp_path / "bent.feb").points, axis=1)
+    top = np.linalg.norm(
+        direct.configuration.x - read_feb(tmp_path / "bent.feb").sheet.points, axis=1
+    )
     assert told["states"][-1]["largest_displacement_mm"] == pytest.approx(1e3 * top.max(), rel=1e-6)
 
 
@@ -101,7 +104,9 @@ def test_a_file_bends_as_febios_shells_unless_told_otherwise(tmp_path):
     """At nu = 0.3 thickness locking makes a sheet (1 - nu)^2 / (1 - 2 nu) = 1.225 times as stiff in
     bending, less where it is narrow and curls."""
     job = bending_job()
-    write_feb(replace(job, height=job.height + job.thickness / 2), tmp_path / "bent.feb")
+    write_feb(
+        change_job(job, height=job.sheet.height + job.sheet.thickness / 2), tmp_path / "bent.feb"
+    )
     largest = []
     for words in ((), ("--own-shell",)):
         done = run("solve", tmp_path / "bent.feb", "--out", tmp_path / f"out{len(words)}", *words)
@@ -113,7 +118,7 @@ def test_a_file_bends_as_febios_shells_unless_told_otherwise(tmp_path):
 
 def test_the_nearest_is_advised_first():
     job = spring_job(SpringLaw(1e3), 1.0)
-    on_face = replace(job, height=job.height + job.thickness / 2)
+    on_face = change_job(job, height=job.sheet.height + job.sheet.thickness / 2)
     told = _advice(on_face, 3, alternatives(on_face))
     places = [told.index(w) for w in ("--element q4ans", "--mid-surface")]
     assert places == sorted(places)

@@ -29,8 +29,8 @@ from fe_solver.q4ans.element import (
 from fe_solver.q4ans.facets import Facets, cut, find_triangles, pressures
 from fe_solver.q4ans.laws import in_situ_strain, normal_modulus, solid_stress
 from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
+from fe_solver.verification.sheets import map_grid
 from tests.helpers.jobs import COARSE, LENGTH, THICK, WIDTH, E, strip
-from tests.helpers.shells import map_grid
 
 RNG = np.random.default_rng(5)
 RUBBER = Isotropic(E, 0.4)
@@ -149,7 +149,7 @@ def test_fanned_directors_do_not_thin_the_sheet():
 def tip(nu: float) -> float:
     """Deflection of a strip bent into a cylinder, over that of a plate."""
     job = strip(10, 1)
-    z, pairs = solid(job.points, job.quads)
+    z, pairs = solid(job.sheet.points, job.sheet.quads)
     _, K = assemble(z, pairs, Isotropic(E, nu))
     free = np.ones(z.shape, dtype=bool)
     free[:, 1] = False
@@ -297,9 +297,9 @@ def on_flat(turn=UPRIGHT, shift=ORIGIN) -> tuple[Facets, np.ndarray, np.ndarray,
     """A strip on a plane of two long triangles, its nodes 3 um deep at x = 0 and as far out of it
     at the other end; and the body's pose."""
     job = strip()
-    x = job.points + np.outer(2 * job.points[:, 0] / LENGTH - 1, [0, 0, 3e-6])
-    triangles, count = cut(1e-3 * FLAT.astype(float), 2e-3), len(job.quads)
-    facets = Facets(job.quads, np.full(count, -1), np.full(count, 2e11), 0, triangles)
+    x = job.sheet.points + np.outer(2 * job.sheet.points[:, 0] / LENGTH - 1, [0, 0, 3e-6])
+    triangles, count = cut(1e-3 * FLAT.astype(float), 2e-3), len(job.sheet.quads)
+    facets = Facets(job.sheet.quads, np.full(count, -1), np.full(count, 2e11), 0, triangles)
     return facets, x @ turn.T + shift, shift, turn
 
 

@@ -17,18 +17,8 @@ from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.elements.shell import shell_tables
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
-from fe_solver.job import model
 from fe_solver.job.curves import Drive
-from fe_solver.job.job import (
-    HeldDirector,
-    NodalForce,
-    PrescribedDisplacement,
-    Pressure,
-    ShellPart,
-    SpringLaw,
-    SpringSet,
-    Tied,
-)
+from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement, Pressure
 from fe_solver.job.model import JobOptions
 from fe_solver.job.results import write_job
 from fe_solver.job.solve import solve_job
@@ -37,6 +27,8 @@ from fe_solver.materials.fibres import ExponentialFamily
 from fe_solver.materials.linear import Isotropic, Orthotropic
 from fe_solver.q4ans.model import obstacles, solid_model
 from fe_solver.q4ans.solve import solve_solid
+from fe_solver.sheet import ShellPart
+from fe_solver.supports import SpringLaw, SpringSet, Tied
 from fe_solver.verification.febio.compare import ComparedQuantity, Formulation, quantities, rows
 from fe_solver.verification.febio.figures import PUBLISHED
 from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
@@ -49,6 +41,7 @@ from tests.helpers.jobs import (
     WIDTH,
     E,
     body,
+    change_job,
     contact_job,
     nodes_at,
     run,
@@ -66,9 +59,9 @@ CROSSED = CrossedFibres(TENDON, LIKE, 0.7)
 def low(**more):
     """A strip whose nodes lie on its lower face, tied at one end."""
     job = strip(10, 3)
-    height = np.full_like(job.height, THICK / 2)
+    height = np.full_like(job.sheet.height, THICK / 2)
     ties = (Tied(nodes_at(job, 0.0), 0),)
-    return replace(job, **{"height": height, "bodies": (body(),), "tied": ties, **more})
+    return change_job(job, **{"height": height, "bodies": (body(),), "ties": ties, **more})
 
 
 def end(job) -> np.ndarray:
@@ -101,15 +94,15 @@ def lock(law):
 
 
 def solve_locked(job):
-    parts = tuple(replace(p, law=lock(p.law)) for p in job.parts)
-    return solve_by_shell(replace(job, parts=parts))
+    parts = tuple(replace(p, law=lock(p.law)) for p in job.sheet.parts)
+    return solve_by_shell(change_job(job, parts=parts))
 
 
 def by_both(job, nodes, force, solve_other=solve_locked) -> float:
     """The displacement along the force with FEBio's element, over that with our shell."""
     way, node = np.array(force) / np.linalg.norm(force), nodes(job)[0]
     shell = solve_other(job)
-    moved = [s.configuration.x[node] - job.points[node] for s in (last(job), shell)]
+    moved = [s.configuration.x[node] - job.sheet.points[node] for s in (last(job), shell)]
     return float(moved[0] @ way / (moved[1] @ way))
 
 
@@ -123,7 +116,7 @@ def test_a_point_load_finds_the_element_stiffer_the_less_its_volume_gives(monkey
     """Where a node is pulled the strains are uneven, and the thickness, that depends on the nodes,
     cannot follow them; it is locked in bending, too.  Beside our shell with FEBio's strain in the
     plane: alike at nu = 0, 8 % at nu = 0.4, two fifths where the volume hardly gives."""
-    monkeypatch.setattr(model, "shell_tables", partial(shell_tables, bilinear=True))
+    monkeypatch.setattr("fe_solver.sheet.shell_tables", partial(shell_tables, bilinear=True))
 
     def corner(job):
         return end(job)[:1]
@@ -141,23 +134,23 @@ def test_a_point_load_finds_the_element_stiffer_the_less_its_volume_gives(monkey
 def test_triangles_and_parts_are_solved_too():
     """Half the strip of another material and cut into triangles: both carry the load in turn."""
     job = low()
-    edge = end(job)[np.argsort(job.points[end(job), 1])]
+    edge = end(job)[np.argsort(job.sheet.points[end(job), 1])]
     even = [
         NodalForce(edge[[i, i + 1]], np.array([1e-5, 0, 0]), RAMP) for i in range(len(edge) - 1)
     ]
     job = replace(job, forces=tuple(even))
     whole = last(job).configuration.x[end(job), 0].mean() - LENGTH
-    quads = job.quads
+    quads = job.sheet.quads
     first, second = quads[:, [0, 1, 2, 2]], quads[:, [0, 2, 3, 3]]
-    cut = job.points[quads].mean(axis=1)[:, 0] > LENGTH / 2
+    cut = job.sheet.points[quads].mean(axis=1)[:, 0] > LENGTH / 2
     mixed = np.concatenate([quads[~cut], first[cut], second[cut]])
     count, ne = int(cut.sum()), len(mixed)
-    halves = replace(
+    halves = change_job(
         job,
         quads=mixed,
         element_ids=np.arange(1, ne + 1),
         part=np.repeat([0, 1], [ne - 2 * count, 2 * count]),
-        parts=(*job.parts, ShellPart("soft", Isotropic(E / 2, 0.0))),
+        parts=(*job.sheet.parts, ShellPart("soft", Isotropic(E / 2, 0.0))),
         thickness=np.full((ne, 4), THICK),
         height=np.full((ne, 4), THICK / 2),
         fibre=np.tile([1.0, 0, 0], (ne, 1)),
@@ -169,15 +162,15 @@ def test_triangles_and_parts_are_solved_too():
 def test_a_thickness_that_varies_is_followed():
     """A wedge, bent."""
     job = add_load(end, [0, 0, 0.01])
-    share = job.points[job.quads][..., 0] / LENGTH
+    share = job.sheet.points[job.sheet.quads][..., 0] / LENGTH
     thickness = THICK * (1 + share)
-    job = replace(job, thickness=thickness, height=thickness / 2)
+    job = change_job(job, thickness=thickness, height=thickness / 2)
     assert by_both(job, end, [0, 0, 0.01]) == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_pressed_strip_carries_its_load_on_febios_penalty():
     job = contact_job(height=THICK / 2)
-    area = node_areas(job.points, job.quads) / (LENGTH * WIDTH)
+    area = node_areas(job.sheet.points, job.sheet.quads) / (LENGTH * WIDTH)
     loads = [NodalForce(np.array([i]), np.array([0, 0, -100 * a])) for i, a in enumerate(area)]
     job = replace(job, forces=tuple(loads))
     found = last(job)
@@ -213,7 +206,7 @@ def test_a_hood_over_a_rod_by_both(tmp_path):
 
 def test_springs_pull_as_the_load_does():
     job = spring_job(SpringLaw(2e3), 1.0)
-    job = replace(job, height=np.full_like(job.height, THICK / 2))
+    job = change_job(job, height=np.full_like(job.sheet.height, THICK / 2))
     found = last(job)
     assert found.spring_forces[0] == pytest.approx([1.0], rel=1e-5)
     assert found.wrench["spring 0"][0, 0] == pytest.approx(1.0, rel=1e-5)
@@ -244,7 +237,7 @@ def test_a_turned_body_carries_the_sheet_with_it():
     turn = (Drive(), Drive(np.pi / 2, RAMP), Drive())
     found = solve_solid(low(bodies=(body(rotation=turn),)))
     (state,) = found.states
-    x = found.job.points
+    x = found.job.sheet.points
     assert state.configuration.x == pytest.approx(
         np.column_stack([x[:, 2], x[:, 1], -x[:, 0]]), abs=1e-8
     )
@@ -272,7 +265,7 @@ def test_a_given_displacement_bends_through_all_times():
 
 def test_a_pressure_follows_its_quads():
     job = low()
-    quads = np.arange(len(job.quads))
+    quads = np.arange(len(job.sheet.quads))
     load = Pressure(quads, np.ones_like(quads), Drive(100.0, RAMP))
     found = last(replace(job, pressures=(load,)))
     assert found.applied[2] == pytest.approx(-100 * LENGTH * WIDTH, rel=0.02)
@@ -290,16 +283,16 @@ def test_the_faces_strain_by_bending_as_a_plates_do():
 
 def grip_ends(job, slide: float = 0.0):
     """Ends that slide across alone, one of them pulled by `slide` (m); a flat lower face."""
-    start, side = nodes_at(job, 0.0), np.flatnonzero(job.points[:, 1] == 0)
+    start, side = nodes_at(job, 0.0), np.flatnonzero(job.sheet.points[:, 1] == 0)
     pulled = PrescribedDisplacement(end(job), 0, Drive(slide, RAMP))
     across = (
         PrescribedDisplacement(side, 1),
-        PrescribedDisplacement(np.arange(len(job.points)), 2),
+        PrescribedDisplacement(np.arange(len(job.sheet.points)), 2),
     )
     directors = ((start, 0), (end(job), 0), (side, 1))
     return replace(
         job,
-        tied=(),
+        ties=(),
         held=(PrescribedDisplacement(start, 0), pulled, *across),
         held_directors=tuple(HeldDirector(*d) for d in directors),
     )
@@ -333,14 +326,16 @@ def test_two_fibre_families_are_pulled_as_those_of_our_shell(stretch, tolerance)
     """At equal angles to the pull; with one of them stretched in situ the strip shears, and the
     elements differ near its grips."""
     job = grip_ends(low(parts=(ShellPart("skin", CROSSED, stretch),)), 0.05 * LENGTH)
-    job = replace(job, fibre=np.tile([np.cos(0.35), -np.sin(0.35), 0], (len(job.quads), 1)))
+    job = change_job(
+        job, fibre=np.tile([np.cos(0.35), -np.sin(0.35), 0], (len(job.sheet.quads), 1))
+    )
     found, shell = (s.fields.stress.mean(axis=0) for s in (last(job), solve_by_shell(job)))
     assert found == pytest.approx(shell, abs=tolerance * np.abs(shell).max())
 
 
 def valley(job) -> np.ndarray:
     """A strip bent to a radius less than its thickness, on the side to which that grows."""
-    x, y, _ = job.points.T
+    x, y, _ = job.sheet.points.T
     angle, radius = 2 * (x / LENGTH - 0.5), 0.5 * THICK
     return np.column_stack([radius * np.sin(angle), y, -radius * np.cos(angle)])
 
@@ -352,7 +347,7 @@ def loose_director(job):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda j: {"height": 0 * j.height}, "do not all lie on one face"),
+        (lambda j: {"height": 0 * j.sheet.height}, "do not all lie on one face"),
         (lambda j: {"parts": (ShellPart("skin", febio_law(np.inf)),)}, "'skin'.*incompressible"),
         (
             lambda j: {"parts": (ShellPart("skin", replace(CROSSED, angle=np.array([0.1, 0.2]))),)},
@@ -366,12 +361,12 @@ def test_what_is_not_covered_is_said(change, words):
     job = low()
     solid_model(job)
     with pytest.raises(InputError, match=words):
-        solve_solid(replace(job, **change(job)))
+        solve_solid(change_job(job, **change(job)))
 
 
 def test_a_sheet_that_can_move_and_one_that_finds_no_rest_are_told(monkeypatch):
     job = spring_job(SpringLaw(2e3), 0.0)
-    job = replace(job, height=np.full_like(job.height, THICK / 2), springs=())
+    job = change_job(job, height=np.full_like(job.sheet.height, THICK / 2), springs=())
     with pytest.raises(InputError, match="nothing resists"):
         solve_solid(job)
     job = add_load(end, [0, 0, 0.01])
@@ -392,7 +387,7 @@ def test_the_command_takes_febios_element_where_it_covers_the_model(tmp_path):
     write_feb(add_load(end, [0, 0, 0.01]), tmp_path / "strip.feb")
     job = read_feb(tmp_path / "strip.feb")
     assert obstacles(job) == []
-    moved = np.linalg.norm(last(job).configuration.x - job.points, axis=1).max()
+    moved = np.linalg.norm(last(job).configuration.x - job.sheet.points, axis=1).max()
     for words, reason in (
         ((), "FEBio's shell and contact (q4ans), which cover all of the model"),
         (("--element", "q4ans"), "FEBio's shell and contact, since --element q4ans asks for them"),
@@ -423,7 +418,7 @@ def rubbed():
 def bent():
     """A strip thicker than its radius."""
     job = add_load(end, [0, 0, 1e-6])
-    return replace(job, points=valley(job))
+    return change_job(job, points=valley(job))
 
 
 @pytest.mark.parametrize(
@@ -455,7 +450,7 @@ def test_options_of_our_own_shell_are_refused_with_febios(tmp_path):
 
 def test_a_result_names_the_body_that_bears_what_is_held(tmp_path):
     job = spring_job(SpringLaw(2e3), 1.0)
-    job = replace(job, height=np.full_like(job.height, THICK / 2))
+    job = change_job(job, height=np.full_like(job.sheet.height, THICK / 2))
     folder = write_job(tmp_path / "out", solve_solid(job))
     told = json.loads((folder / "summary.json").read_text())
     assert set(told["states"][-1]["force_on_bodies"]) == {"bone", "ground"}

@@ -18,10 +18,11 @@ from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.newton_step import LONG, descent_step, factorise, limit_step, newton_step
 from fe_solver.solver.residual import residual_norm
+from fe_solver.supports import springs_of
 from fe_solver.surfaces.spline_distance import Sphere
-from tests.helpers import shells
-from tests.helpers.shells import NO_TENSION, at_rest, clamp, guide, plate, sheet
-from tests.helpers.straps import TENSION, TIGHT, join_springs, perturb, springs, strap
+from fe_solver.verification import sheets
+from fe_solver.verification.sheets import NO_TENSION, at_rest, clamp, guide, plate, sheet
+from tests.helpers.straps import TENSION, TIGHT, perturb, springs, strap
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +182,7 @@ def test_a_sheet_that_nothing_holds_is_refused():
     X, quads = plate(1.0, 1.0, 2, 2)
     model = replace(sheet(X, quads, 1.0, 0.0, 0.5), dead=np.tile([0.0, 0, -1e-3], (9, 1)))
     with pytest.raises(ConvergenceError, match="free to move"):
-        solve(model, at_rest(model), NO_TENSION, shells.BENCHMARK)
+        solve(model, at_rest(model), NO_TENSION, sheets.BENCHMARK)
 
 
 def test_a_sheet_hangs_on_its_taut_springs():
@@ -189,9 +190,8 @@ def test_a_sheet_hangs_on_its_taut_springs():
     X, quads = plate(20e-3, 10e-3, 4, 2)
     corners = np.flatnonzero(np.isin(X[:, 0], [0, 20e-3]) & np.isin(X[:, 1], [0, 10e-3]))
     up = np.array([0.0, 0, 10e-3])
-    held = join_springs(
-        springs(corners, 0, X[corners] + up, 1e3, 10e-3, only=True),
-        springs(corners, 0, X[corners] - up, 1e3, 10e-3, only=True),
+    held = springs_of(
+        [springs(corners, 0, X[corners] + z, 1e3, 10e-3, only=True) for z in (up, -up)]
     )
     dead = np.tile([0.0, 0, -0.01], (len(X), 1))
     model = replace(sheet(X, quads, 1e8, 0.3, 0.5e-3), springs=held, dead=dead)
@@ -291,9 +291,9 @@ def test_a_tangent_made_later_is_the_same(model, solved, convex):
 def test_a_node_that_leaves_a_bone_is_put_where_its_force_holds_it():
     """One node of a floating sheet on a floor, pressed at depth b with c b^2 and let go to a force
     of a hundredth: Newton halves b, b/10 is the answer."""
-    X, quads = shells.map_grid(2, 2, lambda uv: np.column_stack([0.01 * uv, 0 * uv[:, 0]]))
+    X, quads = sheets.map_grid(2, 2, lambda uv: np.column_stack([0.01 * uv, 0 * uv[:, 0]]))
     model = sheet(X, quads, 1e3, 0.3, 0.1e-3)
-    contact = shells.contact(model, Sphere(np.array([0, 0, -1.0]), 1.0), np.array([0]), 1e9, 1e-4)
+    contact = sheets.contact(model, Sphere(np.array([0, 0, -1.0]), 1.0), np.array([0]), 1e9, 1e-4)
     model = replace(model, contacts=(contact,))
     start = at_rest(model)
     e = model.evaluate(start, NO_TENSION, tangent=False)

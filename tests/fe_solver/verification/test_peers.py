@@ -13,7 +13,7 @@ import pytest
 from cosim.errors import CosimError
 from fe_solver.verification import json_command, peers
 from fe_solver.verification.paths import halving_order, limit
-from tests.helpers.shells import linear_response
+from fe_solver.verification.sheets import linear_response
 
 NEEDS_SIGNALS = pytest.mark.skipif(sys.platform == "win32", reason="ends by a signal")
 ANSWER = peers.Answer(-5e-3, 20, 0.1, "superlu")

@@ -1,0 +1,203 @@
+"""One description of a sheet, from which a job, a hood and a verification make the solver's model.
+
+Lengths in m, stresses in Pa; an element's normal is right-handed about its corners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from cosim.errors import InputError
+from cosim.port import Array, Ints
+from fe_solver.elements.kinds import kind_of
+from fe_solver.elements.mesh_geometry import node_directors, node_means
+from fe_solver.elements.shell import shell_tables
+from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
+from fe_solver.materials.linear import Law
+from fe_solver.materials.section import Patch, Section, join_sections
+from fe_solver.materials.tension_field import TensionField
+from fe_solver.solver.model import ShellModel
+
+EDGES = {"x0": (0, -1), "x1": (0, 1), "y0": (1, -1), "y1": (1, 1)}
+"""Axis and sense of the ends of a sheet."""
+ON_EDGE = 1e-6
+"""Share of the sheet's size within which a node lies on an edge."""
+
+
+@dataclass(frozen=True)
+class ShellPart:
+    """Shell elements of one material."""
+
+    name: str
+    law: Law | TensionField
+    """Its parameters have shape (k, 1) or (k, g) where they differ between the part's k elements
+    or their g Gauss points."""
+    in_situ_stretch: float = 1.0
+    """Of the fibres, in the sheet as it is laid."""
+    bending: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    """(3, 3) Pa, moduli of bending besides the law's own."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A sheet as it is laid: its mesh, materials and thickness."""
+
+    points: Array
+    """(n, 3) m, the nodes."""
+    quads: Ints
+    """(ne, 4), a triangle as (a, b, c, c), or (ne, 9): nodes of the elements."""
+    parts: tuple[ShellPart, ...]
+    """The materials."""
+    part: Ints
+    """(ne,) index of each element's part."""
+    thickness: Array
+    """m: (ne, k) at the elements' nodes, or (ne,) where it is even over each element."""
+    fibre: Array
+    """(ne, 3) directions, or (ne, g, 3) at the Gauss points."""
+    height: Array = field(default_factory=lambda: np.zeros(()))
+    """(ne, k) m at the elements' nodes, or one for all: how far along the director the mid-surface
+    lies off the nodes."""
+    growth: Array | None = None
+    """(ne, 2) along the fibres and across: stress-free length over that laid, less one, of elements
+    whose fibres have no stretch in situ."""
+    lift: Array | float = 0.0
+    """(n,) m or one for all: how much higher than its face a node touches a body."""
+    normals: Array | None = None
+    """(n, 3) unit directors; None takes the mean normals of the elements at each node."""
+    node_ids: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    """(n,) numbers by which the user knows the nodes; from 0 where none are given."""
+    element_ids: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    """(ne,) numbers by which the user knows the elements; from 0 where none are given."""
+
+    def __post_init__(self) -> None:
+        n, ne = len(self.points), len(self.quads)
+        if np.ndim(self.height) == 0:
+            object.__setattr__(self, "height", np.full(self.quads.shape, float(self.height)))
+        for name, count in (("node_ids", n), ("element_ids", ne)):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.arange(count))
+
+    def node(self, index: int) -> str:
+        """Return a node's name, as its user knows it."""
+        return f"node {self.node_ids[index]}"
+
+    def element(self, index: int) -> str:
+        """Return an element's name, as its user knows it, with its part."""
+        return f"element {self.element_ids[index]} (part {self.parts[self.part[index]].name!r})"
+
+    def edge(self, name: str) -> Ints:
+        """Return the nodes (k,) with the least x ("x0"), the largest ("x1"), or so of y ("y0",
+        "y1").  Raises InputError for another name."""
+        if name not in EDGES:
+            raise InputError(f"a sheet has the edges {', '.join(EDGES)}, not {name!r}")
+        axis, sense = EDGES[name]
+        reach = sense * self.points[:, axis]
+        size = float(np.ptp(self.points, axis=0).max())
+        return np.flatnonzero(reach >= reach.max() - ON_EDGE * size)
+
+    @cached_property
+    def directors(self) -> Array:
+        """The nodes' unit directors, (n, 3)."""
+        return node_directors(self.points, self.quads) if self.normals is None else self.normals
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """The name (ne,) of each element's part."""
+        return tuple(self.parts[i].name for i in self.part)
+
+    @property
+    def stretch(self) -> Array:
+        """The stretch (ne,) of the fibres in situ."""
+        return np.array([part.in_situ_stretch for part in self.parts])[self.part]
+
+    @property
+    def stress_free_growth(self) -> Array:
+        """How much the sheet grows along the fibres and across if it is let free, (ne, 2)."""
+        in_situ = in_situ_growth(self.stretch)
+        if self.growth is None:
+            return in_situ
+        return np.where(self.stretch[:, None] != 1.0, in_situ, self.growth)
+
+    @cached_property
+    def section(self) -> Section:
+        """The materials, with the thickness of the stress-free sheet."""
+        element, laid = kind_of(self.quads), stress_free_thickness(self.thickness, self.stretch)
+        if laid.ndim == 1:
+            thickness = np.tile(laid[:, None], (1, len(element.gauss)))
+        else:
+            thickness = laid @ np.stack([element.shape(r, s)[0] for r, s in element.gauss]).T
+        elements = [np.flatnonzero(self.part == i) for i in range(len(self.parts))]
+        return join_sections(
+            [
+                Patch(of_part, part.law, thickness[of_part], bending=part.bending)
+                for of_part, part in zip(elements, self.parts, strict=True)
+                if len(of_part)
+            ]
+        )
+
+    def moved(self, over: Array) -> Array:
+        """Return the nodes moved along their directors by the mean at each of `over` (ne, k) m,
+        (n, 3) m."""
+        mean = node_means(over, self.quads, len(self.points))
+        return self.points + mean[:, None] * self.directors
+
+    def model(self, **more: Any) -> ShellModel:
+        """Return the solver's model of the sheet, with `more` of `ShellModel`'s fields: what holds,
+        touches and pulls it."""
+        X, D = self.points[self.quads], self.directors[self.quads]
+        return ShellModel(
+            self.quads,
+            self.points,
+            self.directors,
+            shell_tables(X, D, self.fibre, self.stress_free_growth, self.height),
+            self.section,
+            regions=self.regions,
+            node_ids=self.node_ids,
+            **more,
+        )
+
+
+def grid(nx: int, ny: int) -> tuple[Array, Ints]:
+    """Return nodes (n, 2) of the unit square, x slowest, and its quads (nx ny, 4)."""
+    x, y = np.meshgrid(np.linspace(0, 1, nx + 1), np.linspace(0, 1, ny + 1), indexing="ij")
+    node = np.arange((nx + 1) * (ny + 1)).reshape(nx + 1, ny + 1)
+    corners = [node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]]
+    return np.column_stack([x.ravel(), y.ravel()]), np.stack([c.ravel() for c in corners], axis=1)
+
+
+def even_sheet(
+    points: Array,
+    quads: Ints,
+    law: Law | TensionField,
+    thickness: float | Array,
+    *,
+    fibre: Sequence[float] = (1.0, 0.0, 0.0),
+    **more: Any,
+) -> Sheet:
+    """Return a sheet of one law through points (n, 3) m, of one thickness (m) or that (n,) of its
+    nodes, its fibres along one direction; `more` are other fields of `Sheet`."""
+    ne = len(quads)
+    return Sheet(
+        points,
+        quads,
+        (ShellPart("sheet", law),),
+        np.zeros(ne, dtype=np.intp),
+        np.broadcast_to(thickness, (len(points),))[quads],
+        np.tile(np.asarray(fibre, dtype=float), (ne, 1)),
+        **more,
+    )
+
+
+def plate(
+    length: float, width: float, nx: int, ny: int, law: Law | TensionField, thickness: float
+) -> Sheet:
+    """Return a flat rectangle of nx by ny quads in the x-y plane, one corner at the origin, its
+    `length` (m), and its fibres, along x; normals along z."""
+    uv, quads = grid(nx, ny)
+    points = np.column_stack([uv * [length, width], np.zeros(len(uv))])
+    return even_sheet(points, quads, law, thickness)
