@@ -268,7 +268,7 @@ def _lay(
 
 
 def _intrinsic_end(stations: Array, quadratic: bool) -> float:
-    """mm, the row of corners at which the intrinsic tendons' ropes end."""
+    """The station, mm, of the row of corners at which the intrinsic tendons' ropes end."""
     corners = stations[:: 2 if quadratic else 1]
     return float(corners[corners >= INTRINSIC_END - 1e-6][0])
 

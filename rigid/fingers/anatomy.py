@@ -115,9 +115,10 @@ def extensor(row: str, bands: Sequence[str], central: float) -> tuple[Way, ...]:
 def eyelets(
     rows: Mapping[str, Mapping[str, Row]], tendons: Mapping[str, str], along: float, across: float
 ) -> dict[str, Vector]:
-    """m distal of the MCP, dorsal and radial, by tendon: the proximal point of its MCP row, the
-    last that the metacarpal holds (An's: where it passes the deep transverse metacarpal ligament).
-    `along`, `across`: m, the unit of the tables along the finger and across it."""
+    """Points that hold the intrinsic tendons, m distal of the MCP, dorsal and radial, by tendon:
+    the proximal point of its MCP row, the last that the metacarpal holds (An's: where it passes the
+    deep transverse metacarpal ligament). `along`, `across`: m, the unit of the tables along the
+    finger and across it."""
     unit = np.array([along, across, across])
     return {name: vector(unit * rows["MCP"][row][0]) for name, row in tendons.items()}
 
@@ -219,7 +220,8 @@ def _beside(radius: float) -> Array:
 
 
 def _distance(start: Array, end: Array, angle: float) -> float:
-    """m, dorsal of the joint's centre positive, of the straight line in the plane of flexion."""
+    """The distance, m, of the straight line in the plane of flexion from the joint's centre, dorsal
+    positive."""
     c, s = np.cos(angle), np.sin(angle)
     p, d = start[[0, 2]], np.array([[c, s], [-s, c]]) @ end[[0, 2]]
     along = (d - p) / np.linalg.norm(d - p)

@@ -122,7 +122,7 @@ Turned = tuple[float, Array, Array]
 
 @compile_kernel
 def _skew(a: Array) -> Array:
-    """(3, 3), which times b is a x b."""
+    """The matrix (3, 3) that times b is a x b."""
     out = np.zeros((3, 3))
     out[0, 1], out[0, 2], out[1, 2] = -a[2], a[1], -a[0]
     out[1, 0], out[2, 0], out[2, 1] = a[2], -a[1], a[0]

@@ -134,8 +134,8 @@ class ReducedPotential:
         )
 
     def slips(self, angle: Array, torque: Array) -> Array:
-        """(..., 2) N, central and terminal, at angles (..., n) and torques (..., n); a slip bears
-        tension alone."""
+        """The slips' forces (..., 2) N, central and terminal, at angles (..., n) and torques (...,
+        n); a slip bears tension alone."""
         found = np.einsum("...ba,sba->...s", self.slip_rows(angle, torque), self.slip)
         return np.maximum(found, 0.0)
 
@@ -144,17 +144,17 @@ class ReducedPotential:
         return dict(zip(SLIPS, map(float, self.slips(angle, torque)), strict=True))
 
     def slip_rows(self, angle: Array, torque: Array) -> Array:
-        """(..., B, 1 + n), of which the slips' forces are sums."""
+        """The terms (..., B, 1 + n) of which the slips' forces are sums."""
         b = monomials(self.slip_powers, self.scaled_angle(angle)).value
         one = np.ones((*torque.shape[:-1], 1))
         return b[..., None] * np.concatenate([one, torque], axis=-1)[..., None, :]
 
     def scaled_angle(self, angle: Array) -> Array:
-        """(..., n), -1 to 1 in the box."""
+        """The angles (..., n) scaled to -1 to 1 in the box."""
         return (angle - (self.low + self.high) / 2) / self.half
 
     def torques(self, angle: Array, tension: Array) -> Array:
-        """(..., n) N m, as of `derived`, without the rest."""
+        """The joint torques (..., n) N m, as of `derivatives`, without the rest."""
         shape = np.broadcast_shapes(angle.shape[:-1], tension.shape[:-1])
         states = [
             np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1])

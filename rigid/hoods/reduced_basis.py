@@ -65,8 +65,8 @@ def legendre_of(most: int, at: Array) -> Functions:
 
 
 def to_powers(degrees: Numbers) -> Array:
-    """(A, A): each product of Legendre polynomials as a sum of products of powers, for degrees
-    (A, n) that hold all lower ones of each."""
+    """The matrix (A, A) that writes products of Legendre polynomials as sums of products of powers,
+    for degrees (A, n) that hold all lower ones of each."""
     most = int(degrees.max(initial=0))
     table = np.zeros((most + 1, most + 1))
     for k, row in enumerate(np.eye(most + 1)):
@@ -134,7 +134,8 @@ def derivatives(index: NDArray[np.int64], table: Array) -> Array:
 
 
 def orders(factor: Array) -> Array:
-    """(3, n, 1): factors (n,) of the variables to the powers 0, 1 and 2 of a derivative's order."""
+    """The factors (n,) of the variables, (3, n, 1), to the powers 0, 1 and 2 of a derivative's
+    order."""
     return np.stack([np.ones_like(factor), factor, factor**2])[..., None]
 
 

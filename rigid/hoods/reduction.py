@@ -103,7 +103,8 @@ ENOUGH = 9
 
 
 def angle_powers(moves: NDArray[np.bool_], order: Order) -> NDArray[np.intp]:
-    """(A, n) whole numbers, of the joints (n,) that move or are held."""
+    """The powers (A, n) of the potential's terms, whole numbers, of the joints (n,) that move or
+    are held."""
     most = [order.angle if move else order.held for move in moves]
     powers = np.array(list(product(*(range(p + 1) for p in most))))
     held = powers[:, ~moves].sum(axis=1)
@@ -113,7 +114,7 @@ def angle_powers(moves: NDArray[np.bool_], order: Order) -> NDArray[np.intp]:
 
 
 def tension_terms(muscles: int, order: Order) -> NDArray[np.intp]:
-    """(G, m): none, each muscle alone, and pairs of different ones."""
+    """The terms (G, m) in the tensions: none, each muscle alone, and pairs of different ones."""
     one, functions = np.eye(muscles, dtype=int), (1, 2) if order.toe is None else (1, 2, 3)
     alone = [k * row for row in one for k in functions]
     pairs = [one[i] + one[k] for i in range(muscles) for k in range(i)]
@@ -169,14 +170,15 @@ def reduce_hood(
 
 
 def energy(potential: ReducedPotential, data: Sample, maps: Array | None) -> Array:
-    """(A, G) J of a potential's terms; see `reduce_hood`."""
+    """The coefficients (A, G) J of a potential's terms; see `reduce_hood`."""
     sizes, tip = _sizes(data), tip_rows(data, maps)
     found = least_squares(lambda: _rows(potential, data, sizes, tip))
     return to_powers(potential.angle_powers).T @ found.reshape(potential.energy.shape)
 
 
 def slips(potential: ReducedPotential, data: Sample) -> Array:
-    """(2, B, 1 + n) of the slips, from the torques of the samples; zero for a hood without them."""
+    """The coefficients (2, B, 1 + n) of the slips, from the torques of the samples; zero for a hood
+    without them."""
     if np.isnan(data.slip).any():
         return np.zeros_like(potential.slip)
     rows = potential.slip_rows(data.angle, data.torque).reshape(len(data.slip), -1)
@@ -189,7 +191,8 @@ def _at_once(rows: Array, wanted: Array) -> Rows:
 
 
 def least_squares(parts: Callable[[], Rows]) -> Array:
-    """(k,) over columns of equal length.  Raises InputError where the rows tell too little."""
+    """The solution (k,) by columns scaled to equal length.  Raises InputError where the rows tell
+    too little."""
     gram, right = np.zeros((1, 1)), np.zeros(1)
     for rows, wanted in parts():
         gram, right = gram + rows.T @ rows, right + rows.T @ wanted
@@ -238,8 +241,8 @@ def _sizes(data: Sample) -> _Sizes:
 
 
 def tip_rows(data: Sample, maps: Array | None) -> Array:
-    """(s, r, n), 1/(N m): TIP times fingertip forces over their size, by joint torques; none
-    without maps."""
+    """The rows (s, r, n), 1/(N m), of the fingertip's force: TIP times fingertip forces over their
+    size, by joint torques; none without maps."""
     if maps is None:
         return np.zeros((len(data.angle), 0, data.angle.shape[1]))
     size = np.linalg.norm(np.einsum("sij,sj->si", maps, data.torque), axis=1)

@@ -141,8 +141,8 @@ def two_band(
 
 
 def excursions(angle: Array, table: Mapping[tuple[str, str], Entry] = TABLE_1) -> Array:
-    """(..., 5) m, of `MUSCLES` at joint angles (..., 3) rad, positive where a muscle shortens (3):
-    that of ED with the larger shift of either band (5)."""
+    """The excursions (..., 5) m of `MUSCLES` at joint angles (..., 3) rad, positive where a muscle
+    shortens (3): that of ED with the larger shift of either band (5)."""
     out = arms(direct_arms(table)).lengths(angle)
     bands = arms([middle_band(table), lateral_band(table)]).lengths(angle)
     out[..., 0] += bands.min(axis=-1)
@@ -152,18 +152,19 @@ def excursions(angle: Array, table: Mapping[tuple[str, str], Entry] = TABLE_1) -
 def shift_difference(
     pip: Array, dip: Array, table: Mapping[tuple[str, str], Entry] = TABLE_1
 ) -> Array:
-    """m, e of (15) at angles in rad; zero on the coupling curve (6)."""
+    """The difference of the bands' shifts, m: e of (15) at angles in rad; zero on the coupling
+    curve (6)."""
     return table["ED", "PIP"].slope * pip**2 - table["ED", "DIP"].radius * dip
 
 
 def band_forces(
     total: Array, difference: Array, elasticity: float, lateral_share: float
 ) -> tuple[Array, Array]:
-    """N, of the middle and the lateral band (16), neither below zero (18)."""
+    """The forces, N, of the middle and the lateral band (16), neither below zero (18)."""
     middle = np.clip((1.0 - lateral_share) * total + elasticity * difference, 0.0, total)
     return middle, total - middle
 
 
 def coupled_dip(pip: Array, table: Mapping[tuple[str, str], Entry] = TABLE_1) -> Array:
-    """rad, the DIP angle on the coupling curve (6): a parabola in the PIP angle (rad)."""
+    """The DIP angle, rad, on the coupling curve (6): a parabola in the PIP angle (rad)."""
     return table["ED", "PIP"].slope / table["ED", "DIP"].radius * pip**2

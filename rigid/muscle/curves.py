@@ -49,7 +49,7 @@ class Knot(NamedTuple):
 
 
 def corner(first: Knot, last: Knot, curviness: float) -> Array:
-    """(2, 6) control points x, y of the segment between two knots; curviness 0 to 1 (sharp)."""
+    """The control points x, y (2, 6) of the segment between two knots; curviness 0 to 1 (sharp)."""
     turn = first.slope - last.slope
     if abs(turn) > np.sqrt(np.finfo(float).eps):
         x = (last.y - first.y - last.x * last.slope + first.x * first.slope) / turn
@@ -71,7 +71,8 @@ class Curve:
 
     @staticmethod
     def through(knots: Sequence[Knot], curviness: float | Sequence[float]) -> Curve:
-        """Raises InputError where a corner would not be a function of x or turn back."""
+        """The curve through the knots.  Raises InputError where a corner would not be a function of
+        x or turn back."""
         bends = np.broadcast_to(curviness, len(knots) - 1)
         pairs = zip(knots[:-1], knots[1:], bends, strict=True)
         control = np.array([corner(a, b, float(c)) for a, b, c in pairs])
@@ -86,12 +87,12 @@ class Curve:
 
     @cached_property
     def power(self) -> Array:
-        """(2, segments, 6) rising power coefficients of x(u) and y(u), u in [0, 1]."""
+        """The rising power coefficients (2, segments, 6) of x(u) and y(u), u in [0, 1]."""
         return np.moveaxis(self.control @ BERNSTEIN.T, 1, 0)
 
     @property
     def knots(self) -> Array:
-        """(2, segments + 1) the knots' x and y."""
+        """The knots' x and y, (2, segments + 1)."""
         return np.concatenate([self.control[:, :, 0].T, self.control[-1:, :, 5].T], axis=1)
 
     @property
@@ -101,7 +102,7 @@ class Curve:
 
     @property
     def end_slopes(self) -> Array:
-        """(2,) slopes of the linear continuation below and above."""
+        """The slopes (2,) of the linear continuation below and above."""
         first, last = self.control[0, :, 1] - self.control[0, :, 0], self.control[-1, :, 5]
         last = last - self.control[-1, :, 4]
         return np.array([first[1] / first[0], last[1] / last[0]])

@@ -64,7 +64,7 @@ def fan(finger: MujocoFinger, angle: Array) -> Fan:
 
 
 def _mass(model: mujoco.MjModel, angle: Array) -> Array:
-    """(nq, nq) kg m2."""
+    """The joints' mass matrix (nq, nq) kg m2."""
     data = mujoco.MjData(model)
     data.qpos[:] = angle
     mujoco.mj_forward(model, data)
