@@ -221,17 +221,17 @@ def _chain_angles(
         turn, first, second = rotation[place[i, 0]], axes[i, 0], axes[i, 1]
         relative = _times(_times(turn.T, rotation[place[i, 1]]), zero[i].T)
         if place[i, 2] == 0:
-            found = _twist(relative, first)
+            angle = _twist(relative, first)
         elif place[i, 2] == 1:
             image, along = _multiply(relative, second), _normal(second, first)
-            found = _about(image, along, image, _cross(first, along))
+            angle = _about(image, along, image, _cross(first, along))
         else:
             along = _normal(first, second)
             across = _cross(along, second)
-            found = _about(_multiply(relative, along), first, _multiply(relative, across), first)
-        value[i] = found[0]
-        axis = _multiply(turn, found[1])
-        by_child = _times(_times(turn, found[2]), turn.T)
+            angle = _about(_multiply(relative, along), first, _multiply(relative, across), first)
+        value[i] = angle[0]
+        axis = _multiply(turn, angle[1])
+        by_child = _times(_times(turn, angle[2]), turn.T)
         by_parent = -by_child - _skew(axis)
         p, c = 6 * place[i, 0] + 3, 6 * place[i, 1] + 3
         rate[i, c : c + 3], rate[i, p : p + 3] = axis, -axis

@@ -106,14 +106,14 @@ class JointHood:
         return Response(reached, load, reached.derived.excursion)
 
     def jacobian(self, state: JointState) -> HoodJacobian:
-        at, here = state.angles, state.derived
+        at, derived = state.angles, state.derived
         guide = state.motion.rotation[0] @ self._direction
-        by_motion = at.rate.T @ here.stiffness @ at.rate
-        by_motion += np.tensordot(np.atleast_2d(here.torque).sum(axis=0), at.moment_rate, 1)
+        by_motion = at.rate.T @ derived.stiffness @ at.rate
+        by_motion += np.tensordot(np.atleast_2d(derived.torque).sum(axis=0), at.moment_rate, 1)
         by_motion[:3, 3:6] -= state.tension.sum() * skew(guide)
-        by_tension = at.rate.T @ here.arms
+        by_tension = at.rate.T @ derived.arms
         by_tension[:3] += guide[:, None]
-        return HoodJacobian(by_motion, by_tension, here.arms.T @ at.rate, here.compliance)
+        return HoodJacobian(by_motion, by_tension, derived.arms.T @ at.rate, derived.compliance)
 
     def with_tolerance(self, tolerance: float) -> Self:
         """Itself: closed forms leave no residual."""

@@ -126,10 +126,10 @@ class Network:
         leading = np.broadcast_shapes(length.shape[:-1], force.shape[:-1])
         position = np.zeros((*leading, force.shape[-1]))
         tension = np.zeros((*leading, length.shape[-1]))
-        for i, own in enumerate(self.connection.T.astype(bool)):
-            if own.any():
-                met = junction(length[..., own], self.stiffness[own], force[..., i])
-                position[..., i], tension[..., own] = met.position, met.tension
+        for i, springs in enumerate(self.connection.T.astype(bool)):
+            if springs.any():
+                met = junction(length[..., springs], self.stiffness[springs], force[..., i])
+                position[..., i], tension[..., springs] = met.position, met.tension
         return position, tension
 
     def distribution(self, angle: Array, force: Array) -> Array:

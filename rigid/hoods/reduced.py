@@ -136,8 +136,8 @@ class ReducedPotential:
     def slips(self, angle: Array, torque: Array) -> Array:
         """The slips' forces (..., 2) N, central and terminal, at angles (..., n) and torques (...,
         n); a slip bears tension alone."""
-        found = np.einsum("...ba,sba->...s", self.slip_rows(angle, torque), self.slip)
-        return np.maximum(found, 0.0)
+        forces = np.einsum("...ba,sba->...s", self.slip_rows(angle, torque), self.slip)
+        return np.maximum(forces, 0.0)
 
     def slip_forces(self, angle: Array, torque: Array) -> dict[str, float]:
         """The slips' forces by name, N, at angles (n,) and torques (n,)."""
@@ -161,8 +161,8 @@ class ReducedPotential:
             for x in (angle, tension)
         ]
         some = (slice(k, k + AT_ONCE) for k in range(0, max(len(states[0]), 1), AT_ONCE))
-        found: Array = np.concatenate([self._torques(*(x[part] for x in states)) for part in some])
-        return found.reshape(*shape, len(self.joints))
+        torque: Array = np.concatenate([self._torques(*(x[part] for x in states)) for part in some])
+        return torque.reshape(*shape, len(self.joints))
 
     def _torques(self, angle: Array, tension: Array) -> Array:
         """Joint torques at states (s, n) and (s, m)."""
@@ -175,7 +175,7 @@ class ReducedPotential:
     def outside(self, angle: Array, tension: Array) -> str:
         """In words where a state (n,), (m,) lies outside of the box; empty where it does not."""
         lot = MARGIN * (self.high - self.low)
-        told = [
+        places = [
             f"{joint} at {np.degrees(value):.4g} deg ({np.degrees(a):.4g} to "
             f"{np.degrees(b):.4g} deg)"
             for joint, value, a, b, extra in zip(
@@ -183,12 +183,12 @@ class ReducedPotential:
             )
             if not a - extra <= value <= b + extra
         ]
-        told += [
+        places += [
             f"{muscle} at {value:.4g} N (0 to {most:.4g} N)"
             for muscle, value, most in zip(self.muscles, tension, self.most, strict=True)
             if not value <= (1 + MARGIN) * most
         ]
-        return ", ".join(told)
+        return ", ".join(places)
 
 
 class ReducedHood(JointHood):

@@ -109,8 +109,8 @@ def angle_powers(moves: NDArray[np.bool_], order: Order) -> NDArray[np.intp]:
     powers = np.array(list(product(*(range(p + 1) for p in most))))
     held = powers[:, ~moves].sum(axis=1)
     left = np.where(held > 0, np.maximum(order.angle - 2 * held + 1, 1), order.angle)
-    found: NDArray[np.intp] = powers[(powers[:, moves].sum(axis=1) <= left) & (held <= order.held)]
-    return found
+    kept: NDArray[np.intp] = powers[(powers[:, moves].sum(axis=1) <= left) & (held <= order.held)]
+    return kept
 
 
 def tension_terms(muscles: int, order: Order) -> NDArray[np.intp]:
@@ -165,15 +165,15 @@ def reduce_hood(
             f"reduction: {numbers} numbers of {len(data.angle)} samples are too few for "
             f"{none.size} terms; take more postures or loads"
         )
-    found = replace(empty, energy=energy(empty, data, maps))
-    return replace(found, slip=slips(found, data))
+    fitted = replace(empty, energy=energy(empty, data, maps))
+    return replace(fitted, slip=slips(fitted, data))
 
 
 def energy(potential: ReducedPotential, data: Sample, maps: Array | None) -> Array:
     """The coefficients (A, G) J of a potential's terms; see `reduce_hood`."""
     sizes, tip = _sizes(data), tip_rows(data, maps)
-    found = least_squares(lambda: _rows(potential, data, sizes, tip))
-    return to_powers(potential.angle_powers).T @ found.reshape(potential.energy.shape)
+    coefficients = least_squares(lambda: _rows(potential, data, sizes, tip))
+    return to_powers(potential.angle_powers).T @ coefficients.reshape(potential.energy.shape)
 
 
 def slips(potential: ReducedPotential, data: Sample) -> Array:
@@ -182,8 +182,8 @@ def slips(potential: ReducedPotential, data: Sample) -> Array:
     if np.isnan(data.slip).any():
         return np.zeros_like(potential.slip)
     rows = potential.slip_rows(data.angle, data.torque).reshape(len(data.slip), -1)
-    found = [least_squares(partial(_at_once, rows, force)) for force in data.slip.T]
-    return np.reshape(found, potential.slip.shape)
+    coefficients = [least_squares(partial(_at_once, rows, force)) for force in data.slip.T]
+    return np.reshape(coefficients, potential.slip.shape)
 
 
 def _at_once(rows: Array, wanted: Array) -> Rows:
@@ -200,11 +200,11 @@ def least_squares(parts: Callable[[], Rows]) -> Array:
     length[length == 0] = 1.0
     gram /= length[:, None] * length
     factor = _cholesky(gram)
-    found: Array = cho_solve(factor, right / length) / length
+    solution: Array = cho_solve(factor, right / length) / length
     for _ in range(REPEATED):
-        left = sum(rows.T @ (wanted - rows @ found) for rows, wanted in parts())
-        found = found + cho_solve(factor, left / length) / length
-    return found
+        left = sum(rows.T @ (wanted - rows @ solution) for rows, wanted in parts())
+        solution = solution + cho_solve(factor, left / length) / length
+    return solution
 
 
 def _cholesky(gram: Array) -> tuple[Array, bool]:

@@ -100,10 +100,10 @@ def direct_arms(
     def flexor(name: str) -> dict[str, tuple[float, float]]:
         return {j: (e.radius, 2 * e.slope) for (m, j), e in table.items() if m == name}
 
-    profundus, own = flexor("FDP"), flexor("Lum")
-    lumbrical = {"MCP": _sum(own["MCP"], profundus["MCP"], -1.0)}
+    profundus, of_lumbrical = flexor("FDP"), flexor("Lum")
+    lumbrical = {"MCP": _sum(of_lumbrical["MCP"], profundus["MCP"], -1.0)}
     for joint in ("PIP", "DIP"):
-        both = _sum(own[joint], profundus[joint], 1.0)
+        both = _sum(of_lumbrical[joint], profundus[joint], 1.0)
         lumbrical[joint] = (-both[0], -both[1])
     interossei = {"MCP": flexor("Int")["MCP"], "PIP": (-table["Int", "PIP"].radius, 0.0)}
     extensor = {"MCP": (-table["ED", "MCP"].radius, 0.0)}

@@ -121,12 +121,11 @@ def _load_in_posture(
     """One load after the other in a posture."""
     for tension in tensions:
         try:
-            found = sample(models, state, angle, tension)
+            sampled, state = sample(models, state, angle, tension)
         except ConvergenceError as error:
             yield FailedSample(angle, tension, one_line(error))
             continue
-        state = found[1]
-        yield found[0]
+        yield sampled
 
 
 def _place(models: Models, angle: Array) -> State:
@@ -146,15 +145,15 @@ def sample(models: Models, state: State, angle: Array, tension: Array) -> tuple[
     """The hood under tensions (m,) N at joint angles (n,) rad, from a state near it; and its new
     state.  Raises ConvergenceError."""
     finger, hood = models.finger, models.hood
-    here = _place(models, angle)
-    response = hood.advance(state, finger.motion(here), tension, STATIC)
-    slope, twist = hood.jacobian(response.state), finger.jacobian(here)
+    posed = _place(models, angle)
+    response = hood.advance(state, finger.motion(posed), tension, STATIC)
+    slope, twist = hood.jacobian(response.state), finger.jacobian(posed)
     none, bodies = np.zeros(len(finger.tendons)), finger.bodies
     idle = Load(bodies, ("none",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
-    with_hood = finger.tangent(here, response.load, none, slope.load_motion)
-    without = finger.tangent(here, idle, none, np.zeros_like(slope.load_motion))
+    with_hood = finger.tangent(posed, response.load, none, slope.load_motion)
+    without = finger.tangent(posed, idle, none, np.zeros_like(slope.load_motion))
     n = len(finger.joints)
-    found = Sample(
+    sampled = Sample(
         angle,
         tension,
         twist.T @ response.load.total().ravel(),
@@ -164,7 +163,7 @@ def sample(models: Models, state: State, angle: Array, tension: Array) -> tuple[
         slope.excursion_tension,
         _slips(models, response.state),
     )
-    return found, response.state
+    return sampled, response.state
 
 
 def _slips(models: Models, state: State) -> Array:
