@@ -16,7 +16,7 @@ CEILINGS = {
     "cosim/analyses": 6423,
     "cosim/anatomy": 850,
     "cosim/case": 974,
-    "cosim/commands": 3933,
+    "cosim/commands": 3911,
     "cosim/coupling": 2145,
     "cosim/fingers": 1145,
     "cosim/fmu": 1514,
@@ -25,10 +25,10 @@ CEILINGS = {
     "cosim/kernels": 216,
     "cosim/models": 684,
     "cosim/report": 2319,
-    "cosim/results": 3899,
+    "cosim/results": 3869,
     "cosim/schema": 566,
     "cosim/solve": 739,
-    "cosim/study": 2796,
+    "cosim/study": 2794,
     "cosim/tendons": 534,
     "cosim/validation": 1898,
     "cosim/verification": 987,
@@ -56,7 +56,7 @@ CEILINGS = {
     "rigid/opensim": 1789,
     "rigid/papers": 3398,
     "rigid/verification": 2498,
-    "tests": 40757,
+    "tests": 40874,
 }
 
 
