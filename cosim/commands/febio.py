@@ -6,22 +6,39 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
+from rich.console import Console
+from rich.table import Table
 
+from cosim.case.file import load_case
 from cosim.commands.options import CaseName, Settings
 from cosim.commands.terminal import console, exit_on_error, stages
 from cosim.errors import ConvergenceError, InputError
 from cosim.files import check_file, check_folder
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from cosim.hoods.supports import ContactConfig
-    from fe_solver.job.job import Job
-    from fe_solver.job.solve import JobResult, JobState
-    from fe_solver.verification.febio.compare import ComparedQuantity, ModelComparison, ModelRun
+from cosim.hoods.supports import ContactConfig
+from cosim.models.build import build, tensions
+from cosim.schema.units import LENGTH, parse
+from fe_solver.febio.read import read_feb
+from fe_solver.febio.write import write_feb
+from fe_solver.hood.as_job import job_of_hood
+from fe_solver.hood.shell_hood import ShellHood
+from fe_solver.job.job import Job
+from fe_solver.job.model import JobOptions, move_to_mid_surface
+from fe_solver.job.results import SUMMARY, farthest, write_job
+from fe_solver.job.solve import JobResult, JobState, solve_job, spread_times
+from fe_solver.q4ans.model import obstacles
+from fe_solver.q4ans.solve import alternatives, solve_solid
+from fe_solver.verification.bench import machine, speed
+from fe_solver.verification.febio.compare import (
+    ComparedQuantity,
+    Formulation,
+    ModelComparison,
+    ModelRun,
+    compare,
+)
+from fe_solver.verification.febio.figures import SOURCE
 
 Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
 QUADS = (500, 2000, 8000)
@@ -81,12 +98,6 @@ def solve(
 ) -> None:
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
     with exit_on_error():
-        from fe_solver.febio.read import read_feb
-        from fe_solver.job.model import JobOptions, move_to_mid_surface
-        from fe_solver.job.results import SUMMARY, write_job
-        from fe_solver.job.solve import solve_job, spread_times
-        from fe_solver.q4ans.solve import alternatives, solve_solid
-
         folder = out or Path("runs") / model.stem
         check_folder(folder, SUMMARY)
         given = {
@@ -130,8 +141,6 @@ def solve(
 
 def _length(text: str) -> float:
     """Read a length with its unit (m).  Raises InputError."""
-    from cosim.schema.units import LENGTH, parse
-
     try:
         return parse(text, LENGTH)
     except ValueError as error:
@@ -140,8 +149,6 @@ def _length(text: str) -> float:
 
 def _takes_own_shell(job: Job, element: ShellElement, asked: Sequence[str]) -> bool:
     """Say what a job is solved with, our own shell or FEBio's, and why."""
-    from fe_solver.q4ans.model import obstacles
-
     if asked:
         typer.echo(f"{OWN_SHELL}, since {' and '.join(asked)} asks for it")
         return True
@@ -159,8 +166,6 @@ def _takes_own_shell(job: Job, element: ShellElement, asked: Sequence[str]) -> b
 
 
 def _show(result: JobResult) -> None:
-    from rich.table import Table
-
     screen = console()
     screen.print(f"{result.job.name}: {len(result.job.sheet.quads)} elements")
     for state in result.states:
@@ -179,8 +184,6 @@ def _show(result: JobResult) -> None:
 
 
 def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
-    from fe_solver.job.results import farthest
-
     largest, node = farthest(result.job, state)
     yield "largest displacement", f"{1e3 * largest:.5g} mm at node {node}"
     for i, name in enumerate(state.bodies):
@@ -207,12 +210,6 @@ def export(
 ) -> None:
     """Write the shell hood of a case at its posture, under its tendons' tensions, for FEBio."""
     with exit_on_error():
-        from cosim.case.file import load_case
-        from cosim.models.build import build, tensions
-        from fe_solver.febio.write import write_feb
-        from fe_solver.hood.as_job import job_of_hood
-        from fe_solver.hood.shell_hood import ShellHood
-
         checked = load_case(case, settings or ())
         check_file(out)
         if checked.hood.kind == "shell":
@@ -242,10 +239,6 @@ def _check_heads(contact: ContactConfig) -> None:
 
 def bench_fe(quads: Sequence[int] = QUADS) -> dict[str, float]:
     """Print how long a Newton iteration takes, beside its floor; the ratios by name."""
-    from rich.table import Table
-
-    from fe_solver.verification.bench import machine, speed
-
     table = Table("quads", "case", "iterations", "linear solves", "floor ms")
     table.add_column("iteration / floor", justify="right")
     table.add_column("linear solve / floor", justify="right")
@@ -276,9 +269,6 @@ def bench_fe(quads: Sequence[int] = QUADS) -> dict[str, float]:
 def bench_febio(folder: Path | None, spacing: str) -> dict[str, float]:
     """Print our answers and costs beside FEBio's; the ratios of the costs by name, where FEBio's
     are known.  Raises CosimError."""
-    from fe_solver.verification.febio.compare import compare
-    from fe_solver.verification.febio.figures import SOURCE
-
     if folder is None:
         raise InputError("bench febio: name the folder of the models with --models")
     grid = _length(spacing)
@@ -299,10 +289,6 @@ def bench_febio(folder: Path | None, spacing: str) -> dict[str, float]:
 
 def _print_comparison(screen: Console, found: ModelComparison) -> dict[str, float]:
     """Print a model's figures and costs; the CPU times over FEBio's by name."""
-    from rich.table import Table
-
-    from fe_solver.verification.febio.compare import Formulation
-
     table = Table(title=found.model, title_justify="left")
     for name in ("quantity", *(e.value for e in Formulation), "FEBio"):
         table.add_column(name, justify="left" if name == "quantity" else "right")

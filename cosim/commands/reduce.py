@@ -57,31 +57,31 @@ def reduce(
     """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
     for use in real time; the error is that of postures held out."""
     with exit_on_error():
-        own = tuple(settings or ())
-        checked = load_case(case, own)
+        stated = tuple(settings or ())
+        checked = load_case(case, stated)
         if out is not None:
             check_file(out)
-        found = reduce_case(
+        reduction = reduce_case(
             checked.source,
-            own,
+            stated,
             read_grid(grid or ()),
             workers,
             lambda text: typer.echo(text, err=True),
             SPREAD if spread is None else spread,
             samples,
         )
-        _show(found)
+        _show(reduction)
         if out is not None:
             base, title = base_name(checked.source, out.parent), f"{checked.title}, hood reduced"
             with output_file(out) as part:
-                part.write_text(case_text(found, title, base, own), encoding="utf-8")
+                part.write_text(case_text(reduction, title, base, stated), encoding="utf-8")
                 check_loads(part)
             typer.echo(f"case in {out}")
 
 
-def _show(found: Reduction) -> None:
+def _show(reduction: Reduction) -> None:
     """Errors, rates, and where the hood found no equilibrium."""
-    told = list(errors(found))
+    misses = list(errors(reduction))
     rows = [
         (
             e.quantity,
@@ -89,18 +89,18 @@ def _show(found: Reduction) -> None:
             "" if e.mark is None else f"{100 * e.mark:.0f} %",
             "" if e.mark is None else f"{100 * e.beyond:.0f} %",
         )
-        for e in told
+        for e in misses
     ]
     header = ("error of", "fitted, median", "held out, median", "most", "mark", "beyond it")
     print_table("Reduced hood less the hood itself", header, rows)
-    for e in told:
+    for e in misses:
         typer.echo(f"{e.quantity}, most: at {e.where}")
-    rate = found.rate
+    rate = reduction.rate
     typer.echo(
-        f"one state: {found.seconds:.2f} s by the hood with the way there, "
-        f"{1e3 * rate.one:.2f} ms by the reduced one ({found.seconds / rate.one:.0f} times "
+        f"one state: {reduction.seconds:.2f} s by the hood with the way there, "
+        f"{1e3 * rate.one:.2f} ms by the reduced one ({reduction.seconds / rate.one:.0f} times "
         f"faster), {1e6 * rate.batched:.1f} us in a batch "
-        f"({found.seconds / rate.batched:.0f} times)"
+        f"({reduction.seconds / rate.batched:.0f} times)"
     )
-    for failure in found.failures:
+    for failure in reduction.failures:
         typer.echo(f"left out: {failure}")

@@ -9,6 +9,10 @@ from typing import Annotated
 import typer
 
 from cosim.commands.terminal import exit_on_error
+from cosim.errors import InputError
+from cosim.files import check_file
+from cosim.report.figures import choose_studies, write_figures
+from cosim.report.gallery import open_paper
 
 
 class PaperName(StrEnum):
@@ -59,11 +63,6 @@ def reproduce(
 ) -> None:
     """Compute a paper's figures anew: a picture and tables of each, and one page of all."""
     with exit_on_error():
-        from cosim.errors import InputError
-        from cosim.files import check_file
-        from cosim.report.figures import choose_studies, write_figures
-        from cosim.report.gallery import open_paper
-
         if mi29 is not None and paper.script != "jadelis":
             raise InputError(f"--mi29 {mi29}: is a mesh of the thesis; {paper.value} has none")
         folder = Path("reproduced") / paper.value if out is None else out

@@ -7,14 +7,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import typer
+from rich import box
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
 from cosim.errors import CosimError, InputError, StoppedError, span
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 CODES = {InputError: 2, StoppedError: 130}
 """Exit codes of errors; 1 of all others."""
@@ -61,8 +61,6 @@ def exit_on_error() -> Iterator[None]:
 
 def console() -> Console:
     """The printer of plain text, as wide as the terminal."""
-    from rich.console import Console
-
     return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)
 
 
@@ -101,8 +99,6 @@ def stages(name: str = "", total: int = 0) -> Iterator[Stages]:
     if not sys.stderr.isatty():
         yield Stages(name, total, lambda text: typer.echo(text, err=True))
         return
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     words = TextColumn("{task.description}", markup=False)
     columns = (SpinnerColumn(), words, TimeElapsedColumn())
@@ -116,9 +112,6 @@ def print_table(
 ) -> None:
     """The title, if there is one, and below it the rows, the first column to the left; of a table
     of words all."""
-    from rich import box
-    from rich.table import Table
-
     if title:
         typer.echo(title)
     table = Table(box=box.SIMPLE, pad_edge=False)

@@ -76,9 +76,9 @@ def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: boo
 def fingers(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
     """Verify fingers, muscles and devices, and compare them with experiments; exit code 1 when a
     row fails."""
-    from rigid.verification.table import STUDIES
+    from rigid.verification.table import FINGER_STUDIES
 
-    _verify(STUDIES, as_json, only, slow)
+    _verify(FINGER_STUDIES, as_json, only, slow)
 
 
 @verify.command()
@@ -87,9 +87,9 @@ def hoods(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> Non
     1 when a row fails."""
     from cosim.verification.reduction import STUDIES as REDUCED
     from fe_solver.verification.cable_rows import STUDIES as CABLES
-    from rigid.verification.hood_table import STUDIES
+    from rigid.verification.table import HOOD_STUDIES
 
-    _verify((*STUDIES, *CABLES, *REDUCED), as_json, only, slow)
+    _verify((*HOOD_STUDIES, *CABLES, *REDUCED), as_json, only, slow)
 
 
 @verify.command()

@@ -14,6 +14,8 @@ OPPOSITE = {"proximal": "distal", "ulnar": "radial", "palmar": "dorsal"}
 FRAME = "world, fixed to the metacarpal: x distal, y radial, z dorsal; right-handed"
 COMPONENTS = tuple(f"{kind}_{axis}" for kind in ("force", "moment") for axis in AXES)
 """The components of a wrench, in the order of the port."""
+SLACK = 0.05
+"""Share of both slips' force together that a slack slip bears at most."""
 
 
 def by_axis(vector: Iterable[float]) -> dict[str, float]:
@@ -36,3 +38,9 @@ def attributes(title: str, case: str) -> dict[str, str]:
 def vector_of(components: Mapping[str, float]) -> Array:
     """The vector (3,) whose components are named: the inverse of `by_axis`."""
     return np.array([components[axis] for axis in AXES], dtype=float)
+
+
+def is_slack(slips: Mapping[str, float], slip: str) -> bool:
+    """Whether a slip bears so little of both slips' force (N) that no quotient by it says
+    anything."""
+    return slips[slip] <= SLACK * sum(slips.values())

@@ -58,11 +58,12 @@ class Quantity(NamedTuple):
     """Among what one asks for first: the tables of the terminal and of reports begin with it."""
 
 
+HOOD_TORQUE = "joint_torque_Nmm.hood.<joint>"
 STATE = (
     Quantity("fingertip_force_N.<axis>", "fingertip force, <axis>", True),
     Quantity("fingertip_magnitude_N", "fingertip force, magnitude", True),
     Quantity("slip_force_N.<slip>", "force in the <slip> slip", True),
-    Quantity("joint_torque_Nmm.hood.<joint>", "torque of the hood, <joint>", True),
+    Quantity(HOOD_TORQUE, "torque of the hood, <joint>", True),
     Quantity("glide_mm.<place>", "glide of the <place>", True),
     Quantity("lateral_band_height_mm.<side>", "height of the <side> lateral band at the PIP", True),
     Quantity(
@@ -147,6 +148,7 @@ ENERGIES = {
     "device_dissipated": "dissipated in the fingertip's device",
     "artificial": "taken by the method",
 }
+"""Where the work of tendons and gravity went in a motion."""
 CHECKS = {
     "audit.hood_force_balance": "forces on the hood that do not add up, relative",
     "audit.hood_moment_balance": "moments on the hood that do not add up, relative",
@@ -167,6 +169,7 @@ CHECKS = {
     "step_control.shortest_half_ms": "shortest half step",
     "step_control.longest_half_ms": "longest half step",
 }
+"""Figures of the audit and counts, by path."""
 OF_RUN = (
     Quantity("wall_s", "wall time"),
     Quantity("hood_quads", "quads of the hood's mesh"),
@@ -211,7 +214,6 @@ QUANTITIES = (
     *OF_RUN,
 )
 """Every number that a summary may have: `cosim list quantities` shows them."""
-PATTERNS = tuple(tuple(q.path.split(".")) for q in QUANTITIES)
 Summaries = Sequence[Mapping[str, Any]]
 Keys = Sequence[str]
 ABSENT = object()
@@ -233,27 +235,17 @@ def check_quantities(
 def key_quantities(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Label and path of what one asks for first, of what the summary has; torques of a hood that
     makes none are left out."""
-    torques = summary.get("joint_torque_Nmm", {}).get("hood", {})
-    paths = list(numbers_of(summary))
-    for quantity in QUANTITIES:
-        pattern = quantity.path.split(".")
-        if quantity.is_asked_first and (
-            pattern[:2] != ["joint_torque_Nmm", "hood"] or any(torques.values())
-        ):
-            yield from (
-                (_fill(quantity, p), p)
-                for p in paths
-                if _begins(pattern, p.split("."), [summary]) and p.count(".") == len(pattern) - 1
-            )
+    numbers = numbers_of(summary)
+    for quantity in (q for q in QUANTITIES if q.is_asked_first):
+        paths = [path for path in numbers if _fits(quantity, path, [summary])]
+        if quantity.path != HOOD_TORQUE or any(numbers[path] for path in paths):
+            yield from ((_fill(quantity, path), path) for path in paths)
 
 
 def meaning_of(path: str, summary: Mapping[str, Any]) -> str:
     """What the number at a path of a summary is, in words; empty where no table says it."""
-    keys = path.split(".")
-    for quantity, pattern in zip(QUANTITIES, PATTERNS, strict=True):
-        if len(pattern) == len(keys) and _begins(pattern, keys, [summary]):
-            return _fill(quantity, path)
-    return ""
+    fitting = (_fill(q, path) for q in QUANTITIES if _fits(q, path, [summary]))
+    return next(fitting, "")
 
 
 def _fill(quantity: Quantity, path: str) -> str:
@@ -269,8 +261,14 @@ def is_known(quantity: str, summaries: Summaries = ()) -> bool:
     """Whether one of these runs has a number there, or null, or another run can have one."""
     keys = quantity.split(".")
     return any(_is_number(_at(summary, keys)) for summary in summaries) or any(
-        len(pattern) == len(keys) and _begins(pattern, keys, summaries) for pattern in PATTERNS
+        _fits(known, quantity, summaries) for known in QUANTITIES
     )
+
+
+def _fits(quantity: Quantity, path: str, summaries: Summaries) -> bool:
+    """Whether the quantity has numbers at the path."""
+    pattern, keys = quantity.path.split("."), path.split(".")
+    return len(pattern) == len(keys) and _begins(pattern, keys, summaries)
 
 
 def _fault(keys: Keys, summaries: Summaries) -> str | None:
@@ -301,7 +299,7 @@ def _names(above: Keys, key: str, summaries: Summaries) -> list[str]:
     these runs have none, `key` is one."""
     present = _present(above, summaries)
     known = [*present]
-    for pattern in PATTERNS:
+    for pattern in (quantity.path.split(".") for quantity in QUANTITIES):
         if len(pattern) > len(above) and _begins(pattern, above, summaries):
             part = pattern[len(above)]
             chosen = () if present or not key else (key,)

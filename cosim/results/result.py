@@ -8,14 +8,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.results.audit import Audit
 from cosim.results.compare import Comparison, numbers_of, unit_of
 from cosim.results.conventions import COMPONENTS, by_axis
+from cosim.results.history_plot import draw_history
+from cosim.results.html import html_of
+from cosim.results.ledger_plot import draw_ledger
 from cosim.results.parts import CaseParts, Scene
 from cosim.results.picture import as_plain_text, as_png, load_matplotlib, write_figure
 from cosim.results.quantities import meaning_of
+from cosim.results.scene import with_finger
+from cosim.results.scene_plot import draw
+from cosim.results.scene_view import plotter_of
 from cosim.results.write import copy_run, write_run
 
 if TYPE_CHECKING:
@@ -153,16 +160,10 @@ class Result(CaseParts):
     def _figure(self, kind: Plot) -> Figure:
         load_matplotlib()
         if kind == "scene":
-            from cosim.results.scene_plot import draw
-
             return draw(self._whole_scene, self.title)
         if kind == "ledger" and self.rows:
-            from cosim.results.ledger_plot import draw_ledger
-
             return draw_ledger(self.rows, self.title)
         if kind == "history" and self.axis == "time":
-            from cosim.results.history_plot import draw_history
-
             return draw_history(self.data, self.title)
         kinds = ["scene", *(["ledger"] * bool(self.rows)), *(["history"] * (self.axis == "time"))]
         raise InputError(f"plot: this run has no {kind!r}; it has {', '.join(kinds)}")
@@ -171,8 +172,6 @@ class Result(CaseParts):
         """A pyvista window's plotter with the hood coloured by strain, bones, tendons and the force
         of the fingertip, metres; `.show()` opens it, `.screenshot(file)` needs no display with
         `off_screen`."""
-        from cosim.results.scene_view import plotter_of
-
         return plotter_of(self._whole_scene, self.title)
 
     @cached_property
@@ -181,9 +180,6 @@ class Result(CaseParts):
         case."""
         if self.folder is None or self.scene.bones:
             return self.scene
-        from cosim.case.file import load_case
-        from cosim.results.scene import with_finger
-
         angles, force = (
             self.data[name].isel({self.axis: -1}).values for name in ("angle", "tip_force")
         )
@@ -212,8 +208,6 @@ class Result(CaseParts):
 
     def _repr_html_(self) -> str:
         """A notebook's view: the first numbers in tables, and the picture."""
-        from cosim.results.html import html_of
-
         png = self.picture("picture")
         if png is None:
             png = as_png(self.plot(), 72)

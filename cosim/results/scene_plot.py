@@ -31,8 +31,8 @@ PLAIN_HOOD = np.array([0.55, 0.68, 0.80])
 TENDON_WIDTH, CABLE_WIDTH, STROKE_WIDTH = 0.9, 0.7, 0.16  # mm
 ARROW_LENGTH = 15.0  # mm, of the fingertip force
 HOOD_LIFT = 1.0  # mm towards the viewer, so that bone triangles larger than quads do not cut in
-MARGINS = {"left": 0.05, "right": 0.93, "bottom": 0.09, "top": 0.9, "wspace": 0.14}
-BAR = (0.945, 0.19, 0.013, 0.61)
+MARGINS = {"left": 0.05, "right": 0.915, "bottom": 0.09, "top": 0.9, "wspace": 0.14}
+BAR = (0.928, 0.19, 0.013, 0.61)
 """Places of the views and of the colour bar, shares of the figure: to let matplotlib find them
 (its constrained layout) takes longer than to draw."""
 STROKE_LIFT = 1.2  # mm, of the strokes along fibres, over the quads beside them

@@ -14,18 +14,17 @@ from cosim.fingers.kinds import joint_ranges
 from cosim.fmu.finger import OPEN
 from cosim.hoods.view import HoodView
 from cosim.models.build import Models
+from cosim.models.double_count import pairs
 from cosim.port import AXES, Array, Finger
 from cosim.results.arrays import Arrays, along
 from cosim.results.audit import missed_bounds
 from cosim.results.clamped_tip import arm_differences
-from cosim.results.conventions import FRAME, attributes, by_axis, vector_of
+from cosim.results.conventions import FRAME, attributes, by_axis, is_slack, vector_of
 from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of
 from cosim.results.load_and_rest import rest_block, rest_warnings
-from cosim.results.one_way import one_way_summary
 from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
 from cosim.results.result import Result
 from cosim.results.scene import scene
-from cosim.results.slips import is_slack
 from cosim.solve.states import States
 from cosim.version import __version__
 from meshes.skeleton import BODIES
@@ -99,7 +98,7 @@ def summary(
         "audit_missed": missed,
         **({"not_in_ledger": OPEN} if loaded.balance is None else {}),
         **_muscles(case, models, states),
-        **one_way_summary(case, models, states),
+        **_one_way(case, models, states),
         "iterations": iterations,
     }
     return {**head, **now, **beside}
@@ -108,6 +107,25 @@ def summary(
 def _is_in_range(models: Models, e: Equilibrium) -> bool:
     finger = models.finger
     return is_in_range(finger.joints, finger.angles(e.finger_state), joint_ranges(finger))
+
+
+def _one_way(case: Case, models: Models, states: States) -> dict[str, Any]:
+    """What a one-way pass handed over, and what is counted twice in it."""
+    found = pairs(case, models.hood, models.finger)
+    out: dict[str, Any] = {"double_counted": [str(pair) for pair in found]} if found else {}
+    if states.one_way is not None:
+        force, moment = states.loaded.load.imbalance(states.loaded.motion)
+        out["one_way"] = {
+            **case.coupling.one_way.model_dump(),
+            "interface_residual": states.one_way.interface_residual,
+            "handed_over_force_balance": force,
+            "handed_over_moment_balance": moment,
+            "joint_torque_Nmm": {
+                source: dict(zip(models.finger.joints, (1e3 * torque).tolist(), strict=True))
+                for source, torque in states.one_way.torque.items()
+            },
+        }
+    return out
 
 
 def _muscles(case: Case, models: Models, states: States) -> dict[str, Any]:

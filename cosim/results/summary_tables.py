@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rich import box
+from rich.table import Table
 
 from cosim.port import AXES
 from cosim.results.compare import unit_of, value_of
 from cosim.results.joint_limits import describe_limits
 from cosim.results.load_and_rest import describe_rest
 from cosim.results.quantities import key_quantities
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 LEAST_MOMENT = 1e-6
 """N mm, below which the fingertip carries none."""
@@ -75,9 +75,6 @@ def _drop_empty_columns(header: Row, rows: Sequence[Row]) -> tuple[Row, list[Row
 
 
 def _table(header: Row, rows: Sequence[Row]) -> Table:
-    from rich import box
-    from rich.table import Table
-
     table = Table(box=box.SIMPLE, show_header=any(header), pad_edge=False)
     for i, title in enumerate(header):
         table.add_column(title, justify="left" if i == 0 or not any(header) else "right")

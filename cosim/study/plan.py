@@ -12,7 +12,7 @@ from typing import Any
 from cosim.case.file import Settings, find_case, load_case
 from cosim.errors import InputError
 from cosim.port import Array
-from cosim.results.compare import Target
+from cosim.results.compare import Target, read_targets
 from cosim.schema.fields import is_number
 from cosim.study.distributions import Word, is_axis, middle
 from cosim.study.file import FORM, Parameter, SamplingConfig, find_study, read_file
@@ -106,7 +106,6 @@ def read_plan(
 def _targets(source: Path, data: str) -> tuple[Target, ...]:
     if not data:
         return ()
-    from cosim.results.compare import read_targets
 
     return read_targets(source.parent / data)
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cosim.files import output_file
 from cosim.results.compare import unit_of, value_of
 from cosim.study.execute import StudyOutcome
 from cosim.study.plan import StudyPlan
@@ -60,8 +61,6 @@ def units_of(plan: StudyPlan) -> dict[str, str]:
 
 def write_table(table: pd.DataFrame, folder: Path) -> None:
     """table.parquet and table.csv, numbers in full.  Raises InputError."""
-    from cosim.files import output_file
-
     with output_file(folder / "table.parquet") as part:
         table.to_parquet(part, index=False)
     with output_file(folder / "table.csv") as part:

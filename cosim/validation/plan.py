@@ -20,7 +20,7 @@ from cosim.results.compare import (
     read_targets,
     verdict,
 )
-from cosim.results.slips import is_slack
+from cosim.results.conventions import is_slack
 from cosim.validation.clamped import cadaver_arm_group, metacarpal_group, qiu_groups
 from cosim.validation.force import force_groups
 from cosim.validation.free_finger import held_trials, needed_stiffness

@@ -25,7 +25,7 @@ from cosim.port import AXES
 from cosim.solve.solvers import solve
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import two_band
-from rigid.mujoco.inverse_dynamics import needed_torque
+from rigid.mujoco.finger import needed_torque
 from rigid.muscle.least_cost import least
 from rigid.papers.buchner1988.flexion import curve_motion, torques
 from rigid.papers.buchner1988.force_sharing import linear
@@ -284,7 +284,6 @@ def test_a_motion_is_read_with_its_rates(table):
         ("t,PIP_deg\n0,1\n1,2\n2,3\n3,4\n", "no column 'time'"),
         ("time,PIP_deg\n0,1\n1,2\n1,3\n3,4\n", "times that rise"),
         ("time,PIP_deg\n0,1\n1,x\n2,3\n3,4\n", "line 3: PIP_deg is 'x'"),
-        ("time,PIP_deg\n0,1\n1,nan\n2,3\n3,4\n", "line 3: PIP_deg is 'nan'; expected a finite"),
     ],
 )
 def test_a_bad_motion_is_refused(tmp_path, text, said):

@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 from cosim.cli import app
 from cosim.errors import InputError
 from cosim.results.compare import Target, numbers_of, unit_of
+from cosim.results.conventions import is_slack
 from cosim.results.quantities import check_quantities, is_known, meaning_of
 from cosim.results.read import read_run, read_runs
-from cosim.results.slips import is_slack
 from tests.helpers.report_runs import DATA, run_into
 
 QUICK = "output.picture=false"

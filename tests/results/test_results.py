@@ -160,6 +160,9 @@ def test_colours_are_strain_in_per_cent_about_zero(result):
     assert low == -high
     assert 1.8 < high < 2.0
     assert "%" in bar.get_ylabel()
+    figure.draw_without_rendering()
+    label = bar.yaxis.get_label().get_window_extent()
+    assert label.x1 < figure.bbox.x1  # whole in the picture, ticks of three digits beside it
 
 
 def test_the_force_is_named_with_its_magnitude(result):

@@ -14,7 +14,7 @@ from cosim.hoods.shell.view import (
     strain_change,
     strain_summary,
 )
-from cosim.results.slips import is_slack
+from cosim.results.conventions import is_slack
 from meshes.hood_mesh import REGIONS, HoodMesh
 from meshes.markers import ROWS, markers
 

@@ -48,10 +48,8 @@ def test_recorded_ones_from_sto_and_csv(tmp_path: Path) -> None:
         ("time,EDC\n0,1\n", "has no column 'FDP'; it has time, EDC"),
         ("FDP\n1\n", "has no column 'time'"),
         ("time,FDP\n1,1\n0,1\n", "times that rise"),
-        ("time,FDP\n0,nan\n", "finite"),
         ("time,FDP\n0,-1\n", "not negative"),
         ("time,FDP\n0,abc\n", "line 2: FDP is 'abc'"),
-        ("", "is empty"),
     ],
 )
 def test_a_table_that_is_none_says_why(tmp_path: Path, text: str, words: str) -> None:

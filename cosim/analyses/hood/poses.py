@@ -23,7 +23,7 @@ from cosim.models.build import Models, build, hood_mesh
 from cosim.outcome import one_line
 from cosim.port import STATIC, Array, Response, State
 from cosim.results.audit import missed_bounds
-from cosim.results.slips import is_slack
+from cosim.results.conventions import is_slack
 from meshes.bands import sagittal_angles, sagittal_bands
 
 Posture = tuple[float, float, float]
