@@ -82,7 +82,7 @@ class SpringLaw:
     much after."""
 
     def force(self, elongation: float) -> float | Array:
-        """N, positive in tension."""
+        """The force (N) at an elongation, positive in tension."""
         if self.tension_only and self.toe:
             return self.stiffness * ramp(np.array(elongation), self.toe)[1]
         if self.tension_only and elongation < 0:
@@ -189,10 +189,10 @@ def _columns(
 
 def _curves(sets: Sequence[tuple[int, SpringSet, Ints]]) -> tuple[ForceCurve, ...]:
     first, out = 0, []
-    for _, s, own in sets:
-        if s.law.table is not None and len(own):
-            out.append(_force_curve(s.name, s.law.table, np.arange(first, first + len(own))))
-        first += len(own)
+    for _, s, nodes in sets:
+        if s.law.table is not None and len(nodes):
+            out.append(_force_curve(s.name, s.law.table, np.arange(first, first + len(nodes))))
+        first += len(nodes)
     return tuple(out)
 
 

@@ -45,7 +45,7 @@ class HoodLine:
     """Nodes (k,) and weights (k,) of each."""
 
     def at(self, x: Array) -> Array:
-        """(m, 3) m, with the hood's nodes at x (n, 3) m."""
+        """The line's points (m, 3) m, with the hood's nodes at x (n, 3) m."""
         return np.array([weight @ x[nodes] for nodes, weight in self.points]).reshape(-1, 3)
 
 
@@ -80,7 +80,7 @@ def _middle_lines(station: Array, edges: Mapping[str, Ints]) -> dict[str, HoodLi
 
 
 def _rows(station: Array) -> Array:
-    """mm, from the least to the greatest of some stations."""
+    """The rows between the least and the greatest of some stations, mm."""
     low, high = float(station.min()), float(station.max())
     return np.linspace(low, high, max(2, 1 + round((high - low) / ROW)))
 
@@ -94,8 +94,8 @@ def _crossings(station: Array, pairs: Ints, rows: Array) -> Iterator[tuple[Ints,
 def band_heights(
     bands: Mapping[str, HoodLine], points: Array, position: Array, rotation: Array, axis: Array
 ) -> dict[str, float]:
-    """m by side, of lateral bands over the PIP's axis; not a number where a band does not cross the
-    plane through it.
+    """The heights of lateral bands over the PIP's axis, m by side; not a number where a band does
+    not cross the plane through it.
 
     Nodes at `points` (n, 3) m, BODIES at `position` (nb, 3) m and `rotation` (nb, 3, 3), all in one
     frame; `axis` (3,) unit, the PIP's in the middle phalanx's."""
@@ -111,8 +111,8 @@ def band_heights(
 
 
 def _height(line: Array, axis: Array, distal: Array) -> float:
-    """m, of a line (m, 3) where it crosses the plane through the origin and the unit `axis` whose
-    normal is nearest to `distal` (3,)."""
+    """The height, m, of a line (m, 3) where it crosses the plane through the origin and the unit
+    `axis` whose normal is nearest to `distal` (3,)."""
     normal = distal - (distal @ axis) * axis
     normal /= np.linalg.norm(normal)
     along, height = line @ normal, line @ np.cross(normal, axis)
@@ -168,8 +168,9 @@ def sagittal_bands(mesh: HoodMesh) -> SagittalBands | None:
 def sagittal_angles(
     bands: SagittalBands, points: Array, position: Array, rotation: Array
 ) -> dict[str, dict[str, float]]:
-    """rad by side, then "edge", "tendon", "edge_local" and "tendon_local": the line, and whether it
-    is told from the local square.  Arguments as of `band_heights`."""
+    """The angles of sagittal bands, rad by side, then "edge", "tendon", "edge_local" and
+    "tendon_local": the line, and whether it is told from the local square.  Arguments as of
+    `band_heights`."""
     before, over, beyond = bands.tendon.at(points)
     metacarpal = rotation[0]
     squares = {"": metacarpal[:, 0], "_local": beyond - before}
@@ -187,7 +188,8 @@ def sagittal_angles(
 
 
 def _lean(line: Array, tangent: Array, radial: Array) -> float:
-    """rad, of a line (3,) from the square of a tangent (3,) towards it, seen along `radial`."""
+    """The angle, rad, of a line (3,) from the square of a tangent (3,) towards it, seen along
+    `radial`."""
     along = tangent - (tangent @ radial) * radial
     along /= np.linalg.norm(along)
     return float(np.arctan2(line @ along, line @ np.cross(along, radial)))

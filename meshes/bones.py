@@ -40,7 +40,7 @@ class Bone:
 
     @property
     def points(self) -> Array:
-        """(ns, na, 3) m, where the rays meet the surface."""
+        """The surface's points (ns, na, 3) m, where the rays meet the surface."""
         angle = np.arange(self.radii.shape[1]) * 2 * np.pi / self.radii.shape[1]
         across = np.stack([np.zeros_like(angle), np.sin(angle), np.cos(angle)], axis=-1)
         rays = np.sin(self.tilt)[:, None, None] * across
@@ -100,8 +100,8 @@ class Bone:
 
 
 def spline(points: Array, row: Array, column: Array) -> Array:
-    """(len(row), len(column), 3): the doubly periodic cubic spline through points (ns, na, 3) at
-    fractional row and column numbers."""
+    """Points (len(row), len(column), 3) of the doubly periodic cubic spline through points (ns, na,
+    3) at fractional row and column numbers."""
     from scipy.ndimage import map_coordinates
 
     beyond = np.roll(points[-2:0:-1], points.shape[1] // 2, axis=1)

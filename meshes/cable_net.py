@@ -102,16 +102,16 @@ class CableNet:
         return tuple(cable_of(strand) for strand in self.strands)
 
     def part_cells(self, name: str) -> Ints:
-        """(m, 2) nodes of a strand's cells; none of a name that is no strand's."""
+        """The nodes (m, 2) of a strand's cells; none of a name that is no strand's."""
         return self.cells[np.array([strand == name for strand in self.strands])[self.strand]]
 
     def lengths(self) -> Array:
-        """(k,) m, as laid."""
+        """The cells' lengths (k,) m, as laid."""
         ends = self.points[self.cells]
         return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
 
     def strand_lengths(self) -> dict[str, float]:
-        """m, of each strand as laid; of ties and edges all their rows together."""
+        """The length of each strand as laid, m; of ties and edges all their rows together."""
         total = np.bincount(self.strand, weights=self.lengths(), minlength=len(self.strands))
         return dict(zip(self.strands, map(float, total), strict=True))
 
@@ -141,7 +141,7 @@ class _Drawing:
 
 
 def _lateral(station: float) -> float:
-    """deg, where the hood's edge and the lateral band lie at a station (mm)."""
+    """The angles, deg, at which the hood's edge and the lateral band lie at a station (mm)."""
     return float(np.interp(station, *LATERAL.T))
 
 

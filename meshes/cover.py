@@ -55,8 +55,8 @@ class Joint:
 
 
 def thinner(points: Array, joint: Joint, back: float, head: Head) -> Array:
-    """(n,) m by how much what covers a bone is thinner at `points` (n, 3) m, in its frame, than the
-    `back` (m) over its back.
+    """The thickness (n,) m by which what covers a bone is thinner at `points` (n, 3) m, in its
+    frame, than the `back` (m) over its back.
 
     >>> import numpy as np
     >>> from meshes.cover import Head, Joint, thinner

@@ -56,8 +56,9 @@ class CarriedPoint:
     weight: Array
 
     def along(self, points: Array, position: Array, rotation: Array) -> float:
-        """m distal of the bone's origin along the bone, with nodes at `points` (n, 3) m and bodies
-        at `position` (nb, 3) m, `rotation` (nb, 3, 3), all in one frame."""
+        """The distance of places, m, distal of the bone's origin along the bone, with nodes at
+        `points` (n, 3) m and bodies at `position` (nb, 3) m, `rotation` (nb, 3, 3), all in one
+        frame."""
         from_origin = self.weight @ points[self.nodes] - position[self.body]
         return float(from_origin @ rotation[self.body][:, 0])
 
@@ -75,14 +76,14 @@ def net_places(net: CableNet) -> tuple[CarriedPoint, ...]:
 
 
 def sheet_edges(mesh: HoodMesh, regions: Sequence[str]) -> Ints:
-    """(m, 2) nodes at the ends of the edges of quads in the named regions, each edge once."""
+    """The nodes (m, 2) at the ends of the edges of quads in the named regions, each edge once."""
     quads = display_quads(mesh.quads[mesh.cells(*regions)])
     sides = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)
     return np.unique(np.sort(sides, axis=1), axis=0)
 
 
 def net_edges(net: CableNet, strands: Sequence[str]) -> Ints:
-    """(m, 2) nodes at the ends of the cells of the named strands."""
+    """The nodes (m, 2) at the ends of the cells of the named strands."""
     return net.cells[np.isin(np.array(net.strands)[net.strand], strands)]
 
 
@@ -115,7 +116,7 @@ def glide(
     laid: tuple[Array, Array, Array],
     now: tuple[Array, Array, Array],
 ) -> dict[str, float]:
-    """m by place, positive distally.
+    """How far places on the hood glide along the bones, m by place, positive distally.
 
     `laid` and `now`: points (n, 3) m of the hood, positions (nb, 3) m and rotations (nb, 3, 3) of
     BODIES, each of the two in a frame of its own."""

@@ -103,10 +103,45 @@ def _interpolate(table: Array, station: Array) -> Array:
 
 
 @dataclass(frozen=True)
+class _Lines:
+    """Rows and columns on which nodes are laid."""
+
+    stations: Array
+    """mm, of the rows from proximal."""
+    across: Array
+    """-1 to 1, of the inner columns."""
+    over_band: Array
+    """0 to 1, of the columns of a lateral band, from its inner edge."""
+    over_triangle: Array
+    """-1 to 1, of the columns of the triangular ligament."""
+    quadratic: bool
+
+    @property
+    def stride(self) -> int:
+        """Lines to an element."""
+        return 2 if self.quadratic else 1
+
+    def bearing(self, line: Ints, place: Array, ends: tuple[float, float]) -> tuple[Ints, Array]:
+        """Where a line of nodes (-1 for none) at ascending places bears something of what holds it
+        evenly between `ends`; and how much there."""
+        on = np.flatnonzero(line >= 0)
+        shares = even_shares(place[on], ends, self.quadratic)
+        borne = shares > 1e-9
+        return on[borne], np.round(shares[borne], 7)
+
+    def over_width(self, band: Ints, ends: tuple[float, float]) -> tuple[Ints, Array]:
+        """Nodes of a lateral band that bear what holds it between two stations evenly over its
+        width; and their shares."""
+        rows, along_it = self.bearing(band[:, 0], self.stations, ends)
+        shares = along_it[:, None] * even_shares(self.over_band, (0.0, 1.0), self.quadratic)
+        return band[rows].ravel(), np.round(shares.ravel(), 7)
+
+
+@dataclass(frozen=True)
 class _Grid:
     """Node numbers of rows by columns, -1 where there is no node."""
 
-    stations: Array
+    lines: _Lines
     inner: Ints
     band: Mapping[str, Ints]
     """Per side, columns from the inner edge to the outer edge; the rows proximal of the join are
@@ -166,18 +201,14 @@ def generate(
         for side, (s, dorsal, radial) in INTRINSIC.items()
     }
     # the grid's lines, laid on the hull of the bones
-    across, over_band, over_triangle = columns(quads, quadratic)
-    stations = rows(quads, quadratic)
-    hull = Hull(chain, level)
+    lines = _Lines(rows(quads, quadratic), *columns(quads, quadratic), quadratic)
     if one_sheet:
-        over_triangle = over_triangle[:0]
-    wings_end = SLIP_END if one_sheet else stations[stations <= OBLIQUE_END][-1]
-    grid, points, station = _lay(
-        hull, stations, across, over_band, over_triangle, guides, wings_end, quadratic
-    )
+        lines = replace(lines, over_triangle=lines.over_triangle[:0])
+    wings_end = SLIP_END if one_sheet else lines.stations[lines.stations <= OBLIQUE_END][-1]
+    grid, points, station = _lay(Hull(chain, level), lines, guides, wings_end)
     # cells, and nodes raised so that the chords between them clear the bones
     fixed = _end_nodes(grid)
-    cells, region, along = _cells(grid, across, quadratic)
+    cells, region, along = _cells(grid)
     free = np.setdiff1d(np.arange(len(points)), fixed["central"])
     lift = np.zeros(len(points))
     if not quadratic:
@@ -193,7 +224,7 @@ def generate(
         region,
         np.round(fibre, 5),
         fixed,
-        _attachments(grid, across, over_band, chain, level, points, scale, width, quadratic),
+        _attachments(grid, chain, level, points, scale, width),
         {"distal": np.unique(np.concatenate([b[-1] for b in grid.band.values()]))},
         np.round(station, 4),
         dict(rest_posture),
@@ -204,16 +235,10 @@ def generate(
 
 
 def _lay(
-    hull: Hull,
-    stations: Array,
-    across: Array,
-    over_band: Array,
-    over_triangle: Array,
-    guides: Mapping[str, Sequence[float]],
-    wings_end: float,
-    quadratic: bool,
+    hull: Hull, lines: _Lines, guides: Mapping[str, Sequence[float]], wings_end: float
 ) -> tuple[_Grid, Array, Array]:
     """Number the nodes and place them: the grid, points (n, 3) m, stations (n,) mm."""
+    stations, across, over_band = lines.stations, lines.across, lines.over_band
     nr = len(stations)
     inner = np.full((nr, len(across)), -1)
     s_list: list[float] = []
@@ -232,7 +257,9 @@ def _lay(
             here = _is_tendon(across) | (LATERAL_END - eps <= s <= wings_end + eps)
             inner[i, here] = [node(s, f * half[i]) for f in across[here]]
     # the lateral bands, which share nodes with the wings and merge distally
-    begins, band = _intrinsic_end(stations, quadratic), dict[str, Ints]()
+    ends = stations[:: lines.stride]
+    begins = ends[ends >= INTRINSIC_END - eps][0]
+    band: dict[str, Ints] = {}
     for side, sign in (("radial", 1), ("ulnar", -1)):
         nodes = np.full((nr, len(over_band)), -1)
         for i, s in enumerate(stations):
@@ -250,8 +277,8 @@ def _lay(
                     nodes[i, k] = node(s, sign * phi)
         band[side] = nodes
     # the triangular ligament between the merging bands
+    over_triangle = lines.over_triangle
     triangle = np.full((nr, len(over_triangle)), -1)
-    ends = stations[:: 2 if quadratic else 1]
     last = ends[ends <= TRIANGLE_END + eps][-1]
     of_triangle = (stations >= TRIANGLE_START - eps) & (stations <= last + eps)
     for row in np.flatnonzero(of_triangle & (last > TRIANGLE_START + eps)):
@@ -261,37 +288,26 @@ def _lay(
     # places: on the hull, then the intrinsic tendons towards their guides
     station = np.array(s_list)
     points = hull.points(station, np.array(phi_list))
-    grid = _Grid(stations, inner, band, triangle)
+    grid = _Grid(lines, inner, band, triangle)
     for side in band:
-        _lay_intrinsic(grid, hull, points, over_band, side, guides[side])
+        _lay_intrinsic(grid, hull, points, side, guides[side])
     return grid, points, station
 
 
-def _intrinsic_end(stations: Array, quadratic: bool) -> float:
-    """mm, the row of corners at which the intrinsic tendons' ropes end."""
-    corners = stations[:: 2 if quadratic else 1]
-    return float(corners[corners >= INTRINSIC_END - 1e-6][0])
-
-
 def _lay_intrinsic(
-    grid: _Grid,
-    hull: Hull,
-    points: Array,
-    over_band: Array,
-    side: str,
-    guide: Sequence[float],
+    grid: _Grid, hull: Hull, points: Array, side: str, guide: Sequence[float]
 ) -> None:
     """Place the intrinsic tendon's nodes on straight lines from the guide to the lateral band."""
     s0, d0, r0 = guide
-    laid = grid.band[side][:, 0] >= 0
-    rows = np.flatnonzero(laid & (grid.stations <= JOIN + 1e-6))
+    laid, stations = grid.band[side][:, 0] >= 0, grid.lines.stations
+    rows = np.flatnonzero(laid & (stations <= JOIN + 1e-6))
     join = points[grid.band[side][rows[-1]]]
     sign = np.sign(r0)
     across = np.array([sign * np.cos(np.arctan2(abs(r0), d0)), -np.sin(np.arctan2(abs(r0), d0))])
-    t = (over_band - 0.5) * BAND_WIDTH * 1e-3
+    t = (grid.lines.over_band - 0.5) * BAND_WIDTH * 1e-3
     start = hull.chain.at(np.full(len(t), s0), d0 + t * across[1], r0 + t * across[0])
     for i in rows[:-1]:
-        f = (grid.stations[i] - LATERAL_END) / (JOIN - LATERAL_END)
+        f = (stations[i] - LATERAL_END) / (JOIN - LATERAL_END)
         points[grid.band[side][i]] = (1 - f) * start + f * join
 
 
@@ -331,20 +347,20 @@ def _band(s: float, side: str) -> str:
     return f"{'intrinsic_tendon' if s < JOIN else 'lateral_band'}_{side}"
 
 
-def _cells(grid: _Grid, across: Array, quadratic: bool) -> tuple[Ints, Ints, NDArray[np.bool_]]:
+def _cells(grid: _Grid) -> tuple[Ints, Ints, NDArray[np.bool_]]:
     """Quads (ne, 4) or (ne, 9), their regions (ne,), and whether fibres run along the rows'
     direction."""
     cells, names = [], []
-    n = 2 if quadratic else 1
+    stations, across, n = grid.lines.stations, grid.lines.across, grid.lines.stride
 
     def quad(lines: Ints, k: int, back: bool) -> list[int]:
         first, *between, last = lines[:, k : k + n + 1][:, :: -1 if back else 1]
         corners = [first[0], last[0], last[n], first[n]]
-        return [*corners, first[1], last[1], *between[0][[0, 2, 1]]] if quadratic else corners
+        return [*corners, first[1], last[1], *between[0][[0, 2, 1]]] if n == 2 else corners
 
     # row by row from proximal: the middle, the bands at either side, the triangular ligament
-    for i in range(0, len(grid.stations) - n, n):
-        s = (grid.stations[i] + grid.stations[i + n]) / 2
+    for i in range(0, len(stations) - n, n):
+        s = (stations[i] + stations[i + n]) / 2
         if s < SLIP_END:
             lines = grid.inner[i : i + n + 1]
             for k in range(0, len(across) - n, n):
@@ -414,21 +430,13 @@ def clear_guides(points: Array, station: Array, level: Level, lift: Array | floa
 
 
 def _attachments(
-    grid: _Grid,
-    across: Array,
-    over_band: Array,
-    chain: Centreline,
-    level: Level,
-    points: Array,
-    scale: float,
-    width: float,
-    quadratic: bool,
+    grid: _Grid, chain: Centreline, level: Level, points: Array, scale: float, width: float
 ) -> dict[str, Attachment]:
     # the central slip, by short strings to the middle phalanx
-    s, eps = grid.stations, 1e-6
+    lines, s, eps = grid.lines, grid.lines.stations, 1e-6
     last = int(np.flatnonzero(s <= SLIP_END + eps)[-1])
     inserted = INSERTED[bool(grid.inner[last, 0] >= 0)]
-    columns, shares = _bearing_nodes(grid.inner[last], across, (-inserted, inserted), quadratic)
+    columns, shares = lines.bearing(grid.inner[last], lines.across, (-inserted, inserted))
     middle = grid.inner[last, columns]
     distal = chain.rotation[2][:, 0]
     slip = points[middle] + SLIP_REACH * 1e-3 * scale * distal
@@ -436,15 +444,15 @@ def _attachments(
     # contact, the deeper the finer the rows
     on_middle = on_bone("middle", middle, slip, level, level.offset["middle"])
     out = {"central_slip": replace(on_middle, shares=shares)}
-    out["dorsal_capsule"] = _capsule(grid, across, chain, level, points, scale, quadratic)
+    out["dorsal_capsule"] = _capsule(grid, chain, level, points, scale)
     # at either side: adhesion of the band, then ligaments to the proximal phalanx
     for side, sign, edge in (("radial", 1, -1), ("ulnar", -1, 0)):
         band = grid.band[side]
-        nodes, shares = _over_width(band, over_band, s, LIGAMENT_ROWS, quadratic)
+        nodes, shares = lines.over_width(band, LIGAMENT_ROWS)
         grown = on_bone("proximal", nodes, points[nodes], level)
         out[f"ligament_{side}"] = replace(grown, shares=shares)
-        rows, shares = _bearing_nodes(grid.inner[:, edge], s, SAGITTAL_ROWS, quadratic)
-        over_shaft = _over_width(band, over_band, s, SHAFT_ROWS, quadratic)
+        rows, shares = lines.bearing(grid.inner[:, edge], s, SAGITTAL_ROWS)
+        over_shaft = lines.over_width(band, SHAFT_ROWS)
         for name, nodes, borne in (
             (f"sagittal_hold_{side}", grid.inner[rows, edge], shares),
             (f"interosseous_hood_{side}", *over_shaft),
@@ -455,7 +463,7 @@ def _attachments(
             ("retinacular", band[:, -1], RETINACULAR_ROWS, None, RETINACULAR_ANCHOR),
             ("oblique_retinacular", band[:, -1], OBLIQUE_ROWS, OBLIQUE_ORIGIN, OBLIQUE_ANCHOR),
         ):
-            rows, shares = _bearing_nodes(line, s, ends, quadratic)
+            rows, shares = lines.bearing(line, s, ends)
             local = np.empty((len(rows), 3))
             local[:, 0] = along(chain.skeleton, s[rows] if origin is None else np.array([origin]))
             local[:, 1:] = 1e-3 * width * np.array([sign * radial, dorsal])
@@ -464,46 +472,18 @@ def _attachments(
 
 
 def _capsule(
-    grid: _Grid,
-    across: Array,
-    chain: Centreline,
-    level: Level,
-    points: Array,
-    scale: float,
-    quadratic: bool,
+    grid: _Grid, chain: Centreline, level: Level, points: Array, scale: float
 ) -> Attachment:
     """The dorsal capsule of the PIP: what binds the central slip over the joint to the head of the
     proximal phalanx."""
-    columns = np.flatnonzero(_is_tendon(across))
-    rows, along_it = _bearing_nodes(
-        grid.inner[:, columns[0]], grid.stations, CAPSULE_ROWS, quadratic
-    )
-    over_it = even_shares(across[columns], (-TENDON, TENDON), quadratic)
+    lines = grid.lines
+    columns = np.flatnonzero(_is_tendon(lines.across))
+    rows, along_it = lines.bearing(grid.inner[:, columns[0]], lines.stations, CAPSULE_ROWS)
+    over_it = even_shares(lines.across[columns], (-TENDON, TENDON), lines.quadratic)
     nodes = grid.inner[np.ix_(rows, columns)].ravel()
     origin = points[nodes] - CAPSULE_REACH * 1e-3 * scale * chain.rotation[1][:, 0]
     shares = (along_it[:, None] * over_it).ravel()
     return replace(on_bone("proximal", nodes, origin, level), shares=np.round(shares, 7))
-
-
-def _over_width(
-    band: Ints, over_band: Array, stations: Array, ends: tuple[float, float], quadratic: bool
-) -> tuple[Ints, Array]:
-    """Nodes of a lateral band that bear what holds it between two stations evenly over its width;
-    and their shares."""
-    rows, along_it = _bearing_nodes(band[:, 0], stations, ends, quadratic)
-    shares = along_it[:, None] * even_shares(over_band, (0.0, 1.0), quadratic)
-    return band[rows].ravel(), np.round(shares.ravel(), 7)
-
-
-def _bearing_nodes(
-    line: Ints, place: Array, ends: tuple[float, float], quadratic: bool = False
-) -> tuple[Ints, Array]:
-    """Where a line of nodes (-1 for none) at ascending places bears something of what holds it
-    evenly between `ends`; and how much there."""
-    on = np.flatnonzero(line >= 0)
-    shares = even_shares(place[on], ends, quadratic)
-    borne = shares > 1e-9
-    return on[borne], np.round(shares[borne], 7)
 
 
 def on_bone(body: str, nodes: Ints, near: Array, level: Level, height: float = 0.0) -> Attachment:

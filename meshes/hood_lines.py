@@ -103,9 +103,10 @@ def _with_middles(ends: Array) -> Array:
 
 
 def even_shares(place: Array, ends: tuple[float, float], quadratic: bool) -> Array:
-    """(n,) what each node of a line at ascending places has of a load that is even between `ends`:
-    by linear shape functions, or where every two spaces are an element by its quadratic ones; an
-    element that is loaded in part keeps the linear ones, which leave no node a negative share."""
+    """The share (n,) that each node of a line at ascending places has of a load that is even
+    between `ends`: by linear shape functions, or where every two spaces are an element by its
+    quadratic ones; an element that is loaded in part keeps the linear ones, which leave no node a
+    negative share."""
     inside = place[(place > ends[0]) & (place < ends[1])]
     cuts = np.concatenate([ends[:1], inside, ends[1:]])
     shapes = np.array([np.interp(cuts, place, one) for one in np.eye(len(place))])

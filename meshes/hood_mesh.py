@@ -116,7 +116,7 @@ class HoodMesh:
     """Unit directions (ne, 3) by name, which a case may give a region's fibres."""
 
     def areas(self) -> Array:
-        """(ne,) m2."""
+        """The quads' areas (ne,) m2."""
         p = self.points[display_quads(self.quads)]
         area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
         return np.asarray(area.reshape(len(self.quads), -1).sum(axis=1))
@@ -155,7 +155,7 @@ class HoodMesh:
         return np.isin(self.region, [REGIONS.index(n) for n in names])
 
     def part_cells(self, name: str) -> Ints:
-        """(m, k) nodes of the quads in a region."""
+        """The nodes (m, k) of the quads in a region."""
         return self.quads[self.cells(name)]
 
 
@@ -172,7 +172,7 @@ def display_quads(quads: Ints) -> Ints:
 
 
 def pairs(quads: Ints) -> Ints:
-    """(m, 2) nodes of the elements (ne, 4) or (ne, 9) that join all of each one's."""
+    """The pairs of nodes (m, 2) of the elements (ne, 4) or (ne, 9) that join all of each one's."""
     q = display_quads(quads)
     return np.vstack([q[:, [0, 1]], q[:, [1, 2]], q[:, [2, 3]]])
 
@@ -452,7 +452,7 @@ class _Reader:
 
 
 def are_folded(corners: Array) -> NDArray[np.bool_]:
-    """(n,) which quads (n, 4, 3) have a reflex corner, cross themselves or have no area."""
+    """Which (n,) quads (n, 4, 3) have a reflex corner, cross themselves or have no area."""
     corner = _corners(corners)
     mean = corner.mean(axis=1)
     least = np.einsum("nak,nk->na", corner, mean).min(axis=1, initial=np.inf)
@@ -462,7 +462,7 @@ def are_folded(corners: Array) -> NDArray[np.bool_]:
 
 
 def _corners(p: Array) -> Array:
-    """(n, 4, 3) of quads (n, 4, 3), the cross product of the edges that meet at each corner."""
+    """The cross product, (n, 4, 3) for quads (n, 4, 3), of the edges that meet at each corner."""
     return np.cross(p - np.roll(p, 1, axis=1), np.roll(p, -1, axis=1) - p)
 
 

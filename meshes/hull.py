@@ -26,8 +26,8 @@ class SmoothSurface(Protocol):
 
 
 def along(skeleton: Skeleton, station: Array) -> Array:
-    """(n,) m along the chain of joint centres of stations in mm of the index finger: each phalanx
-    takes its own part of them, the metacarpal the proximal phalanx's."""
+    """The places (n,) m along the chain of joint centres of stations in mm of the index finger:
+    each phalanx takes its own part of them, the metacarpal the proximal phalanx's."""
     own, index = skeleton.length, index_finger().length
     _, proximal, middle, distal = np.divide(own, index, out=np.ones(4), where=index > 0)
     over_middle, over_distal = np.clip(station - PIP, 0, DIP - PIP), np.maximum(station - DIP, 0)
@@ -38,8 +38,8 @@ def along(skeleton: Skeleton, station: Array) -> Array:
 
 
 def carriers(skeleton: Skeleton, station: Array) -> Array:
-    """(n, 4) weights with which each body carries material `station` (m) along the chain, adding up
-    to one."""
+    """The weights (n, 4) with which each body carries material `station` (m) along the chain,
+    adding up to one."""
     joints = np.concatenate([[0.0], np.cumsum(skeleton.length[1:3])])
     width = BLEND * 1e-3
     u = np.clip((station[:, None] - joints + width) / (2 * width), 0, 1)
@@ -109,8 +109,8 @@ class Level:
         return points
 
     def rise_over_head(self, points: Array, lift: Array) -> Array:
-        """(n,) m by which points must rise dorsally, so that lines along the metacarpal from there
-        to the MCP clear its level by `lift` (n,) m."""
+        """The heights (n,) m by which points must rise dorsally, so that lines along the metacarpal
+        from there to the MCP clear its level by `lift` (n,) m."""
         start = (points - self.position[0]) @ self.rotation[0]
         way = lines_to_joint(start)
         line = way.reshape(-1, 3)
@@ -126,7 +126,7 @@ class Level:
 
 
 def lines_to_joint(start: Array) -> Array:
-    """(n, 50, 3) m, points on the lines along the metacarpal, in its frame, from each of `start`
+    """Points (n, 50, 3) m on the lines along the metacarpal, in its frame, from each of `start`
     (n, 3) to the MCP."""
     way = np.repeat(start[:, None], 50, axis=1)
     way[..., 0] = np.linspace(start[:, 0], 0.0, 50, axis=1)
@@ -165,7 +165,8 @@ def hull_radius(
 
 
 def _outermost_crossing(value: Array, radius: Array) -> Array:
-    """(ns, na) radius beyond which a ray stays outside; the inmost radius where it never was in."""
+    """The radius (ns, na) beyond which a ray stays outside; the inmost radius where it never was
+    in."""
     inside = value < 0
     last = value.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=2)
     last = np.clip(last, 0, len(radius) - 2)

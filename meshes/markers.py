@@ -23,7 +23,8 @@ class Markers:
     weight: Array
 
     def at(self, points: Array) -> Array:
-        """(rows, columns, 3) where they are when the nodes are at `points` (n, 3)."""
+        """The markers' places (rows, columns, 3), where they are when the nodes are at `points` (n,
+        3)."""
         return np.einsum("rck,rckj->rcj", self.weight, points[self.nodes])
 
 

@@ -51,13 +51,13 @@ x, y, z of the centre, tilt, radii"""
 
 
 def read_stl(path: Path) -> Array:
-    """(nf, 3, 3) corners of a binary STL."""
+    """The corners (nf, 3, 3) of a binary STL's triangles."""
     record = np.dtype([("xyz", "<f4", (4, 3)), ("attribute", "<u2")])
     return np.frombuffer(path.read_bytes(), record, offset=84)["xyz"][:, 1:].astype(float)
 
 
 def farthest_hits(triangles: Array, origin: Array, rays: Array) -> Array:
-    """(n,) distance along unit rays (n, 3) from one origin to the last triangle they cross
+    """The distance (n,) along unit rays (n, 3) from one origin to the last triangle they cross
     (Moeller and Trumbore, J Graphics Tools 2, 1997)."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     ab, ac, s = b - a, c - a, origin - a
@@ -76,7 +76,7 @@ def farthest_hits(triangles: Array, origin: Array, rays: Array) -> Array:
 
 
 def midline(triangles: Array, x: Array) -> Array:
-    """(n, 3) points on the bone's midline at stations x: a parabola through the middles of the
+    """Points (n, 3) on the bone's midline at stations x: a parabola through the middles of the
     bone's extent in windows along it."""
     points = triangles.reshape(-1, 3)
     stations = np.linspace(points[:, 0].min(), points[:, 0].max(), 21)[2:-2]

@@ -70,8 +70,8 @@ def region_places(
 
 
 def _edges(quads: Ints, station: Array, lateral: Array, rows: Array) -> tuple[Array, Array]:
-    """(ROWS,) least and greatest `lateral` (n,) of the nodes, where lines of constant station cross
-    the edges of quads (m, 4)."""
+    """The least and the greatest `lateral` (n,), (ROWS,) each, of the nodes, where lines of
+    constant station cross the edges of quads (m, 4)."""
     ends = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)
     ends = ends[np.ptp(station[ends], axis=1) > 0]
     s, u = station[ends], lateral[ends]

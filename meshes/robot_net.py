@@ -24,7 +24,7 @@ def straight_skeleton(lengths: tuple[float, float, float]) -> Skeleton:
 
 
 def _longer(skeleton: Skeleton) -> Array:
-    """(3,) the phalanges over the human index finger's."""
+    """The ratios (3,) of the phalanges' lengths to the human index finger's."""
     return np.asarray(skeleton.length[1:] / index_finger().length[1:])
 
 

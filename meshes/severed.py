@@ -65,7 +65,7 @@ def cut_part(mesh: HoodMesh, part: str) -> HoodMesh:
 
 
 def _whole_part(mesh: HoodMesh, part: str) -> Mask:
-    """(ne,) all quads of the part."""
+    """Which quads (ne,) belong to the part: all of it."""
     out = mesh.cells(part)
     if not out.any():
         raise InputError(f"lesion.cut: the mesh has no {part} to take out")
@@ -73,8 +73,8 @@ def _whole_part(mesh: HoodMesh, part: str) -> Mask:
 
 
 def _band_sheet(mesh: HoodMesh, part: str) -> Mask:
-    """(ne,) the part's quads over the MCP, up to the last row that is held: a mesh may call all of
-    the sheet from there to the PIP a sagittal band."""
+    """Which quads (ne,) belong to the band: the part's over the MCP, up to the last row that is
+    held: a mesh may call all of the sheet from there to the PIP a sagittal band."""
     middle = mesh.station[mesh.quads].mean(axis=1)
     return np.asarray(mesh.cells(part) & (middle < SAGITTAL_ROWS[1]))
 
@@ -88,7 +88,7 @@ def _count(tied: Mapping[str, Ints]) -> int:
 
 
 def _row_of_part(mesh: HoodMesh, part: str) -> Mask:
-    """(ne,) the part's quads that its place runs through: of a structured mesh one row."""
+    """Which quads (ne,) of the part its place runs through: of a structured mesh one row."""
     station = mesh.station[mesh.quads]
     place = PLACES[part]
     out = mesh.cells(part) & (station.min(axis=1) <= place) & (station.max(axis=1) > place)

@@ -97,7 +97,7 @@ class Skeleton:
         return np.array(position), np.array(rotation)
 
     def tip(self, angles: Mapping[str, float]) -> Array:
-        """(3,) the fingertip point in the world, m."""
+        """The fingertip's point (3,) in the world, m."""
         position, rotation = self.pose(angles)
         return position[3] + rotation[3] @ [self.length[3], 0.0, 0.0]
 

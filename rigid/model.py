@@ -145,7 +145,7 @@ class FingerModel:
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """rad by joint."""
+        """The joints' ranges, rad by joint."""
         return {hinge.name: hinge.range for s in self.segments for hinge in s.hinges}
 
     def with_only(self, *muscles: str) -> FingerModel:

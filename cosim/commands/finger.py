@@ -25,9 +25,9 @@ from cosim.files import check_file, output_file
 from cosim.fingers.kinds import joint_ranges
 from cosim.models.build import build, mjcf_of, tensions
 from cosim.results.picture import write_figure
+from rigid.verification.bench import PAPER_LOOP, PAPER_QP, bench_robot
 from rigid.verification.bench import bench_opensim as measure
 from rigid.verification.dynamics_rows import time_static_solve
-from rigid.verification.robot_bench import PAPER_LOOP, PAPER_QP, bench_robot
 
 if TYPE_CHECKING:
     import pandas

@@ -57,13 +57,13 @@ def reduce(
     """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
     for use in real time; the error is that of postures held out."""
     with exit_on_error():
-        all_settings = tuple(settings or ())
-        checked = load_case(case, all_settings)
+        stated = tuple(settings or ())
+        checked = load_case(case, stated)
         if out is not None:
             check_file(out)
         reduction = reduce_case(
             checked.source,
-            all_settings,
+            stated,
             read_grid(grid or ()),
             workers,
             lambda text: typer.echo(text, err=True),
@@ -74,14 +74,14 @@ def reduce(
         if out is not None:
             base, title = base_name(checked.source, out.parent), f"{checked.title}, hood reduced"
             with output_file(out) as part:
-                part.write_text(case_text(reduction, title, base, all_settings), encoding="utf-8")
+                part.write_text(case_text(reduction, title, base, stated), encoding="utf-8")
                 check_loads(part)
             typer.echo(f"case in {out}")
 
 
 def _show(reduction: Reduction) -> None:
     """Errors, rates, and where the hood found no equilibrium."""
-    quantity_errors = list(errors(reduction))
+    misses = list(errors(reduction))
     rows = [
         (
             e.quantity,
@@ -89,11 +89,11 @@ def _show(reduction: Reduction) -> None:
             "" if e.mark is None else f"{100 * e.mark:.0f} %",
             "" if e.mark is None else f"{100 * e.beyond:.0f} %",
         )
-        for e in quantity_errors
+        for e in misses
     ]
     header = ("error of", "fitted, median", "held out, median", "most", "mark", "beyond it")
     print_table("Reduced hood less the hood itself", header, rows)
-    for e in quantity_errors:
+    for e in misses:
         typer.echo(f"{e.quantity}, most: at {e.where}")
     rate = reduction.rate
     typer.echo(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import math
 import platform
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
+from pkgutil import resolve_name
 from typing import Annotated, Any
 
 import typer
@@ -47,17 +48,58 @@ PURPOSES = {
 """Libraries that serve one purpose; they are imported when it is asked for."""
 
 
+PARTS = {
+    "fe": ("Verify the shell solver", ("fe_solver.verification.table:STUDIES",)),
+    "fingers": (
+        "Verify fingers, muscles and devices, and compare them with experiments",
+        ("rigid.verification.table:FINGER_STUDIES",),
+    ),
+    "hoods": (
+        "Verify the hoods in lumped form and of cables, and compare them with their papers",
+        (
+            "rigid.verification.table:HOOD_STUDIES",
+            "fe_solver.verification.cable_rows:STUDIES",
+            "cosim.verification.reduction:STUDIES",
+        ),
+    ),
+    "coupling": (
+        "Verify the schemes that couple in time",
+        (
+            "cosim.verification.coupling:STUDIES",
+            "cosim.verification.schemes_at_rest:STUDIES",
+            "cosim.verification.thesis:STUDIES",
+            "cosim.verification.fmu:STUDIES",
+        ),
+    ),
+    "robot": (
+        "Verify the pneumatic robotic finger: routing, air, estimation, control",
+        ("rigid.verification.robot_rows:STUDIES", "rigid.verification.air_rows:STUDIES"),
+    ),
+    "studies": (
+        "Verify that lesions show a clinic's signs, and lay published experiments on lengths and "
+        'cuts beside the models (--only "lengths and cuts")',
+        ("cosim.verification.lesions:STUDIES", "cosim.verification.lengths:STUDIES"),
+    ),
+}
+"""By command what it does, and where its studies are, `module:name`."""
+
+
 @verify.callback()
 def _parts() -> None:
     pass
 
 
-@verify.command()
-def fe(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
-    """Verify the shell solver; exit code 1 when a row fails."""
-    from fe_solver.verification.table import STUDIES
+def _command(places: Sequence[str]) -> Callable[[bool, str | None, bool], None]:
+    """The command that runs the studies of these places."""
 
-    _verify(STUDIES, as_json, only, slow)
+    def run(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
+        _verify([study for place in places for study in resolve_name(place)], as_json, only, slow)
+
+    return run
+
+
+for _name, (_text, _places) in PARTS.items():
+    verify.command(_name, help=f"{_text}; exit code 1 when a row fails.")(_command(_places))
 
 
 def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: bool) -> None:
@@ -70,59 +112,6 @@ def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: boo
             rows += list(study.rows())
     _print(rows, as_json)
     raise typer.Exit(0 if all(row.passed for row in rows) else 1)
-
-
-@verify.command()
-def fingers(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
-    """Verify fingers, muscles and devices, and compare them with experiments; exit code 1 when a
-    row fails."""
-    from rigid.verification.table import STUDIES
-
-    _verify(STUDIES, as_json, only, slow)
-
-
-@verify.command()
-def hoods(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
-    """Verify the hoods in lumped form and of cables, and compare them with their papers; exit code
-    1 when a row fails."""
-    from cosim.verification.reduction import STUDIES as REDUCED
-    from fe_solver.verification.cable_rows import STUDIES as CABLES
-    from rigid.verification.hood_table import STUDIES
-
-    _verify((*STUDIES, *CABLES, *REDUCED), as_json, only, slow)
-
-
-@verify.command()
-def coupling(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
-    """Verify the schemes that couple in time; exit code 1 when a row fails."""
-    from cosim.verification import coupling as verification_coupling
-    from cosim.verification import schemes_at_rest as verification_rest
-    from cosim.verification import thesis as verification_thesis
-    from cosim.verification.fmu import studies
-
-    modules = (verification_coupling, verification_rest, verification_thesis)
-    all_studies = [study for module in modules for study in module.STUDIES]
-    _verify((*all_studies, *studies()), as_json, only, slow)
-
-
-@verify.command()
-def robot(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
-    """Verify the pneumatic robotic finger: routing, air, estimation, control; exit code 1 when a
-    row fails."""
-    from rigid.verification.air_rows import STUDIES as AIR
-    from rigid.verification.robot_rows import STUDIES
-
-    _verify((*STUDIES, *AIR), as_json, only, slow)
-
-
-@verify.command()
-def studies(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
-    """Verify that lesions show a clinic's signs, and lay published experiments on lengths and cuts
-    beside the models (--only "lengths and cuts"); exit code 1 when a row fails."""
-    from cosim.verification.lengths import STUDIES as LENGTHS
-    from cosim.verification.lesions import STUDIES as LESIONS
-
-    _verify((*LESIONS, *LENGTHS), as_json, only, slow)
 
 
 def info() -> None:

@@ -1,12 +1,17 @@
-"""What our fingers share when built: the fingertip's support and the joints' torques."""
+"""What our fingers share when built: the fingertip's support, the joints' torques, and rods that
+stand for bones in pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-from cosim.fingers.common import LimitConfig, PassiveConfig, PlanarPostureConfig, TipConfig
+import numpy as np
+
+from cosim.fingers.common import ChainFingerConfig, MassiveFingerConfig, TipConfig
+from cosim.port import Triangles
+from meshes.skeleton import BODIES
 
 if TYPE_CHECKING:
     from rigid.chain.joint_torques import JointLaw
@@ -15,41 +20,8 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 
-class ChainFingerConfig(Protocol):
-    """What every table of a finger of ours states."""
-
-    @property
-    def posture(self) -> PlanarPostureConfig:
-        """The joint angles (rad) in which the finger starts."""
-        ...
-
-    @property
-    def tip(self) -> TipConfig:
-        """What holds the fingertip."""
-        ...
-
-    @property
-    def limit(self) -> LimitConfig | None:
-        """The joints' limits; None where they are free."""
-        ...
-
-    @property
-    def passive(self) -> Mapping[str, PassiveConfig]:
-        """Passive torques by joint."""
-        ...
-
-
-class ChainFingerConfigWithMass(ChainFingerConfig, Protocol):
-    """What the table of a finger of ours with mass states."""
-
-    @property
-    def gravity(self) -> tuple[float, float, float]:
-        """The acceleration of gravity (3,) m/s2, world frame."""
-        ...
-
-
 def build_on_mujoco(
-    finger: ChainFingerConfigWithMass, model: FingerModel, in_plane: bool = False
+    finger: MassiveFingerConfig, model: FingerModel, in_plane: bool = False
 ) -> ChainFinger:
     """The live finger of a MuJoCo model."""
     from rigid.mujoco.finger import MujocoFinger
@@ -92,3 +64,26 @@ def joint_torques(finger: ChainFingerConfig, joints: tuple[str, ...]) -> JointLa
         limit_damping=finger.limit.damping,
     )
     return law.hold_about(posture, margin=finger.limit.half_range)
+
+
+def rods(lengths: tuple[float, float, float], radius: Mapping[str, float]) -> dict[str, Triangles]:
+    """Rods for bones: a capsule from joint to joint, of the first bone as much as MuJoCo's model
+    shows; lengths of the phalanges and `radius` by body in m."""
+    from trimesh.creation import capsule
+
+    from rigid.fingers.anatomy import VIEW_METACARPAL
+
+    out = {}
+    for body, length in zip(BODIES, (VIEW_METACARPAL, *lengths), strict=True):
+        rod = capsule(abs(length), radius[body], count=[16, 16])
+        points = np.array(rod.vertices - rod.bounds.mean(axis=0))[:, [2, 0, 1]]
+        points[:, 0] += length / 2
+        out[body] = points, np.array(rod.faces)
+    return out
+
+
+def thick_rods(lengths: tuple[float, float, float]) -> dict[str, Triangles]:
+    """Rods for bones, as thick as MuJoCo's model shows them: surfaces in the bodies' frames, m."""
+    from rigid.fingers.anatomy import VIEW_RADIUS
+
+    return rods(lengths, VIEW_RADIUS)

@@ -12,8 +12,17 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from cosim.schema import units
-from cosim.schema.fields import fault, quantity
-from cosim.schema.types import AbductionAngle, DipAngle, McpAngle, Number, PipAngle, Table
+from cosim.schema.fields import fault, name_of, quantity
+from cosim.schema.types import (
+    AbductionAngle,
+    Acceleration,
+    DipAngle,
+    McpAngle,
+    Number,
+    PipAngle,
+    Table,
+)
+from meshes.skeleton import JOINTS
 
 EQUAL_SHARES = 0.5
 """The central slip's, where tendons part into two equal strands (An et al. 1979)."""
@@ -224,3 +233,35 @@ TipConfig = Annotated[
     HeldTipConfig | CageTipConfig | ShellTipConfig,
     Field(discriminator="kind", description="What holds the fingertip, or what it pushes against."),
 ]
+
+
+class ChainFingerConfig(FingerConfig):
+    """What the table of every finger of ours states."""
+
+    posture: PlanarPostureConfig
+    """Joint angles, held or from which the finger starts."""
+    tip: TipConfig = HeldTipConfig(kind="point")
+    limit: LimitConfig | None = None
+    """Limits of the joints; without it they turn freely."""
+    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], PassiveConfig] = Field(
+        default_factory=dict
+    )
+    """Passive torques by joint; a joint that is not named has none."""
+
+
+class MassiveFingerConfig(ChainFingerConfig):
+    """What the table of a finger of ours with mass states."""
+
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+    """Gravity along the world's axes distal, radial and dorsal; none by default."""
+
+
+class JointedFingerConfig(MassiveFingerConfig):
+    """What the table of a finger with the joints of a human one states."""
+
+    posture: PostureConfig
+    """Joint angles, held or from which the finger starts."""
+    passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
+        default_factory=dict
+    )
+    """Passive torques by joint; a joint that is not named has none."""

@@ -3,31 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-from pydantic import Field
-
-from cosim.fingers.chain import joint_torques, tip_support
-from cosim.fingers.common import (
-    Extensor,
-    FingerConfig,
-    HeldTipConfig,
-    LimitConfig,
-    PassiveConfig,
-    PlanarPostureConfig,
-    TipConfig,
-)
+from cosim.fingers.chain import joint_torques, thick_rods, tip_support
+from cosim.fingers.common import ChainFingerConfig, Extensor
 from cosim.fingers.kind import FingerKind
-from cosim.fingers.rods import thick_rods
 from cosim.port import Triangles
-from cosim.schema.fields import name_of
 from cosim.schema.types import Phalanx
 
 if TYPE_CHECKING:
     from rigid.chain.statics import ChainFinger
 
 
-class HingeFingerConfig(FingerConfig):
+class HingeFingerConfig(ChainFingerConfig):
     """The analytic planar finger: three hinges in a row."""
 
     title: ClassVar[str] = "planar finger of hinges, analytic"
@@ -35,15 +23,6 @@ class HingeFingerConfig(FingerConfig):
     kind: Literal["hinge"]
     lengths: tuple[Phalanx, Phalanx, Phalanx]
     """Lengths of proximal, middle and distal phalanx."""
-    posture: PlanarPostureConfig
-    """Joint angles, held or from which the finger starts."""
-    tip: TipConfig = HeldTipConfig(kind="point")
-    limit: LimitConfig | None = None
-    """Limits of the joints; without it they turn freely."""
-    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], PassiveConfig] = Field(
-        default_factory=dict
-    )
-    """Passive torques by joint; a joint that is not named has none."""
 
 
 def build(finger: HingeFingerConfig, extensor: Extensor) -> ChainFinger:

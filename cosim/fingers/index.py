@@ -12,21 +12,12 @@ from pydantic import Field, model_validator
 
 from cosim.errors import InputError
 from cosim.fingers.chain import build_on_mujoco
-from cosim.fingers.common import (
-    EQUAL_SHARES,
-    Extensor,
-    FingerConfig,
-    HeldTipConfig,
-    LimitConfig,
-    PassiveConfig,
-    PostureConfig,
-    TipConfig,
-)
+from cosim.fingers.common import EQUAL_SHARES, Extensor, JointedFingerConfig
 from cosim.fingers.kind import Eyelets, FingerKind
 from cosim.port import Triangles
-from cosim.schema.fields import fault, name_of
-from cosim.schema.types import MUSCLES, Acceleration, BodyName, File, Number, Table
-from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
+from cosim.schema.fields import fault
+from cosim.schema.types import MUSCLES, BodyName, File, Number, Table
+from meshes.skeleton import BODIES, Skeleton, index_finger
 
 if TYPE_CHECKING:
     from rigid.chain.statics import ChainFinger
@@ -57,7 +48,7 @@ class BoneConfig(Table):
     """Frame of its coordinates: "ours" is the body's own, "myohand" that of MyoHand's meshes."""
 
 
-class IndexFingerConfig(FingerConfig):
+class IndexFingerConfig(JointedFingerConfig):
     """The MuJoCo index finger: ours, or with `path` the user's."""
 
     title: ClassVar[str] = "index finger of a right hand"
@@ -67,23 +58,12 @@ class IndexFingerConfig(FingerConfig):
     """A MuJoCo model with joints, lengths and tendons in place of ours: bodies, joints, tendons and
     the site "tip" are called as `cosim mjcf` calls them (`cosim new` makes such a file of another).
     """
-    posture: PostureConfig
-    """Joint angles, held or from which the finger starts."""
     length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
     """Lengths over those of our index finger."""
     width_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
     """Widths of the bones over those of our index finger."""
-    tip: TipConfig = HeldTipConfig(kind="point")
-    limit: LimitConfig | None = None
-    """Limits of the joints; without it they turn freely."""
-    passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
-        default_factory=dict
-    )
-    """Passive torques by joint; a joint that is not named has none."""
     bones: dict[BodyName, BoneConfig] = Field(default_factory=dict)
     """Surfaces in place of our bones, by body."""
-    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
-    """Gravity along the world's axes distal, radial and dorsal; none by default."""
 
     @model_validator(mode="after")
     def _check_size(self) -> IndexFingerConfig:

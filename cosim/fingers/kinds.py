@@ -10,12 +10,11 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers import fmu, hinge, index, middle, planar, robot
-from cosim.fingers.common import Extensor
+from cosim.fingers.common import Extensor, MassiveFingerConfig
 from cosim.fingers.kind import Anatomy, FingerKind
 from cosim.port import Finger, Triangles
 
 if TYPE_CHECKING:
-    from cosim.fingers.chain import ChainFingerConfigWithMass
     from meshes.skeleton import Skeleton
     from rigid.chain.statics import ChainFinger
     from rigid.model import FingerModel
@@ -100,7 +99,7 @@ def mjcf(finger: NativeFinger, extensor: Extensor, tension: float) -> str:
         joint_torques(finger, model.joints),
         finger.posture.angles(),
         dict.fromkeys(model.muscles, tension),
-        cast("ChainFingerConfigWithMass", finger).gravity,
+        cast(MassiveFingerConfig, finger).gravity,
     )
 
 

@@ -9,20 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from cosim.fingers.chain import build_on_mujoco
-from cosim.fingers.common import (
-    Extensor,
-    FingerConfig,
-    HeldTipConfig,
-    LimitConfig,
-    PassiveConfig,
-    PostureConfig,
-    TipConfig,
-)
+from cosim.fingers.common import Extensor, JointedFingerConfig
 from cosim.fingers.kind import Eyelets, FingerKind
 from cosim.port import Triangles
-from cosim.schema.fields import name_of
-from cosim.schema.types import Acceleration, Number
-from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
+from cosim.schema.types import Number
+from meshes.skeleton import BODIES, Skeleton, index_finger
 
 if TYPE_CHECKING:
     from rigid.chain.statics import ChainFinger
@@ -32,29 +23,18 @@ AREAS = {"FDP": 4.1, "FDS": 4.2, "EDC": 1.7, "LUM": 0.2, "UI": 2.2, "RI": 2.8}
 """cm2: Chao et al. 1989, digit III, as Synek et al. 2019 take them."""
 
 
-class MiddleFingerConfig(FingerConfig):
+class MiddleFingerConfig(JointedFingerConfig):
     """The MuJoCo middle finger of Synek et al. 2019."""
 
     title: ClassVar[str] = "middle finger of a right hand"
     shell_case: ClassVar[str | None] = "base/middle_hood"
     flexed: ClassVar[tuple[float, float, float]] = (40.0, 55.0, 35.0)
     kind: Literal["middle"]
-    posture: PostureConfig
-    """Joint angles, held or from which the finger starts."""
     length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
     """Lengths over those of Synek's middle finger."""
     interosseous: Literal["myohand", "an1979"] = "myohand"
     """Path of the radial interosseous at the MCP: MyoHand's, or the normative table's, whose depth
     of 0.565 O2O3 is perhaps a misprint for 0.265 (arm 8.1 mm in the straight finger for 3.6)."""
-    tip: TipConfig = HeldTipConfig(kind="point")
-    limit: LimitConfig | None = None
-    """Limits of the joints; without it they turn freely."""
-    passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
-        default_factory=dict
-    )
-    """Passive torques by joint; a joint that is not named has none."""
-    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
-    """Gravity along the world's axes distal, radial and dorsal; none by default."""
 
     def muscle_areas(self, names: Collection[str]) -> tuple[Mapping[str, float], str]:
         areas = dict(AREAS)

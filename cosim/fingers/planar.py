@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
-from cosim.fingers.chain import build_on_mujoco
-from cosim.fingers.common import (
-    Extensor,
-    FingerConfig,
-    HeldTipConfig,
-    LimitConfig,
-    PassiveConfig,
-    PlanarPostureConfig,
-    TipConfig,
-)
+from cosim.fingers.chain import build_on_mujoco, thick_rods
+from cosim.fingers.common import Extensor, MassiveFingerConfig
 from cosim.fingers.kind import FingerKind
-from cosim.fingers.rods import thick_rods
 from cosim.port import Triangles
-from cosim.schema.fields import name_of
-from cosim.schema.types import Acceleration, Inertia, Mass, Phalanx
+from cosim.schema.types import Inertia, Mass, Phalanx
 
 if TYPE_CHECKING:
     from rigid.chain.planar_chain import PlanarChain
@@ -30,7 +19,7 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 
-class PlanarFingerConfig(FingerConfig):
+class PlanarFingerConfig(MassiveFingerConfig):
     """Three links in a plane on MuJoCo: lengths, distances of the centres of mass from the proximal
     joints, masses, and moments of inertia about the centres of mass."""
 
@@ -44,17 +33,6 @@ class PlanarFingerConfig(FingerConfig):
     """Masses of the phalanges, from proximal to distal."""
     inertias: tuple[Inertia, Inertia, Inertia]
     """Moments of inertia about the centres of mass, normal to the plane."""
-    posture: PlanarPostureConfig
-    """Joint angles, held or from which the finger starts."""
-    tip: TipConfig = HeldTipConfig(kind="point")
-    limit: LimitConfig | None = None
-    """Limits of the joints; without it they turn freely."""
-    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], PassiveConfig] = Field(
-        default_factory=dict
-    )
-    """Passive torques by joint; a joint that is not named has none."""
-    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
-    """Gravity along the world's axes distal, radial and dorsal; none by default."""
 
 
 def planar_chain(finger: PlanarFingerConfig) -> PlanarChain:

@@ -4,27 +4,15 @@ paper's."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
-
-from pydantic import Field
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from cosim.errors import InputError
-from cosim.fingers.chain import build_on_mujoco
-from cosim.fingers.common import (
-    Extensor,
-    FingerConfig,
-    HeldTipConfig,
-    LimitConfig,
-    PassiveConfig,
-    PostureConfig,
-    TipConfig,
-)
+from cosim.fingers.chain import build_on_mujoco, rods
+from cosim.fingers.common import Extensor, JointedFingerConfig
 from cosim.fingers.kind import FingerKind
-from cosim.fingers.rods import rods
 from cosim.port import Triangles
-from cosim.schema.fields import name_of
-from cosim.schema.types import Acceleration, Switch
-from meshes.skeleton import BODIES, JOINTS, Skeleton
+from cosim.schema.types import Switch
+from meshes.skeleton import BODIES, Skeleton
 
 if TYPE_CHECKING:
     from rigid.chain.statics import ChainFinger
@@ -35,26 +23,15 @@ THIN = 1e-3
 DIP."""
 
 
-class RobotFingerConfig(FingerConfig):
+class RobotFingerConfig(JointedFingerConfig):
     """The robotic finger of Xu et al. 2012 on MuJoCo (rigid/fingers/robot.py), with its own
     tendons: over its extensor's pulley under `hood.kind = "split"`; any other hood takes that
     extensor's place."""
 
     title: ClassVar[str] = "robotic finger of Xu et al. 2012"
     kind: Literal["robot"]
-    posture: PostureConfig
-    """Joint angles, held or from which the finger starts."""
     second_extensor: Switch = False
     """Six tendons: one more extensor, to the proximal phalanx alone."""
-    tip: TipConfig = HeldTipConfig(kind="point")
-    limit: LimitConfig | None = None
-    """Limits of the joints; without it they turn freely."""
-    passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
-        default_factory=dict
-    )
-    """Passive torques by joint; a joint that is not named has none."""
-    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
-    """Gravity along the world's axes distal, radial and dorsal; none by default."""
 
     def check_extensor(self, extensor: Extensor) -> None:
         from rigid.fingers.robot_tables import LONG, SHORT

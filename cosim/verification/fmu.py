@@ -45,8 +45,8 @@ MOTION = (
 """a free finger, with room to move, follows."""
 
 
-def studies() -> tuple[Study, ...]:
-    """One without rows, which says why, where FMUs cannot be written."""
+def _studies() -> tuple[Study, ...]:
+    """The studies; one without rows, which says why, where FMUs cannot be written."""
     if lacking := [name for name in ("pythonfmu", "pythonfmu3") if find_spec(name) is None]:
         return (Study(f"FMU: none, as {' and '.join(lacking)} is not installed", lambda: iter(())),)
     return (
@@ -225,3 +225,6 @@ def _median(call: Callable[[], object]) -> float:
         call()
         spent.append(time.perf_counter() - started)
     return float(np.median(spent))
+
+
+STUDIES = _studies()

@@ -14,7 +14,7 @@ from cosim.analyses.reduction.samples import FREE, Walk, on_models
 from cosim.analyses.reduction.walks import GRID
 from cosim.case.file import find_case, load_case
 from cosim.checks import Row, Study
-from cosim.hoods.lumped.reduction import Sample, fit_potential, stack
+from cosim.hoods.lumped.build import Sample, reduce_hood, stack
 from cosim.models.build import build
 
 SPRINGS = ("edc_ulnar", "edc_slip", "edc_radial", "lum_slip", "lum_lateral", "fpi_slip")
@@ -39,7 +39,7 @@ def network_rows() -> Iterator[Row]:
     angle, load = random.uniform(low, high, (40, 4)), random.uniform(7.0, 12.0, (7, 3))
     states = [s for s in on_models(models, Walk(angle, load)) if isinstance(s, Sample)]
     fit, held = stack(states[:-40]), stack(states[-40:])
-    fitted = fit_potential(fit, models.finger.joints, models.hood.tendons)
+    fitted = reduce_hood(fit, models.finger.joints, models.hood.tendons)
     for name, value in fitted.derivatives(held.angle, held.tension)._asdict().items():
         exact = getattr(held, name)
         off = float(np.abs(value - exact).max() / np.abs(exact).max())

@@ -16,18 +16,18 @@ from fe_solver.elements.kinds import kind_of
 
 
 def smooth_fibres(quads: Ints, fibre: Array, region: Ints | Sequence[str] | None = None) -> Array:
-    """(ne, g, 3) unit directions at the Gauss points, continuous over each region, from one
+    """The unit directions (ne, g, 3) at the Gauss points, continuous over each region, from one
     direction an element (ne, 3); `region` (ne,) keeps what belongs to one from another."""
     names = np.zeros(len(quads), dtype=int) if region is None else np.asarray(region)
     out = np.empty((len(quads), len(kind_of(quads).gauss), 3))
     for name in np.unique(names):
-        own = names == name
-        out[own] = at_gauss_points(quads[own], at_nodes(quads[own], fibre[own], int(quads.max())))
+        on = names == name
+        out[on] = at_gauss_points(quads[on], at_nodes(quads[on], fibre[on], int(quads.max())))
     return out
 
 
 def follow_mesh(points: Array, quads: Ints, fibre: Array) -> Array:
-    """(ne, g, 3) directions, not of unit length, at the Gauss points of elements with nodes at
+    """The directions (ne, g, 3), not of unit length, at the Gauss points of elements with nodes at
     points (n, 3): everywhere the same combination of the element's base vectors as `fibre` (ne, 3)
     is at its centre, so that a fibre that runs along the mesh's lines follows them."""
     element, X = kind_of(quads), points[quads]
@@ -38,14 +38,14 @@ def follow_mesh(points: Array, quads: Ints, fibre: Array) -> Array:
 
 
 def gauss_points(values: Array, quads: Ints) -> Array:
-    """(ne, g, ...) what nodes have (n, ...), between them at the Gauss points."""
+    """The values (ne, g, ...) at the Gauss points, between those of the nodes (n, ...)."""
     element = kind_of(quads)
     weight = np.stack([element.shape(r, s)[0] for r, s in element.gauss])
     return np.einsum("ga,na...->ng...", weight, values[quads])
 
 
 def normals(points: Array, quads: Ints) -> Array:
-    """(ne, g, 3) unit normals at the Gauss points, right-handed about the elements' corners."""
+    """The unit normals (ne, g, 3) at the Gauss points, right-handed about the elements' corners."""
     element, X = kind_of(quads), points[quads]
     bases = (element.base_vectors(X, r, s) for r, s in element.gauss)
     out = np.stack([np.cross(base[:, 0], base[:, 1]) for base in bases], axis=1)
@@ -53,8 +53,8 @@ def normals(points: Array, quads: Ints) -> Array:
 
 
 def turn_in_sheet(points: Array, quads: Ints, fibre: Array, angle: Array | float) -> Array:
-    """(ne, g, 3) unit directions: `fibre` (ne, g, 3) brought into the sheet and turned by `angle`
-    (ne, g), rad, counter-clockwise about the normal."""
+    """The unit directions (ne, g, 3) of `fibre` (ne, g, 3), brought into the sheet and turned by
+    `angle` (ne, g), rad, counter-clockwise about the normal."""
     normal = normals(points, quads)
     first = _into(normal, fibre)
     angle = np.broadcast_to(angle, first.shape[:2])[..., None]
@@ -62,7 +62,7 @@ def turn_in_sheet(points: Array, quads: Ints, fibre: Array, angle: Array | float
 
 
 def angle_between(points: Array, quads: Ints, first: Array, second: Array) -> Array:
-    """(ne, g) rad, above -pi/2 and at most pi/2: the turn from `first` to `second`, directions (ne,
+    """The turn (ne, g) rad, above -pi/2 and at most pi/2, from `first` to `second`, directions (ne,
     g, 3) brought into the sheet, counter-clockwise about the normal."""
     normal = normals(points, quads)
     a, b = _into(normal, first), _into(normal, second)
@@ -79,8 +79,8 @@ def _into(normal: Array, fibre: Array) -> Array:
 
 
 def at_nodes(quads: Ints, fibre: Array, last: int) -> Array:
-    """(last + 1, 3) unit directions at the nodes, the mean of the adjoining elements' (ne, 3); zero
-    where there are none."""
+    """The unit directions (last + 1, 3) at the nodes, the mean of the adjoining elements' (ne, 3);
+    zero where there are none."""
     total = np.zeros((last + 1, 3, 3))
     unit = fibre / np.linalg.norm(fibre, axis=1, keepdims=True)
     np.add.at(total, quads, (unit[:, :, None] * unit[:, None, :])[:, None])
@@ -90,7 +90,7 @@ def at_nodes(quads: Ints, fibre: Array, last: int) -> Array:
 
 
 def at_gauss_points(quads: Ints, nodal: Array) -> Array:
-    """(ne, g, 3) unit directions between those of the nodes (n, 3)."""
+    """The unit directions (ne, g, 3) at the Gauss points, between those of the nodes (n, 3)."""
     corner = nodal[quads]
     tensor = corner[..., :, None] * corner[..., None, :]
     element = kind_of(quads)
@@ -99,8 +99,8 @@ def at_gauss_points(quads: Ints, nodal: Array) -> Array:
 
 
 def leading(tensor: Array) -> Array:
-    """(..., 3) unit eigenvectors of the largest eigenvalues of symmetric tensors (..., 3, 3), of
-    the sense whose largest component is positive."""
+    """The unit eigenvectors (..., 3) of the largest eigenvalues of symmetric tensors (..., 3, 3),
+    of the sense whose largest component is positive."""
     vector = np.linalg.eigh(tensor)[1][..., -1]
     largest = np.take_along_axis(vector, np.abs(vector).argmax(-1)[..., None], -1)
     return vector * np.where(largest < 0, -1.0, 1.0)

@@ -63,7 +63,7 @@ def in_parallel(work: Callable[[int, int], None], count: int, pays: int) -> None
 
 
 def sum_entries(start: Ints, gather: Ints, values: Array) -> Array:
-    """(m,) sums of values[gather[start[k]:start[k + 1]]], each taken in order."""
+    """The sums (m,) of values[gather[start[k]:start[k + 1]]], each taken in order."""
     out = np.zeros(len(start) - 1)
     if COMPILED:
         in_parallel(lambda a, b: _gather(a, b, start, gather, values, out), len(out), 400 * PAYS)
@@ -82,16 +82,16 @@ def _gather(first: int, last: int, start: Ints, gather: Ints, values: Array, out
 
 
 def spread(which: Ints, weights: Array, hessian: Array, count: int) -> Array:
-    """(count, m, 3, m, 3) sums of weights[k, a] weights[k, b] hessian[k] over those k whose `which`
-    (k,) is the same; weights (k, m), hessian (k, 3, 3)."""
+    """The sums (count, m, 3, m, 3) of weights[k, a] weights[k, b] hessian[k] over those k whose
+    `which` (k,) is the same; weights (k, m), hessian (k, 3, 3)."""
     k, m = weights.shape
     if COMPILED:
         out = np.zeros((count, m, 3, m, 3))
         _spread(which, weights, hessian, out)
         return out
-    own = np.einsum("ka,kb,kij->kaibj", weights, weights, hessian).reshape(k, -1)
+    products = np.einsum("ka,kb,kij->kaibj", weights, weights, hessian).reshape(k, -1)
     sums = sp.csr_array((np.ones(k), (which, np.arange(k))), (count, k))
-    return (sums @ own).reshape(count, m, 3, m, 3)
+    return (sums @ products).reshape(count, m, 3, m, 3)
 
 
 @compile_kernel
@@ -108,7 +108,7 @@ def _spread(which: Ints, weights: Array, hessian: Array, out: Array) -> None:
 
 
 def sample_values(samples: Array, membrane: int, y: Array) -> Array:
-    """(ne, m) values y.samples.y / 2 of y (ne, 2k, 3); the first `membrane` of them are of the
+    """The values (ne, m) y.samples.y / 2 of y (ne, 2k, 3); the first `membrane` of them are of the
     positions alone, the others of positions times directors."""
     out, known = np.empty((len(y), len(samples))), (0,) * (y.shape[1] // 2)
     in_parallel(lambda a, b: _sample(a, b, known, samples, membrane, y, out), len(y), PAYS)
@@ -143,7 +143,7 @@ def _sample(
 
 
 def stress_gradient(samples: Array, membrane: int, y: Array, stress: Array) -> Array:
-    """(ne, 2k, 3) sum of stress (ne, m) times the samples' gradients at y (ne, 2k, 3)."""
+    """The sum (ne, 2k, 3) of stress (ne, m) times the samples' gradients at y (ne, 2k, 3)."""
     out = np.empty_like(y)
 
     def work(first: int, last: int) -> None:
@@ -177,7 +177,7 @@ def _stress_gradient(
 
 @compile_kernel
 def _geometric(samples: Array, membrane: int, stress: Array, out: Array) -> None:
-    """(2k, 2k) sum of stress (m,) times samples, of which the lower right block is zero."""
+    """Set `out` (2k, 2k) to sum stress (m,) times samples, whose lower right block is zero."""
     nodes = out.shape[0] // 2
     out[:, :] = 0.0
     for i in range(membrane):
@@ -202,10 +202,10 @@ def element_blocks(
     stiffness: Array,
     bases: tuple[Array, Array],
 ) -> Array:
-    """(ne, 5k, 5k) tangent of each element in its nodes' bases: y (ne, 2k, 3) of the mid-surface,
-    height (ne, k), tables (membrane, bending, shear) of the Gauss points, stress (ne, m) that
-    makes the geometric part, stiffness (ne, g, 8, 8) times the area of each Gauss point, bases A
-    (ne, k, 3, 3) and T (ne, k, 3, 2)."""
+    """The tangent (ne, 5k, 5k) of each element in its nodes' bases: y (ne, 2k, 3) of the
+    mid-surface, height (ne, k), tables (membrane, bending, shear) of the Gauss points, stress (ne,
+    m) that makes the geometric part, stiffness (ne, g, 8, 8) times the area of each Gauss point,
+    bases A (ne, k, 3, 3) and T (ne, k, 3, 2)."""
     size = 5 * height.shape[1]
     out = np.empty((len(y), size, size))
 

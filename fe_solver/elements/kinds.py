@@ -19,5 +19,5 @@ def kind_of(nodes: NDArray) -> Element:
 
 
 def display_quads(quads: Ints) -> Ints:
-    """(h ne, 4) the four-node quads that show elements (ne, k), those of an element together."""
+    """The four-node quads (h ne, 4) that show elements (ne, k), those of an element together."""
     return np.asarray(quads[:, kind_of(quads).shown].reshape(-1, 4))

@@ -38,7 +38,7 @@ def shape(r: float, s: float) -> tuple[Array, Array, Array]:
 
 
 def _samples() -> Array:
-    """(21, 8, 8) forms of the samples: sample i is y.forms[i].y / 2."""
+    """The forms (21, 8, 8) of the samples: sample i is y.forms[i].y / 2."""
     at = ((0, 1, 0), (0, -1, 0), (1, 0, 1), (-1, 0, 1), (0, 0, 2))
     stretch = [membrane(shape, r, s)[i] for r, s, i in at]
     bend = [form for r, s in GAUSS for form in bending(shape, r, s)]
@@ -61,7 +61,7 @@ _HOURGLASS = (CORNERS[:, 0], CORNERS[:, 1], CORNERS[:, 0] * CORNERS[:, 1])
 
 
 def distortion(X: Array) -> Array:
-    """(5, ne) coefficients a_A..a_E of the MITC4+ membrane field; X (ne, 4, 3), no triangles.
+    """The coefficients a_A..a_E (5, ne) of the MITC4+ membrane field; X (ne, 4, 3), no triangles.
 
     Ko, Lee and Bathe 2017, equations 15 to 18: the components of the element's hourglass vector
     along the dual base vectors of its centre."""
@@ -77,7 +77,7 @@ def distortion(X: Array) -> Array:
 
 
 def _mitc_membrane(a: Array, r: float, s: float) -> Array:
-    """(ne, 3, 5) MITC4+ e_rr, e_ss, e_rs at one point from the membrane samples; a (5, ne)."""
+    """The MITC4+ e_rr, e_ss, e_rs (ne, 3, 5) at one point from the membrane samples; a (5, ne)."""
     aA, aB, aC, aD, aE = a
     p, q = r * r - 1, s * s - 1
     rr = [
@@ -105,8 +105,8 @@ def _mitc_membrane(a: Array, r: float, s: float) -> Array:
 
 
 def quad_membrane(X: Array, a: Array, centre: Array | None) -> Array:
-    """(ne, 4, 3, 5) MITC4+ membrane strains e_rr, e_ss, e_rs at the Gauss points from the samples,
-    of elements X (ne, 4, 3); a (5, ne) as from `distortion`.
+    """The MITC4+ membrane strains e_rr, e_ss, e_rs (ne, 4, 3, 5) at the Gauss points from the
+    samples, of elements X (ne, 4, 3); a (5, ne) as from `distortion`.
 
     With the base vectors r and s (ne, 2, 3) of the stress-free elements' `centre` the strain bends
     in its plane without locking (`_project_variation`); without, it is bilinear."""
@@ -121,7 +121,7 @@ def quad_membrane(X: Array, a: Array, centre: Array | None) -> Array:
 
 
 def _project_variation(centre: Array, share: Array, strain: Array) -> Array:
-    """(4, ne, 3, m) the strains' mean and, of what they vary about it, the projection upon
+    """The strains' mean and, of what they vary about it, the projection (4, ne, 3, m) upon
 
         (s - <s>) g_r o g_r    and    (r - <r>) g_s o g_s,    g_r, g_s the centre's base vectors,
 
@@ -143,7 +143,7 @@ def _project_variation(centre: Array, share: Array, strain: Array) -> Array:
 
 
 def mitc_shear(r: float, s: float) -> Array:
-    """(2, 4) g_r, g_s at one point from the shear samples."""
+    """The shears g_r, g_s (2, 4) at one point from the shear samples."""
     return np.array([[1 - s, 1 + s, 0, 0], [0, 0, 1 - r, 1 + r]]) / 2
 
 
@@ -152,6 +152,6 @@ TRIANGLE_MEMBRANE = np.array([[0, 4.0, 0, 0, 0], [0, 0, 0, 4, 0], [0, 2, -2, 2, 
 
 
 def triangle_shear(r: float, s: float) -> Array:
-    """(2, 4) MITC3 shear along the first and last edge from the shear samples."""
+    """The MITC3 shears (2, 4) along the first and last edge from the shear samples."""
     xi, eta = (1 + r) * (1 - s) / 4, (1 + s) / 2
     return np.array([[2 - 2 * eta, 0, 2 * eta, -2 * eta], [2 * xi, 0, 2 - 2 * xi, 2 * xi]])

@@ -41,7 +41,7 @@ ALONG_S = np.array(list(itertools.product(QUADRATIC, LINEAR)))
 
 
 def _line(x: float, at: Array) -> tuple[Array, Array]:
-    """(9,) the quadratic shape functions of a line whose nodes are at -1, 0 and 1, for nodes `at`
+    """The quadratic shape functions (9,) of a line whose nodes are at -1, 0 and 1, for nodes `at`
     (9,), and their slopes."""
     middle = at == 0
     value = np.where(middle, 1 - x * x, x * (x + at) / 2)
@@ -55,8 +55,8 @@ def shape(r: float, s: float) -> tuple[Array, Array, Array]:
 
 
 def _samples() -> Array:
-    """(63, 18, 18) forms: e_rr at ALONG_R, e_ss at ALONG_S, then e_rs, e_rr and e_ss at TYING; g_r
-    as e_rr, g_s as e_ss."""
+    """The forms (63, 18, 18) of the samples: e_rr at ALONG_R, e_ss at ALONG_S, then e_rs, e_rr and
+    e_ss at TYING; g_r as e_rr, g_s as e_ss."""
     rr = [membrane(shape, r, s)[0] for r, s in ALONG_R]
     ss = [membrane(shape, r, s)[1] for r, s in ALONG_S]
     rest = [membrane(shape, r, s)[i] for i in (2, 0, 1) for r, s in TYING]
@@ -79,7 +79,7 @@ NINE = Element(
 
 
 def _between(points: Array, r: float, s: float) -> Array:
-    """(k,) weights at (r, s) of samples taken at products of Gauss points (k, 2)."""
+    """The weights (k,) at (r, s) of samples taken at products of Gauss points (k, 2)."""
 
     def weights(x: float, at: Array) -> Array:
         knots = np.unique(at)
@@ -90,44 +90,44 @@ def _between(points: Array, r: float, s: float) -> Array:
 
 
 def _covariant_membrane() -> tuple[Array, Array]:
-    """(9, 3, 24) tied e_rr, e_ss, e_rs at the Gauss points and (4, 3, 24) the untied ones at the
-    tying points, from the samples."""
-    tied, own = np.zeros((9, 3, 24)), np.zeros((4, 3, 24))
+    """The tied e_rr, e_ss, e_rs (9, 3, 24) at the Gauss points and the untied ones (4, 3, 24) at
+    the tying points, from the samples."""
+    tied, untied = np.zeros((9, 3, 24)), np.zeros((4, 3, 24))
     for g, (r, s) in enumerate(GAUSS):
         tied[g, 0, :6] = _between(ALONG_R, r, s)
         tied[g, 1, 6:12] = _between(ALONG_S, r, s)
         tied[g, 2, 12:16] = _between(TYING, r, s)
     for i, first in enumerate((16, 20, 12)):
-        own[range(4), i, range(first, first + 4)] = 1.0
-    return tied, own
+        untied[range(4), i, range(first, first + 4)] = 1.0
+    return tied, untied
 
 
 def mitc_membrane(X: Array) -> Array:
-    """(ne, 9, 3, 24) membrane e_rr, e_ss, e_rs at the Gauss points from the samples, of elements X
-    (ne, 9, 3)."""
-    tied, own = _covariant_membrane()
+    """The membrane e_rr, e_ss, e_rs (ne, 9, 3, 24) at the Gauss points from the samples, of
+    elements X (ne, 9, 3)."""
+    tied, untied = _covariant_membrane()
     turns, area = to_centre(NINE, X, GAUSS)
     strain = _transform(turns, tied)
     around, share = to_centre(NINE, X, TYING)
-    strain += _mean(_transform(around, own), share) - _mean(strain, area * NINE.factors[:, None])
+    strain += _mean(_transform(around, untied), share) - _mean(strain, area * NINE.factors[:, None])
     back = [covariant(np.linalg.inv(t), e) for t, e in zip(turns, strain, strict=True)]
     return np.stack(back, axis=1)
 
 
 def _transform(turns: Array, tensors: Array) -> Array:
-    """(p, ne, 3, m) covariant tensors (p, 3, m), the same for all elements, in the bases of `turns`
-    (p, ne, 2, 2)."""
+    """The covariant tensors (p, ne, 3, m) in the bases of `turns` (p, ne, 2, 2), from `tensors` (p,
+    3, m), the same for all elements."""
     pairs = zip(turns, tensors, strict=True)
     return np.stack([covariant(t, np.tile(e, (len(t), 1, 1))) for t, e in pairs])
 
 
 def _mean(strain: Array, weight: Array) -> Array:
-    """(ne, 3, m) of (p, ne, 3, m) by weight (p, ne)."""
+    """The mean (ne, 3, m) of `strain` (p, ne, 3, m) by weight (p, ne)."""
     return np.einsum("pn,pnim->nim", weight / weight.sum(axis=0), strain)
 
 
 def mitc_shear() -> Array:
-    """(9, 2, 12) g_r, g_s at the Gauss points from the shear samples."""
+    """The shears g_r, g_s (9, 2, 12) at the Gauss points from the shear samples."""
     out = np.zeros((9, 2, 12))
     for g, (r, s) in enumerate(GAUSS):
         out[g, 0, :6], out[g, 1, 6:] = _between(ALONG_R, r, s), _between(ALONG_S, r, s)

@@ -35,26 +35,31 @@ angle, within it one sheet is curved; to the second the lean is made up for."""
 
 @dataclass(frozen=True)
 class ShellTables:
-    """Constant tables of a mesh of shell elements.
+    """Constant tables of a mesh of shell elements: what makes the strains at the Gauss points from
+    the samples.
 
-    Strains at the Gauss points from the samples: membrane (ne, g, 3, 5 or 24), bending (ne, g, 3,
-    3) from the point's own three, shear (ne, g, 2, 4 or 12), each less `offset` (ne, g, 8); weight
-    (ne, g) reference area of each Gauss point; frame (ne, g, 3, 3) rows local axes 1 (fibre), 2
-    (transverse), 3 (normal) in the reference configuration; height (ne, k) of the mid-surface over
-    the nodes, along the elements' directors, which are those of the nodes times `mitre` (ne, k):
-    where sheets meet at an angle the node's director leans, and is the longer for it, so that the
-    thickness across each sheet is its own.  growth (ne, 2): the stress-free lengths along axes 1
-    and 2 are 1 + growth times those of the mesh."""
+    Where sheets meet at an angle the node's director leans, and is the longer for it, so that the
+    thickness across each sheet is its own."""
 
     membrane: Array
+    """(ne, g, 3, 5 or 24), from the membrane's samples."""
     bending: Array
+    """(ne, g, 3, 3), from the point's own three."""
     shear: Array
+    """(ne, g, 2, 4 or 12), from the shear samples."""
     offset: Array
+    """(ne, g, 8), taken off these strains."""
     weight: Array
+    """(ne, g) m2, reference area of each Gauss point."""
     frame: Array
+    """(ne, g, 3, 3) rows local axes 1 (fibre), 2 (transverse), 3 (normal) in the reference
+    configuration."""
     height: Array
+    """(ne, k) m, of the mid-surface over the nodes, along the elements' directors."""
     mitre: Array
+    """(ne, k), elements' directors over those of the nodes."""
     growth: Array
+    """(ne, 2): the stress-free lengths along axes 1 and 2 are 1 + growth times the mesh's."""
 
     @property
     def element(self) -> Element:
@@ -69,17 +74,17 @@ class ShellTables:
         return out
 
     def strain(self, y: Array) -> Array:
-        """(ne, g, 8) generalized strains of the nodes' y (ne, 2k, 3): e11, e22, 2 e12 of the
+        """The generalized strains (ne, g, 8) of the nodes' y (ne, 2k, 3): e11, e22, 2 e12 of the
         mid-surface, k11, k22, 2 k12 of bending, g13, g23 of transverse shear."""
         return self.strain_from_samples(_sample_values(self.element, self.middle(y)))
 
     def strain_change(self, y: Array, dy: Array) -> Array:
-        """(ne, g, 8) the derivative of the strain at the nodes' y (ne, 2k, 3) along dy (ne, 2k, 3):
+        """The derivative (ne, g, 8) of the strain at the nodes' y (ne, 2k, 3) along dy (ne, 2k, 3):
         a central difference, exact for what is quadratic."""
         return (self.strain(y + dy) - self.strain(y - dy)) / 2
 
     def strain_from_samples(self, samples: Array) -> Array:
-        """(ne, g, 8) strains from samples (ne, m)."""
+        """The strains (ne, g, 8) from samples (ne, m)."""
         membrane, bending, shear = self.element.parts
         points = self.weight.shape[1]
         parts = [
@@ -90,7 +95,7 @@ class ShellTables:
         return np.concatenate(parts, axis=2)[..., 0] - self.offset
 
     def sample_stress(self, force: Array) -> Array:
-        """(ne, m) stress of the samples from the forces (ne, g, 8) of the Gauss points."""
+        """The stress (ne, m) of the samples from the forces (ne, g, 8) of the Gauss points."""
         bent = np.einsum("ngci,ngc->ngi", self.bending, force[..., 3:6])
         parts = [
             np.einsum("ngci,ngc->ni", self.membrane, force[..., :3]),
@@ -100,7 +105,7 @@ class ShellTables:
         return np.concatenate(parts, axis=1)
 
     def forces(self, y: Array, resultant: Array) -> Array:
-        """(ne, 2k, 3) by the nodes' y: gradient of resultant (ne, g, 8) times strain, no area."""
+        """The forces (ne, 2k, 3) by y: gradient of resultant (ne, g, 8) times strain, no area."""
         k = y.shape[1] // 2
         out = _stress_gradient(self.element, self.middle(y), self.sample_stress(resultant))
         out[:, k:] += self.height[:, :, None] * out[:, :k]
@@ -108,7 +113,7 @@ class ShellTables:
         return out
 
     def spread(self) -> Array:
-        """(ne, 8 g, m) the combinations as one matrix an element."""
+        """The combinations as one matrix (8 g, m) an element: (ne, 8 g, m)."""
         membrane, bending, shear = self.element.parts
         ne, points = self.weight.shape
         out = np.zeros((ne, points, 8, len(self.element.samples)))
@@ -120,7 +125,7 @@ class ShellTables:
 
 
 def _sample_values(element: Element, y: Array) -> Array:
-    """(ne, m) samples of the mid-surface's y (ne, 2k, 3)."""
+    """The samples (ne, m) of the mid-surface's y (ne, 2k, 3)."""
     if kernels.COMPILED:
         return kernels.sample_values(element.samples, element.parts[0].stop, y)
     return np.einsum("ncak,nak->nc", element.samples @ y[:, None], y) / 2
@@ -135,8 +140,8 @@ def _over(y: Array, height: Array, mitre: Array) -> Array:
 
 
 def _mitre(X: Array, D: Array) -> Array:
-    """(ne, k) 1 / |D . n|, with the elements' normals n at their nodes, where there is a fold;
-    directors may point to either side."""
+    """The factors 1 / |D . n| (ne, k), with the elements' normals n at their nodes, where there is
+    a fold; directors may point to either side."""
     element = kind_of(X)
     bases = [element.base_vectors(X, r, s) for r, s in element.nodes]
     normal = np.stack([np.cross(b[:, 0], b[:, 1]) for b in bases], axis=1)
@@ -148,7 +153,7 @@ def _mitre(X: Array, D: Array) -> Array:
 
 
 def _is_triangle(X: Array) -> NDArray[np.bool_]:
-    """(ne,) whose last two corners are at one place; X (ne, k, 3)."""
+    """Whether (ne,) the last two corners of an element are at one place; X (ne, k, 3)."""
     return np.asarray((X[:, 2] == X[:, 3]).all(axis=1))
 
 
@@ -200,11 +205,11 @@ def shell_tables(
     parts: list[tuple[Array, ...]] = []
     for g, (r, s) in enumerate(element.gauss):
         frame, J, area = local_frames(X, fibre[:, g], r, s)
-        own = np.where(triangle, frame[:, :2] @ edges, J)
+        base = np.where(triangle, frame[:, :2] @ edges, J)
         bending = to_cartesian(J, np.broadcast_to(np.eye(3), (ne, 3, 3)))
-        shear = np.swapaxes(np.linalg.inv(own), 1, 2) @ shears[:, g]
+        shear = np.swapaxes(np.linalg.inv(base), 1, 2) @ shears[:, g]
         shear /= (1 + growth)[:, :, None]
-        membrane = to_cartesian(own, membranes[:, g]) * tensor
+        membrane = to_cartesian(base, membranes[:, g]) * tensor
         area = element.factors[g] * area * one * two
         parts.append((membrane, bending * tensor, shear, area, frame))
     membrane, bending, shear, weight, frames = (np.stack(p, 1) for p in zip(*parts, strict=True))
@@ -216,8 +221,8 @@ def shell_tables(
 
 
 def _stress_free_centre(X: Array, fibre: Array, growth: Array) -> Array:
-    """(ne, 2, 3) base vectors r and s of the elements' centres, grown along the fibre (ne, 3) and
-    across it by growth (ne, 2)."""
+    """The base vectors r and s (ne, 2, 3) of the elements' centres, grown along the fibre (ne, 3)
+    and across it by growth (ne, 2)."""
     base = kind_of(X).base_vectors(X, 0, 0)
     axes = local_frames(X, fibre, 0, 0)[0][:, :2]
     return base + np.einsum("nik,nak,na,nal->nil", base, axes, growth, axes)
@@ -244,15 +249,18 @@ def _nine_nodes(X: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class ElementResponse:
-    """Energy (J) of all elements and its gradient (ne, 2k, 3) by the nodes' y, with what the
-    tangent is made of: the mid-surface's y (ne, 2k, 3), and the Gauss points' forces (ne, g, 8) and
-    stiffness (ne, g, 8, 8), the first times the points' areas."""
+    """The elements' energy, its gradient, and what the tangent is made of."""
 
     energy: float
+    """J, of all elements."""
     gradient: Array
+    """(ne, 2k, 3), by the nodes' y."""
     middle: Array
+    """(ne, 2k, 3), the mid-surface's y."""
     force: Array
+    """(ne, g, 8), of the Gauss points, times their areas."""
     stiffness: Array
+    """(ne, g, 8, 8), of the Gauss points."""
 
 
 def element_response(tables: ShellTables, section: Section, y: Array) -> ElementResponse:
@@ -267,7 +275,7 @@ def element_response(tables: ShellTables, section: Section, y: Array) -> Element
 def element_blocks(
     tables: ShellTables, response: ElementResponse, bases: tuple[Array, Array], convex: bool = False
 ) -> Array:
-    """(ne, 5k, 5k) tangent in the nodes' bases A (ne, k, 3, 3) and T (ne, k, 3, 2), without the
+    """The tangent (ne, 5k, 5k) in the nodes' bases A (ne, k, 3, 3) and T (ne, k, 3, 2), without the
     curvature of the directors' sphere.
 
     `convex` keeps of the geometric stiffness what tension makes, so that the tangent is positive
@@ -295,14 +303,14 @@ def tensile(resultant: Array) -> Array:
 
 
 def _stress_gradient(element: Element, y: Array, stress: Array) -> Array:
-    """(ne, 2k, 3) gradient of the samples, weighted by stress (ne, m)."""
+    """The gradient (ne, 2k, 3) of the samples, weighted by stress (ne, m)."""
     if kernels.COMPILED:
         return kernels.stress_gradient(element.samples, element.parts[0].stop, y, stress)
     return _geometric(element, stress) @ y
 
 
 def _geometric(element: Element, stress: Array) -> Array:
-    """(ne, 2k, 2k) Hessian of the samples, weighted by stress (ne, m)."""
+    """The Hessian (ne, 2k, 2k) of the samples, weighted by stress (ne, m)."""
     m, size = element.samples.shape[:2]
     return (stress @ element.samples.reshape(m, size * size)).reshape(-1, size, size)
 
@@ -335,7 +343,7 @@ def _numpy_blocks(
 
 
 def _projection(height: Array, A: Array, T: Array) -> Array:
-    """(ne, 6k, 5k) the mid-surface's y by the nodes' degrees of freedom."""
+    """The mid-surface's y by the nodes' degrees of freedom (ne, 6k, 5k)."""
     ne, count = height.shape
     W = np.zeros((ne, 6 * count, 5 * count))
     for a in range(count):

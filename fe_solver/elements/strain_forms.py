@@ -28,21 +28,25 @@ Shape = Callable[[float, float], tuple[Array, Array, Array]]
 
 @dataclass(frozen=True)
 class Element:
-    """A kind of quadrilateral element over -1 <= r, s <= 1, its first four nodes the corners.
-
-    nodes (k, 2) where they lie; gauss (g, 2) and factors (g,) where and with what weight it is
-    integrated; share (k,) of its area for each node; samples (m, 2k, 2k) forms: sample i is
-    y.samples[i].y / 2, first of the membrane, then 3 g of bending, point by point, then of shear;
-    shown (h, 4) nodes of the flat quads that show it."""
+    """A kind of quadrilateral element over -1 <= r, s <= 1, its first four nodes the corners."""
 
     nodes: Array
+    """(k, 2) r and s of the nodes."""
     shape: Shape
+    """The shape functions and their derivatives at r and s."""
     gauss: Array
+    """(g, 2) r and s of the integration points."""
     factors: Array
+    """(g,) weights of the integration points."""
     share: Array
+    """(k,) of its area for each node."""
     samples: Array
+    """(m, 2k, 2k) forms: sample i is y.samples[i].y / 2, first of the membrane, then 3 g of
+    bending, point by point, then of shear."""
     shear_samples: int
+    """How many of the samples, the last, are of shear."""
     shown: NDArray[np.intp]
+    """(h, 4) nodes of the flat quads that show it."""
 
     @cached_property
     def parts(self) -> tuple[slice, slice, slice]:
@@ -51,13 +55,13 @@ class Element:
         return slice(0, m - b), slice(m - b, m), slice(m, len(self.samples))
 
     def base_vectors(self, X: Array, r: float, s: float) -> Array:
-        """(ne, 2, 3) rows the covariant base vectors r and s of the elements X (ne, k, 3)."""
+        """The covariant base vectors r and s, as rows (ne, 2, 3), of the elements X (ne, k, 3)."""
         _, nr, ns = self.shape(r, s)
         return np.stack([np.einsum("a,nak->nk", nr, X), np.einsum("a,nak->nk", ns, X)], axis=1)
 
 
 def xx(a: Array, b: Array) -> Array:
-    """(2k, 2k) M with y.M.y / 2 = (sum a x) . (sum b x), of the positions' half of y."""
+    """The form M (2k, 2k) with y.M.y / 2 = (sum a x) . (sum b x), of the positions' half of y."""
     k = len(a)
     out = np.zeros((2 * k, 2 * k))
     out[:k, :k] = np.outer(a, b) + np.outer(b, a)
@@ -65,7 +69,7 @@ def xx(a: Array, b: Array) -> Array:
 
 
 def xd(a: Array, b: Array) -> Array:
-    """(2k, 2k) M with y.M.y / 2 = (sum a x) . (sum b d)."""
+    """The form M (2k, 2k) with y.M.y / 2 = (sum a x) . (sum b d)."""
     k = len(a)
     out = np.zeros((2 * k, 2 * k))
     out[:k, k:] = np.outer(a, b)
@@ -74,19 +78,19 @@ def xd(a: Array, b: Array) -> Array:
 
 
 def membrane(shape: Shape, r: float, s: float) -> Array:
-    """(3, 2k, 2k) forms of e_rr, e_ss, e_rs (tensor components) at one point."""
+    """The forms (3, 2k, 2k) of e_rr, e_ss, e_rs (tensor components) at one point."""
     _, nr, ns = shape(r, s)
     return np.stack([xx(nr, nr) / 2, xx(ns, ns) / 2, xx(nr, ns) / 2])
 
 
 def bending(shape: Shape, r: float, s: float) -> Array:
-    """(3, 2k, 2k) forms of k_rr, k_ss, k_rs at one point."""
+    """The forms (3, 2k, 2k) of k_rr, k_ss, k_rs at one point."""
     _, nr, ns = shape(r, s)
     return np.stack([xd(nr, nr), xd(ns, ns), (xd(nr, ns) + xd(ns, nr)) / 2])
 
 
 def shear(shape: Shape, r: float, s: float) -> Array:
-    """(2, 2k, 2k) forms of g_r, g_s at one point."""
+    """The forms (2, 2k, 2k) of g_r, g_s at one point."""
     n, nr, ns = shape(r, s)
     return np.stack([xd(nr, n), xd(ns, n)])
 

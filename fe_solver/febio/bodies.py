@@ -21,7 +21,7 @@ GROUND = "ground"
 
 @dataclass(frozen=True)
 class Units:
-    """m and N in the file's units."""
+    """One metre (m) and one newton (N) in the file's units."""
 
     length: float
     force: float
@@ -33,15 +33,16 @@ class Units:
 
 
 class Dof(NamedTuple):
-    """A degree of freedom of a rigid body: the tag that fixes it, its name and the condition that
-    prescribes it."""
+    """A degree of freedom of a rigid body."""
 
     fixed: str
+    """The tag that fixes it."""
     name: str
     kind: str
+    """The condition that prescribes it."""
 
     def unit(self, units: Units) -> float:
-        """m or rad in the file's unit of it."""
+        """One m or rad, whichever it is measured in, in the file's unit."""
         return 1.0 if self.kind == "rigid_rotation" else units.length
 
 
@@ -55,16 +56,19 @@ RIGID_CONDITIONS = ("rigid_fixed", "rigid_displacement", "rigid_rotation")
 
 @dataclass(frozen=True)
 class Model:
-    """What conditions refer to: for each mesh node its index in the sheet and its body, or -1; the
-    rigid materials in the order of the bodies; the load curves by number."""
+    """What conditions of a file refer to."""
 
     mesh: FebMesh
     units: Units
     materials: list[Material]
     rigid: tuple[str, ...]
+    """Names of the rigid materials in the order of the bodies."""
     shell: Ints
+    """For each mesh node its index in the sheet, or -1."""
     body: Ints
+    """For each mesh node its body, or -1."""
     curves: dict[str, LoadCurve | FebTag]
+    """The load curves by number; controllers of other kinds as their tags."""
     notes: list[str]
 
     def drive(self, tag: FebTag, unit: float) -> Drive:
@@ -78,29 +82,29 @@ class Model:
         number = tag.attributes.get("lc", "").strip()
         if number in ("", "0"):
             return None
-        found = self.curves.get(number)
-        if isinstance(found, FebTag):
-            raise found.fault(
-                f"a load controller of type {found.attributes.get('type')!r} is not read, only "
+        curve = self.curves.get(number)
+        if isinstance(curve, FebTag):
+            raise curve.fault(
+                f"a load controller of type {curve.attributes.get('type')!r} is not read, only "
                 "loadcurve"
             )
-        if found is None:
+        if curve is None:
             raise tag.fault(f"there is no load controller {number}")
-        return found
+        return curve
 
     def body_of(self, tag: FebTag, name: str) -> int:
-        """Raises InputError where there is no such rigid material."""
+        """The body of a rigid material.  Raises InputError where there is none such."""
         m = find_material(tag, self.materials, name)
         if not m.rigid:
             raise tag.fault(f"the material {name!r} is not rigid")
         return self.rigid.index(m.name)
 
     def local(self, body: int, nodes: Ints) -> Array:
-        """(k, 3) m of mesh nodes from the body's origin."""
+        """The places (k, 3) m of mesh nodes from the body's origin."""
         return self.mesh.points[nodes] * self.units.length - self.origin(body)
 
     def origin(self, body: int) -> Array:
-        """(3,) m."""
+        """The body's origin (3,) m."""
         if body == len(self.rigid):
             return np.zeros(3)
         centre = next(m.centre for m in self.materials if m.name == self.rigid[body])
@@ -147,7 +151,7 @@ def owners(
     model_rigid: tuple[str, ...],
     materials: list[Material],
 ) -> Ints:
-    """(n,) the body that each mesh node belongs to, by its rigid elements or, off the sheet, by a
+    """The body (n,) that each mesh node belongs to, by its rigid elements or, off the sheet, by a
     rigid boundary condition; -1 elsewhere.
 
     Raises InputError where two bodies claim a node."""
@@ -163,7 +167,7 @@ def owners(
                 )
             out[nodes] = i
     shell = np.zeros(len(out), dtype=bool)
-    shell[parts.sheet.nodes] = True
+    shell[parts.nodes] = True
     for t in boundary:
         if t.attribute("type") == "rigid":
             m = find_material(t, materials, t.word("rb", ""))
@@ -174,8 +178,8 @@ def owners(
 
 
 def triangles_of(facets: Ints) -> Ints:
-    """(nt, 3) of quads (k, 4), cut along the diagonal from the first corner; those that repeat
-    their last node are one triangle each."""
+    """The triangles (nt, 3) of quads (k, 4), cut along the diagonal from the first corner; those
+    that repeat their last node are one triangle each."""
     first, second = facets[:, [0, 1, 2]], facets[facets[:, 2] != facets[:, 3]][:, [0, 2, 3]]
     return np.concatenate([first, second])
 
@@ -188,10 +192,10 @@ def read_bodies(
     motion = _motions(model, tags)
     bodies, vertices = [], []
     for i, name in enumerate(model.rigid):
-        own = [b.quads for b in parts.rigid[name] if b.kind in SHELLS]
-        facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *own, *touched.get(i, [])])
+        shells = [b.quads for b in parts.rigid[name] if b.kind in SHELLS]
+        facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *shells, *touched.get(i, [])])
         nodes = np.unique(facets)
-        own_facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *own])
+        own_facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *shells])
         triangles = np.searchsorted(nodes, triangles_of(own_facets))
         bodies.append(
             Body(
@@ -222,7 +226,7 @@ def _motions(model: Model, tags: list[FebTag]) -> list[list[Drive]]:
             given[body][i] = drive
     for body, name in enumerate(model.rigid):
         _check_motion(model, name, given[body], fixed[body])
-    return [[own.get(i, Drive()) for i in range(6)] for own in given]
+    return [[by_dof.get(i, Drive()) for i in range(6)] for by_dof in given]
 
 
 def _read_motion(model: Model, t: FebTag) -> tuple[int, Drive]:

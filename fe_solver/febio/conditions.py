@@ -6,7 +6,6 @@ import numpy as np
 
 from cosim.port import Array, Ints
 from fe_solver.febio.bodies import AXES, Model, read_curve
-from fe_solver.febio.parts import FebShells
 from fe_solver.febio.xml import FebTag
 from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement, Pressure
 from fe_solver.supports import SpringLaw, SpringSet, Tied
@@ -114,7 +113,7 @@ def _read_director_supports(
 
 
 def read_forces(model: Model, tags: list[FebTag]) -> tuple[NodalForce, ...]:
-    """Raises InputError for a load that is not read."""
+    """The dead loads on nodes of the sheet.  Raises InputError for a load that is not read."""
     out = []
     for t in tags:
         kind, nodes = t.attribute("type"), model.mesh.nodes_of(t, t.attribute("node_set"))
@@ -131,33 +130,33 @@ def read_forces(model: Model, tags: list[FebTag]) -> tuple[NodalForce, ...]:
     return tuple(out)
 
 
-def match_facets(model: Model, sheet: FebShells, tag: FebTag, facets: Ints) -> tuple[Ints, Ints]:
-    """The quad (k,) that each facet (k, 4) of mesh nodes is, and 1 where it is wound alike, else
-    -1.  Raises InputError where a facet is no element of the sheet."""
-    both = np.concatenate([sheet.quads, facets])
+def match_facets(model: Model, quads: Ints, tag: FebTag, facets: Ints) -> tuple[Ints, Ints]:
+    """The one (k,) of the sheet's quads (ne, 4) that each facet (k, 4) is, both of mesh nodes; and
+    1 where it is wound alike, else -1.  Raises InputError for a facet that is none."""
+    both = np.concatenate([quads, facets])
     both[both[:, 2] == both[:, 3], 3] = -1
     both.sort(axis=1)
     _, number = np.unique(both, axis=0, return_inverse=True)
     number = number.reshape(-1)
-    order = np.argsort(number[: len(sheet.quads)], kind="stable")
-    wanted = number[len(sheet.quads) :]
-    at = np.searchsorted(number[: len(sheet.quads)], wanted, sorter=order)
+    order = np.argsort(number[: len(quads)], kind="stable")
+    wanted = number[len(quads) :]
+    at = np.searchsorted(number[: len(quads)], wanted, sorter=order)
     quad = order[np.minimum(at, len(order) - 1)]
     wrong = np.flatnonzero(number[quad] != wanted)
     if len(wrong):
         ids = model.mesh.node_ids[facets[wrong[0]]]
         raise tag.fault(f"the facet with nodes {ids.tolist()} is no element of the shell")
-    return quad, np.where(_turn(model, facets, sheet.quads[quad]) > 0, 1, -1)
+    return quad, np.where(_turn(model, facets, quads[quad]) > 0, 1, -1)
 
 
 def _turn(model: Model, a: Ints, b: Ints) -> Array:
-    """(k,) scalar product of the normals of two facets."""
+    """The scalar product (k,) of the normals of two facets."""
     p, q = model.mesh.points[a], model.mesh.points[b]
     normals = [np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]) for x in (p, q)]
     return np.asarray(np.einsum("ki,ki->k", *normals))
 
 
-def read_pressures(model: Model, sheet: FebShells, tags: list[FebTag]) -> tuple[Pressure, ...]:
+def read_pressures(model: Model, sheet_quads: Ints, tags: list[FebTag]) -> tuple[Pressure, ...]:
     """FEBio's positive pressure pushes against the normal of the facets.
 
     Raises InputError for a load that is not read."""
@@ -170,7 +169,7 @@ def read_pressures(model: Model, sheet: FebShells, tags: list[FebTag]) -> tuple[
             raise t.fault("<shell_bottom> other than 0 is not read")
         t.all("symmetric_stiffness")
         facets = model.mesh.surface_of(t, t.attribute("surface"))
-        quads, sign = match_facets(model, sheet, t, facets)
+        quads, sign = match_facets(model, sheet_quads, t, facets)
         drive = model.drive(value, model.units.stress)
         out.append(Pressure(quads, sign, drive, t.flag("linear")))
     return tuple(out)
@@ -185,8 +184,8 @@ def read_springs(
     Raises InputError for a law that is not read and for an end that nothing holds."""
     laws: dict[str, SpringLaw] = {}
     for t in materials:
-        own = _spring_law(model, t)
-        laws[t.attribute("id")] = laws[t.attributes.get("name", "")] = own
+        spring_law = _spring_law(model, t)
+        laws[t.attribute("id")] = laws[t.attributes.get("name", "")] = spring_law
     out = []
     for t in sets:
         name, law = t.attribute("discrete_set"), laws.get(t.attribute("dmat"))

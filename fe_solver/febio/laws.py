@@ -194,7 +194,7 @@ def _mixture(t: FebTag, stress: float) -> tuple[Law, FebTag]:
 
 
 def _turn(first: FebTag, second: FebTag) -> float:
-    """rad, from one solid's fibre to another's, counter-clockwise about the third material axis."""
+    """The turn (rad) from one solid's fibre to another's, right-handed about material axis 3."""
     (a, b, c), (x, y, z) = (fibre_in_axes(t) for t in (first, second))
     if abs(c) + abs(z) > OFF_PLANE:
         raise second.fault("the fibres of a mixture must lie in the sheet: x, y, 0")

@@ -80,7 +80,7 @@ def read_reactions(paths: Sequence[Path], columns: Sequence[str] = ()) -> RigidR
     first: Array | None = None
     for path in paths:
         for record in _records(path, tuple(columns)):
-            time, found = _table(path, record)
+            time, by_quantity = _table(path, record)
             if first is not None and not np.array_equal(first, time):
                 raise InputError(
                     f"{path}, line {record[0].line}: {len(time)} times, the first {time[0]:g} and "
@@ -88,7 +88,7 @@ def read_reactions(paths: Sequence[Path], columns: Sequence[str] = ()) -> RigidR
                     f"{first[-1]:g}. Log all bodies at the same times"
                 )
             first = time
-            for key, values in found.items():
+            for key, values in by_quantity.items():
                 if key in series:
                     body, column = key
                     raise InputError(f"{path}: {column} of body {body} comes twice; name it once")
@@ -164,11 +164,11 @@ def _records(path: Path, columns: tuple[str, ...]) -> list[list[_Section]]:
     is_log = any(line.strip().startswith(RECORD) for line in text.splitlines())
     if is_log:
         _check_end(path, text)
-    found: dict[str, list[_Section]] = {}
+    records: dict[str, list[_Section]] = {}
     for section in _sections(path, text, is_log, columns):
         if not section.elsewhere and set(section.columns) & set(FORCE + MOMENT):
-            found.setdefault(section.record, []).append(section)
-    return list(found.values())
+            records.setdefault(section.record, []).append(section)
+    return list(records.values())
 
 
 def _text(path: Path) -> str:
@@ -288,12 +288,12 @@ def _check_section(path: Path, section: _Section) -> _Section:
         return section
     missing = [
         what
-        for what, there in (
+        for what, given in (
             ("Time", section.time is not None),
             ("Data line", bool(section.columns)),
             ("rows", bool(section.rows)),
         )
-        if not there
+        if not given
     ]
     if missing:
         raise InputError(

@@ -21,15 +21,17 @@ IN_PLANE = 0.9
 
 @dataclass(frozen=True)
 class Material:
-    """A material of the file; a rigid one has no law, and a centre in the file's units where it is
-    given.  `holder` is the tag in which its (first) fibre is said."""
+    """A material of the file."""
 
     tag: FebTag
     name: str
     number: str
     law: Law | None
+    """None of a rigid one."""
     centre: Array | None
+    """(3,) of a rigid one, in the file's units, where it is given."""
     holder: FebTag
+    """The tag in which its (first) fibre is said."""
     in_situ_stretch: float = 1.0
 
     @property
@@ -97,8 +99,8 @@ def fibre_directions(
 
 
 def _check_axes_up(m: Material, corners: Array, axes: Array) -> None:
-    """Raises InputError where the third material axis is not the elements' normal, about which one
-    family is turned from the other."""
+    """Check that the third material axis is the elements' normal, about which one family is turned
+    from the other.  Raises InputError where it is not."""
     normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     if np.einsum("ki,ki->k", axes[:, :, 2], _unit(normal)).min(initial=1.0) < IN_PLANE:
         raise m.tag.fault(
@@ -161,7 +163,7 @@ def _local(tag: FebTag, count: int, default: tuple[int, ...]) -> list[int]:
 
 
 def _fibre(m: Material, corners: Array, given: dict[str, FebTag], maps: dict[str, FebTag]) -> Array:
-    """(k, 3) in the material axes."""
+    """The fibre directions (k, 3) in the material axes."""
     k, tag = len(corners), m.holder.one("fiber")
     kind = "" if tag is None else tag.attributes.get("type", "vector")
     data = given.get("fiber")

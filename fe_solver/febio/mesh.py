@@ -17,33 +17,42 @@ SOLIDS = {"hex8": 8, "tet4": 4, "penta6": 6, "pyra5": 5, "tet10": 10, "hex20": 2
 
 
 class Block(NamedTuple):
-    """An `Elements` block: its tag, kind of element, numbers (k,) and node indices (k, m)."""
+    """An `Elements` block."""
 
     tag: FebTag
     kind: str
+    """Of its elements."""
     ids: Ints
+    """(k,) numbers."""
     nodes: Ints
+    """(k, m) node indices."""
 
     @property
     def quads(self) -> Ints:
-        """(k, 4) of a shell block; a triangle repeats its last node."""
+        """The elements (k, 4) of a shell block; a triangle repeats its last node."""
         return self.nodes if self.nodes.shape[1] == 4 else self.nodes[:, [0, 1, 2, 2]]
 
 
 @dataclass(frozen=True)
 class FebMesh:
-    """Nodes in the file's order: numbers (n,) and points (n, 3); blocks of elements and sets by
-    name.  Sets of nodes, facets (k, 4) and pairs (k, 2) hold node indices, sets of elements hold
-    their numbers."""
+    """The nodes of a file in its order, its blocks of elements, and its sets by name."""
 
     node_ids: Ints
+    """(n,) numbers."""
     points: Array
+    """(n, 3), in the file's units."""
     blocks: dict[str, Block]
+    """By name."""
     node_sets: dict[str, Ints]
+    """Node indices (k,) each."""
     element_sets: dict[str, Ints]
+    """Numbers (k,) of elements each."""
     surfaces: dict[str, Ints]
+    """Facets (k, 4) of node indices each."""
     pairs: dict[str, tuple[str, str]]
+    """The two surfaces of each surface pair."""
     discrete: dict[str, Ints]
+    """Pairs (k, 2) of node indices each."""
 
     def nodes_of(self, tag: FebTag, name: str) -> Ints:
         """Node indices of a set, `@surface:` and `@elem_set:` included.
@@ -122,7 +131,8 @@ class _Numbering:
 
 
 def read_mesh_section(mesh: FebTag) -> FebMesh:
-    """Raises InputError, with its line, for anything missing, doubled or unknown to this reader."""
+    """The mesh of a file.  Raises InputError, with its line, for anything missing, doubled or
+    unknown to this reader."""
     node_ids, points, node_sets = _nodes(mesh)
     numbering = _Numbering(node_ids)
     blocks = _blocks(mesh, numbering)
@@ -182,12 +192,12 @@ def _blocks(mesh: FebTag, numbering: _Numbering) -> dict[str, Block]:
 
 
 def _add(into: dict[str, Ints], mesh: FebTag, kind: str, read: Callable[[FebTag], Ints]) -> None:
-    own: set[str] = set()
+    added: set[str] = set()
     for t in mesh.all(kind):
         name = t.attribute("name")
-        if name in own:
+        if name in added:
             raise t.fault(f"two of these sets are called {name!r}")
-        own.add(name)
+        added.add(name)
         into[name] = read(t)
 
 

@@ -10,42 +10,33 @@ from cosim.port import Array, Ints
 from fe_solver.febio.materials import Material, fibre_directions, find_material
 from fe_solver.febio.mesh import SHELLS, Block, FebMesh, rows_of
 from fe_solver.febio.xml import FebTag
+from fe_solver.sheet import Sheet, ShellPart
 
 DOMAINS = ("elastic-shell", "elastic-shell-ans", "elastic-shell-eas", "rigid-shell", "3field-shell")
 
 
 @dataclass(frozen=True)
-class FebShells:
-    """All shell elements, by part: quads (ne, 4) and `nodes` (n,) are mesh node indices, the rest
-    as in Job but lengths in the file's units."""
-
-    names: tuple[str, ...]
-    materials: tuple[Material, ...]
-    quads: Ints
-    ids: Ints
-    part: Ints
-    thickness: Array
-    fibre: Array
-
-    @property
-    def nodes(self) -> Ints:
-        """Indices (k,) of the nodes."""
-        return np.unique(self.quads)
-
-
-@dataclass(frozen=True)
 class Parts:
-    """The deformable sheet, and each rigid material's blocks."""
+    """The parts of a file, in its order."""
 
-    sheet: FebShells
+    sheet: Sheet
+    """All deformable shell elements; their nodes lie on the face that the normal points to."""
+    nodes: Ints
+    """(n,) mesh nodes of the sheet's, ascending."""
     rigid: dict[str, list[Block]]
+    """Blocks of each rigid material."""
 
 
 def read_parts(
-    domains: FebTag, data: FebTag | None, mesh: FebMesh, materials: list[Material], notes: list[str]
+    domains: FebTag,
+    data: FebTag | None,
+    mesh: FebMesh,
+    materials: list[Material],
+    length_unit: float,
+    notes: list[str],
 ) -> Parts:
-    """Raises InputError for a part without a material, and for a deformable part that is no
-    shell."""
+    """The parts of a file, deformable and rigid; its lengths are in `length_unit` m.  Raises
+    InputError for a part without a material, and for a deformable part that is no shell."""
     given, maps = _element_data(data, mesh)
     rigid: dict[str, list[Block]] = {m.name: [] for m in materials if m.rigid}
     shells: list[tuple[FebTag, Block, Material]] = []
@@ -74,7 +65,8 @@ def read_parts(
         for block in blocks:
             for tag in given.pop(block.tag.attribute("name"), {}).values():
                 tag.pass_over()
-    return Parts(_sheet(shells, mesh, given, maps, notes), rigid)
+    sheet, nodes = _sheet(shells, mesh, given, maps, length_unit, notes)
+    return Parts(sheet, nodes, rigid)
 
 
 def _element_data(
@@ -103,27 +95,34 @@ def _sheet(
     mesh: FebMesh,
     given: dict[str, dict[str, FebTag]],
     maps: dict[str, FebTag],
+    length_unit: float,
     notes: list[str],
-) -> FebShells:
+) -> tuple[Sheet, Ints]:
+    """The sheet and its mesh nodes (n,)."""
     columns = []
     for number, (t, block, m) in enumerate(shells):
-        own = given.get(t.attribute("name"), {})
+        of_part = given.get(t.attribute("name"), {})
         _check_domain(t, block, notes)
         corners = mesh.points[block.quads]
-        thickness = _thickness(t, block, own.get("shell thickness"))
-        fibre = fibre_directions(m, corners, own, maps)
+        thickness = _thickness(t, block, of_part.get("shell thickness"))
+        fibre = fibre_directions(m, corners, of_part, maps)
         columns.append((block.quads, block.ids, np.full(len(block.ids), number), thickness, fibre))
     quads, ids, part, thickness, fibre = (np.concatenate(c) for c in zip(*columns, strict=True))
-    length = np.linalg.norm(fibre, axis=1, keepdims=True)
-    return FebShells(
-        tuple(t.attribute("name") for t, _, _ in shells),
-        tuple(m for _, _, m in shells),
-        quads,
-        ids,
+    length, nodes = np.linalg.norm(fibre, axis=1, keepdims=True), np.unique(quads)
+    sheet = Sheet(
+        mesh.points[nodes] * length_unit,
+        np.searchsorted(nodes, quads),
+        tuple(
+            ShellPart(t.attribute("name"), m.law, m.in_situ_stretch) for t, _, m in shells if m.law
+        ),
         part,
-        thickness,
+        thickness * length_unit,
         fibre / np.where(length > 0, length, 1.0),
+        -thickness * length_unit / 2,
+        node_ids=mesh.node_ids[nodes],
+        element_ids=ids,
     )
+    return sheet, nodes
 
 
 def _check_domain(t: FebTag, block: Block, notes: list[str]) -> None:
@@ -142,7 +141,7 @@ def _check_domain(t: FebTag, block: Block, notes: list[str]) -> None:
 
 
 def _thickness(t: FebTag, block: Block, data: FebTag | None) -> Array:
-    """(k, 4)."""
+    """The thicknesses (k, 4) at the corners of the block's elements."""
     k, corners = block.nodes.shape
     if data is None and t.one("shell_thickness") is None:
         raise t.fault(

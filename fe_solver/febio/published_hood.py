@@ -42,7 +42,7 @@ SHEET, THIN, INSERTION = 1, 2, 3
 
 @dataclass(frozen=True)
 class Moduli:
-    """Pa, by region."""
+    """Young's moduli (Pa) by region."""
 
     tendon_proximal: float
     tendon_distal: float
@@ -72,17 +72,20 @@ def qian_moduli(off: float) -> Moduli:
 
 @dataclass(frozen=True)
 class PublishedHood:
-    """What the hood says under a pull of its central tendon: Green-Lagrange strains (ne, 3) along
-    and across the finger, areas (ne,) m2, the cells (ne,) of each region, and the forces (N) on the
-    middle and the distal phalanx at the slips' ends."""
+    """What the hood says under a pull of its central tendon."""
 
     strain: Array
+    """(ne, 3) Green-Lagrange, along and across the finger."""
     area: Array
+    """(ne,) m2."""
     regions: Mapping[str, Mask]
-    """central_tendon (MCP to PIP), between_bands (MCP to where the lateral bands meet), the latter
-    as far as the PIP alone (between_bands_to_pip); central_slip, terminal_slip."""
+    """The elements (ne,) of central_tendon (MCP to PIP), between_bands (MCP to where the lateral
+    bands meet), the latter as far as the PIP alone (between_bands_to_pip), central_slip and
+    terminal_slip."""
     slip_force: dict[str, float]
+    """N, on the middle and the distal phalanx at the slips' ends."""
     imbalance: tuple[float, float]
+    """Force (N) and moment (N m) by which bodies and loads miss balance."""
 
     def summary(self) -> dict[str, Any]:
         """As of a run, as far as it goes."""
@@ -129,7 +132,7 @@ def _middles(job: Job) -> Array:
 
 
 def _along(job: Job) -> Array:
-    """(ne, 3) the finger's axis z in the quads' planes."""
+    """The unit directions (ne, 3) of the finger's axis z in the quads' planes."""
     p = job.sheet.points[job.sheet.quads]
     normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)

@@ -35,11 +35,10 @@ from fe_solver.febio.conditions import (
 from fe_solver.febio.materials import read_materials
 from fe_solver.febio.mesh import FebMesh, read_mesh_section
 from fe_solver.febio.notes import collect_notes
-from fe_solver.febio.parts import FebShells, Parts, read_parts
+from fe_solver.febio.parts import Parts, read_parts
 from fe_solver.febio.xml import FebTag, read_xml
 from fe_solver.job.checks import check_mesh, within
 from fe_solver.job.job import Job, Step
-from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.supports import Body, ContactPair
 
 CONTACTS = ("sliding-elastic", "sliding-facet-on-facet", "sliding-node-on-facet")
@@ -77,12 +76,14 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     mesh = read_mesh_section(sections.one("Mesh"))
     materials = read_materials(sections.one("Material"), units.stress)
     data = root.one("MeshData")
-    parts = read_parts(sections.one("MeshDomains"), data, mesh, materials, notes)
-    _check_sheet(path, parts.sheet, mesh)
+    parts = read_parts(sections.one("MeshDomains"), data, mesh, materials, length_unit, notes)
+    sheet = parts.sheet
+    with within(str(path)):
+        check_mesh(sheet.points, sheet.quads, sheet.node, sheet.element)
     _check_initial(sections, notes)
     rigid = tuple(m.name for m in materials if m.rigid)
     shell = np.full(len(mesh.points), -1)
-    shell[parts.sheet.nodes] = np.arange(len(parts.sheet.nodes))
+    shell[parts.nodes] = np.arange(len(parts.nodes))
     body = owners(mesh, parts, sections.all("Boundary", "bc"), rigid, materials)
     curves = read_curves(root.one("LoadData"))
     model = Model(mesh, units, materials, rigid, shell, body, curves, notes)
@@ -133,20 +134,6 @@ def _check_header(root: FebTag) -> None:
             raise t.fault("sections from other files are not followed; put them into this one")
 
 
-def _check_sheet(path: Path, sheet: FebShells, mesh: FebMesh) -> None:
-    """Raises InputError as `check_mesh` does, with the file's numbers."""
-
-    def element(i: int) -> str:
-        return f"element {sheet.ids[i]} (part {sheet.names[sheet.part[i]]!r})"
-
-    def node(i: int) -> str:
-        return f"node {mesh.node_ids[sheet.nodes[i]]}"
-
-    quads = np.searchsorted(sheet.nodes, sheet.quads)
-    with within(str(path)):
-        check_mesh(mesh.points[sheet.nodes], quads, node, element)
-
-
 def _check_initial(sections: _Sections, notes: list[str]) -> None:
     for t in sections.all("Initial", "ic"):
         if "velocity" not in t.attribute("type"):
@@ -156,7 +143,6 @@ def _check_initial(sections: _Sections, notes: list[str]) -> None:
 
 
 def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
-    sheet, units, mesh = parts.sheet, model.units, model.mesh
     boundary = sections.all("Boundary", "bc")
     tied = read_ties(model, boundary)
     held, directors = read_displacements(model, boundary, tied)
@@ -166,8 +152,9 @@ def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
         sections.all("Discrete", "discrete"),
         nodes_at_rest(model, boundary),
     )
-    pairs = _contact_tags(mesh, sections.all("Contact", "contact"))
-    sides = [_sides(model, sheet, t, pair) for t, pair in pairs]
+    pairs = _contact_tags(model.mesh, sections.all("Contact", "contact"))
+    quads = parts.nodes[parts.sheet.quads]
+    sides = [_sides(model, quads, t, pair) for t, pair in pairs]
     touched: dict[int, list[Ints]] = {}
     for _, _, body, facets in sides:
         touched.setdefault(body, []).append(facets)
@@ -175,31 +162,17 @@ def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
     if any((s.body == len(bodies)).any() for s in springs):
         bodies += (Body(GROUND),)
     contacts = tuple(
-        _contact(model, t, quads, np.searchsorted(vertices[body], triangles_of(facets)), body)
-        for (t, _), (quads, _, body, facets) in zip(pairs, sides, strict=True)
+        _contact(model, t, touching, np.searchsorted(vertices[body], triangles_of(facets)), body)
+        for (t, _), (touching, _, body, facets) in zip(pairs, sides, strict=True)
     )
     return Job(
-        Sheet(
-            mesh.points[sheet.nodes] * units.length,
-            model.shell[sheet.quads],
-            tuple(
-                ShellPart(n, m.law, m.in_situ_stretch)
-                for n, m in zip(sheet.names, sheet.materials, strict=True)
-                if m.law
-            ),
-            sheet.part,
-            sheet.thickness * units.length,
-            sheet.fibre,
-            -sheet.thickness * units.length / 2,
-            node_ids=mesh.node_ids[sheet.nodes],
-            element_ids=sheet.ids,
-        ),
+        parts.sheet,
         ties=tied,
         held=held,
         held_directors=directors,
         springs=springs,
         forces=read_forces(model, sections.all("Loads", "nodal_load")),
-        pressures=read_pressures(model, sheet, sections.all("Loads", "surface_load")),
+        pressures=read_pressures(model, quads, sections.all("Loads", "surface_load")),
         contacts=contacts,
         bodies=bodies,
         steps=_steps(sections),
@@ -242,18 +215,17 @@ def _contact_tags(mesh: FebMesh, tags: list[FebTag]) -> list[tuple[FebTag, tuple
 
 
 def _sides(
-    model: Model, sheet: FebShells, t: FebTag, pair: tuple[str, str]
+    model: Model, quads: Ints, t: FebTag, pair: tuple[str, str]
 ) -> tuple[Ints, Ints, int, Ints]:
-    """The quads (k,) on one side of a pair and how their facets are wound; the body, and the facets
-    (nt, 4) on its side."""
+    """The elements (k,) on one side of a pair, of the sheet's `quads` (ne, 4) of mesh nodes, and
+    how their facets are wound; the body, and the facets (nt, 4) on its side."""
     first, second = (model.mesh.surface_of(t, name) for name in pair)
     if (model.body[first] >= 0).all():
         first, second = second, first
     owner = np.unique(np.where(model.shell[second] >= 0, -1, model.body[second]))
     if len(owner) != 1 or owner[0] < 0:
         raise t.fault("contact is read between the shell and one rigid body only")
-    quads, wound = match_facets(model, sheet, t, first)
-    return quads, wound, int(owner[0]), second
+    return *match_facets(model, quads, t, first), int(owner[0]), second
 
 
 def _contact(model: Model, t: FebTag, quads: Ints, triangles: Ints, body: int) -> ContactPair:

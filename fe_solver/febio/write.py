@@ -37,11 +37,11 @@ def write_feb(
     is written with its nodes moved there.  The file appears whole or not at all.  Raises InputError
     where the job holds what FEBio's format cannot say, and where the file cannot be written."""
     path = Path(path)
-    own = job.sheet.points if points is None else np.asarray(points, dtype=float)
-    if own.shape != job.sheet.points.shape:
-        raise InputError(f"points have shape {own.shape}, expected {job.sheet.points.shape}")
+    nodes = job.sheet.points if points is None else np.asarray(points, dtype=float)
+    if nodes.shape != job.sheet.points.shape:
+        raise InputError(f"points have shape {nodes.shape}, expected {job.sheet.points.shape}")
     _check_names(job)
-    w = Conditions(job, face_points(job, own), Units(length_unit, force_unit))
+    w = Conditions(job, face_points(job, nodes), Units(length_unit, force_unit))
     root = _document(w)
     with output_file(path) as part:
         write_xml(part, root)
@@ -63,7 +63,7 @@ def _check_names(job: Job) -> None:
 
 
 def face_points(job: Job, points: Array) -> Array:
-    """(n, 3) m on the face that the normal points to: half a thickness from the mid-surface."""
+    """The points (n, 3) m on the normal's face: half a thickness from the mid-surface."""
     off = job.sheet.height + job.sheet.thickness / 2
     if not (np.abs(off) > SAME_POINT).any():
         return points

@@ -26,16 +26,17 @@ SAME_LENGTH = 1e-12
 
 @dataclass
 class Conditions:
-    """A job with its nodes at `points` (n, 3) m on the face that FEBio puts them on, and what a
-    file of it has numbered and named so far: load curves, sets, and nodes (with their
-    body) that only springs end at, m."""
+    """A job, and what a file of it has numbered and named so far."""
 
     job: Job
     points: Array
+    """(n, 3) m, the nodes on the face that FEBio puts them on."""
     units: Units
     curves: dict[LoadCurve, int] = field(default_factory=dict)
+    """Number of each load curve."""
     sets: list[Element] = field(default_factory=list)
     extra: list[tuple[int, Array]] = field(default_factory=list)
+    """Nodes that only springs end at: the body and the place, m."""
 
     def first_vertex(self, body: int) -> int:
         """The number of a body's first vertex; that of the first extra node for one too many."""
@@ -156,13 +157,13 @@ class Conditions:
 
     def _anchor(self, body: int, point: Array) -> int:
         """The number of the node that a spring ends at on a body."""
-        own = self.job.bodies[body]
-        if len(own.triangles):
-            used = np.unique(own.triangles)
-            gap = np.linalg.norm(own.vertices[used] - point, axis=1)
+        solid = self.job.bodies[body]
+        if len(solid.triangles):
+            used = np.unique(solid.triangles)
+            gap = np.linalg.norm(solid.vertices[used] - point, axis=1)
             if gap.min() <= SAME_POINT:
                 return self.first_vertex(body) + int(used[gap.argmin()])
-        place = own.origin + point
+        place = solid.origin + point
         for i, (b, x) in enumerate(self.extra):
             if b == body and np.linalg.norm(x - place) <= SAME_POINT:
                 return self.first_vertex(len(self.job.bodies)) + i
@@ -190,7 +191,7 @@ class Conditions:
         return tag("delem", (ids[s.nodes[k]], end))
 
     def _initial(self, s: SpringSet) -> Array:
-        """(k,) m between the ends as the file has them."""
+        """The distances (k,) m between the springs' ends as the file has them."""
         origins = np.array([b.origin for b in self.job.bodies] or [np.zeros(3)])
         far = np.where(
             (s.body < 0)[:, None], self.points[s.other], origins[np.maximum(s.body, 0)] + s.anchor
@@ -227,7 +228,7 @@ class Conditions:
 
 
 def _toe_table(stiffness: float, toe: float) -> LoadCurve:
-    """N by elongation (m) of a spring that sets in over a toe, straight beyond it: slack before."""
+    """The force (N) by elongation (m) of a spring with a toe, straight beyond it: slack before."""
     stretch = toe * np.concatenate([[-2.0], np.linspace(-1.0, 1.0, TOE_POINTS), [2.0]])
     times, values = tuple(stretch.tolist()), tuple((stiffness * ramp(stretch, toe)[1]).tolist())
     return LoadCurve(times, values, extension=Extension.EXTRAPOLATE)

@@ -57,7 +57,7 @@ class FebTag(xml_tree.Tag):
             raise self.fault(str(error)) from error
 
     def attribute(self, name: str) -> str:
-        """Raises InputError where it is missing."""
+        """The attribute of this name.  Raises InputError where it is missing."""
         if name not in self.attributes:
             raise self.fault(f"the attribute {name!r} is missing")
         return self.attributes[name].strip()

@@ -25,18 +25,20 @@ from fe_solver.forces.springs import PairForces
 
 @dataclass(frozen=True)
 class Cables:
-    """Line cells: nodes (k, 2) indices; `length` (k,) m, free of stress; `modulus` (k,) Pa and
-    `section` (k,) m2; `toe` (k,) strain at which the law becomes straight; `residual` (k,) N, the
-    residual tension at that length.
-
-    Raises InputError for what is not positive, naming the cell."""
+    """k line cells.  Raises InputError for what is not positive, naming the cell."""
 
     nodes: Ints
+    """(k, 2) indices."""
     length: Array
+    """(k,) m, free of stress."""
     modulus: Array
+    """(k,) Pa."""
     section: Array
+    """(k,) m2."""
     toe: Array
+    """(k,) strain at which the law becomes straight."""
     residual: Array
+    """(k,) N, tension that is left at that length."""
 
     def __post_init__(self) -> None:
         for name in ("length", "modulus", "section", "toe", "residual"):
@@ -108,7 +110,7 @@ def cable_forces(cables: Cables, x: Array) -> PairForces:
 
 
 def cable_masses(cables: Cables, density: float, n: int) -> Array:
-    """(n,) kg, half of each cell's at either end; density kg/m3."""
+    """The masses (n,) kg of the nodes: half of each cell's at either end; density kg/m3."""
     half = density * cables.section * cables.length / 2
     mass = np.bincount(cables.nodes.ravel(), weights=np.repeat(half, 2), minlength=n)
     return mass.astype(float)

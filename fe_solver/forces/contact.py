@@ -42,53 +42,61 @@ def needed_distance(level: float, smoothing: float) -> float:
 
 @dataclass(frozen=True)
 class Grip:
-    """What friction remembers of k points, in the body's frame.
-
-    anchor (k, 3) m, where a point would stick without force; normal (k, 3); limit (k,) N, friction
-    coefficient times the normal force; both of the last round of the outer loop.  dissipated (k,)
-    J since the first increment."""
+    """What friction remembers of k points, in the body's frame; limit and normal are of the last
+    round of the outer loop."""
 
     anchor: Array
+    """(k, 3) m, where a point would stick without force."""
     normal: Array
+    """(k, 3), unit."""
     limit: Array
+    """(k,) N, friction coefficient times the normal force."""
     dissipated: Array
+    """(k,) J since the first increment."""
 
 
 @dataclass(frozen=True)
 class Contact:
     """Contact of k points with one body's surface.
 
-    body index; nodes (k,), the points themselves, or where these lie `within` elements the nearest
-    to each; offset (k,) m of the mid-surface from the bone's surface at which contact begins
-    (cartilage, capsule and half the shell); area (k,) m2; stiffness N/m3; smoothing m.
-
-    share (k,) in [0, 1] multiplies the areas; None is 1.  Without shares every body acts on every
-    point, and as each force grows from zero with its own penetration, nothing jumps: right where a
-    sheet may meet several bones.  Share a point (see `partition`) where two surfaces overlap, at a
-    joint, and both would carry the same tendon; a point of share zero passes through that body.
-
-    pressure (k,) Pa is the multiplier; of points within elements, more than their nodes, not every
-    gap can be closed.  friction is Coulomb's coefficient; shear (N/m3) the
-    elastic stiffness of sticking, as the `stiffness` where None; grip its state.  pin (k,) N/m
-    stands for the stiffness along the normal where it is positive, in the tangent alone.
+    Without shares every body acts on every point, and as each force grows from zero with its own
+    penetration, nothing jumps: right where a sheet may meet several bones.  Share a point (see
+    `partition`) where two surfaces overlap, at a joint, and both would carry the same tendon; a
+    point of share zero passes through that body.
 
     Raises InputError for what is not positive, or out of its range, and for a surface whose
     distance does not reach the offset."""
 
     body: int
+    """The body's number."""
     surface: Surface
+    """The body's, by signed distance in its frame."""
     nodes: NDArray[np.intp]
+    """(k,), the points themselves, or where these lie `within` elements the nearest to each."""
     offset: Array
+    """(k,) m of the mid-surface from the bone's surface at which contact begins (cartilage, capsule
+    and half the shell)."""
     area: Array
+    """(k,) m2."""
     stiffness: float
+    """N/m3, along the normal."""
     smoothing: float
+    """m to either side of the contact level within which the force sets in smoothly."""
     share: Array | None = None
+    """(k,) in [0, 1], times the areas; None is 1."""
     pressure: Array | None = None
+    """(k,) Pa, the multiplier; of points within elements, more than their nodes, not every gap can
+    be closed."""
     friction: float = 0.0
+    """Coulomb's coefficient."""
     shear: float | None = None
+    """N/m3, the elastic stiffness of sticking; None takes `stiffness`."""
     grip: Grip | None = None
+    """The state of friction."""
     pin: Array | None = None
+    """(k,) N/m, in place of the stiffness along the normal where positive, in the tangent alone."""
     within: ElementPoints | None = None
+    """The points, where they are not nodes."""
 
     def __post_init__(self) -> None:
         shear = self.stiffness if self.shear is None else self.shear
@@ -117,31 +125,31 @@ class Contact:
 
     @property
     def weight(self) -> Array:
-        """(k,) m2 of the points that press on this body."""
+        """The areas (k,) m2 of the points, as far as they press on this body."""
         return self.area if self.share is None else self.area * self.share
 
     @property
     def stick(self) -> Array:
-        """(k,) N/m, elastic stiffness of sticking."""
+        """The elastic stiffness (k,) N/m of sticking."""
         return self.weight * (self.stiffness if self.shear is None else self.shear)
 
     @property
     def shift(self) -> Array:
-        """(k,) m, the depth at which the ramp gives the multiplier."""
+        """The depths (k,) m at which the ramp gives the multiplier."""
         if self.pressure is None:
             return np.zeros(len(self.nodes))
         return inverse_ramp(self.pressure / self.stiffness, self.smoothing)
 
     def at(self, x: Array) -> Array:
-        """(k, 3) m, the points, at node positions x (n, 3)."""
+        """The points (k, 3) m at node positions x (n, 3)."""
         return x[self.nodes] if self.within is None else self.within.mean(x)
 
     def local(self, x: Array, position: Array, rotation: Array) -> Array:
-        """(k, 3) m, the points as the body sees them."""
+        """The points (k, 3) m in the body's frame."""
         return (self.at(x) - position[self.body]) @ rotation[self.body]
 
     def gap(self, x: Array, position: Array, rotation: Array) -> Array:
-        """(k,) m, negative where a point penetrates."""
+        """The gaps (k,) m of the points, negative where one penetrates."""
         return self.surface.distance(self.local(x, position, rotation)).value - self.offset
 
 
@@ -239,8 +247,8 @@ def _hessian(
     dragged: Array | None,
     pushed: Array,
 ) -> Array:
-    """(k, 3, 3) of stiffness `along` (k,) the normals (k, 3); of forces `pushed` (k,) N on what is
-    `curved` (k, 3, 3) 1/m and of friction `dragged` (k, 3, 3) N/m, both as the body sees them."""
+    """The stiffness (k, 3, 3) of `along` (k,) the normals (k, 3); of forces `pushed` (k,) N on what
+    is `curved` (k, 3, 3) 1/m and of friction `dragged` (k, 3, 3) N/m, both in the body's frame."""
     # stiffness along the normal, then the surface's curvature, then friction
     out = along[:, None, None] * normal[:, :, None] * normal[:, None, :]
     if curved is not None:
@@ -346,8 +354,8 @@ def contact_fields(
 
 
 def partition(distances: Array, blend: float) -> Array:
-    """(k, nb) shares of nb bodies in k nodes from their signed distances (k, nb) m at rest: smooth
-    (C1) in the distances, each row adding up to one.
+    """The shares (k, nb) of nb bodies in k nodes from their signed distances (k, nb) m at rest:
+    smooth (C1) in the distances, each row adding up to one.
 
     A body has all of a node that is nearer to it by `blend` (m) or more than to any other, nothing
     of one that is as much nearer to another, half where two are equally near.  Raises InputError
@@ -357,7 +365,7 @@ def partition(distances: Array, blend: float) -> Array:
     nearer = (distances[:, None, :] - distances[:, :, None]) / blend
     t = np.clip((nearer + 1) / 2, 0, 1)
     step = t * t * (3 - 2 * t)
-    own = np.arange(distances.shape[1])
-    step[:, own, own] = 1.0
+    bodies = np.arange(distances.shape[1])
+    step[:, bodies, bodies] = 1.0
     weight = step.prod(axis=2)
     return weight / weight.sum(axis=1, keepdims=True)

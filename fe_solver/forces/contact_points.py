@@ -24,15 +24,16 @@ IN_LINE = 4
 
 @dataclass(frozen=True)
 class ElementPoints:
-    """The same p points in each of c elements, element by element.
-
-    cells (c,) the elements' numbers in their sheet; quads (c, m) their nodes; shape (p, m) shape
-    functions at the points; factor (p,) of the area at each point."""
+    """The same p points in each of c elements, element by element."""
 
     cells: Ints
+    """(c,) the elements' numbers in their sheet."""
     quads: Ints
+    """(c, m) their nodes."""
     shape: Array
+    """(p, m) shape functions at the points."""
     factor: Array
+    """(p,) of the area at each point."""
     places: Array
     """(p, 2) r and s."""
 
@@ -47,16 +48,16 @@ class ElementPoints:
 
     @cached_property
     def nearest(self) -> Ints:
-        """(c p,) the node that is nearest to each point, by r and s."""
+        """The node (c p,) that is nearest to each point, by r and s."""
         away = self.places[:, None] - kind_of(self.quads).nodes
         return self.quads[:, np.linalg.norm(away, axis=2).argmin(axis=1)].ravel()
 
     def mean(self, values: Array) -> Array:
-        """(c p, ...) at the points of values (n, ...) at the nodes."""
-        own = values[self.quads].reshape(*self.quads.shape, -1)
-        return np.asarray((self.shape @ own).reshape(-1, *values.shape[1:]))
+        """The values (c p, ...) at the points, interpolated from values (n, ...) at the nodes."""
+        by_element = values[self.quads].reshape(*self.quads.shape, -1)
+        return np.asarray((self.shape @ by_element).reshape(-1, *values.shape[1:]))
 
     def areas(self, X: Array) -> Array:
-        """(c p,) m2 for each point, of nodes X (n, 3) m."""
+        """The area (c p,) m2 of each point, of nodes X (n, 3) m."""
         _, area = to_centre(kind_of(self.quads), X[self.quads], self.places)
         return np.asarray((area.T * self.factor).ravel())

@@ -14,13 +14,16 @@ from fe_solver.vectors import tangents
 
 @dataclass(frozen=True)
 class Ties:
-    """Nodes that move rigidly with a body: node (k,), body (k,), local position and director (k,
-    3)."""
+    """k nodes that move rigidly with a body."""
 
     node: Ints
+    """(k,)."""
     body: Ints
+    """(k,)."""
     position: Array
+    """(k, 3) m, body frame."""
     director: Array
+    """(k, 3), body frame."""
 
     @staticmethod
     def none() -> Ties:
@@ -31,20 +34,23 @@ class Ties:
 
 @dataclass(frozen=True)
 class Guides:
-    """Nodes held along some directions of a body and free along the others.
-
-    origin (k, 3) in the body frame; axes (k, 3, 3), orthonormal columns, body frame, the first a
-    tendon's pull; held (k, 3) which of them do not move.  level (k, 3): the director's turns along
-    it and across it are held as still (k, 2) says (a mirror plane holds the turn along its
-    normal)."""
+    """k nodes held along some directions of a body and free along the others."""
 
     node: Ints
+    """(k,) indices."""
     body: Ints
+    """(k,) of the node's body."""
     origin: Array
+    """(k, 3) m, body frame."""
     axes: Array
+    """(k, 3, 3), orthonormal columns, body frame, the first a tendon's pull."""
     held: NDArray[np.bool_]
+    """(k, 3) which of the axes the node does not move along."""
     level: Array
+    """(k, 3), body frame, the axis of the director's first turn."""
     still: NDArray[np.bool_]
+    """(k, 2) whether the director's turns along `level` and across it are held (a mirror plane
+    holds the turn along its normal)."""
 
     @staticmethod
     def along(node: Ints, body: Ints, origin: Array, direction: Array) -> Guides:
@@ -67,31 +73,34 @@ class Guides:
 
     @property
     def direction(self) -> Array:
-        """(k, 3) the first axis, body frame."""
+        """The first axis (k, 3) of each guide, body frame."""
         return self.axes[:, :, 0]
 
     @property
     def steady(self) -> NDArray[np.bool_]:
-        """(k,) whose director the body turns."""
+        """Whether (k,) the body turns the director of each guided node."""
         return np.asarray(self.still.any(axis=1))
 
 
 @dataclass(frozen=True)
 class Ropes:
-    """Ends of tendons that run straight from a node of the sheet to an eyelet of a body, glide
-    through it without friction and go on along `pull`, where the muscle is.
-
-    node (k,), body (k,); eyelet (k, 3) m and unit pull (k, 3) in the body's frame; length (k,) m
-    from node to eyelet where the excursion is zero; share (nt, k) of each tendon's tension in each
-    rope; `tendons` (nt,) their names, for messages."""
+    """k ends of tendons that run straight from a node of the sheet to an eyelet of a body, glide
+    through it without friction and go on along `pull`, where the muscle is."""
 
     node: Ints
+    """(k,)."""
     body: Ints
+    """(k,)."""
     eyelet: Array
+    """(k, 3) m, body frame."""
     pull: Array
+    """(k, 3), unit, body frame."""
     length: Array
+    """(k,) m from node to eyelet where the excursion is zero."""
     share: Array
+    """(nt, k) of each tendon's tension in each rope."""
     tendons: tuple[str, ...] = ()
+    """(nt,) names, for messages."""
 
     @staticmethod
     def none(tendons: int = 0) -> Ropes:
@@ -100,12 +109,12 @@ class Ropes:
         return Ropes(i, i, v, v, np.zeros(0), np.zeros((tendons, 0)))
 
     def arm(self, rotation: Array) -> Array:
-        """(k, 3) m from the bodies' origins to the eyelets, world, with bodies at `rotation` (nb,
-        3, 3)."""
+        """The arms (k, 3) m from the bodies' origins to the eyelets, world, with bodies at
+        `rotation` (nb, 3, 3)."""
         return np.asarray(np.einsum("kij,kj->ki", rotation[self.body], self.eyelet))
 
     def along(self, rotation: Array) -> Array:
-        """(k, 3) unit, which way the muscles pull, world."""
+        """The unit directions (k, 3) in which the muscles pull, world."""
         return np.asarray(np.einsum("kij,kj->ki", rotation[self.body], self.pull))
 
     def name(self, rope: int) -> str:
@@ -115,7 +124,7 @@ class Ropes:
         return " and ".join(self.tendons[i] for i in np.flatnonzero(self.share[:, rope]))
 
     def reach(self, x: Array, position: Array, rotation: Array) -> Array:
-        """(k, 3) m from the eyelets to the nodes at x (n, 3), world."""
+        """The vectors (k, 3) m from the eyelets to the nodes at x (n, 3), world."""
         return np.asarray(x[self.node] - position[self.body] - self.arm(rotation))
 
     def lines(self, x: Array, position: Array, rotation: Array) -> tuple[Array, Array]:

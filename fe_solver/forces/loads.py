@@ -12,13 +12,17 @@ from fe_solver.elements.kinds import kind_of
 
 @dataclass(frozen=True)
 class Inertia:
-    """Springs that hold the nodes where inertia would take them: stiffness (n,) N/m to position (n,
-    3), turning (n,) N m to director (n, 3).  A mass over the square of a time step is one."""
+    """Springs that hold the nodes where inertia would take them; a mass over the square of a time
+    step is one."""
 
     stiffness: Array
+    """(n,) N/m."""
     position: Array
+    """(n, 3) m, where inertia takes each node."""
     turning: Array
+    """(n,) N m."""
     director: Array
+    """(n, 3), where it takes each director."""
 
     def pull(self, x: Array, d: Array) -> tuple[float, Array, Array]:
         """Energy, J, and its gradients by position and director (n, 3)."""
@@ -28,7 +32,7 @@ class Inertia:
 
 
 def pressure_forces(x: Array, pressure: Array) -> Array:
-    """(ne, k, 3) N forces of the pressure (ne,) on the nodes of elements x (ne, k, 3)."""
+    """The forces (ne, k, 3) N of the pressure (ne,) on the nodes of elements x (ne, k, 3)."""
     element, out = kind_of(x), np.zeros_like(x)
     for factor, (r, s) in zip(element.factors, element.gauss, strict=True):
         n, nr, ns = element.shape(r, s)
@@ -38,7 +42,7 @@ def pressure_forces(x: Array, pressure: Array) -> Array:
 
 
 def pressure_tangent(x: Array, pressure: Array) -> Array:
-    """(ne, k, 3, k, 3) derivative of `pressure_forces`; not symmetric at a free edge."""
+    """The derivative (ne, k, 3, k, 3) of `pressure_forces`; not symmetric at a free edge."""
     element = kind_of(x)
     out = np.zeros((*x.shape, *x.shape[1:]))
     for factor, (r, s) in zip(element.factors, element.gauss, strict=True):

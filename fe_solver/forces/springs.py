@@ -23,19 +23,21 @@ ROPE = -2
 
 @dataclass(frozen=True)
 class ForceCurve:
-    """A table of force (p,) N over stretch (p,) m that is the law of some springs.
+    """A table of p points that is the law of some springs.
 
     Between the points it is the cubic of Fritsch and Carlson (SIAM J Numer Anal 17:238, 1980, with
     Fritsch and Butland's slopes), C1 and monotone wherever the points are, so that Newton meets no
-    kink and no spurious softening; beyond them it goes on straight.  `springs` are the indices, in
-    their `Springs`, of those that follow it; their own stiffness then plays no part.
+    kink and no spurious softening; beyond them it goes on straight.
 
     Raises InputError for fewer than two points, a stretch that does not grow and what is not
     finite."""
 
     springs: Ints
+    """Indices, in their `Springs`, of those that follow it; their own stiffness plays no part."""
     stretch: Array
+    """(p,) m."""
     force: Array
+    """(p,) N."""
 
     def __post_init__(self) -> None:
         stretch, force = (np.asarray(v, dtype=float) for v in (self.stretch, self.force))
@@ -75,22 +77,27 @@ class ForceCurve:
 
 @dataclass(frozen=True)
 class Springs:
-    """Springs of energy k (l - l0)^2 / 2, zero for l < l0 where `tension_only`; with a `toe` (k,) m
-    such a one's force sets in smoothly from l0 - toe to l0 + toe.
-
-    node (k,), body (k,) indices; anchor (k, 3) in the body frame, m; stiffness (k,) N/m; length
-    (k,) slack length l0, m; tension_only (k,) bool; group (k,) index of the set that a spring is
-    of; `curves` replace k (l - l0) for the springs that they name."""
+    """k springs of energy k (l - l0)^2 / 2 from a node to a body, zero for l < l0 where
+    `tension_only`."""
 
     node: Ints
+    """(k,)."""
     body: Ints
+    """(k,)."""
     anchor: Array
+    """(k, 3) m, body frame."""
     stiffness: Array
+    """(k,) N/m."""
     length: Array
+    """(k,) m, the slack length l0."""
     tension_only: NDArray[np.bool_]
+    """(k,)."""
     group: Ints
+    """(k,) number of the set that a spring is of."""
     curves: Sequence[ForceCurve] = ()
+    """In place of k (l - l0) for the springs that they name."""
     toe: Array | None = None
+    """(k,) m: a tension-only spring's force sets in smoothly from l0 - toe to l0 + toe."""
 
     def __post_init__(self) -> None:
         _check_curves(self.curves, self.tension_only)
@@ -104,9 +111,10 @@ class Springs:
 
 @dataclass(frozen=True)
 class NodeSprings:
-    """Springs between two nodes of the shell, as `Springs` otherwise: nodes (k, 2) indices."""
+    """k springs between two nodes of the shell, as `Springs` otherwise."""
 
     nodes: Ints
+    """(k, 2) indices."""
     stiffness: Array
     length: Array
     tension_only: NDArray[np.bool_]
@@ -176,7 +184,7 @@ def _lines(reach: Array) -> tuple[Array, Array]:
 
 
 def _hessian(slope: Array, length: Array, direction: Array, curvature: bool, force: Array) -> Array:
-    """(k, 3, 3) the `slope` along the spring and force / length across it."""
+    """The stiffness (k, 3, 3): the `slope` along the spring and force / length across it."""
     across = np.divide(force, length, out=slope.copy(), where=length > 0)
     if not curvature:
         across, slope = np.maximum(across, 0), np.maximum(slope, 0)
@@ -188,51 +196,58 @@ def _hessian(slope: Array, length: Array, direction: Array, curvature: bool, for
 class PointForces:
     """Forces between points of the hood and bodies that act along one line at one point.
 
-    A point is the mean of nodes (k, m) by `weights` (k, m): one node alone, or those of the element
-    `cell` (k,), which is -1 for a node alone.  gradient (k, 3) of the energy by the point's
-    position (so the hood feels its opposite and the body feels it); force (k,) N along `direction`;
-    `bend` makes the Hessian from such forces; arm (k, 3) point of action from the body's origin,
-    world; turns (k,) bool: the force turns with the body (contact) or follows the point (spring).
-
-    Each force is that of a one-sided spring of `stiffness` (k,) N/m in its `depth` (k,) m, which
-    grows along the unit `direction` (k, 3): penetration, or stretch; a two-sided spring has no
-    depth (inf). Those that are open are listed too, with no force; within `ramp` (k,) m of depth
-    zero the force is smoothed.  length (k,) m of the spring, inf of a contact."""
+    Each force is that of a one-sided spring; those that are open are listed too, with no force."""
 
     nodes: Ints
+    """(k, m) whose mean is the point: one node alone, or those of an element."""
     weights: Array
+    """(k, m) of the nodes."""
     cell: Ints
+    """(k,) the element; -1 for a node alone."""
     body: Ints
+    """(k,)."""
     energy: float
+    """J."""
     gradient: Array
+    """(k, 3) N, by the point's position (the hood feels its opposite and the body feels it)."""
     force: Array
+    """(k,) N along `direction`."""
     bend: Callable[[Array], Array]
+    """Makes the Hessian (k, 3, 3) from such forces."""
     arm: Array
+    """(k, 3) m, the point of action from the body's origin, world."""
     turns: NDArray[np.bool_]
+    """(k,) whether the force turns with the body (contact) or follows the point (spring)."""
     group: Ints
+    """(k,) number of a spring's set; -1 of a contact, ROPE of a rope."""
     depth: Array
+    """(k,) m along `direction`, penetration or stretch; inf of a two-sided spring."""
     direction: Array
+    """(k, 3), unit."""
     stiffness: Array
+    """(k,) N/m."""
     ramp: Array
+    """(k,) m of depth about zero over which the force is smoothed."""
     length: Array
+    """(k,) m of the spring, inf of a contact."""
 
     @property
     def node(self) -> Ints:
-        """(k,) the node that bears most of each force."""
+        """The node (k,) that bears most of each force."""
         return np.asarray(self.nodes[np.arange(len(self.nodes)), self.weights.argmax(axis=1)])
 
     def at_points(self, values: Array) -> Array:
-        """(k, 3) of values (n, 3) at the nodes."""
+        """The values (k, 3) at the points of values (n, 3) at the nodes."""
         return np.asarray((self.weights[:, None] @ values[self.nodes])[:, 0])
 
     def on_nodes(self, forces: Array, count: int) -> Array:
-        """(n, 3) N at `count` nodes of forces (k, 3) at the points."""
+        """The forces (n, 3) N at `count` nodes of forces (k, 3) at the points."""
         on = np.flatnonzero(forces.any(axis=1))
         return sum_at_nodes(self.nodes[on], self.weights[on, :, None] * forces[on, None], count)
 
     @cached_property
     def hessian(self) -> Array:
-        """(k, 3, 3); made when it is first asked for, as a trial of a line search never does."""
+        """The stiffness (k, 3, 3); made when first asked for, which a trial step never does."""
         return self.bend(self.force)
 
 

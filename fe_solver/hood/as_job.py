@@ -53,7 +53,7 @@ def job_of_hood(
     body."""
     model, sheet = hood.model, _writable_sheet(hood)
     frame = int(model.guides.body[0]) if len(model.guides.node) else 0
-    rest, there = _in_frame_of(hood.rest, frame), _in_frame_of(motion, frame)
+    rest, end = _in_frame_of(hood.rest, frame), _in_frame_of(motion, frame)
     turned = on_face and _bones_lie_below(model, hood.rest)
     quads, parts, height = sheet.quads, sheet.parts, sheet.height
     thickness = np.array(np.broadcast_to(sheet.thickness.T, quads.T.shape).T)
@@ -85,7 +85,7 @@ def job_of_hood(
         held=_supports(model.guides),
         springs=(*springs, *_ropes(model, rest, points, np.asarray(tension))),
         forces=_pulls(hood, tension),
-        bodies=_bodies(rest, there, bones),
+        bodies=_bodies(rest, end, bones),
         steps=(Step("pose and tension", 1.0, INCREMENTS),),
         name=name,
     )
@@ -166,9 +166,9 @@ def _turn_over(part: ShellPart) -> ShellPart:
     return replace(part, law=law)
 
 
-def _bodies(rest: Motion, there: Motion, bones: Mapping[str, Triangles]) -> tuple[Body, ...]:
+def _bodies(rest: Motion, end: Motion, bones: Mapping[str, Triangles]) -> tuple[Body, ...]:
     out = []
-    for i, twist in enumerate(rest.twist_to(there)):
+    for i, twist in enumerate(rest.twist_to(end)):
         name = rest.bodies[i]
         none = (np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
         vertices, triangles = bones.get(name, none)
@@ -208,8 +208,8 @@ def _ropes(model: ShellModel, rest: Motion, points: Array, tension: Array) -> It
     r = model.ropes
     for i, force in enumerate(tension @ r.share if len(r.node) else ()):
         if force:
-            there = rest.position[r.body[i]] + r.arm(rest.rotation)[i]
-            length = np.array([np.linalg.norm(points[r.node[i]] - there)])
+            eyelet = rest.position[r.body[i]] + r.arm(rest.rotation)[i]
+            length = np.array([np.linalg.norm(points[r.node[i]] - eyelet)])
             law = SpringLaw(0.0, table=LoadCurve((-1.0, 1.0), (float(force), float(force))))
             at = r.node[i : i + 1], r.body[i : i + 1], r.arm(rest.rotation)[i : i + 1]
             yield SpringSet(f"rope {i + 1}", law, *at, np.array([-1]), length)
@@ -236,13 +236,13 @@ def _pair(
     name = bodies[contact.body]
     if name not in bones:
         raise InputError(f"the hood touches the body {name!r}, whose surface is not given")
-    own = np.isin(job.sheet.quads, contact.nodes).all(axis=1)
+    touching = np.isin(job.sheet.quads, contact.nodes).all(axis=1)
     sheet = job.sheet
     half = node_means(sheet.thickness, sheet.quads, len(sheet.points))[contact.nodes] / 2
     gap = contact.offset - half - lift
     if np.ptp(gap) > SAME:
         raise InputError(f"the contact level over the body {name!r} varies from node to node")
-    quads = np.flatnonzero(own)
+    quads = np.flatnonzero(touching)
     return ContactPair(
         f"{job.name} on {name}",
         quads,

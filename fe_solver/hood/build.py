@@ -146,7 +146,7 @@ def _hood(
     X, rest = bare.reference, s.rest
     ties = ties_of(s.ties, X, bare.directors, rest.position, rest.rotation)
     guided, share = shares_of(s.tendons)
-    held = [own for own in s.springs if len(own.nodes)]
+    held = [spring_set for spring_set in s.springs if len(spring_set.nodes)]
     model = replace(
         bare,
         springs=springs_of(held),

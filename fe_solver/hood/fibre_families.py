@@ -16,8 +16,8 @@ from fe_solver.solver.model import Configuration, ShellModel
 
 
 def family_angles(law: Law | TensionField) -> tuple[Real, ...]:
-    """rad, of each of a law's fibre families from axis 1 in the stress-free sheet; none of a law
-    without fibres."""
+    """The angle (rad) of each of a law's fibre families from axis 1 in the stress-free sheet; none
+    of a law without fibres."""
     match law:
         case TensionField():
             return family_angles(law.base)
@@ -35,8 +35,8 @@ def family_angles(law: Law | TensionField) -> tuple[Real, ...]:
 
 
 def fibre_families(model: ShellModel, c: Configuration) -> Array:
-    """(nf, ne, 3) unit directions of the families at the elements' centres, in the deformed sheet;
-    zero on elements without such a family.  nf is the most that a part of the sheet has."""
+    """The unit directions (nf, ne, 3) of the families at the elements' centres, in the deformed
+    sheet; zero on elements without such a family.  nf is the most that a part of the sheet has."""
     patches = [(p, family_angles(p.law)) for p in model.section.patches]
     out = np.zeros((max((len(a) for _, a in patches), default=0), len(model.quads), 3))
     for patch, angles in patches:
@@ -48,8 +48,8 @@ def fibre_families(model: ShellModel, c: Configuration) -> Array:
 
 
 def _direction_in_layout(model: ShellModel, patch: Patch, angle: Real) -> Array:
-    """(k, 3) directions at an angle in the stress-free sheet, in the sheet as it was laid out: mean
-    over each element."""
+    """The directions (k, 3) at an angle in the stress-free sheet, in the sheet as it was laid out:
+    mean over each element."""
     frame, grown = model.tables.frame[patch.elements], 1 + model.tables.growth[patch.elements]
     angle = np.broadcast_to(angle, patch.thickness.shape)
     turned = np.stack([np.cos(angle), np.sin(angle)], axis=2) / grown[:, None]
@@ -59,8 +59,8 @@ def _direction_in_layout(model: ShellModel, patch: Patch, angle: Real) -> Array:
 
 
 def convect_directions(quads: Ints, before: Array, after: Array, direction: Array) -> Array:
-    """(k, 3) unit directions at the centres of elements (k, m), that the sheet carries along as its
-    nodes move from `before` (n, 3) to `after` (n, 3)."""
+    """The unit directions (k, 3) at the centres of elements (k, m), that the sheet carries along as
+    its nodes move from `before` (n, 3) to `after` (n, 3)."""
     element = kind_of(quads)
     first, last = (element.base_vectors(x[quads], 0.0, 0.0) for x in (before, after))
     share = np.einsum("eka,ek->ea", np.linalg.pinv(first), direction)

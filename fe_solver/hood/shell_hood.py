@@ -60,11 +60,12 @@ class _Drift:
 
 @dataclass(frozen=True)
 class HoodState:
-    """A hood in equilibrium (or, before the first solve, carried there by its bones)."""
+    """A hood in equilibrium, or, before the first solve, carried there by its bones."""
 
     motion: Motion
     configuration: Configuration
     solution: Solution | None = None
+    """None before the first solve."""
     iterations: int = 0
     """Newton iterations since the start."""
     attempt: str = ""
@@ -155,8 +156,8 @@ class ShellHood:
         e = m.evaluate(c, tension, tangent=False)
         step[m.free] = -s.factor.solve(e.reduced[m.free])
         c = m.take_step(c, e.bases, step)
-        there = m.evaluate(c, tension, tangent=True)
-        solution = Solution(m, c, there, tension, 1, 1, residual_norm(m, there)[0])
+        evaluation = m.evaluate(c, tension, tangent=True)
+        solution = Solution(m, c, evaluation, tension, 1, 1, residual_norm(m, evaluation)[0])
         return HoodState(state.motion, c, solution, state.iterations + 1)
 
     def solve_from(self, hood: ShellHood, state: HoodState, tension: Array) -> HoodState:
@@ -236,8 +237,8 @@ class ShellHood:
         moved = np.einsum("bij,bnj->bni", turn, c.x[None] - c.position[:, None])
         moved += motion.position[:, None]
         x = np.einsum("nb,bni->ni", self.carriers, moved)
-        own = c.d if drift is None else c.d + drift.d
-        d = np.einsum("nb,bij,nj->ni", self.carriers, turn, own)
+        directors = c.d if drift is None else c.d + drift.d
+        d = np.einsum("nb,bij,nj->ni", self.carriers, turn, directors)
         d /= np.linalg.norm(d, axis=1, keepdims=True)
         if drift is not None:
             x += np.einsum("nb,bij,nj->ni", self.carriers, turn, drift.x)
@@ -316,16 +317,16 @@ class ShellHood:
         stretched = self.sheet is not None and (self.sheet.stretch != 1.0).any()
         if stretched and state.solution is None:
             state = self._reach(state, state.motion, tension, MOST_HALVINGS)
-        begin, before = state.motion, state.solution.tension if state.solution else tension
+        begin, start_pull = state.motion, state.solution.tension if state.solution else tension
         steps = int(np.ceil(_largest_turn(begin, motion) / self.leap))
         remembers, drift = self.augment is not None, None
         way = self if remembers else self.with_tolerance(ON_THE_WAY)
         for part in np.arange(1, steps) / max(steps, 1):
-            pull = before + part * (tension - before)
-            there = interpolate_motion(begin, motion, part)
-            reached = way._reach(state, there, pull, MOST_HALVINGS, drift)
+            pull = start_pull + part * (tension - start_pull)
+            target = interpolate_motion(begin, motion, part)
+            reached = way._reach(state, target, pull, MOST_HALVINGS, drift)
             if not remembers:
-                drift = _Drift.of(reached.configuration, self._carry(state.configuration, there))
+                drift = _Drift.of(reached.configuration, self._carry(state.configuration, target))
             state = reached
         return self._reach(state, motion, tension, MOST_HALVINGS, drift)
 
@@ -333,9 +334,9 @@ class ShellHood:
         self, state: HoodState, motion: Motion, tension: Array, halvings: int
     ) -> HoodState:
         say(f"the hood finds no equilibrium in one step; half of it first ({halvings} are left)")
-        before = state.solution.tension if state.solution else 0.0 * tension
+        start_pull = state.solution.tension if state.solution else 0.0 * tension
         half = interpolate_motion(state.motion, motion, 0.5)
-        middle = self._reach(state, half, (before + tension) / 2, halvings - 1)
+        middle = self._reach(state, half, (start_pull + tension) / 2, halvings - 1)
         return self._reach(middle, motion, tension, halvings - 1)
 
     def _solve_once(
@@ -378,9 +379,9 @@ class ShellHood:
         forces: Prediction | None = None,
     ) -> Solution:
         if self.augment is None:
-            before = None if forces is None else state.solution
+            previous = None if forces is None else state.solution
             return solve(
-                self.model, guess, tension, self.options, forces is not None, before, forces
+                self.model, guess, tension, self.options, forces is not None, previous, forces
             )
         model = next_increment(state.solution) if state.solution else self.model
         return solve_augmented(model, guess, tension, self.options, self.augment)
@@ -444,13 +445,13 @@ def interpolate_motion(start: Motion, end: Motion, part: float) -> Motion:
     from scipy.spatial.transform import Rotation
 
     position, rotation = np.empty_like(start.position), np.empty_like(start.rotation)
-    before = (np.zeros(3), np.eye(3))
+    parent = (np.zeros(3), np.eye(3))
     for i, (offsets, turns) in enumerate(zip(*_relative_poses(start, end), strict=True)):
         turn = part * Rotation.from_matrix(turns[1] @ turns[0].T).as_rotvec()
         offset = (1 - part) * offsets[0] + part * offsets[1]
-        position[i] = before[0] + before[1] @ offset
-        rotation[i] = before[1] @ Rotation.from_rotvec(turn).as_matrix() @ turns[0]
-        before = position[i], rotation[i]
+        position[i] = parent[0] + parent[1] @ offset
+        rotation[i] = parent[1] @ Rotation.from_rotvec(turn).as_matrix() @ turns[0]
+        parent = position[i], rotation[i]
     return Motion(start.bodies, position, rotation)
 
 
@@ -465,7 +466,7 @@ def _relative_poses(start: Motion, end: Motion) -> tuple[Array, Array]:
 
 
 def _largest_turn(start: Motion, end: Motion) -> float:
-    """rad, the most that a body turns as the one before it sees it."""
+    """The most (rad) that a body turns as the one before it sees it."""
     turns = _relative_poses(start, end)[1][1:]
     cosine = (np.einsum("bij,bij->b", turns[:, 0], turns[:, 1]) - 1) / 2
     return float(np.arccos(np.clip(cosine, -1, 1)).max(initial=0.0))

@@ -83,16 +83,16 @@ def check_mesh(points: Array, quads: Ints, node: Name, element: Name) -> None:
 
 def _check_names(quads: Ints, node: Name, element: Name) -> None:
     """No element names a node twice, but for a triangle's last, and no two have the same nodes."""
-    own = quads.copy()
-    own[own[:, 2] == own[:, 3], 3] = -1
-    own.sort(axis=1)
-    bad = np.flatnonzero((own[:, 1:] == own[:, :-1]).any(axis=1))
+    corners = quads.copy()
+    corners[corners[:, 2] == corners[:, 3], 3] = -1
+    corners.sort(axis=1)
+    bad = np.flatnonzero((corners[:, 1:] == corners[:, :-1]).any(axis=1))
     if len(bad):
-        twice = own[bad[0], 1:][own[bad[0], 1:] == own[bad[0], :-1]][0]
+        twice = corners[bad[0], 1:][corners[bad[0], 1:] == corners[bad[0], :-1]][0]
         raise InputError(
             f"{element(bad[0])} names {node(twice)} twice: give a triangle three nodes"
         )
-    _, number, times = np.unique(own, axis=0, return_inverse=True, return_counts=True)
+    _, number, times = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
     if (times > 1).any():
         same = np.flatnonzero(number.reshape(-1) == np.argmax(times > 1))
         raise InputError(
@@ -200,7 +200,7 @@ def _check_values(job: Job) -> None:
             "zero or normal to the shell: it must lie in it"
         )
     conditions = [[c.nodes for c in cs] for cs in (job.ties, job.held, job.springs, job.forces)]
-    for nodes in [nodes for own in conditions for nodes in own]:
+    for nodes in [nodes for of_kind in conditions for nodes in of_kind]:
         if len(nodes) and (nodes.min() < 0 or nodes.max() >= len(s.points)):
             raise InputError(
                 f"a condition names node index {nodes.max()}, beyond the {len(s.points)} nodes"

@@ -33,8 +33,7 @@ class Extension(StrEnum):
 
 @dataclass(frozen=True)
 class LoadCurve:
-    """Values at times (s) in ascending order, between them by `interpolation`, before and after by
-    `extension`.
+    """Values over time.
 
     Raises InputError where there are no points, a number is not finite, the times go back, or
     (smooth curves) two times are equal.
@@ -46,9 +45,13 @@ class LoadCurve:
     """
 
     times: tuple[float, ...]
+    """s, in ascending order."""
     values: tuple[float, ...]
+    """One for each time."""
     interpolation: Interpolation = Interpolation.LINEAR
+    """How the value runs between two times."""
     extension: Extension = Extension.CONSTANT
+    """How it goes on before the first time and after the last."""
 
     def __post_init__(self) -> None:
         if not self.times or len(self.times) != len(self.values):

@@ -89,17 +89,26 @@ class Job:
 
     sheet: Sheet
     ties: Sequence[Tied] = ()
+    """Nodes that move with a body, or stand still."""
     held: Sequence[PrescribedDisplacement] = ()
+    """Displacements of nodes that are given."""
     held_directors: Sequence[HeldDirector] = ()
+    """Directors of nodes that do not turn."""
     springs: Sequence[SpringSet] = ()
+    """Springs between nodes, or from nodes to a body."""
     forces: Sequence[NodalForce] = ()
+    """Dead loads on nodes."""
     pressures: Sequence[Pressure] = ()
+    """Pressures that follow the elements."""
     contacts: Sequence[ContactPair] = ()
+    """Faces of the sheet that touch a body."""
     bodies: Sequence[Body] = ()
     """Those that ties, springs and contacts number, and after them the wall where something is
     tied to it."""
     steps: Sequence[Step] = (Step("load", 1.0, 1),)
+    """The spans of time to solve, one after the other."""
     name: str = "job"
+    """The job's name in messages and files."""
     notes: Sequence[str] = ()
     """What a file holds and this job leaves out."""
 

@@ -74,12 +74,13 @@ class JobOptions:
 
 @dataclass(frozen=True)
 class JobModel:
-    """A job's shell and bodies; those after the job's own carry nodes whose displacement is
-    given.  `base` is the model at time 0 without loads."""
+    """The model of a job's shell and of its bodies."""
 
     job: Job
     base: ShellModel
+    """The model at time 0 without loads."""
     bodies: tuple[Body, ...]
+    """The job's own, then those that carry nodes whose displacement is given."""
 
     def start(self) -> Configuration:
         """The sheet as the job has it, its bodies where they are at time 0."""
@@ -175,15 +176,15 @@ def _guides(job: Job, directors: Array, tied: Ints) -> tuple[Guides, tuple[Body,
     hinges = [t for t in job.ties if not t.clamped]
     pinned = np.concatenate([np.zeros(0, dtype=np.intp), *[t.nodes for t in hinges]])
     drives = _drives(job, np.union1d(tied, pinned))
-    moves = list(dict.fromkeys(_whole(own) for own in drives.values()))
+    moves = list(dict.fromkeys(_whole(by_axis) for by_axis in drives.values()))
     carriers = tuple(
         Body("ground" if m == STILL else f"displacement {i + 1}", displacement=m)
         for i, m in enumerate(moves)
     )
     held = [(int(n), t.body, [True, True, True]) for t in hinges for n in t.nodes]
     held += [
-        (n, len(job.bodies) + moves.index(_whole(own)), [d is not None for d in own])
-        for n, own in drives.items()
+        (n, len(job.bodies) + moves.index(_whole(by_axis)), [d is not None for d in by_axis])
+        for n, by_axis in drives.items()
     ]
     node, body = (np.array([h[i] for h in held], dtype=np.intp) for i in (0, 1))
     fixed = np.array([h[2] for h in held], dtype=bool).reshape(-1, 3)
@@ -193,9 +194,9 @@ def _guides(job: Job, directors: Array, tied: Ints) -> tuple[Guides, tuple[Body,
     return replace(guides, level=level, still=still), carriers
 
 
-def _whole(own: list[Drive | None]) -> tuple[Drive, Drive, Drive]:
+def _whole(by_axis: list[Drive | None]) -> tuple[Drive, Drive, Drive]:
     """The motion of what carries a node; along the components that are free, none."""
-    return own[0] or ZERO, own[1] or ZERO, own[2] or ZERO
+    return by_axis[0] or ZERO, by_axis[1] or ZERO, by_axis[2] or ZERO
 
 
 def _drives(job: Job, taken: Ints) -> dict[int, list[Drive | None]]:
@@ -203,13 +204,13 @@ def _drives(job: Job, taken: Ints) -> dict[int, list[Drive | None]]:
     out: dict[int, list[Drive | None]] = {}
     for h in job.held:
         for n in np.setdiff1d(h.nodes, taken).tolist():
-            own = out.setdefault(n, [None, None, None])
-            if own[h.component] not in (None, h.displacement):
+            by_axis = out.setdefault(n, [None, None, None])
+            if by_axis[h.component] not in (None, h.displacement):
                 raise InputError(
                     f"{job.name}: the displacement {'xyz'[h.component]} of {job.sheet.node(n)} is "
                     "given twice, and not alike"
                 )
-            own[h.component] = h.displacement
+            by_axis[h.component] = h.displacement
     for d in job.held_directors:
         for n in np.setdiff1d(d.nodes, taken).tolist():
             out.setdefault(n, [None, None, None])
@@ -222,9 +223,9 @@ def _levels(job: Job, node: Ints) -> tuple[Array, NDArray[np.bool_]]:
     held = np.zeros((len(job.sheet.points), 3), dtype=bool)
     for d in job.held_directors:
         held[d.nodes, d.component] = True
-    own = held[node]
-    still = np.stack([own.any(axis=1), own.sum(axis=1) > 1], axis=1)
-    return np.eye(3)[np.argmax(own, axis=1)], still
+    held_axes = held[node]
+    still = np.stack([held_axes.any(axis=1), held_axes.sum(axis=1) > 1], axis=1)
+    return np.eye(3)[np.argmax(held_axes, axis=1)], still
 
 
 def _immovable(ties: Ties, guides: Guides) -> Ints:

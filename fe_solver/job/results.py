@@ -20,7 +20,7 @@ SUMMARY = "summary.json"
 
 
 def displacement(job: Job, state: JobState) -> Array:
-    """(n, 3) m."""
+    """The displacements (n, 3) m of the nodes."""
     return np.asarray(state.configuration.x - job.sheet.points)
 
 
@@ -101,8 +101,8 @@ def _write_files(folder: Path, result: JobResult) -> None:
     frames = []
     for i, state in enumerate(result.states):
         name = f"state_{i:03d}.vtu"
-        points, own = point_data(result.job, state), cells.split(cell_data(result.job, state))
-        mesh = meshio.Mesh(state.configuration.x, cells.blocks, points, own)
+        points, data = point_data(result.job, state), cells.split(cell_data(result.job, state))
+        mesh = meshio.Mesh(state.configuration.x, cells.blocks, points, data)
         mesh.write(folder / name, file_format="vtu")
         frames.append(f'<DataSet timestep="{state.time!r}" part="0" file="{name}"/>')
     lines = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "<Collection>"]
@@ -138,8 +138,8 @@ def _write_xdmf(path: Path, result: JobResult, cells: _Cells) -> None:
     with TimeSeriesWriter(path, data_format="XML") as writer:
         writer.write_points_cells(result.job.sheet.points, cells.blocks)
         for state in result.states:
-            own = cells.split(cell_data(result.job, state))
-            writer.write_data(state.time, point_data=point_data(result.job, state), cell_data=own)
+            data = cells.split(cell_data(result.job, state))
+            writer.write_data(state.time, point_data=point_data(result.job, state), cell_data=data)
 
 
 class _Cells:
@@ -167,11 +167,11 @@ def point_data(job: Job, state: JobState) -> dict[str, Array]:
 
 def cell_data(job: Job, state: JobState) -> dict[str, Array]:
     """Arrays (ne,) and (ne, 3) by name: means of the mid-surface, local axes 1 along the fibre."""
-    own = state.fields
+    means = state.fields
     return {
-        "strain": own.strain,
-        "stress": own.stress,
-        "face_strain": np.column_stack([own.faces, np.zeros(len(own.faces))]),
+        "strain": means.strain,
+        "stress": means.stress,
+        "face_strain": np.column_stack([means.faces, np.zeros(len(means.faces))]),
         "part": job.sheet.part.astype(float),
         "element": job.sheet.element_ids.astype(float),
     }

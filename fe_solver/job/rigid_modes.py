@@ -37,18 +37,20 @@ SAME = 1e-6
 
 @dataclass(frozen=True)
 class FreeMotions:
-    """Rigid motions of one piece of the sheet that nothing resists.
-
-    nodes (k,) of the piece; pieces, how many the sheet has; shift (m, 3) and turn (m, 3) of m
-    motions, the velocity of the piece's middle (m) and its rotation (rad) times the `length` (m) of
-    the piece, together of unit size; middle (3,) m, world."""
+    """The m rigid motions of one piece of the sheet that nothing resists, each of unit size."""
 
     nodes: Ints
+    """(k,) nodes of the piece."""
     pieces: int
+    """Number of pieces that the sheet has."""
     shift: Array
+    """(m, 3) m, velocities of the piece's middle."""
     turn: Array
+    """(m, 3), rotations (rad) times the piece's length."""
     middle: Array
+    """(3,) m, middle of the piece, world."""
     length: float
+    """m, size of the piece."""
 
     def words(self) -> str:
         """The motions, as a person would tell them."""
@@ -59,8 +61,8 @@ class FreeMotions:
         if turns == 1 and not slides:
             return f"turn about {self._axis()}"
         kinds = [(slides, "translation"), (turns, "rotation")]
-        told = [f"{n} {kind}{'s' * (n > 1)}" for n, kind in kinds if n]
-        return f"move freely ({' and '.join(told)})"
+        parts = [f"{n} {kind}{'s' * (n > 1)}" for n, kind in kinds if n]
+        return f"move freely ({' and '.join(parts)})"
 
     def _axis(self) -> str:
         """The direction of the only turn and a point on its axis, in words."""
@@ -105,8 +107,8 @@ def unsupported(job: Job, time: float, motions: Sequence[FreeMotions]) -> InputE
 def require_supports(
     job: Job, time: float, model: ShellModel, c: Configuration, e: Evaluation
 ) -> None:
-    """Raises InputError as `unsupported` says, where an equilibrium of a job with its tangent
-    leaves a piece of the sheet free to move as a rigid body."""
+    """Check that an equilibrium of a job with its tangent leaves no piece of the sheet free to move
+    as a rigid body.  Raises InputError as `unsupported` says."""
     motions = rigid_freedoms(model, c, e)
     if motions:
         raise unsupported(job, time, motions)
@@ -152,23 +154,26 @@ def free_motions(
     null = _free_combinations(tangent, moved, missed / float(length.min()))
     out = []
     for p, (z, end) in enumerate(zip(allowed, ends, strict=True)):
-        own = _basis(z @ null[end - len(z.T) : end])
-        if len(own):
+        basis = _basis(z @ null[end - len(z.T) : end])
+        if len(basis):
             nodes = np.flatnonzero(piece == p)
             out.append(
-                FreeMotions(nodes, count, own[:, :3], own[:, 3:], middle[p], float(length[p]))
+                FreeMotions(nodes, count, basis[:, :3], basis[:, 3:], middle[p], float(length[p]))
             )
     return tuple(out)
 
 
 class Pieces(NamedTuple):
-    """The connected piece of each node (n,), how many there are, and the middle (total, 3) m and
-    the length (total,) m of each."""
+    """The connected pieces of a sheet."""
 
     piece: Ints
+    """(n,) number of the piece that each node is of."""
     total: int
+    """Number of pieces."""
     middle: Array
+    """(total, 3) m, of the pieces."""
     length: Array
+    """(total,) m, of the pieces."""
 
     @classmethod
     def of(cls, elements: Ints, x: Array) -> Pieces:
@@ -180,8 +185,8 @@ class Pieces(NamedTuple):
         return cls(piece.astype(np.intp), int(count), *_sizes(x, piece, int(count)))
 
     def turns(self, x: Array) -> Array:
-        """(3, n, 3) m moves of nodes x (n, 3) m by turns about x, y, z of their pieces, each over
-        its length."""
+        """The moves (3, n, 3) m of nodes x (n, 3) m by turns about x, y, z of their pieces, each
+        over its length."""
         arm = (x - self.middle[self.piece]) / self.length[self.piece][:, None]
         return np.stack([np.cross(axis, arm) for axis in np.eye(3)])
 
@@ -198,7 +203,7 @@ def _sizes(x: Array, piece: Ints, count: int) -> tuple[Array, Array]:
 
 
 def _shell_moves(c: Configuration, e: Evaluation, pieces: Pieces) -> Array:
-    """(n, 5, 6) the nodes' degrees of freedom by the six rigid motions of their pieces."""
+    """The nodes' degrees of freedom by the six rigid motions of their pieces (n, 5, 6)."""
     A, T = e.bases
     out = np.zeros((len(c.x), DOFS, 6))
     out[:, :3, :3] = np.swapaxes(A, 1, 2)
@@ -210,18 +215,18 @@ def _shell_moves(c: Configuration, e: Evaluation, pieces: Pieces) -> Array:
 
 
 def _admissible_motions(
-    moves: Array, free: NDArray[np.bool_], own: NDArray[np.bool_], length: float
+    moves: Array, free: NDArray[np.bool_], of_piece: NDArray[np.bool_], length: float
 ) -> Array:
-    """(6, m) the motions of a piece, whose nodes are `own` (n,), that move none of the degrees of
-    freedom that are not free (n, k): three displacements (m), then turns (rad)."""
+    """The motions (6, m) of a piece, whose nodes are `of_piece` (n,), that move none of the degrees
+    of freedom that are not free (n, k): three displacements (m), then turns (rad)."""
     rows = moves * np.where(np.arange(moves.shape[1]) < 3, 1.0, length)[:, None]
-    rows = rows[~free & own[:, None]]
+    rows = rows[~free & of_piece[:, None]]
     taken, directions = np.linalg.eigh(rows.T @ rows)
     return np.asarray(directions[:, taken <= ALLOWED * max(1, len(rows))])
 
 
 def _free_combinations(tangent: Any, moved: Array, missed: float) -> Array:
-    """(m, k) combinations of motions, `moved` (free dofs, m), that the tangent does not resist,
+    """The combinations (m, k) of motions, `moved` (free dofs, m), that the tangent does not resist,
     beside a residual `missed` (N over the piece's length)."""
     resistance = moved.T @ (tangent @ moved)
     sums = np.abs(moved) * (abs(tangent) @ np.abs(moved))
@@ -231,6 +236,6 @@ def _free_combinations(tangent: Any, moved: Array, missed: float) -> Array:
 
 
 def _basis(motions: Array) -> Array:
-    """(m, 6) orthonormal rows that span the columns of motions (6, k)."""
+    """The orthonormal rows (m, 6) that span the columns of motions (6, k)."""
     directions, size, _ = np.linalg.svd(motions, full_matrices=False)
     return np.asarray(directions[:, size > SAME].T)

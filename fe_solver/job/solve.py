@@ -39,12 +39,13 @@ near a snap the first moves of the sheet are slow."""
 
 @dataclass(frozen=True)
 class JobState:
-    """An equilibrium.  n nodes; nb `bodies` by name (the job's own, then those that carry held
-    nodes)."""
+    """An equilibrium of n nodes and nb bodies."""
 
     time: float
+    """s."""
     configuration: Configuration
     bodies: tuple[str, ...]
+    """(nb,) names: the job's own, then those that carry held nodes."""
     spring_forces: tuple[Array, ...]
     """By spring set of the job: (k,) N, positive in tension."""
     wrench: dict[str, Array]
@@ -59,6 +60,7 @@ class JobState:
     imbalance: tuple[float, float]
     """Force (N) and moment (N m) by which bodies and loads miss balance."""
     effort: Effort
+    """What the steps since the last state took."""
     fields: Fields
     contact_pressure: Array
     """(n,) N/m2 of all bodies on each node."""
@@ -78,14 +80,17 @@ class ShellState(JobState):
 
 @dataclass(frozen=True)
 class JobResult:
-    """The states at the wanted times; `setup_s` CPU seconds to build the model, with the distances
-    of its bodies; `effort` of all steps; `element`: "shell" (ours) or "q4ans" (FEBio's)."""
+    """The solved states of a job."""
 
     job: Job
     states: tuple[JobState, ...]
+    """At the wanted times."""
     setup_s: float
+    """CPU seconds to build the model, with the distances of its bodies."""
     effort: Effort
+    """What all steps took."""
     element: str = "shell"
+    """The kind of element: shell (ours) or q4ans (FEBio's)."""
 
 
 @dataclass(frozen=True)
@@ -188,10 +193,12 @@ class _JobSteps(TimeSteps):
         begun, before = clock.process_time(), self.effort
         self.go_to(time)
         cpu = clock.process_time() - begun
-        found = self.solution
-        assert found is not None
-        require_supports(self.model.job, time, found.model, found.configuration, found.evaluation)
-        return job_state(self.model, found, time, self.effort.since(before, cpu))
+        solution = self.solution
+        assert solution is not None
+        require_supports(
+            self.model.job, time, solution.model, solution.configuration, solution.evaluation
+        )
+        return job_state(self.model, solution, time, self.effort.since(before, cpu))
 
     def solve_step(self, time: float, is_last: bool) -> None:
         """By Newton from a prediction."""
@@ -242,7 +249,7 @@ class _JobSteps(TimeSteps):
         last = self.model.start() if self.solution is None else self.solution.configuration
         c = model.move_bodies(last, *self.model.poses(time))
         try:
-            found = self._relax_then_solve(model, c, is_last)
+            solution = self._relax_then_solve(model, c, is_last)
         except ConvergenceError as failed:
             raise ConvergenceError(
                 f"{self.model.job.name}: no equilibrium was found at t = {time:.6g}, after "
@@ -251,7 +258,7 @@ class _JobSteps(TimeSteps):
                 + _advice(self.model.job, self.effort.steps, self.ways)
             ) from error
         self.effort = self.effort.plus(relaxations=1)
-        self._accept(found)
+        self._accept(solution)
 
     def _relax_then_solve(self, model: ShellModel, c: Configuration, end: bool) -> Solution:
         """By a damped motion, then Newton; by a longer motion where Newton fails."""
@@ -271,13 +278,13 @@ def predict(
     solution of a model that differs from it by its loads."""
     from scipy.spatial.transform import Rotation
 
-    before, c, e = solution.model, solution.configuration, solution.evaluation
+    last_model, c, e = solution.model, solution.configuration, solution.evaluation
     turn = Rotation.from_matrix(rotation @ np.swapaxes(c.rotation, 1, 2)) if len(rotation) else None
-    right = -loads_in_bases(model, c, e.bases[0]) + loads_in_bases(before, c, e.bases[0])
+    right = -loads_in_bases(model, c, e.bases[0]) + loads_in_bases(last_model, c, e.bases[0])
     if turn is not None:
         twist = np.hstack([position - c.position, turn.as_rotvec()])
         if twist.any():
-            right = right + coupling(before, c, e, NO_TENSION)[0] @ twist.ravel()
+            right = right + coupling(last_model, c, e, NO_TENSION)[0] @ twist.ravel()
     step = np.zeros(model.pattern.size)
     step[model.free] = -solution.factor.solve(right[model.free])
     return model.move_bodies(model.take_step(c, e.bases, step), position, rotation)
@@ -300,9 +307,9 @@ def nodal_loads(model: ShellModel, x: Array) -> Array:
 
 def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) -> ShellState:
     """What an equilibrium holds."""
-    own, c, e = solution.model, solution.configuration, solution.evaluation
-    wrench = wrenches(own, c, e, NO_TENSION)
-    loads = nodal_loads(own, c.x)
+    shell, c, e = solution.model, solution.configuration, solution.evaluation
+    wrench = wrenches(shell, c, e, NO_TENSION)
+    loads = nodal_loads(shell, c.x)
     applied = np.concatenate([loads.sum(axis=0), np.cross(c.x, loads).sum(axis=0)])
     total = np.asarray(sum(wrench.values()))
     force = total[:, :3].sum(axis=0) - applied[:3]
@@ -310,17 +317,17 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
     return ShellState(
         time,
         c,
-        own.bodies,
-        _spring_forces(model.job, own, c),
+        shell.bodies,
+        _spring_forces(model.job, shell, c),
         wrench,
         applied,
         penetration(solution),
         solution.residual,
         (float(np.linalg.norm(force)), float(np.linalg.norm(moment))),
         effort,
-        fields(own, c),
-        contact_pressure(own, c),
-        own,
+        fields(shell, c),
+        contact_pressure(shell, c),
+        shell,
     )
 
 
@@ -345,7 +352,7 @@ def forces_by_set(
     out = []
     for i, s in enumerate(job.springs):
         force = np.zeros(len(s.nodes))
-        for own, (springs, values) in ((s.body >= 0, to_bodies), (s.body < 0, between)):
-            force[own] = values[springs.group == i]
+        for chosen, (springs, values) in ((s.body >= 0, to_bodies), (s.body < 0, between)):
+            force[chosen] = values[springs.group == i]
         out.append(force)
     return tuple(out)

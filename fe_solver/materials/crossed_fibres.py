@@ -29,16 +29,18 @@ def _check_angle(law: object, angle: Real) -> None:
 
 @dataclass(frozen=True)
 class CrossedLinear(LinearLaw):
-    """A linear law and a second family of straight fibres at `angle` (rad):
+    """A linear law and a second family of straight fibres:
 
         Q = Q_base + modulus v v^T,   v = (cos^2, sin^2, sin cos)
 
-    so that v . (E11, E22, 2 E12) is the strain along them.  `modulus` (Pa) is the fibres' own, over
-    the whole section of the sheet; they bear tension and compression alike."""
+    so that v . (E11, E22, 2 E12) is the strain along them; they bear tension and compression
+    alike."""
 
     base: LinearLaw
     modulus: Real
+    """Pa, of the fibres over the whole section of the sheet."""
     angle: Real
+    """rad, of the fibres from axis 1."""
 
     def __post_init__(self) -> None:
         require_positive(self, modulus=self.modulus)

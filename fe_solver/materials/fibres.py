@@ -55,7 +55,7 @@ class ExponentialToe:
     lam_max: Real
 
     def check_fibre(self) -> None:
-        """Raises InputError for parameters that are not allowed."""
+        """Check the parameters.  Raises InputError for those that are not allowed."""
         require_not_negative(self, c3=self.c3, c5=self.c5)
         require_positive(self, c4=self.c4)
         require(self, "lam_max", self.lam_max, np.greater(self.lam_max, 1), "it must exceed 1")
@@ -89,8 +89,8 @@ class TransIsoMooneyRivlin(ExponentialToe):
 
         W = c1 (I1~ - 3) + c2 (I2~ - 3) + F(l) + k/2 (ln J)^2,   l = sqrt(I4~)
 
-    with the fibre energy F of `ExponentialToe` along axis 1. c1, c2, c3, c5 and the bulk modulus k
-    in Pa; k = inf is incompressible.  Raises InputError for parameters out of their range.
+    with the fibre energy F of `ExponentialToe` along axis 1.  Raises InputError for parameters out
+    of their range.
 
     >>> import numpy as np
     >>> from fe_solver.materials.fibres import TransIsoMooneyRivlin
@@ -101,12 +101,19 @@ class TransIsoMooneyRivlin(ExponentialToe):
     """
 
     c1: Real
+    """Pa, of the matrix."""
     c2: Real
+    """Pa, of the matrix."""
     c3: Real
+    """Pa, scale of the toe."""
     c4: Real
+    """Steepness of the toe."""
     c5: Real
+    """Pa, slope of the straight fibres' tension."""
     lam_max: Real
+    """Stretch beyond which the fibres are straight."""
     k: Real = math.inf
+    """Pa, the bulk modulus; inf is incompressible."""
 
     def __post_init__(self) -> None:
         require_not_negative(self, c1=self.c1, c2=self.c2)
@@ -288,9 +295,8 @@ class HolzapfelGasserOgden:
         W = c/2 (I1~ - 3) + k1 / (2 k2) sum (exp(k2 <E>^2) - 1) + k/2 ((J^2 - 1)/2 - ln J)
         E = kappa (I1~ - 3) + (1 - 3 kappa) (I4~ - 1)
 
-    over two families at +-gamma (rad) from axis 1; gamma = 0 lays them on one another: one family
-    of twice k1, as in FEBio. c, k1 and the bulk modulus k in Pa; k = inf is incompressible.  Raises
-    InputError for parameters out of their range.
+    over two families at +-gamma from axis 1; gamma = 0 lays them on one another: one family of
+    twice k1, as in FEBio.  Raises InputError for parameters out of their range.
 
     >>> import numpy as np
     >>> from fe_solver.materials.fibres import HolzapfelGasserOgden
@@ -300,11 +306,17 @@ class HolzapfelGasserOgden:
     """
 
     c: Real
+    """Pa, of the matrix."""
     k1: Real
+    """Pa, of the fibres."""
     k2: Real
+    """Steepness of the fibres' energy."""
     kappa: Real
+    """Dispersion, from 0 (aligned) to 1/3 (isotropic)."""
     gamma: Real
+    """rad, of the families to either side of axis 1."""
     k: Real = math.inf
+    """Pa, the bulk modulus; inf is incompressible."""
 
     def __post_init__(self) -> None:
         require_positive(self, c=self.c, k2=self.k2)
@@ -345,8 +357,8 @@ class HolzapfelGasserOgden:
         J2 = np.exp(2 * j)
         slope = 2 / 3 * (2 * first_3 - first) + self.k / 2 * (J2 - 1)
         convex = 4 / 9 * (first + 4 * first_3) + self.k * J2
-        for family, own in self._families(p):
-            more = family.volumetric(own, j)
+        for family, invariants in self._families(p):
+            more = family.volumetric(invariants, j)
             slope, convex = slope + more[0], convex + more[1]
         return slope, convex
 
@@ -369,6 +381,6 @@ class HolzapfelGasserOgden:
 
     def expansion(self, p: Invariants, j: Real) -> Expansion:
         out = self._matrix(p, np.asarray(j))
-        for family, own in self._families(p):
-            out = with_family(out, family.expansion(own, j))
+        for family, invariants in self._families(p):
+            out = with_family(out, family.expansion(invariants, j))
         return out

@@ -68,7 +68,7 @@ class Potential(Law, Protocol):
         """Whether ln J = 0 by constraint."""
 
     def start(self, p: Invariants) -> Array:
-        """(...,) where the search for ln J begins."""
+        """The value (...,) of ln J where the search for it begins."""
 
     def volumetric(self, p: Invariants, j: Array) -> tuple[Array, Array]:
         """W_j and W_jj."""
@@ -166,9 +166,9 @@ def response(law: Potential, strain: Array) -> Stress:
     strain = np.asarray(strain, dtype=float)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         plane = _plane(law, strain)
-        j, found = _log_volume(law, plane.p)
+        j, solved = _log_volume(law, plane.p)
         out = _by_strain(law, plane, law.expansion(plane.p, j), strain.shape[:-1])
-        fine = plane.admissible & found
+        fine = plane.admissible & solved
         if fine.all() and np.isfinite(sum(map(np.sum, out))):
             return out
         fine &= np.isfinite(out.energy + out.stress.sum(-1) + out.tangent.sum((-2, -1)))
@@ -180,13 +180,13 @@ def response(law: Potential, strain: Array) -> Stress:
 
 
 def volume_ratio(law: Potential, strain: Array) -> Array:
-    """(...,) J of the sheet at the strain (..., 3); NaN where the law has no answer.  The thickness
-    stretches by J / sqrt(det C) with C the plane's."""
+    """The volume ratio J (...,) of the sheet at the strain (..., 3); NaN where the law has no
+    answer.  The thickness stretches by J / sqrt(det C) with C the plane's."""
     strain = np.asarray(strain, dtype=float)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         plane = _plane(law, strain)
-        j, found = _log_volume(law, plane.p)
-        return np.where(plane.admissible & found, np.exp(j), np.nan)
+        j, solved = _log_volume(law, plane.p)
+        return np.where(plane.admissible & solved, np.exp(j), np.nan)
 
 
 @dataclass(frozen=True)

@@ -14,20 +14,20 @@ from cosim.port import Array
 
 
 def in_situ_growth(stretch: Array) -> Array:
-    """(ne, 2) growth along and across the fibres (see `shell.shell_tables`) of sheets whose fibres
-    are stretched by `stretch` (ne,)."""
+    """The growth (ne, 2) along and across the fibres (see `shell.shell_tables`) of sheets whose
+    fibres are stretched by `stretch` (ne,)."""
     return np.stack([1 / stretch, np.sqrt(stretch)], axis=1) - 1
 
 
 def stress_free_thickness(laid: Array, stretch: Array) -> Array:
-    """(ne, ...) m, of a sheet that is `laid` (ne, ...) thick with fibres stretched by `stretch`
-    (ne,)."""
+    """The thickness (ne, ...) m, without stress, of a sheet that is `laid` (ne, ...) thick with
+    fibres stretched by `stretch` (ne,)."""
     return laid * np.sqrt(stretch).reshape(-1, *[1] * (laid.ndim - 1))
 
 
 def thickness_as_laid(stress_free: Array, growth: Array) -> Array:
-    """(ne, ...) m, as laid, of a sheet of growth (ne,) along or (ne, 2) along and across: what is
-    wider without stress by a stretch in situ is thicker by as much."""
+    """The thickness (ne, ...) m, as laid, of a sheet of growth (ne,) along or (ne, 2) along and
+    across: what is wider without stress by a stretch in situ is thicker by as much."""
     if growth.ndim == 1:
         return stress_free
     return stress_free / (1 + growth[:, 1]).reshape(-1, *[1] * (stress_free.ndim - 1))

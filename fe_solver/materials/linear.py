@@ -73,7 +73,7 @@ def require_poisson(law: object, nu: Real) -> None:
 
 
 def symmetric(entries: dict[tuple[int, int], Real], shape: tuple[int, ...]) -> Array:
-    """(*shape, 3, 3) from entries of the upper triangle; absent ones are zero."""
+    """The matrix (*shape, 3, 3) from entries of the upper triangle; absent ones are zero."""
     out = np.zeros((*shape, 3, 3))
     for (i, j), value in entries.items():
         out[..., i, j] = value
@@ -88,8 +88,8 @@ class LinearLaw(ABC):
 
     @abstractmethod
     def plane(self) -> Array:
-        """(..., 3, 3) stiffness Q against (E11, E22, 2 E12), Pa; axes 1 and 2 are its own, so that
-        Q13 = Q23 = 0."""
+        """The stiffness Q (..., 3, 3) Pa against (E11, E22, 2 E12); axes 1 and 2 are its own, so
+        that Q13 = Q23 = 0."""
 
     @abstractmethod
     def shear(self) -> tuple[Real, Real]:
@@ -139,11 +139,8 @@ class Isotropic(LinearLaw):
 
 @dataclass(frozen=True)
 class Orthotropic(LinearLaw):
-    """The Saint Venant-Kirchhoff law of moduli E1 and E2 (Pa) along and across the fibre; nu12 is
-    the contraction across a pull along it, G12, G13 and G23 (Pa) are shear moduli.
-
-    E3 (as E2 where None), nu23 and nu31 are of the thickness, which a sheet in plane stress does
-    not ask for and a solid does (`q4ans.laws`).
+    """The Saint Venant-Kirchhoff law of an orthotropic sheet.  A sheet in plane stress does not ask
+    for E3, nu23 and nu31, a solid does (`q4ans.laws`).
 
     Raises InputError where the parameters make no positive definite law.
 
@@ -156,14 +153,23 @@ class Orthotropic(LinearLaw):
     """
 
     E1: Real
+    """Pa, along the fibre."""
     E2: Real
+    """Pa, across it in the sheet."""
     nu12: Real
+    """Contraction across a pull along the fibre."""
     G12: Real
+    """Pa, shear in the sheet."""
     G13: Real
+    """Pa, transverse shear along the fibre."""
     G23: Real
+    """Pa, transverse shear across it."""
     E3: Real | None = None
+    """Pa, through the thickness; None takes E2."""
     nu23: Real = 0.0
+    """Contraction through the thickness of a pull across the fibre."""
     nu31: Real = 0.0
+    """Contraction along the fibre of a pull through the thickness."""
 
     def __post_init__(self) -> None:
         require_positive(self, E1=self.E1, E2=self.E2, G12=self.G12, G13=self.G13, G23=self.G23)

@@ -34,27 +34,33 @@ second moment, of its values at the layers."""
 
 class Resultants(NamedTuple):
     """Energy and its derivatives at each Gauss point, per reference area, against the generalized
-    strains e11, e22, 2 e12, k11, k22, 2 k12, g13, g23: energy (ne, g) J/m2, force (ne, g, 8) N/m
-    and N, stiffness (ne, g, 8, 8). An inadmissible strain has infinite energy and no force."""
+    strains e11, e22, 2 e12, k11, k22, 2 k12, g13, g23.  An inadmissible strain has infinite energy
+    and no force."""
 
     energy: Array
+    """(ne, g) J/m2."""
     force: Array
+    """(ne, g, 8) N/m and N."""
     stiffness: Array
+    """(ne, g, 8, 8)."""
 
 
 @dataclass(frozen=True)
 class Patch:
-    """Elements of one material: indices (k,), their law and thickness (k, g) m at the Gauss
-    points.  Parameters of the law have shape (k, 1) or (k, g) where they differ; `factor` (k, 1) or
-    (1, 1) multiplies all its stresses.  `bending` (3, 3) Pa are moduli of bending besides the law's
-    own; `shear_correction` multiplies transverse shear."""
+    """k elements of one material."""
 
     elements: Ints
+    """(k,) indices."""
     law: Law | TensionField
+    """Its parameters have shape (k, 1) or (k, g) where they differ."""
     thickness: Array
+    """(k, g) m at the Gauss points."""
     factor: Array = field(default_factory=lambda: np.ones((1, 1)))
+    """(k, 1) or (1, 1), of all the law's stresses."""
     bending: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    """(3, 3) Pa, moduli of bending besides the law's own."""
     shear_correction: float = SHEAR_CORRECTION
+    """Of transverse shear."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,7 @@ class Section:
 
     @cached_property
     def thickness(self) -> Array:
-        """(ne, g) m."""
+        """The thickness (ne, g) m at the Gauss points."""
         out = np.empty((self.count, self.points))
         for p in self.patches:
             out[p.elements] = p.thickness
@@ -83,9 +89,9 @@ class Section:
 
     @cached_property
     def linear(self) -> Array:
-        """(ne, g, 8, 8) constant stiffness: all of it where the law is linear; of a tension field
-        bending and transverse shear as its base law has them at rest, of a hyperelastic law the
-        patch's own bending."""
+        """The constant stiffness (ne, g, 8, 8): all of it where the law is linear; of a tension
+        field bending and transverse shear as its base law has them at rest, of a hyperelastic law
+        the patch's own bending."""
         out = np.zeros((self.count, self.points, 8, 8))
         for p in self.patches:
             out[p.elements] = p.factor[..., None, None] * _constant(p)
@@ -125,8 +131,8 @@ class Section:
         stiffness = self.linear.copy()
         for p in self.nonlinear:
             base, smoothing = _base(p.law)
-            own = _integrate if smoothing is None else _membrane
-            more = own(p, strain[p.elements])
+            integrate = _integrate if smoothing is None else _membrane
+            more = integrate(p, strain[p.elements])
             if isinstance(base, Potential):
                 more = _with_shear(p, strain[p.elements], more)
             for total, part in zip((energy, force, stiffness), more, strict=True):
@@ -135,8 +141,8 @@ class Section:
         return Resultants(energy, force, stiffness)
 
     def tension_state(self, strain: Array) -> NDArray[np.int8]:
-        """(ne,) `tension_field.State`, the rounded mean of the Gauss points' at strains (ne, g, 8);
-        -1 where there is no tension field and the sheet bears compression."""
+        """The `tension_field.State` (ne,), the rounded mean of the Gauss points' at strains (ne, g,
+        8); -1 where there is no tension field and the sheet bears compression."""
         out = np.full(len(strain), -1, dtype=np.int8)
         for p in self.patches:
             if isinstance(p.law, TensionField):
@@ -145,15 +151,15 @@ class Section:
         return out
 
     def thickness_stretch(self, strain: Array) -> Array:
-        """(ne, g) current over stress-free thickness by the mid-surface's strains (ne, g, 8)."""
+        """Current over stress-free thickness (ne, g) by the mid-surface's strains (ne, g, 8)."""
         out = np.empty(strain.shape[:2])
         for p in self.patches:
             out[p.elements] = thickness_stretch(p.law, strain[p.elements, :, :3])
         return out
 
     def stress(self, strain: Array, z: float = 0.0) -> Array:
-        """(ne, g, 3) second Piola-Kirchhoff stress S11, S22, S12 (Pa) at the height z, in halves of
-        the thickness."""
+        """The second Piola-Kirchhoff stress S11, S22, S12 (ne, g, 3) Pa at the height z, in halves
+        of the thickness."""
         out = np.empty((*strain.shape[:2], 3))
         for p in self.patches:
             e = strain[p.elements]
@@ -182,7 +188,7 @@ def one_law(law: Law | TensionField, thickness: Array) -> Section:
 
 
 def join_sections(patches: Sequence[Patch]) -> Section:
-    """Raises ValueError where elements lie in no patch or in two."""
+    """The section of all patches.  Raises ValueError where elements lie in no patch or in two."""
     elements = np.concatenate([p.elements for p in patches])
     if not np.array_equal(np.sort(elements), np.arange(len(elements))):
         raise ValueError("every element must lie in exactly one patch")
@@ -225,7 +231,7 @@ def _as_one(patches: Sequence[Patch]) -> Patch:
 
 
 def _constant(p: Patch) -> Array:
-    """(k, g, 8, 8) of a patch: shear, and of a linear law membrane and bending."""
+    """The part (k, g, 8, 8) of one patch: shear, and of a linear law membrane and bending."""
     h = p.thickness
     out = np.zeros((*h.shape, 8, 8))
     out[..., 3:6, 3:6] = p.bending * (h**3 / 12)[..., None, None]
@@ -289,20 +295,20 @@ def _with_shear(p: Patch, strain: Array, plane: Resultants) -> Resultants:
     lean = np.stack([g2 * g2, g1 * g1, -g1 * g2, c22 * g1 - c12 * g2, c11 * g2 - c12 * g1])
     by_r = by_D - 2 * lean
     curved, plain = k / r**2, k / D**2
-    own = np.zeros((5, 5, *D.shape))  # what D and r themselves bend
-    own[0, 1], own[2, 2] = 4 * (plain - curved), 2 * (curved - plain)
-    own[0, 4], own[1, 3] = 4 * curved * g2, 4 * curved * g1
-    own[2, 3], own[2, 4] = -2 * curved * g2, -2 * curved * g1
-    own[3, 3], own[4, 4] = 2 * curved * c22, 2 * curved * c11
-    own[3, 4] = -2 * curved * c12
+    second = np.zeros((5, 5, *D.shape))  # what D and r themselves bend
+    second[0, 1], second[2, 2] = 4 * (plain - curved), 2 * (curved - plain)
+    second[0, 4], second[1, 3] = 4 * curved * g2, 4 * curved * g1
+    second[2, 3], second[2, 4] = -2 * curved * g2, -2 * curved * g1
+    second[3, 3], second[4, 4] = 2 * curved * c22, 2 * curved * c11
+    second[3, 4] = -2 * curved * c12
     for i, j in ((0, 1), (0, 4), (1, 3), (2, 3), (2, 4), (3, 4)):
-        own[j, i] = own[i, j]
-    own += (2 * curved / r * by_r)[:, None] * by_r
-    own[:3, :3] -= (2 * plain / D * by_D[:3])[:, None] * by_D[:3]
+        second[j, i] = second[i, j]
+    second += (2 * curved / r * by_r)[:, None] * by_r
+    second[:3, :3] -= (2 * plain / D * by_D[:3])[:, None] * by_D[:3]
     at = np.array([0, 1, 2, 6, 7])
     plane.energy[:] = np.where(fine, plane.energy + k / r - k / D, np.inf)
     plane.force[..., at] += np.moveaxis(plain * by_D - curved * by_r, 0, -1)
-    plane.stiffness[..., at[:, None], at] += np.moveaxis(own, (0, 1), (-2, -1))
+    plane.stiffness[..., at[:, None], at] += np.moveaxis(second, (0, 1), (-2, -1))
     return plane
 
 

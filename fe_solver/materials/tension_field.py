@@ -89,26 +89,26 @@ class TensionField:
     def response(self, strain: Array) -> Stress:
         """See `materials.linear.Law.response`."""
         w = self._relaxation(strain)
-        C, T = w.there.tangent, w.by_growth
+        C, T = w.base.tangent, w.by_growth
         tangent = C - C @ T @ _solve(w.curvature, np.swapaxes(T, 1, 2) @ C)
         tangent = (tangent + np.swapaxes(tangent, 1, 2)) / 2
-        fine = w.found[:, None]
+        fine = w.solved[:, None]
         shape = np.shape(strain)
         return Stress(
-            np.where(w.found, w.energy, np.inf).reshape(shape[:-1]),
-            np.where(fine, w.there.stress, 0.0).reshape(shape),
+            np.where(w.solved, w.energy, np.inf).reshape(shape[:-1]),
+            np.where(fine, w.base.stress, 0.0).reshape(shape),
             np.where(fine[:, None], tangent, 0.0).reshape(*shape, 3),
         )
 
     def state(self, strain: Array) -> NDArray[np.intp]:
-        """(...,) `State` at strains (..., 3)."""
+        """The `State` (...,) at strains (..., 3)."""
         p = _strain(self._relaxation(strain).factor) * np.array([1.0, 1.0, 0.5])
         wrinkled = _principal_values(p)[0] > SEEN * self.smoothing
         return wrinkled.sum(axis=1).reshape(np.shape(strain)[:-1])
 
     def elastic_strain(self, strain: Array) -> Array:
-        """(..., 3) strain of the base law at strains (..., 3): what wrinkles have taken up is added
-        to it."""
+        """The strain (..., 3) of the base law at strains (..., 3): what wrinkles have taken up is
+        added to it."""
         wrinkles = _strain(self._relaxation(strain).factor)
         return np.asarray(strain + wrinkles.reshape(np.shape(strain)))
 
@@ -142,20 +142,20 @@ class _Cost(NamedTuple):
 
 
 class _Relaxation(NamedTuple):
-    """m points in balance, with the wrinkles' strain P = A A'.  By a growth X of the wrinkles, P
-    becomes A (1 + X) A'."""
+    """The balance at m points, with the wrinkles' strain P = A A'.  By a growth X of the wrinkles,
+    P becomes A (1 + X) A'."""
 
     factor: Array
     """(m, 2, 2) A."""
     energy: Array
     """(m,) J/m3, the barrier's included."""
-    there: Stress
+    base: Stress
     """The base law at E + P."""
     by_growth: Array
     """(m, 3, 3) derivatives of P, as E11, E22, 2 E12, by X11, X22, X12."""
     curvature: Array
     """(m, 3, 3) Pa, second derivatives of the energy by X11, X22, X12."""
-    found: Mask
+    solved: Mask
 
 
 def _law_at(law: Law, points: Mask) -> Law:
@@ -174,19 +174,19 @@ def _parameters_at(part: Any, points: Mask) -> Any:
 
 
 def _strain(A: Array) -> Array:
-    """(m, 3) A A' as E11, E22, 2 E12."""
+    """The strain A A' (m, 3) as E11, E22, 2 E12."""
     (a, b), (c, d) = np.moveaxis(A, 0, 2)
     return np.stack([a * a + b * b, c * c + d * d, 2 * (a * c + b * d)], axis=1)
 
 
 def _dyad(p: Array) -> Array:
-    """(m, 3) p p' of vectors (m, 2), as `_strain`."""
+    """The strain p p' (m, 3) of vectors (m, 2), as `_strain`."""
     p1, p2 = p.T
     return np.stack([p1 * p1, p2 * p2, 2 * p1 * p2], axis=1)
 
 
 def _by_growth(A: Array) -> Array:
-    """(m, 3, 3) see `_Relaxation`."""
+    """The derivatives (m, 3, 3) of the wrinkles' strain by their growth, see `_Relaxation`."""
     (a, b), (c, d) = np.moveaxis(A, 0, 2)
     rows = [
         [a * a, b * b, 2 * a * b],
@@ -197,15 +197,15 @@ def _by_growth(A: Array) -> Array:
 
 
 def _wrinkle_energy(cost: _Cost, A: Array) -> Array:
-    """(m,) J/m3, what wrinkles A A' cost."""
+    """The energy (m,) J/m3 that wrinkles A A' cost."""
     (a, b), (c, d) = np.moveaxis(A, 0, 2)
     residual = cost.residual / 2 * (np.square(_strain(A)) @ SQUARED)
     return np.asarray(residual - 2 * cost.barrier * np.log(np.abs(a * d - b * c)))
 
 
 def _principal_values(x: Array) -> tuple[Array, Array]:
-    """(m, 2) principal values of tensors (m, 3) of components 11, 22, 12, and their directions (m,
-    2, 2), as columns."""
+    """The principal values (m, 2) of tensors (m, 3) of components 11, 22, 12, and their directions
+    (m, 2, 2), as columns."""
     mean, radius = (x[:, 0] + x[:, 1]) / 2, np.hypot((x[:, 0] - x[:, 1]) / 2, x[:, 2])
     angle = np.arctan2(x[:, 2], (x[:, 0] - x[:, 1]) / 2) / 2
     c, s = np.cos(angle), np.sin(angle)
@@ -214,8 +214,8 @@ def _principal_values(x: Array) -> tuple[Array, Array]:
 
 
 def _axes_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
-    """(m, 2, 2) A where the lesser principal stress of the base law, with its own stiffness, were
-    in balance, and then the greater one with what that changes of it."""
+    """The guess A (m, 2, 2) where the lesser principal stress of the base law, with its own
+    stiffness, were in balance, and then the greater one with what that changes of it."""
     stress, axes = _principal_values(full.stress)
     c, s = axes[:, 0], axes[:, 1]
     unit = np.stack([c * c, s * s, 2 * s * c], axis=2)
@@ -229,43 +229,43 @@ def _axes_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
 
 
 def _strain_in_balance(stress: Array, stiff: Array, barrier: Array) -> Array:
-    """(m,) the p > 0 of stress + stiff p = barrier / p."""
+    """The p > 0 (m,) of stress + stiff p = barrier / p."""
     root = np.sqrt(stress * stress + 4 * stiff * barrier)
     pulled = 2 * barrier / (root + np.abs(stress))
     return np.where(stress > 0, pulled, (root - stress) / (2 * stiff))
 
 
 def _central_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
-    """(m, 2, 2) A that makes up for every shortening, and for CENTRAL more."""
+    """The guess A (m, 2, 2) that makes up for every shortening, and for CENTRAL more."""
     size, axes = _principal_values(strain * np.array([1.0, 1.0, 0.5]))
     return axes * np.sqrt(np.maximum(-size, 0.0) + CENTRAL)[:, None]
 
 
 def _guess_by_turning(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
-    """(m, 2, 2) A = (p, t) with p of the least W(E + p p') by TURNS Newton steps from the axis of
-    the lesser principal stress, and t across it in balance."""
+    """The guess A = (p, t) (m, 2, 2) with p of the least W(E + p p') by TURNS Newton steps from the
+    axis of the lesser principal stress, and t across it in balance."""
     p = _axes_guess(law, strain, cost, full)[:, :, 1]
     for _ in range(TURNS):
-        here = law.response(strain + _dyad(p))
-        p = p + _turning_step(p, here)
+        base = law.response(strain + _dyad(p))
+        p = p + _turning_step(p, base)
     size = np.linalg.norm(p, axis=1, keepdims=True)
     t = np.stack([-p[:, 1], p[:, 0]], axis=1) / np.maximum(size, TINY)
-    here = law.response(strain + _dyad(p))
+    base = law.response(strain + _dyad(p))
     unit = _dyad(t)
-    stiff = np.einsum("mi,mij,mj->m", unit, here.tangent, unit)
-    stiff = np.maximum(stiff, STIFF * np.abs(here.tangent).max(axis=(1, 2)))
-    across = _strain_in_balance(np.einsum("mi,mi->m", unit, here.stress), stiff, cost.barrier)
+    stiff = np.einsum("mi,mij,mj->m", unit, base.tangent, unit)
+    stiff = np.maximum(stiff, STIFF * np.abs(base.tangent).max(axis=(1, 2)))
+    across = _strain_in_balance(np.einsum("mi,mi->m", unit, base.stress), stiff, cost.barrier)
     return np.stack([p, np.sqrt(across)[:, None] * t], axis=2)
 
 
-def _turning_step(p: Array, here: Stress) -> Array:
-    """(m, 2) Newton's step in p towards the least W(E + p p'), no longer than p."""
+def _turning_step(p: Array, base: Stress) -> Array:
+    """Newton's step (m, 2) in p towards the least W(E + p p'), no longer than p."""
     p1, p2 = p.T
     zero = np.zeros_like(p1)
     by_p = 2 * np.moveaxis(np.array([[p1, zero], [zero, p2], [p2, p1]]), 2, 0)
-    slope = np.einsum("mij,mi->mj", by_p, here.stress)
-    S1, S2, S12 = here.stress.T
-    curved = np.swapaxes(by_p, 1, 2) @ here.tangent @ by_p
+    slope = np.einsum("mij,mi->mj", by_p, base.stress)
+    S1, S2, S12 = base.stress.T
+    curved = np.swapaxes(by_p, 1, 2) @ base.tangent @ by_p
     H11, H22, H12 = curved[:, 0, 0] + 2 * S1, curved[:, 1, 1] + 2 * S2, curved[:, 0, 1] + 2 * S12
     values, axes = _principal_values(np.stack([H11, H22, H12], axis=1))
     along = np.einsum("mij,mi->mj", axes, slope) / np.maximum(np.abs(values), TINY)
@@ -284,15 +284,15 @@ def _relax(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Relaxatio
         on = left if guess is _central_guess else left & finite
         if not on.any():
             continue
-        own = _law_at(law, on), strain[on], cost.of(on)
-        start = guess(*own, Stress(*(x[on] for x in full)))
+        points = _law_at(law, on), strain[on], cost.of(on)
+        start = guess(*points, Stress(*(x[on] for x in full)))
         path = _path(smoothing) if guess is _central_guess else (1.0,)
-        A[on], near = _follow_path(*own, start, path)
+        A[on], near = _follow_path(*points, start, path)
         left[on] = ~near
-    there, T = law.response(strain + _strain(A)), _by_growth(A)
-    energy = there.energy + _wrinkle_energy(cost, A) + 2 * cost.barrier * np.log(smoothing)
-    found = ~left & np.isfinite(energy)
-    return _Relaxation(A, energy, there, T, _curvature(T, there, cost), found)
+    base, T = law.response(strain + _strain(A)), _by_growth(A)
+    energy = base.energy + _wrinkle_energy(cost, A) + 2 * cost.barrier * np.log(smoothing)
+    solved = ~left & np.isfinite(energy)
+    return _Relaxation(A, energy, base, T, _curvature(T, base, cost), solved)
 
 
 def _path(smoothing: float) -> tuple[float, ...]:
@@ -303,16 +303,16 @@ def _path(smoothing: float) -> tuple[float, ...]:
 def _follow_path(
     law: Law, strain: Array, cost: _Cost, A: Array, path: Sequence[float]
 ) -> tuple[Array, Mask]:
-    """(m, 2, 2) the A of balance at the end of a path of barriers, in times the cost's, and where
+    """The A (m, 2, 2) of balance at the end of a path of barriers, in times the cost's, and where
     Newton arrived there."""
-    A, here = A.copy(), Stress(*map(np.array, law.response(strain + _strain(A))))
+    A, base = A.copy(), Stress(*map(np.array, law.response(strain + _strain(A))))
     for times in path:
         todo = np.ones(len(A), dtype=bool)
         for _ in range(FEW_STEPS if len(path) == 1 else MOST_STEPS):
-            own = _law_at(law, todo), strain[todo], cost.of(todo).higher(times)
-            now = A[todo], Stress(*(x[todo] for x in here))
-            A[todo], there, near = _newton_step(*own, *now, CONVERGED if times == 1 else ROUGHLY)
-            for mine, new in zip(here, there, strict=True):
+            points = _law_at(law, todo), strain[todo], cost.of(todo).higher(times)
+            now = A[todo], Stress(*(x[todo] for x in base))
+            A[todo], after, near = _newton_step(*points, *now, CONVERGED if times == 1 else ROUGHLY)
+            for mine, new in zip(base, after, strict=True):
                 mine[todo] = new
             todo[todo] = ~near
             if not todo.any():
@@ -320,29 +320,29 @@ def _follow_path(
     return A, ~todo
 
 
-def _curvature(T: Array, there: Stress, cost: _Cost) -> Array:
-    """(m, 3, 3) second derivatives of energy and cost by the growth, T as `_by_growth`."""
-    stiff = there.tangent + cost.residual[:, None, None] * np.diag(SQUARED)
+def _curvature(T: Array, base: Stress, cost: _Cost) -> Array:
+    """The second derivatives (m, 3, 3) of energy and cost by the growth, T as `_by_growth`."""
+    stiff = base.tangent + cost.residual[:, None, None] * np.diag(SQUARED)
     barrier = cost.barrier[:, None, None] * np.diag([1.0, 1.0, 2.0])
     return np.asarray(np.swapaxes(T, 1, 2) @ stiff @ T + barrier)
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    """(m, 3, k) solutions of symmetric matrices (m, 3, 3), of the like of singular ones too."""
+    """The solutions (m, 3, k) of symmetric matrices (m, 3, 3), of the like of singular ones too."""
     scale = 1 / np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))[:, :, None]
     even = matrix * scale * np.swapaxes(scale, 1, 2) + np.finfo(float).eps * np.eye(3)
     return np.asarray(scale * np.linalg.solve(even, scale * right))
 
 
 def _newton_step(
-    law: Law, strain: Array, cost: _Cost, A: Array, here: Stress, converged: float
+    law: Law, strain: Array, cost: _Cost, A: Array, base: Stress, converged: float
 ) -> tuple[Array, Stress, Mask]:
-    """(m, 2, 2) A after a step from where the law is `here`, the law there, and whether that was
-    short enough for the last."""
-    T, mu, level = _by_growth(A), cost.barrier, here.energy + _wrinkle_energy(cost, A)
-    stress = here.stress + cost.residual[:, None] * SQUARED * _strain(A)
+    """The A (m, 2, 2) after a step from where the law is `base`, the law there, and whether that
+    was short enough for the last."""
+    T, mu, level = _by_growth(A), cost.barrier, base.energy + _wrinkle_energy(cost, A)
+    stress = base.stress + cost.residual[:, None] * SQUARED * _strain(A)
     slope = np.einsum("mij,mi->mj", T, stress) - mu[:, None] * np.array([1.0, 1.0, 0.0])
-    X = -_solve(_curvature(T, here, cost), slope[:, :, None])[:, :, 0]
+    X = -_solve(_curvature(T, base, cost), slope[:, :, None])[:, :, 0]
     along = np.einsum("mi,mi->m", slope, X)
     rising = ~(along < 0)
     X[rising] = -slope[rising] / mu[rising, None]
@@ -353,17 +353,17 @@ def _newton_step(
     noise = ROUNDING * (mu + np.abs(level) * 1e-13)
     for _ in range(HALVINGS):
         grown = A @ _growth_factor(size[:, None] * X)
-        there = law.response(strain + _strain(grown))
-        rise = there.energy + _wrinkle_energy(cost, grown) - level
+        after = law.response(strain + _strain(grown))
+        rise = after.energy + _wrinkle_energy(cost, grown) - level
         high = ~near & ~(rise <= LEAST_SLOPE * size * along + noise)
         if not high.any():
             break
         size[high] /= 2
-    return grown, there, near
+    return grown, after, near
 
 
 def _growth_factor(X: Array) -> Array:
-    """(m, 2, 2) lower triangular L with L L' = 1 + X, of X (m, 3) as X11, X22, X12."""
+    """The lower triangular L (m, 2, 2) with L L' = 1 + X, of X (m, 3) as X11, X22, X12."""
     out = np.zeros((len(X), 2, 2))
     out[:, 0, 0] = np.sqrt(1 + X[:, 0])
     out[:, 1, 0] = X[:, 2] / out[:, 0, 0]

@@ -12,7 +12,7 @@ from fe_solver.materials.tension_field import TensionField
 
 
 def thickness_stretch(law: Law | TensionField, strain: Array) -> Array:
-    """(...) current over stress-free thickness at the strain (..., 3), E11, E22, 2 E12.
+    """The current over the stress-free thickness (...) at the strain (..., 3), E11, E22, 2 E12.
 
     Hyperelastic: J / sqrt(det C) with C the plane's, where J = 1 of an incompressible law and
     follows from S33 = 0 else.  Linear: sqrt(1 + 2 E33) with E33 = -(nu13/E1 S11 + nu23/E2 S22); of

@@ -44,7 +44,7 @@ POINTS = tuple((r, s, t) for r, s in GAUSS.tolist() for t in (-(3**-0.5), 3**-0.
 
 
 def base_weights(r: float, s: float, t: float) -> Array:
-    """(3, 8) the base vectors' weights of the nodes: four on the file's face (t = -1), then four on
+    """The base vectors' weights (3, 8) of the nodes: four on the file's face (t = -1), then four on
     the other (t = 1)."""
     n, nr, ns = shape(r, s)
     low, high = (1 - t) / 2, (1 + t) / 2
@@ -58,14 +58,14 @@ def base_weights(r: float, s: float, t: float) -> Array:
 
 
 def _form(point: tuple[float, float, float], i: int, j: int) -> Array:
-    """(8, 8) M with y.M.y / 2 = g_i.g_j, halved where i = j: a strain with engineering shears."""
+    """M (8, 8) with y.M.y / 2 = g_i.g_j, halved where i = j: a strain with engineering shears."""
     weights = base_weights(*point)
     both = np.outer(weights[i], weights[j])
     return both if i == j else both + both.T
 
 
 def _assumed_shear(r: float, s: float, t: float) -> Array:
-    """(6, 8, 8) the forms of one point's natural strains."""
+    """The forms (6, 8, 8) of one point's natural strains."""
     corners = zip(shape(r, s)[0], CORNERS, strict=True)
     thickness = sum(n * _form((a, b, 0), 2, 2) for n, (a, b) in corners)
     along_r = ((1 - s) * _form((0, -1, 0), 0, 2) + (1 + s) * _form((0, 1, 0), 0, 2)) / 2
@@ -81,22 +81,24 @@ _FLAT = FORMS.reshape(-1, 8)
 
 @dataclass(frozen=True)
 class SolidTables:
-    """Constants of a mesh: the forms' values without stress (ne, 48, 1), the local Cartesian
-    strains from the natural ones (ne, 8, 6, 6), the points' volumes (ne, 8) m3."""
+    """Constants of a mesh of solid-shell elements."""
 
     rest: Array
+    """(ne, 48, 1), the forms' values without stress."""
     local: Array
+    """(ne, 8, 6, 6), local Cartesian strains from the natural ones."""
     volume: Array
+    """(ne, 8) m3, of the points."""
 
 
 def _bases(Y: Array) -> Array:
-    """(ne, 8, 3, 3) base vectors, as rows, at the Gauss points of elements Y (ne, 8, 3) m."""
+    """The base vectors, as rows (ne, 8, 3, 3), at the Gauss points of elements Y (ne, 8, 3) m."""
     weights = np.stack([base_weights(*point) for point in POINTS])
     return np.asarray(np.einsum("gia,nak->ngik", weights, Y))
 
 
 def cross_matrix(Y: Array, side: float) -> NDArray[np.bool_]:
-    """(ne,) whether the faces of elements Y (ne, 8, 3) m cross, as those of a sheet do that is
+    """Whether (ne,) the faces of elements Y (ne, 8, 3) m cross, as those of a sheet do that is
     thicker than its radius; `side` is positive where the last four nodes lie on the side of the
     first four's normal, else negative."""
     return np.asarray((np.linalg.det(_bases(Y)) * side <= 0).any(axis=1))
@@ -124,21 +126,21 @@ def solid_tables(Y: Array, fibre: Array, stretch: float = 1.0) -> SolidTables:
 
 
 def _to_local(P: Array) -> Array:
-    """(..., 6, 6) strains by engineering components from P (..., 3, 3), the local components (rows)
-    of the dual base vectors (columns)."""
+    """The matrix (..., 6, 6) to local strains by engineering components from P (..., 3, 3), the
+    local components (rows) of the dual base vectors (columns)."""
     a, b, i, j = FIRST[:, None], SECOND[:, None], FIRST, SECOND
     both = P[..., a, i] * P[..., b, j] + P[..., a, j] * P[..., b, i]
     return np.asarray(both * np.where(SHEAR, 1.0, 0.5)[:, None])
 
 
 def _gradient(y: Array) -> Array:
-    """(ne, 48, 24) derivatives of the natural strains by the positions y (ne, 8, 3)."""
+    """The derivatives (ne, 48, 24) of the natural strains by the positions y (ne, 8, 3)."""
     return (_FLAT @ y).reshape(len(y), 48, 24)
 
 
 def solid_strain(tables: SolidTables, y: Array) -> Array:
-    """(ne, 8, 6) local Green-Lagrange strains from the stress-free sheet, engineering shears, at
-    nodes y (ne, 8, 3) m."""
+    """The local Green-Lagrange strains (ne, 8, 6) from the stress-free sheet, engineering shears,
+    at nodes y (ne, 8, 3) m."""
     natural = _gradient(y) @ y.reshape(-1, 24, 1) / 2 - tables.rest
     return np.asarray((tables.local @ natural.reshape(-1, 8, 6, 1))[..., 0])
 

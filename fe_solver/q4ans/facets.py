@@ -31,15 +31,19 @@ SHAPES = np.stack([shape(r, s) for r, s in GAUSS])
 
 @dataclass(frozen=True)
 class Facets:
-    """Quads (k, 4) whose face on `side` (k,) of their normals slides on the triangles (nt, 3, 3) m
-    of a body, in its frame, and keeps a gap (m) from them; penalty (k,) N/m3."""
+    """k quads whose face slides on the triangles of a body and keeps a gap from them."""
 
     quads: Ints
+    """(k, 4)."""
     side: Ints
+    """(k,) of the quads' normals on which the face lies."""
     penalty: Array
+    """(k,) N/m3."""
     body: int
     triangles: Array
+    """(nt, 3, 3) m, body frame."""
     gap: float = 0.0
+    """m."""
 
     @cached_property
     def tree(self) -> cKDTree:
@@ -48,21 +52,24 @@ class Facets:
 
     @cached_property
     def reach(self) -> float:
-        """m from a middle within which a point may meet a triangle."""
+        """The distance (m) from a middle within which a point may meet a triangle."""
         edge = np.linalg.norm(np.roll(self.triangles, -1, axis=1) - self.triangles, axis=2)
         return SEARCH_RADIUS + float(edge.max(initial=0.0))
 
 
 class Pressed(NamedTuple):
-    """What contact does: `gradient` (k, 12) N that the quads' corners resist with, `blocks` (k, 12,
-    12) N/m its derivative, `force` (3,) N on the body, pressure (k, 4) Pa and depth (k, 4) m at the
-    Gauss points, positive inside the body (or the gap)."""
+    """What contact does."""
 
     gradient: Array
+    """(k, 12) N that the quads' corners resist with."""
     blocks: Array
+    """(k, 12, 12) N/m, its derivative."""
     force: Array
+    """(3,) N, on the body."""
     pressure: Array
+    """(k, 4) Pa, at the Gauss points."""
     depth: Array
+    """(k, 4) m, at the Gauss points, positive inside the body (or the gap)."""
 
 
 def pressures(
@@ -100,7 +107,7 @@ def pressures(
 
 
 def find_triangles(facets: Facets, x: Array, position: Array, rotation: Array) -> Ints:
-    """(k, 4) the triangle that each Gauss point meets along its normal, the nearest of those that
+    """The triangle (k, 4) that each Gauss point meets along its normal, the nearest of those that
     face it; -1 where it meets none."""
     at, normal, _ = _gauss_points(facets, x)
     return _find_triangle(facets, (at - position) @ rotation, normal @ rotation)
@@ -115,8 +122,8 @@ def _gauss_points(facets: Facets, x: Array) -> tuple[Array, Array, Array]:
 
 
 def cut(triangles: Array, longest: float) -> Array:
-    """(m, 3, 3) the same flat triangles (nt, 3, 3), halved across their longest edges until none is
-    longer than `longest`, m, so that the nearest middle tells the nearest triangle."""
+    """The same flat triangles (m, 3, 3) as (nt, 3, 3), halved across their longest edges until none
+    is longer than `longest`, m, so that the nearest middle tells the nearest triangle."""
     done = []
     while len(triangles):
         edge = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
@@ -131,7 +138,7 @@ def cut(triangles: Array, longest: float) -> Array:
 
 
 def _find_triangle(facets: Facets, points: Array, normals: Array) -> Ints:
-    """(k, 4) as `find_triangles`, for points and normals (k, 4, 3) in the body's frame."""
+    """The triangles (k, 4) as `find_triangles`, of points and normals (k, 4, 3), body frame."""
     q, n = points.reshape(-1, 3), normals.reshape(-1, 3)
     count = min(NEAREST, len(facets.triangles))
     nearest, _ = facets.tree.query(q, distance_upper_bound=facets.reach)
@@ -147,8 +154,8 @@ def _find_triangle(facets: Facets, points: Array, normals: Array) -> Ints:
 
 
 def _distances(triangles: Array, q: Array, n: Array) -> Array:
-    """(m, t) m along the normals n (m, 1, 3) from points q (m, 1, 3) to triangles (m, t, 3, 3);
-    infinite where a triangle does not face the point or is not met within the search radius.
+    """The distances (m, t) m along normals n (m, 1, 3) from points q (m, 1, 3) to triangles (m, t,
+    3, 3); infinite where one does not face the point or is not met within the search radius.
 
     A point q meets a triangle a, a + u, a + v at q + t n = a + b u + c v (Cramer's rule)."""
     a, u, v = np.moveaxis(triangles, 2, 0)
@@ -166,8 +173,8 @@ def _distances(triangles: Array, q: Array, n: Array) -> Array:
 
 
 def _depth(facets: Facets, points: Array, normals: Array, met: Ints) -> Array:
-    """(k, 4) m by which points (k, 4, 3) have passed the planes of the triangles that they have
-    met, along their normals; minus the search radius where they have met none."""
+    """The depth (k, 4) m by which points (k, 4, 3) have passed the planes of the triangles that
+    they have met, along their normals; minus the search radius where they have met none."""
     on = met >= 0
     a, b, c = np.moveaxis(facets.triangles[met[on]], 1, 0)
     face = np.cross(b - a, c - a)

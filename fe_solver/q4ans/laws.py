@@ -100,8 +100,8 @@ def in_situ_strain(stretch: float) -> tuple[Array, Array]:
 
 
 def normal_modulus(law: Law, stretch: float = 1.0) -> float:
-    """Pa, of a pull through the thickness of the sheet as laid out with fibres stretched in situ,
-    its sides free: 1 / the compliance.
+    """The modulus (Pa) of a pull through the thickness of the sheet as laid out with fibres
+    stretched in situ, its sides free: 1 / the compliance.
 
     Raises InputError for a law that is not known."""
     factors, strain = in_situ_strain(stretch)
@@ -118,7 +118,7 @@ def _linear_stiffness(law: Isotropic | Orthotropic) -> Array:
 
 
 def _orthotropic_compliance(law: Orthotropic) -> Array:
-    """(6, 6) 1/Pa against engineering shears (FEBio user manual, orthotropic elastic)."""
+    """Compliance (6, 6) 1/Pa, engineering shears (FEBio user manual, orthotropic elastic)."""
     E1, E2, nu12, G12, G13, G23 = (
         float(v) for v in (law.E1, law.E2, law.nu12, law.G12, law.G13, law.G23)
     )
@@ -280,7 +280,7 @@ def _outer(a: Array, b: Array) -> Array:
 
 
 def _pair(inverse: Array) -> Array:
-    """(..., 6, 6) minus the derivative of C's inverse by C."""
+    """Minus the derivative (..., 6, 6) of C's inverse by C."""
     i, j, k, l = FIRST[:, None], SECOND[:, None], FIRST, SECOND  # noqa: E741
     straight = inverse[..., i, k] * inverse[..., j, l]
     return np.asarray((straight + inverse[..., i, l] * inverse[..., j, k]) / 2)

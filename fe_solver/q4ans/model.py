@@ -87,7 +87,7 @@ def _crossed_faces(sheet: Sheet) -> Iterator[str]:
 
 
 def _rest(sheet: Sheet, elements: Ints) -> Array:
-    """(k, 8, 3) m, the corners of elements (k,) as laid out: on the file's face, on the other."""
+    """The corners (k, 8, 3) m of elements (k,) as laid out: on the file's face, on the other."""
     quads = sheet.quads[elements]
     low = sheet.points[quads]
     high = low + 2 * sheet.height[elements, :, None] * sheet.directors[quads]
@@ -95,16 +95,20 @@ def _rest(sheet: Sheet, elements: Ints) -> Array:
 
 
 class Loads(NamedTuple):
-    """At one time: bodies' positions (nb, 3) m and rotations (nb, 3, 3), dead loads (n, 3) N,
-    pressure that follows the quads (ne,) Pa; of each contact pair the multipliers (k, 4) Pa and the
-    triangles met (k, 4), None where they are to be looked for."""
+    """The loads of one time, and the state of contact."""
 
     position: Array
+    """(nb, 3) m, of the bodies."""
     rotation: Array
+    """(nb, 3, 3), of the bodies."""
     dead: Array
+    """(n, 3) N."""
     pressure: Array | None
+    """(ne,) Pa, which follows the quads."""
     multipliers: tuple[Array | float, ...]
+    """(k, 4) Pa of each contact pair."""
     met: tuple[Ints | None, ...]
+    """(k, 4) triangles of each contact pair; None where they are to be looked for."""
 
 
 class Source(Enum):
@@ -118,40 +122,47 @@ class Source(Enum):
 
 
 class Term(NamedTuple):
-    """A part of the balance: forces (k, m, 3) N with which nodes (k, m) resist, and their
-    derivative (k, 3m, 3m) N/m; the body (k,) that they act on, None where there is none."""
+    """A part of the balance."""
 
     source: Source
     nodes: Ints
+    """(k, m)."""
     force: Array
+    """(k, m, 3) N, with which the nodes resist."""
     stiffness: Array
+    """(k, 3m, 3m) N/m, its derivative."""
     body: Ints | None = None
+    """(k,) on which the nodes act; None where there is none."""
 
     def product(self, moved: Array) -> Array:
-        """(k, m, 3) N by which displacements (k, m, 3) m of the nodes change the forces."""
+        """The change (k, m, 3) N of the forces by displacements (k, m, 3) m of the nodes."""
         flat = moved.reshape(len(moved), 3 * moved.shape[1], 1)
         return np.asarray((self.stiffness @ flat).reshape(moved.shape))
 
 
 @dataclass(frozen=True)
 class SolidPart:
-    """Elements (k,) of one law: their nodes as laid out (k, 8, 3) m and tables; the modulus (Pa)
-    through the thickness."""
+    """k elements of one law."""
 
     elements: Ints
+    """(k,)."""
     rest: Array
+    """(k, 8, 3) m, their nodes as laid out."""
     tables: SolidTables
     law: Law
     normal_modulus: float
+    """Pa, through the thickness."""
 
 
 @dataclass(frozen=True)
 class SolidModel:
-    """n pairs of nodes: `rest` (2n, 3) m and which components are free (2n, 3)."""
+    """n pairs of nodes, the two faces of a sheet, with their supports."""
 
     job: Job
     rest: Array
+    """(2n, 3) m."""
     free: NDArray[np.bool_]
+    """(2n, 3) which components are free."""
     parts: tuple[SolidPart, ...]
     facets: tuple[Facets, ...]
     springs: Springs
@@ -159,7 +170,7 @@ class SolidModel:
 
     @cached_property
     def pairs(self) -> Ints:
-        """(ne, 8) the elements' nodes."""
+        """The elements' nodes (ne, 8)."""
         return np.concatenate(
             [self.job.sheet.quads, self.job.sheet.quads + len(self.job.sheet.points)], axis=1
         )
@@ -230,8 +241,8 @@ class SolidModel:
             yield Term(Source.PRESSURE, self.job.sheet.quads, force, stiffness)
 
     def imbalance(self, terms: Sequence[Term], loads: Loads) -> Array:
-        """(2n, 3) N with which the nodes resist more than the dead loads ask for: zero at free
-        components in equilibrium, reactions at given ones."""
+        """The forces (2n, 3) N with which the nodes resist more than the dead loads ask for: zero
+        at free components in equilibrium, reactions at given ones."""
         out = np.zeros_like(self.rest)
         out[: len(loads.dead)] = -loads.dead
         for term in terms:
@@ -239,28 +250,28 @@ class SolidModel:
         return out
 
     def miss(self, unbalanced: Array) -> float:
-        """N, the norm of what does not balance; infinite where a law has no answer."""
+        """The norm (N) of what does not balance; infinite where a law has no answer."""
         size = float(np.linalg.norm(unbalanced[self.free]))
         return size if np.isfinite(size) else np.inf
 
     def scale(self, unbalanced: Array, terms: Sequence[Term]) -> float:
-        """N, the largest of the reactions' norm and the forces on nodes by all but elements."""
+        """The largest (N) of the reactions' norm and the forces on nodes by all but elements."""
         outer = [np.abs(t.force).max(initial=0.0) for t in terms if t.source != Source.ELEMENT]
         return float(max(self.least_force, np.linalg.norm(unbalanced[~self.free]), *outer))
 
     @cached_property
     def thickness(self) -> float:
-        """m, the mean."""
+        """The mean thickness (m) of the sheet."""
         return float(self.job.sheet.thickness.mean())
 
     @cached_property
     def least_force(self) -> float:
-        """N below which there is no load: a millionth of modulus times squared thickness."""
+        """The least force (N) that is a load: a millionth of modulus times squared thickness."""
         modulus = max(p.normal_modulus for p in self.parts)
         return 1e-6 * modulus * self.thickness**2
 
     def deepest(self, z: Array, loads: Loads) -> float:
-        """m by which contact penetrates."""
+        """The depth (m) by which contact penetrates."""
         contacts = self.contacts(z, loads)
         return max((float(p.depth.max(initial=0.0)) for p in contacts), default=0.0)
 
@@ -270,8 +281,8 @@ class SolidModel:
 
 
 def solid_model(job: Job) -> SolidModel:
-    """Raises InputError for what `check_job` and `check_supports` find, for surfaces that are not
-    wound alike, and naming what is not covered."""
+    """The model of a job.  Raises InputError for what `check_job` and `check_supports` find, for
+    surfaces that are not wound alike, and naming what is not covered."""
     check_job(job)
     check_supports(job)
     reasons = obstacles(job)
@@ -334,8 +345,11 @@ class SolidPattern:
     """Where the entries of all terms go among the matrix's data."""
 
     kept: NDArray[np.bool_]
+    """Which of all terms' entries belong to free components."""
     place: Ints
+    """Of each of these among the matrix's data."""
     slots: sp.csc_array
+    """The matrix, whose data number its entries from 1."""
 
     @cached_property
     def analysis(self) -> Analysis:

@@ -124,7 +124,7 @@ class _SolidSteps(TimeSteps):
         self.last = self._equilibrium(self.model, z, loads, time)
 
     def solve_at_last(self, time: float, is_last: bool, error: ConvergenceError) -> None:
-        """Raises ConvergenceError: nothing is left to try."""
+        """Give up, as nothing is left to try.  Raises ConvergenceError."""
         e = self.effort
         raise ConvergenceError(
             f"{self.model.job.name}: no equilibrium of q4ans elements was found at t = {time:.6g}, "
@@ -225,7 +225,7 @@ class _SolidSteps(TimeSteps):
         )
 
     def _require_supports(self) -> None:
-        """Raises InputError where the sheet can move without resistance."""
+        """Check the supports.  Raises InputError where the sheet can move without resistance."""
         data = self.pattern.data(self.last.terms)
         if has_mechanism(data, self.pattern.slots):
             raise unsupported(self.model.job, self.last.time, self._free_motions(data))
@@ -242,7 +242,7 @@ class _SolidSteps(TimeSteps):
 
 
 def _turns(before: Array, after: Array) -> Array:
-    """(nb, 3) rotation vectors, rad, between rotations (nb, 3, 3)."""
+    """The rotation vectors (nb, 3) rad between rotations (nb, 3, 3)."""
     if not len(before):
         return np.zeros((0, 3))
     return Rotation.from_matrix(after @ np.swapaxes(before, 1, 2)).as_rotvec()
@@ -255,10 +255,10 @@ def _move(
     best of them."""
     tried: list[tuple[float, Array, tuple[Term, ...]]] = []
     for halving in range(HALVINGS):
-        there = z + step / 2**halving
-        terms = tuple(model.terms(there, loads))
+        moved = z + step / 2**halving
+        terms = tuple(model.terms(moved, loads))
         missed = model.miss(model.imbalance(terms, loads))
-        tried.append((missed, there, terms))
+        tried.append((missed, moved, terms))
         if missed < limit or limit == np.inf:
             break
     return min(tried, key=lambda t: t[0])[1:]

@@ -25,13 +25,16 @@ PLANE = [0, 1, 3]
 
 
 class SolidEquilibrium(NamedTuple):
-    """A solved time: positions z (2n, 3) m, and the residual, N."""
+    """A solved time."""
 
     time: float
+    """s."""
     z: Array
+    """(2n, 3) m, positions of the nodes."""
     loads: Loads
     terms: tuple[Term, ...]
     residual: float
+    """N."""
 
 
 def solid_state(model: SolidModel, found: SolidEquilibrium, effort: Effort) -> JobState:
@@ -66,27 +69,27 @@ def solid_state(model: SolidModel, found: SolidEquilibrium, effort: Effort) -> J
 
 
 def _about(arm: Array, force: Array) -> Array:
-    """(6,) N and N m of forces (k, 3) at arms (k, 3)."""
+    """The wrench (6,) N and N m of forces (k, 3) at arms (k, 3)."""
     return np.concatenate([force.sum(axis=0), cross(arm, force).sum(axis=0)])
 
 
-def _wrenches(model: SolidModel, found: SolidEquilibrium) -> dict[str, Array]:
-    """(nb + 1, 6) N and N m of the sheet on the bodies, about their origins, by source."""
-    job, z, position = model.job, found.z, found.loads.position
+def _wrenches(model: SolidModel, equilibrium: SolidEquilibrium) -> dict[str, Array]:
+    """The wrenches (nb + 1, 6) N, N m of the sheet on the bodies about their origins, by source."""
+    job, z, position = model.job, equilibrium.z, equilibrium.loads.position
     count = len(job.bodies) + 1
     out = {"contact": np.zeros((count, 6))}
-    for term in found.terms:
+    for term in equilibrium.terms:
         if term.body is None:
             continue
         group = np.full(len(term.nodes), -1)
         if term.source == Source.SPRING:
             group = model.springs.group
         for i, body in {*zip(group.tolist(), term.body.tolist(), strict=True)}:
-            own = (group == i) & (term.body == body)
-            arm = (z[term.nodes[own]] - position[body]).reshape(-1, 3)
+            on_body = (group == i) & (term.body == body)
+            arm = (z[term.nodes[on_body]] - position[body]).reshape(-1, 3)
             wrench = out.setdefault(f"spring {i}" if i >= 0 else "contact", np.zeros((count, 6)))
-            wrench[body] += _about(arm, term.force[own].reshape(-1, 3))
-    resisted = model.imbalance(found.terms, found.loads)
+            wrench[body] += _about(arm, term.force[on_body].reshape(-1, 3))
+    resisted = model.imbalance(equilibrium.terms, equilibrium.loads)
     tie, guide, left = np.zeros((count, 6)), np.zeros((count, 6)), ~model.free
     n = len(job.sheet.points)
     for t in job.ties:
@@ -97,13 +100,13 @@ def _wrenches(model: SolidModel, found: SolidEquilibrium) -> dict[str, Array]:
     return {**out, "tie": tie, "guide": guide}
 
 
-def _load_wrench(model: SolidModel, found: SolidEquilibrium) -> Array:
-    """(6,) N and N m of the loads about the world's origin."""
-    x = found.z[: len(found.loads.dead)]
-    out = _about(x, found.loads.dead)
-    if found.loads.pressure is not None:
-        (term,) = (t for t in found.terms if t.source == Source.PRESSURE)
-        out -= _about(found.z[term.nodes].reshape(-1, 3), term.force.reshape(-1, 3))
+def _load_wrench(model: SolidModel, equilibrium: SolidEquilibrium) -> Array:
+    """The wrench (6,) N and N m of the loads about the world's origin."""
+    x = equilibrium.z[: len(equilibrium.loads.dead)]
+    out = _about(x, equilibrium.loads.dead)
+    if equilibrium.loads.pressure is not None:
+        (term,) = (t for t in equilibrium.terms if t.source == Source.PRESSURE)
+        out -= _about(equilibrium.z[term.nodes].reshape(-1, 3), term.force.reshape(-1, 3))
     return out
 
 
@@ -124,11 +127,11 @@ def _fields(model: SolidModel, z: Array) -> Fields:
     return Fields(strain, stress, faces, np.full(count, -1, dtype=np.int8))
 
 
-def _contact_pressure(model: SolidModel, found: SolidEquilibrium) -> Array:
-    """(n,) N/m2 on each pair of nodes, over its area."""
+def _contact_pressure(model: SolidModel, equilibrium: SolidEquilibrium) -> Array:
+    """The contact pressure (n,) N/m2 on each pair of nodes, over its area."""
     n = len(model.job.sheet.points)
     force = np.zeros((2 * n, 3))
-    for f, p in zip(model.facets, model.contacts(found.z, found.loads), strict=True):
+    for f, p in zip(model.facets, model.contacts(equilibrium.z, equilibrium.loads), strict=True):
         np.add.at(force, f.quads, p.gradient.reshape(-1, 4, 3))
     size = np.linalg.norm(force[:n] + force[n:], axis=1)
     return np.asarray(size / node_areas(model.job.sheet.points, model.job.sheet.quads))

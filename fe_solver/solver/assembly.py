@@ -22,21 +22,24 @@ DOFS = 5
 
 @dataclass(frozen=True)
 class Pattern:
-    """Where element entries go in the sparse tangent; built once for a mesh.
-
-    Of the full matrix (CSR, 5n): indptr, indices; entry k of its data is the sum of the element
-    entries gather[gather_start[k]:gather_start[k + 1]], always in this order; diagonal (n, 5, 5)
-    positions of the nodes' own blocks, pair (k, 2, 3, 3) those of the blocks between pairs of nodes
-    (first row second column, and the reverse); `free` the free degrees of freedom, ascending."""
+    """Where element entries go in the sparse tangent (CSR, 5n); built once for a mesh."""
 
     size: int
     indptr: Ints
+    """Of the full matrix."""
     indices: Ints
+    """Of the full matrix."""
     gather_start: Ints
+    """Entry k of the data sums gather[gather_start[k]:gather_start[k + 1]]."""
     gather: Ints
+    """Element entries, summed always in this order."""
     diagonal: Ints
+    """(n, 5, 5) positions of the nodes' own blocks."""
     pair: Ints
+    """(k, 2, 3, 3) positions of the blocks between pairs of nodes (first row second column, and the
+    reverse)."""
     free: Ints
+    """The free degrees of freedom, ascending."""
 
     def assemble(self, elements: Array, nodes: Array, pairs: Array) -> Array:
         """Full data from element blocks (ne, 5k, 5k), node blocks (n, 5, 5) and the blocks (k, 3,
@@ -85,8 +88,8 @@ def make_pattern(quads: Ints, n: int, free: Ints, pairs: Ints | None = None) -> 
     dof = (quads[:, :, None] * DOFS + np.arange(DOFS)).reshape(len(quads), DOFS * quads.shape[1])
     size = n * DOFS
     elements = (dof[:, :, None] * size + dof[:, None, :]).ravel()
-    own = np.arange(n)[:, None] * DOFS + np.arange(DOFS)
-    diagonal = own[:, :, None] * size + own[:, None, :]
+    nodal = np.arange(n)[:, None] * DOFS + np.arange(DOFS)
+    diagonal = nodal[:, :, None] * size + nodal[:, None, :]
     ends = pairs[:, :, None] * DOFS + np.arange(3)
     across = ends[:, 0, :, None] * size + ends[:, 1, None, :]
     back = ends[:, 1, :, None] * size + ends[:, 0, None, :]

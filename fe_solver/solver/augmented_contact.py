@@ -33,13 +33,14 @@ stands for a constraint; the error of a derivative is its inverse, the loss of d
 
 @dataclass(frozen=True)
 class AugmentOptions:
-    """When the outer loop is done: `penetration` (m) is the largest distance of a pressed node from
-    its contact level (either way), `friction` the largest change of friction's limit in a round,
-    relative to the largest limit."""
+    """When the outer loop, which updates multipliers and friction, is done."""
 
     penetration: float = 1e-6
+    """m, the largest distance of a pressed node from its contact level (either way)."""
     friction: float = 1e-6
+    """The largest change of friction's limit in a round, over the largest limit."""
     max_rounds: int = 60
+    """Rounds after which it gives up."""
 
     def __post_init__(self) -> None:
         if not (self.penetration > 0 and self.friction > 0 and self.max_rounds > 0):
@@ -68,7 +69,7 @@ def solve_augmented(
     model = model.with_changes(contacts=tuple([_initialise(k, start) for k in model.contacts]))
     tolerance = max(LOOSE, options.tolerance)
     solution = solve(model, start, tension, replace(options, tolerance=tolerance))
-    iterations, solves, raises, before = solution.iterations, solution.solves, 0, np.inf
+    iterations, solves, raises, last_error = solution.iterations, solution.solves, 0, np.inf
     for done in range(augment.max_rounds):
         looks = [_update_of(k, solution.configuration) for k in model.contacts]
         error = max((look.error.max(initial=0.0) for look in looks), default=0.0)
@@ -76,14 +77,14 @@ def solve_augmented(
         if left <= 1 and tolerance <= options.tolerance:
             return _constrain(replace(solution, iterations=iterations, solves=solves), looks)
         contacts = [look.apply(error > augment.penetration) for look in looks]
-        if error > max(ENOUGH * before, augment.penetration) and raises < MOST_RAISES:
+        if error > max(ENOUGH * last_error, augment.penetration) and raises < MOST_RAISES:
             contacts, raises = [_stiffer(k) for k in contacts], raises + 1
-        before = error
+        last_error = error
         model = model.with_changes(contacts=tuple(contacts))
         # no round is solved more exactly than the next one's multipliers and limits deserve
         tolerance = max(min(LOOSE, options.tolerance * left), options.tolerance)
-        own, near = replace(options, tolerance=tolerance), done > 0
-        solution = solve(model, solution.configuration, tension, own, near)
+        loose, near = replace(options, tolerance=tolerance), done > 0
+        solution = solve(model, solution.configuration, tension, loose, near)
         iterations, solves = iterations + solution.iterations, solves + solution.solves
     raise ConvergenceError(_stall_message(model, solution.configuration, looks, augment))
 
@@ -98,14 +99,18 @@ def next_increment(solution: Solution) -> ShellModel:
 
 @dataclass(frozen=True)
 class _ContactUpdate:
-    """A contact beside the solution of its smooth problem: `error` (k,) m is how far the depth at
-    which the multiplier acts is from its place, which is the depth where a node is pressed."""
+    """A contact beside the solution of its smooth problem."""
 
     contact: Contact
     pressure: Array
+    """(k,) Pa, the multiplier to go on with."""
     normal: Array
+    """(k, 3), body frame."""
     limit: Array
+    """(k,) N, of friction."""
     error: Array
+    """(k,) m, how far the depth at which the multiplier acts is from its place, which is the depth
+    where a node is pressed."""
 
     def apply(self, multipliers: bool) -> Contact:
         """The contact with the limits and normals of the solution, and with its multipliers where
@@ -118,7 +123,7 @@ class _ContactUpdate:
 
     @property
     def change(self) -> Array:
-        """(k,) N change of the limits of friction, in size and direction."""
+        """The change (k,) N of the limits of friction, in size and direction."""
         grip = self.contact.grip
         if grip is None:
             return np.zeros(0)

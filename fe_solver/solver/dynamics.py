@@ -41,14 +41,17 @@ class Substance:
 
 @dataclass(frozen=True)
 class DynamicState:
-    """A shell in motion: its configuration, the rates (n, 3) of positions (m/s) and directors (1/s)
-    and their accelerations."""
+    """A shell in motion."""
 
     configuration: Configuration
     velocity: Array
+    """(n, 3) m/s, of the nodes."""
     spin: Array
+    """(n, 3) 1/s, rates of the directors."""
     acceleration: Array
+    """(n, 3) m/s2, of the nodes."""
     turning: Array
+    """(n, 3) 1/s2, accelerations of the directors."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +83,8 @@ class Viscous:
 
     def response(self, strain: Array) -> Resultants:
         """As of `Section`; the energy is that of the step's incremental potential."""
-        own, more = self.base.response(strain), self.damper.response(strain - self.before)
-        return Resultants(*(a + b for a, b in zip(own, more, strict=True)))
+        elastic, viscous = self.base.response(strain), self.damper.response(strain - self.before)
+        return Resultants(*(a + b for a, b in zip(elastic, viscous, strict=True)))
 
     def stress(self, strain: Array, z: float = 0.0) -> Array:
         """The elastic part, Pa."""
@@ -95,8 +98,9 @@ def at_rest(c: Configuration) -> DynamicState:
 
 
 def masses(model: ShellModel, substance: Substance) -> tuple[Array, Array]:
-    """(n,) kg of the nodes and (n,) kg m2 of their directors: density times thickness, and times a
-    twelfth of its cube, over each node's share of the area; and the cables' mass."""
+    """The masses (n,) kg of the nodes and the inertias (n,) kg m2 of their directors: density times
+    thickness, and times a twelfth of its cube, over each node's share of the area; and the cables'
+    mass."""
     h = model.section.thickness
     share = corner_shares(model.quads)
     out = []
@@ -133,15 +137,15 @@ def advance(
         section=_viscous_section(model, c, dt, substance),
     )
     solution = solve(stepping, _guess(model, c, ahead), tension, options, near=True)
-    there = solution.configuration
-    acceleration, turning = (there.x - ahead) / pull, (there.d - turned) / pull
+    end = solution.configuration
+    acceleration, turning = (end.x - ahead) / pull, (end.d - turned) / pull
     velocity = state.velocity + dt * (gamma * acceleration + (1 - gamma) * state.acceleration)
     spin = state.spin + dt * (gamma * turning + (1 - gamma) * state.turning)
-    return DynamicState(there, velocity, spin, acceleration, turning), solution
+    return DynamicState(end, velocity, spin, acceleration, turning), solution
 
 
 def kinetic_energy(model: ShellModel, state: DynamicState, substance: Substance) -> float:
-    """J."""
+    """The kinetic energy (J) of nodes and directors."""
     mass, rotary = masses(model, substance)
     return float(mass @ (state.velocity**2).sum(1) + rotary @ (state.spin**2).sum(1)) / 2
 

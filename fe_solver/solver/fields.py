@@ -14,16 +14,16 @@ from fe_solver.solver.model import Configuration, ShellModel
 
 @dataclass(frozen=True)
 class Fields:
-    """Means over each quad, mid-surface; local axes 1 along the fibre, 2 across it.
-
-    strain (ne, 3) Green-Lagrange E11, E22, 2 E12; stress (ne, 3) second Piola-Kirchhoff S11, S22,
-    S12, Pa; faces (ne, 2) E11 at the two faces (tangential bending included); tension (ne,) the
-    `tension_field.State`, -1 where the sheet bears compression."""
+    """Means over each quad, mid-surface; local axes 1 along the fibre, 2 across it."""
 
     strain: Array
+    """(ne, 3) Green-Lagrange E11, E22, 2 E12."""
     stress: Array
+    """(ne, 3) Pa, second Piola-Kirchhoff S11, S22, S12."""
     faces: Array
+    """(ne, 2) E11 at the two faces (tangential bending included)."""
     tension: NDArray[np.int8]
+    """(ne,) the `tension_field.State`, -1 where the sheet bears compression."""
 
 
 def fields(model: ShellModel, c: Configuration) -> Fields:
@@ -40,14 +40,15 @@ def fields(model: ShellModel, c: Configuration) -> Fields:
 
 @dataclass(frozen=True)
 class EnergyFields:
-    """Means over each quad and its thickness: density (ne,) J/m3 of the strain energy per
-    stress-free volume, bending and transverse shear included; volume (ne,) m3, stress-free, so that
-    their products add up to the shell's energy; stretch (ne,) of the thickness at the
-    mid-surface."""
+    """Means over each quad and its thickness; densities times volumes add up to the shell's
+    energy."""
 
     density: Array
+    """(ne,) J/m3 of stress-free volume, bending and transverse shear included."""
     volume: Array
+    """(ne,) m3, stress-free."""
     stretch: Array
+    """(ne,) of the thickness at the mid-surface."""
 
 
 def energy_fields(model: ShellModel, c: Configuration) -> EnergyFields:
@@ -61,5 +62,5 @@ def energy_fields(model: ShellModel, c: Configuration) -> EnergyFields:
 
 
 def contact_pressure(model: ShellModel, c: Configuration) -> Array:
-    """(n,) N/m2 of all bodies on each node, over the node's area, friction left out."""
+    """The pressure (n,) N/m2 of all bodies on each node, over its area, without friction."""
     return contact_fields(model.contacts, c.x, c.position, c.rotation).pressure.sum(axis=1)

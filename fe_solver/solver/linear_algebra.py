@@ -124,11 +124,11 @@ class Nearby:
         Raises NotPositiveDefiniteError where the matrix is not, and where it is too far from the
         factor's."""
         out, left, limit = np.zeros_like(right), right, REDUCED * np.linalg.norm(right)
-        way, before = out, 1.0
+        way, last_fall = out, 1.0
         for _ in range(MOST_PRODUCTS):
             rest = self.factor.solve(left)
             fall = float(left @ rest)
-            way = rest + fall / before * way
+            way = rest + fall / last_fall * way
             bent = self.matrix @ way
             curvature = float(way @ bent)
             if not curvature > 0:
@@ -137,7 +137,7 @@ class Nearby:
             left = left - fall / curvature * bent
             if np.linalg.norm(left) <= limit:
                 return out
-            before = fall
+            last_fall = fall
         raise NotPositiveDefiniteError(f"left {np.linalg.norm(left):.1e} after {MOST_PRODUCTS}")
 
 

@@ -55,25 +55,31 @@ UNDAMPED = 6
 
 
 class MixedSteps(NamedTuple):
-    """Where the steps led: the configuration to go on from, how many they were, the linear solves
-    that they took, and where they led to an equilibrium the evaluation there and the last
-    tangent's factor."""
+    """Where the steps led."""
 
     configuration: Configuration
+    """To go on from."""
     iterations: int
+    """How many steps there were."""
     solves: int
+    """The linear solves that they took."""
     evaluation: Evaluation | None = None
+    """There, where it is an equilibrium."""
     factor: Factor | None = None
+    """The last tangent's, where it is an equilibrium."""
 
 
 class Prediction(NamedTuple):
-    """Forces of the elements after a step, to first order, and those (k,) of the points, whose keys
-    (k,) are listed; `acting` are the keys of the one-sided ones that acted before it."""
+    """Forces after a step, to first order."""
 
     elements: Array
+    """(ne, g, 8), of the elements."""
     points: Array
+    """(k,) N, of the points."""
     keys: Ints
+    """(k,) of the points (see `_keys`)."""
     acting: Ints
+    """Keys of the one-sided ones that acted before the step."""
 
 
 def take_mixed_steps(
@@ -129,8 +135,8 @@ def take_mixed_steps(
         for halvings in range(1 + MOST_HALVINGS):
             step = step / 2 if halvings else step
             trial = model.take_step(c, e.bases, _follow_springs(model, e, step))
-            there = model.evaluate(trial, tension, tangent=False, convex=convex)
-            crushed = not np.isfinite(there.energy)
+            trial_balance = model.evaluate(trial, tension, tangent=False, convex=convex)
+            crushed = not np.isfinite(trial_balance.energy)
             lost = crushed and (near or restarts > 0 or not np.isfinite(e.energy))
             lost |= upright and is_folded(model, trial)
             if not lost:
@@ -142,7 +148,7 @@ def take_mixed_steps(
             continue
         if lost and crushed:
             break
-        before, c, e = _predict(model, c, e, step, _travel(e, step)), trial, there
+        before, c, e = _predict(model, c, e, step, _travel(e, step)), trial, trial_balance
     return MixedSteps(best, iteration, solves)
 
 
@@ -150,18 +156,18 @@ def _solve_step(
     model: ShellModel,
     c: Configuration,
     e: Evaluation,
-    before: Prediction | None,
+    prediction: Prediction | None,
     max_step: float,
     max_turn: float,
     near: Factor | None = None,
 ) -> tuple[Array, Factor | None]:
     """The step by the tangent with the predicted forces, and that tangent's factor."""
     forces = None
-    if before is not None:
+    if prediction is not None:
         points = e.points.force.copy()
-        _, new, old = np.intersect1d(_keys(model, e.points), before.keys, return_indices=True)
-        points[new] = before.points[old]
-        forces = Forces(before.elements, points)
+        _, new, old = np.intersect1d(_keys(model, e.points), prediction.keys, return_indices=True)
+        points[new] = prediction.points[old]
+        forces = Forces(prediction.elements, points)
     return descent_step(model, model.tangent(c, e, forces), e.reduced, max_step, max_turn, near)
 
 
@@ -209,12 +215,12 @@ def _predict(
 
 
 def _travel(e: Evaluation, step: Array) -> Array:
-    """(k, 3) m, how far a step (5n,) moves the points."""
+    """The displacement (k, 3) m of the points in a step (5n,)."""
     return e.points.at_points(displacements(e.bases, step)[0])
 
 
 def _keys(model: ShellModel, p: PointForces) -> Ints:
-    """(k,) one number for each force that stays the same while its spring or contact is listed."""
+    """One number (k,) for each force that stays the same while its spring or contact is listed."""
     kind = (p.group + 1) * len(model.bodies) + p.body
     place = (p.cell + 1) * len(model.reference) + p.node
     return np.asarray(kind * (len(model.quads) + 1) * len(model.reference) + place)
@@ -224,12 +230,12 @@ def _acts(depth: Array) -> NDArray[np.bool_]:
     return (depth > 0) & np.isfinite(depth)
 
 
-def _reverses(model: ShellModel, e: Evaluation, step: Array, before: Prediction) -> bool:
+def _reverses(model: ShellModel, e: Evaluation, step: Array, prediction: Prediction) -> bool:
     """Whether the step opens or closes what the step before it closed or opened."""
     p, keys = e.points, _keys(model, e.points)
     now = keys[_acts(p.depth)]
     after = keys[_acts(p.depth + approach(p, e.bases, step))]
-    last, next_ = np.setxor1d(before.acting, now), np.setxor1d(now, after)
+    last, next_ = np.setxor1d(prediction.acting, now), np.setxor1d(now, after)
     return bool(np.intersect1d(last, next_).size)
 
 

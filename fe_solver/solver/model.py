@@ -32,24 +32,32 @@ from fe_solver.vectors import cross, sum_at_nodes, tangents, turn_directors
 
 @dataclass(frozen=True)
 class Configuration:
-    """Node positions (n, 3), directors (n, 3) and body poses (nb, 3), (nb, 3, 3)."""
+    """Where the nodes and the bodies are."""
 
     x: Array
+    """(n, 3) m, positions of the nodes."""
     d: Array
+    """(n, 3), unit directors of the nodes."""
     position: Array
+    """(nb, 3) m, origins of the bodies."""
     rotation: Array
+    """(nb, 3, 3), of the bodies' frames."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Energy (J) less the dead loads' work but not the tendons', its raw gradients by x and d (n,
-    3), the point forces, what the tangent is made of, and its data where it was asked for."""
+    """The balance of a model in one configuration."""
 
     energy: float
+    """J, less the dead loads' work but not the tendons'."""
     gradient_x: Array
+    """(n, 3) N, of the energy by the nodes' positions."""
     gradient_d: Array
+    """(n, 3) N m, by their directors."""
     points: PointForces
+    """Forces of springs, contacts and ropes."""
     bases: tuple[Array, Array]
+    """Of the nodes: A (n, 3, 3) for displacements, T (n, 3, 2) for turns."""
     reduced: Array
     """(5n,) gradient in the nodes' bases, tendon pulls included."""
     follower: Array
@@ -57,8 +65,11 @@ class Evaluation:
     convex: bool
     """Whether the tangent is, or will be, the convex one (see `ShellModel.evaluate`)."""
     elements: ElementResponse
+    """What the elements' tangent is made of."""
     links: PairForces
+    """Forces between pairs of nodes."""
     data: Array | None = None
+    """The tangent's entries, where they were asked for."""
 
 
 class Forces(NamedTuple):
@@ -71,25 +82,30 @@ class Forces(NamedTuple):
 
 @dataclass(frozen=True)
 class ShellModel:
-    """A shell, its supports and loads; tendons pull guided nodes along their first axis with shares
-    `share` (nt, k) of k guided nodes, and others by `ropes`; a tendon's shares add up to one.
-    `dead` (n, 3) N are forces on the nodes that stay as they are in the world frame, `pressure`
-    (ne,) Pa follows the quads and pushes
-    against their normals."""
+    """A shell of n nodes and ne elements with its supports, its loads and nt tendons, which pull on
+    it by guides or ropes."""
 
     quads: Ints
+    """(ne, 4) or (ne, 9), nodes of the elements."""
     reference: Array
+    """(n, 3) m, positions of the nodes free of load."""
     directors: Array
+    """(n, 3), unit, there."""
     tables: ShellTables
     section: Section
     springs: Springs = field(default_factory=Springs.none)
     ties: Ties = field(default_factory=Ties.none)
     guides: Guides = field(default_factory=Guides.none)
     share: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """(nt, k) of each tendon's tension along the first axis of k guided nodes; with those of its
+    ropes they add up to one."""
     contacts: tuple[Contact, ...] = ()
     bodies: tuple[str, ...] = ()
+    """(nb,) names."""
     dead: Array | None = None
+    """(n, 3) N on the nodes, which stay as they are in the world frame."""
     pressure: Array | None = None
+    """(ne,) Pa, which follows the quads and pushes against their normals."""
     links: NodeSprings = field(default_factory=NodeSprings.none)
     """Springs between nodes of the shell."""
     cables: Cables = field(default_factory=Cables.none)
@@ -122,7 +138,7 @@ class ShellModel:
 
     @cached_property
     def pairs(self) -> Ints:
-        """(k, 2) nodes that springs join, then those that cables do."""
+        """The pairs of nodes (k, 2) that springs join, then those that cables do."""
         return np.concatenate([self.links.nodes, self.cables.nodes])
 
     def pair_forces(self, x: Array, curvature: bool) -> PairForces:
@@ -130,11 +146,11 @@ class ShellModel:
         `node_springs`."""
         if not len(self.pairs):
             return PairForces.none()
-        own, more = node_springs(self.links, x, curvature), cable_forces(self.cables, x)
+        springs, cables = node_springs(self.links, x, curvature), cable_forces(self.cables, x)
         return PairForces(
-            own.energy + more.energy,
-            np.concatenate([own.gradient, more.gradient]),
-            np.concatenate([own.hessian, more.hessian]),
+            springs.energy + cables.energy,
+            np.concatenate([springs.gradient, cables.gradient]),
+            np.concatenate([springs.hessian, cables.hessian]),
         )
 
     @cached_property
@@ -148,11 +164,11 @@ class ShellModel:
 
     @cached_property
     def side(self) -> Array:
-        """(ne, k) signs of the reference's `cosines`."""
+        """The signs (ne, k) of the reference's `cosines`."""
         return np.sign(self.cosines(self.reference, self.directors))
 
     def cosines(self, x: Array, d: Array) -> Array:
-        """(ne, k) of the angles between the quads' normals and their nodes' directors."""
+        """The cosines (ne, k) between the quads' normals and their nodes' directors."""
         X = x[self.quads]
         normal = cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -168,7 +184,7 @@ class ShellModel:
         return A, T
 
     def _level_tangents(self, c: Configuration) -> Array:
-        """(k, 3, 2) tangents of the steady directors, the first along `level`."""
+        """The tangents (k, 3, 2) of the steady directors, the first along `level`."""
         g, on = self.guides, self.guides.steady
         d = c.d[g.node[on]]
         level = np.einsum("kij,kj->ki", c.rotation[g.body[on]], g.level[on])
@@ -192,17 +208,17 @@ class ShellModel:
         return Configuration(x, d, position, rotation)
 
     def _guide_travel(self, c: Configuration) -> Array:
-        """(k, 3) m, how far each guided node has moved along its axes."""
+        """The travel (k, 3) m of each guided node along its axes."""
         g = self.guides
         local = np.einsum("kji,kj->ki", c.rotation[g.body], c.x[g.node] - c.position[g.body])
         return np.einsum("kji,kj->ki", g.axes, local - g.origin)
 
     def slide(self, c: Configuration) -> Array:
-        """(k,) m, how far each guided node has moved along its first axis."""
+        """The travel (k,) m of each guided node along its first axis."""
         return self._guide_travel(c)[:, 0]
 
     def excursion(self, c: Configuration) -> Array:
-        """(nt,) m."""
+        """The excursion (nt,) m of each tendon."""
         drawn = self.share @ self.slide(c)
         if len(self.ropes.node):
             length, _ = self.ropes.lines(c.x, c.position, c.rotation)
@@ -210,7 +226,7 @@ class ShellModel:
         return drawn
 
     def pulls(self, c: Configuration, tension: Array) -> Array:
-        """(k, 3) N force of the tendons on each guided node."""
+        """The force (k, 3) N of the tendons on each guided node."""
         g = self.guides
         along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
         return (tension @ self.share)[:, None] * along
@@ -277,7 +293,7 @@ class ShellModel:
         return by_position, sum_at_nodes(self.quads, elements[:, k:], n)
 
     def _follower(self, x: Array) -> Array:
-        """(n, 3) N force of the pressure on the nodes."""
+        """The force (n, 3) N of the pressure on the nodes."""
         if self.pressure is None:
             return np.zeros_like(x)
         return sum_at_nodes(self.quads, pressure_forces(x[self.quads], self.pressure), len(x))
@@ -319,8 +335,8 @@ class ShellModel:
         """Add Hessians (k, 3, 3) of point forces to the blocks of elements (ne, 5m, 5m) and of
         nodes (n, 5, 5), in the nodes' bases A (n, 3, 3), in place."""
         acts, alone = hessian.any(axis=(1, 2)), points.cell < 0
-        node, own = points.nodes[acts & alone, 0], hessian[acts & alone]
-        np.add.at(nodal[:, :3, :3], node, np.swapaxes(A[node], 1, 2) @ own @ A[node])
+        node, stiffness = points.nodes[acts & alone, 0], hessian[acts & alone]
+        np.add.at(nodal[:, :3, :3], node, np.swapaxes(A[node], 1, 2) @ stiffness @ A[node])
         on = np.flatnonzero(acts & ~alone)
         if not on.size:
             return

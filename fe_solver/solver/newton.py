@@ -54,13 +54,16 @@ SHORTEST = 1e-3
 
 @dataclass(frozen=True)
 class NewtonOptions:
-    """`tolerance` is relative to the largest nodal force; steps longer than `max_step` (m) or
-    turning a director by more than `max_turn` (rad) are shortened."""
+    """When Newton's method is done, and how far a step goes at most."""
 
     tolerance: float = 1e-10
+    """Residual, relative to the largest nodal force, at which it is done."""
     max_iterations: int = 200
+    """Steps after which it gives up."""
     max_step: float = 3e-3
+    """m that a node moves at most in a step."""
     max_turn: float = 0.6
+    """rad that a director turns at most in a step."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,9 @@ class Solution:
     configuration: Configuration
     evaluation: Evaluation
     tension: Array
+    """(nt,) N."""
     iterations: int
+    """Newton steps."""
     solves: int
     """Linear solves: one an iteration, and those that predicted contacts."""
     residual: float
@@ -90,15 +95,15 @@ class Solution:
 
     @cached_property
     def residual_derivative(self) -> Array:
-        """(free, 6nb + nt) the residual by the bodies' twists and the tensions."""
+        """The residual's derivative (free, 6nb + nt) by the bodies' twists and the tensions."""
         by_motion, _, by_tension, _ = self.coupling
         return np.hstack([by_motion, by_tension])[self.model.free]
 
     @cached_property
     def sensitivity(self) -> Array:
-        """(free, 6nb + nt) how the free degrees of freedom follow the bodies' twists and the
-        tensions.  What moves with all the bodies as one is known, so that the first body's twists
-        follow from those of the others, unless loads or inertia stand fast in the world."""
+        """The derivative (free, 6nb + nt) of the free degrees of freedom by the bodies' twists and
+        the tensions.  What moves with all the bodies as one is known, so that the first body's
+        twists follow from those of the others, unless loads or inertia stand fast in the world."""
         m, c = self.model, self.configuration
         if m.dead is not None or m.inertia is not None:
             return -self.factor.solve(self.residual_derivative)
@@ -119,12 +124,12 @@ class _StuckError(ConvergenceError):
 
 @dataclass(frozen=True)
 class _Chord:
-    """An old tangent: its factor, its data and the residual (N) from which it led to the present
-    one; None before its first use."""
+    """An old tangent."""
 
     factor: Factor
     data: Array
     since: float | None = None
+    """N, the residual from which it led to the present one; None before its first use."""
 
     def is_worthwhile(self, residual: float, limit: float) -> bool:
         """Whether the rate at which it lowers the residual is enough to end before a new tangent
@@ -192,16 +197,16 @@ def solve(
     try:
         return _solve(model, start, tension, options, near, before, forces)
     except _StuckError as stuck:
-        own = model.section.smoothing
-        if own is None or own >= SMOOTHER[0] or stuck.share > NEARLY:
+        wanted = model.section.smoothing
+        if wanted is None or wanted >= SMOOTHER[0] or stuck.share > NEARLY:
             raise
     c, iterations, solves = start, 0, 0
-    for smoothing in (*(s for s in SMOOTHER if s > own), own):
+    for smoothing in (*(s for s in SMOOTHER if s > wanted), wanted):
         easier = model.with_changes(section=model.section.with_smoothing(smoothing))
-        found = _solve(easier, c, tension, options, c is not start)
-        c = found.configuration
-        iterations, solves = iterations + found.iterations, solves + found.solves
-    return replace(found, model=model, iterations=iterations, solves=solves)
+        solution = _solve(easier, c, tension, options, c is not start)
+        c = solution.configuration
+        iterations, solves = iterations + solution.iterations, solves + solution.solves
+    return replace(solution, model=model, iterations=iterations, solves=solves)
 
 
 def _solve(
@@ -210,7 +215,7 @@ def _solve(
     tension: Array,
     options: NewtonOptions,
     near: bool = False,
-    before: Solution | None = None,
+    previous: Solution | None = None,
     forces: Prediction | None = None,
 ) -> Solution:
     longest = options.max_step, options.max_turn
@@ -218,9 +223,9 @@ def _solve(
     if not near or forces is not None:
         limits = options.max_iterations, options.tolerance, *longest
         c, first, solves, met, kept = take_mixed_steps(model, start, tension, *limits, forces)
-    convex, stuck, chord = not near and c is start, False, None if first else _chord_of(before)
-    if kept is None and before is not None:
-        kept = before.factor
+    convex, stuck, chord = not near and c is start, False, None if first else _chord_of(previous)
+    if kept is None and previous is not None:
+        kept = previous.factor
     e = met if met and not met.convex else model.evaluate(c, tension, chord is None, convex)
     data = e.data if chord is None else chord.data
     stiffest = 0.0 if data is None else stiffest_entry(model, data)
@@ -242,9 +247,9 @@ def _solve(
         # a chord iteration: the old factor, while it lowers the residual fast enough
         if chord is not None and not convex and chord.is_worthwhile(residual, limit):
             solves += 1
-            found = _chord_step(model, c, e, tension, chord.factor, options)
-            if found is not None:
-                c, e = found
+            chord_end = _chord_step(model, c, e, tension, chord.factor, options)
+            if chord_end is not None:
+                c, e = chord_end
                 chord = replace(chord, since=residual)
                 continue
         # a Newton step with a new tangent, damped where parts of the sheet may be slack
@@ -261,7 +266,7 @@ def _solve(
         if trial is not None:
             (c, e, convex), stuck = trial, False
             # a new tangent's error is quadratic, so that its second use lowers it half as far
-            chord = _Chord(factor, data, residual / 2) if before is not None and factor else None
+            chord = _Chord(factor, data, residual / 2) if previous is not None and factor else None
         elif stuck and residual <= STUCK * limit:
             e = _consistent(model, c, e, tension)
             return _checked(Solution(model, c, e, tension, iteration, solves, residual))
@@ -279,11 +284,11 @@ def _solve(
     )
 
 
-def _chord_of(before: Solution | None) -> _Chord | None:
-    if before is None:
+def _chord_of(previous: Solution | None) -> _Chord | None:
+    if previous is None:
         return None
-    assert before.evaluation.data is not None
-    return _Chord(before.factor, before.evaluation.data)
+    assert previous.evaluation.data is not None
+    return _Chord(previous.factor, previous.evaluation.data)
 
 
 def _consistent(model: ShellModel, c: Configuration, e: Evaluation, tension: Array) -> Evaluation:
@@ -308,8 +313,8 @@ def _chord_step(
     if not limit_step(step, options.max_step, options.max_turn)[1] <= NEAR:
         return None
     trial = model.take_step(c, e.bases, step)
-    there = model.evaluate(trial, tension, tangent=False)
-    return (trial, there) if _halves_residual(model, e, there) else None
+    balance = model.evaluate(trial, tension, tangent=False)
+    return (trial, balance) if _halves_residual(model, e, balance) else None
 
 
 def _halves_residual(model: ShellModel, before: Evaluation, after: Evaluation) -> bool:
@@ -329,8 +334,8 @@ def _crushed_place(model: ShellModel, c: Configuration) -> str:
 
 
 def _check_ropes(model: ShellModel, c: Configuration) -> None:
-    """Raises ConvergenceError for a rope that is drawn up to its eyelet: there its line has no
-    direction, and what it does to the hood jumps."""
+    """Check that no rope is drawn up to its eyelet: there its line has no direction, and what it
+    does to the hood jumps.  Raises ConvergenceError for one that is."""
     r = model.ropes
     length, _ = r.lines(c.x, c.position, c.rotation)
     if length.min(initial=np.inf) < SHORTEST:
@@ -386,18 +391,18 @@ def _descend(
     ) -> tuple[tuple[Configuration, Evaluation, bool] | None, float]:
         way, size = limit_step(way, options.max_step, options.max_turn)
         convex = predicts or size > NEAR
-        found, last = _line_search(model, c, e, tension, way, tries, convex, first)
-        return None if found is None else (*found, convex), last
+        reached, last = _line_search(model, c, e, tension, way, tries, convex, first)
+        return None if reached is None else (*reached, convex), last
 
-    found, left = search(step if near is None else limit_to_contact(model, e, step), 1)
-    if found:
-        return found, 0
+    reached, left = search(step if near is None else limit_to_contact(model, e, step), 1)
+    if reached:
+        return reached, 0
     way, solves = active_set_step(model, e, step, near)
     if solves:
-        found = search(way, 4, predicts=True)[0]
-        return found or search(step, 7, left)[0], solves
-    found, left = search(step, 3, left, predicts=True)
-    return found or search(step, 4, left)[0], 0
+        reached = search(way, 4, predicts=True)[0]
+        return reached or search(step, 7, left)[0], solves
+    reached, left = search(step, 3, left, predicts=True)
+    return reached or search(step, 4, left)[0], 0
 
 
 def _line_search(
@@ -414,18 +419,18 @@ def _line_search(
     or, where the energy is below its rounding error, the residual; none turns a director into an
     element's plane.  Also the factor to go on from."""
     slope = float(step @ e.reduced)
-    before = model.potential(c, e.energy, tension)
-    noise = 1e-11 * max(abs(before), e.energy)
+    start_energy = model.potential(c, e.energy, tension)
+    noise = 1e-11 * max(abs(start_energy), e.energy)
     for _ in range(tries if slope < 0 else 0):
         trial = model.take_step(c, e.bases, factor * step)
         if is_folded(model, trial) and not is_folded(model, c):
             factor *= 0.5
             continue
-        there = model.evaluate(trial, tension, tangent=False, convex=convex)
-        rise = model.potential(trial, there.energy, tension) - before
-        rise -= float(np.vdot(e.follower + there.follower, trial.x - c.x)) / 2
-        if rise <= 1e-4 * factor * slope or (rise <= noise and _halves_residual(model, e, there)):
-            return (trial, there), factor
+        balance = model.evaluate(trial, tension, tangent=False, convex=convex)
+        rise = model.potential(trial, balance.energy, tension) - start_energy
+        rise -= float(np.vdot(e.follower + balance.follower, trial.x - c.x)) / 2
+        if rise <= 1e-4 * factor * slope or (rise <= noise and _halves_residual(model, e, balance)):
+            return (trial, balance), factor
         parabola = -slope * factor**2 / (2 * (rise - slope * factor))
         factor = float(np.clip(parabola, 0.1 * factor, 0.5 * factor))
     return None, factor

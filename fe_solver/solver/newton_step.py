@@ -36,7 +36,7 @@ def factorise(model: ShellModel, data: Array) -> Factor:
 def newton_step(
     model: ShellModel, data: Array, gradient: Array, near: Factor | None = None
 ) -> tuple[Array, Factor | None]:
-    """(5n,) the Newton step, the tangent's diagonal raised (Levenberg) until it descends, and the
+    """The Newton step (5n,), the tangent's diagonal raised (Levenberg) until it descends, and the
     factor that gave it.  The factor of a tangent `near` serves where a factorisation is dear, and
     then a factor is a `Nearby`.
 
@@ -44,10 +44,10 @@ def newton_step(
     pattern, free = model.pattern, model.free
     step = np.zeros(pattern.size)
     if near is not None and _analysis(model).dear:
-        own = Nearby(pattern.free_part(data), near)
+        nearby = Nearby(pattern.free_part(data), near)
         try:
-            step[free] = -own.solve(gradient[free])
-            return step, own
+            step[free] = -nearby.solve(gradient[free])
+            return step, nearby
         except NotPositiveDefiniteError:
             pass
     diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[free]
@@ -121,8 +121,8 @@ def active_set_step(
 
 
 def displacements(bases: tuple[Array, Array], step: Array) -> tuple[Array, Array]:
-    """(n, 3) m of the nodes and (n, 3) of the directors, to first order, in a step (5n,) in the
-    nodes' bases."""
+    """The displacements (n, 3) m of the nodes and changes (n, 3) of the directors, to first order,
+    in a step (5n,) in the nodes' bases."""
     u = step.reshape(-1, DOFS)
     parts = zip(bases, (u[:, :3], u[:, 3:]), strict=True)
     x, d = (np.einsum("nij,nj->ni", basis, moved) for basis, moved in parts)
@@ -130,7 +130,7 @@ def displacements(bases: tuple[Array, Array], step: Array) -> tuple[Array, Array
 
 
 def approach(p: PointForces, bases: tuple[Array, Array], step: Array) -> Array:
-    """(k,) m, how much deeper a step (5n,) in the nodes' bases brings the points."""
+    """The depth (k,) m that a step (5n,) in the nodes' bases adds at the points."""
     moved = displacements(bases, step)[0]
     return np.asarray(np.einsum("kj,kj->k", p.direction, p.at_points(moved)))
 

@@ -29,14 +29,18 @@ FAR = 10
 
 @dataclass(frozen=True)
 class RelaxOptions:
-    """The motion ends where the residual is `tolerance` of the largest nodal force, or after
-    `max_steps`; in the first step the strongest nodal force alone would move its node by `reach` of
-    an element's size.  Each step is Newton's, to a tenth of the tolerance."""
+    """When the damped motion ends, and how it starts."""
 
     tolerance: float = 1e-4
+    """Residual, relative to the largest nodal force, at which the motion ends; each step is solved
+    to a tenth of it."""
     max_steps: int = 300
+    """Steps after which it ends all the same."""
     reach: float = 0.1
+    """Share of an element's size by which the strongest nodal force alone would move its node in
+    the first step."""
     iterations: int = 40
+    """Newton's at most in a step."""
 
 
 def relax(
@@ -76,7 +80,7 @@ def relax(
 
 
 def _first_step(model: ShellModel, c: Configuration, tension: Array, reach: float) -> float:
-    """s."""
+    """The first time step (s)."""
     force = residual_norm(model, model.evaluate(c, tension, tangent=False))[0]
     mass = float(np.median(masses(model, WATER)[0]))
     return float(np.sqrt(2 * reach * length_scale(model) * mass / max(force, 1e-12)))

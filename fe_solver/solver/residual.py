@@ -35,7 +35,7 @@ def rounding(c: Configuration, stiffest: float) -> float:
 
 
 def stiffest_entry(model: ShellModel, data: Array) -> float:
-    """N/m, of the tangent's blocks by the nodes' displacements."""
+    """The largest entry (N/m) of the tangent's blocks by the nodes' displacements."""
     return float(np.abs(data[model.pattern.diagonal[:, :3, :3]]).max())
 
 
@@ -45,6 +45,6 @@ def is_folded(model: ShellModel, c: Configuration) -> bool:
 
 
 def director_cosines(model: ShellModel, c: Configuration) -> Array:
-    """(ne, 4) cosines of the angles between the quads' normals and their corners' directors, on the
-    side on which these were at first."""
+    """The cosines (ne, 4) of the angles between the quads' normals and their corners' directors, on
+    the side on which these were at first."""
     return model.side * model.cosines(c.x, c.d)

@@ -99,10 +99,10 @@ def _fan(vertices: Array, loop: Ints, start: int) -> tuple[Array, Ints]:
     fan = []
     for i, a in enumerate(loop):
         j = (i + 1) % len(loop)
-        b, here, there = loop[j], nearest[i], nearest[j]
-        fan.append((b, a, start + here))
-        step = 1 if there > here else -1
-        fan += [(b, start + k, start + k + step) for k in range(here, there, step)]
+        b, first, last = loop[j], nearest[i], nearest[j]
+        fan.append((b, a, start + first))
+        step = 1 if last > first else -1
+        fan += [(b, start + k, start + k + step) for k in range(first, last, step)]
     return centres, np.array(fan, dtype=np.intp)
 
 

@@ -21,12 +21,15 @@ plane."""
 
 @dataclass(frozen=True)
 class Ellipsoid:
-    """Centre (3,) m, semi-axes (3,) m along the columns of `axes` (3, 3), a rotation."""
+    """An ellipsoid."""
 
     outside: ClassVar[float] = np.inf
     centre: Array
+    """(3,) m."""
     semi_axes: Array
+    """(3,) m."""
     axes: Array = field(default_factory=lambda: np.eye(3))
+    """(3, 3), a rotation: its columns are the directions of the semi-axes."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", vector(self.centre, "ellipsoid centre"))
@@ -56,7 +59,7 @@ class Ellipsoid:
 
 
 def _foot(points: Array, semi: Array) -> Array:
-    """(n, 3) nearest points of an axis-aligned ellipsoid about the origin.
+    """The nearest points (n, 3) of an axis-aligned ellipsoid about the origin.
 
     They are semi_i^2 x_i / (semi_i^2 + t) with the largest root t of |semi_i x_i / (semi_i^2 + t)|
     = 1 (Eberly, Distance from a point to an ellipse, an ellipsoid, or a hyperellipsoid, Geometric
@@ -85,8 +88,8 @@ def _foot(points: Array, semi: Array) -> Array:
 
 
 def _level_hessian(normal: Array, steep: Array, semi: Array, value: Array) -> Array:
-    """(n, 3, 3) S (1 + d S)^-1 with the shape operator S of the ellipsoid at its normals, in the
-    two directions of the tangent plane."""
+    """The Hessian S (1 + d S)^-1 (n, 3, 3) with the shape operator S of the ellipsoid at its
+    normals, in the two directions of the tangent plane."""
     t1 = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal), axis=1)])
     t1 /= np.linalg.norm(t1, axis=1, keepdims=True)
     t2 = np.cross(normal, t1)

@@ -31,7 +31,7 @@ class Surface(Protocol):
 
     @property
     def outside(self) -> float:
-        """m, up to which distances are right; inf of an exact shape."""
+        """The distance (m) up to which distances are right; inf of an exact shape."""
         ...
 
     def distance(self, points: Array) -> Distance:

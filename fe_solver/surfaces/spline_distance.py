@@ -47,7 +47,7 @@ def _basis(t: Array) -> Array:
 
 
 def _coefficients(values: Array) -> Array:
-    """(n + 2, ...) coefficients of the natural cubic spline through `values` (n, ...) in axis 0."""
+    """Coefficients (n + 2, ...) of the natural cubic spline through `values` (n, ...) in axis 0."""
     from scipy.linalg import solveh_banded
 
     out = np.empty((len(values) + 2, *values.shape[1:]))

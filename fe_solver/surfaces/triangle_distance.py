@@ -111,13 +111,13 @@ def _make_exact(
     """Make the distances (nx, ny, nz) of the nodes `near` exact, from values that are off by less
     than SLACK spacings; the nodes where that is not so are left, and returned."""
     squared = np.where(near, (value + SLACK * spacing) ** 2, 0.0)
-    before = squared.copy()
+    at_start = squared.copy()
     reach = (REACH + SLACK) * spacing
     mixed = np.argsort(np.arange(len(triangles)) * GOLDEN % 1)
     triangles = triangles[mixed]
     grid = (*_discs(triangles), origin, spacing, reach, squared)
     kernels.in_parallel(lambda a, b: lower_distances(a, b, triangles, *grid), len(value), SLABS)
-    done = squared < before
+    done = squared < at_start
     value[done] = np.sqrt(squared[done])
     return near & ~done
 
@@ -135,7 +135,7 @@ def _far(triangles: Array, origin: Array, spacing: float, shape: tuple[int, ...]
 
 
 def _refine(value: Array, count: int) -> Array:
-    """(count, ...) the cubic spline through values (m, ...) at every half of their spacing, from
+    """The cubic spline (count, ...) through values (m, ...) at every half of their spacing, from
     number BORDER on."""
     from scipy.ndimage import spline_filter1d
 
@@ -150,8 +150,8 @@ def _refine(value: Array, count: int) -> Array:
 
 
 def _upper_bound(triangles: Array, nodes: Array, edge: float) -> Array:
-    """(n,) distance of nodes (n, 3) to the faces of the TRIED nearest samples, which lie `edge` or
-    less apart: that of the surface or more, by less than edge squared over twice it."""
+    """The distance (n,) of nodes (n, 3) to the faces of the TRIED nearest samples, which lie `edge`
+    or less apart: that of the surface or more, by less than edge squared over twice it."""
     from scipy.spatial import cKDTree
 
     samples, owner = _samples(triangles, edge)
@@ -173,7 +173,7 @@ def _nearest_of(triangles: Array, points: Array, candidates: Ints) -> Array:
 
 
 def _exact(triangles: Array, nodes: Array, most: Array) -> Array:
-    """(n,) distance of nodes (n, 3) to the surface, which is `most` (n,) or less.
+    """The distance (n,) of nodes (n, 3) to the surface, which is `most` (n,) or less.
 
     Every face that may be nearer is tried.  Faces are looked for by the discs about them, those of
     like size together, so that a few large ones do not make all be looked at."""
@@ -241,7 +241,7 @@ def _to_segment(start: Array, end: Array, points: Array) -> Array:
 
 
 def distance_squared(triangles: Array, points: Array) -> Array:
-    """(n,) squared distance of points (n, 3) to triangles (n, 3, 3), pair by pair: to the plane
+    """The squared distance (n,) of points (n, 3) to triangles (n, 3, 3), pair by pair: to the plane
     where the foot lies inside, else to the nearest edge.  A sliver without a sure normal is its
     edges."""
     a, b, c = np.moveaxis(triangles, 1, 0)

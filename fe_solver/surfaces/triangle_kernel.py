@@ -52,19 +52,19 @@ def lower_distances(
                 first = max(low[2], int(np.ceil(middle - half)))
                 last = min(high[2], int(np.floor(middle + half)))
                 for k in range(first, last + 1):
-                    before = squared[i, j, k]
-                    if before <= 0.0:
+                    so_far = squared[i, j, k]
+                    if so_far <= 0.0:
                         continue
                     p[2] = origin[2] + spacing * k
                     z = p[2] - centre[n, 2]
                     height = x * normal[n, 0] + y * normal[n, 1] + z * normal[n, 2]
-                    if height * height >= before:
+                    if height * height >= so_far:
                         continue
                     apart = x * x + y * y + z * z
                     beside = np.sqrt(max(apart - height * height, 0.0)) - radius[n]
-                    if beside > 0.0 and height * height + beside * beside >= before:
+                    if beside > 0.0 and height * height + beside * beside >= so_far:
                         continue
-                    squared[i, j, k] = min(before, _distance_squared(a, b, c, p))
+                    squared[i, j, k] = min(so_far, _distance_squared(a, b, c, p))
 
 
 @compile_kernel

@@ -87,10 +87,10 @@ def speed(quads: int) -> Iterator[Speed]:
         "follow": lambda: solve(model, settled.configuration, CHANGE * PULL, options, near=True),
     }
     for name, case in cases.items():
-        found = case()
+        solution = case()
         both = [(_time(case), _time(lambda: _floor(model, settled))) for _ in range(REPEATS)]
         all_s, floor_s = np.min(both, axis=0).tolist()
-        yield Speed(name, len(model.quads), found.iterations, found.solves, all_s, floor_s)
+        yield Speed(name, len(model.quads), solution.iterations, solution.solves, all_s, floor_s)
 
 
 def machine() -> str:
@@ -103,7 +103,7 @@ def machine() -> str:
 
 
 def _time(work: Callable[[], object]) -> float:
-    """s."""
+    """The time (s) that the work takes."""
     begin = perf_counter()
     work()
     return perf_counter() - begin

@@ -21,14 +21,14 @@ def square(n: int) -> str:
 
 @dataclass(frozen=True)
 class Meshes:
-    """The sizes of the meshes that one element solves a problem on, the coarsest first.
-
-    The finest is judged: its error must be at most `within`, that of a mesh in `also` at most what
-    is given there by size.  The coarsest is shown in any case."""
+    """The meshes that one element solves a problem on."""
 
     sizes: tuple[int, ...]
+    """The coarsest first, which is shown in any case; the finest is judged."""
     within: float = 0.01
+    """Its largest error."""
     also: dict[int, float] = field(default_factory=dict)
+    """The largest error of other meshes by size."""
 
     @property
     def tolerances(self) -> dict[int, float | None]:
@@ -43,20 +43,21 @@ class Meshes:
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A problem and the values of its quantities.
-
-    `targets` maps the words for each quantity to its published value, in the order in which `solve`
-    gives them; `problem` says geometry, material and load, `source` where the targets are from.
-    `meshes` holds the meshes of each element by its number of nodes, `words` names a mesh by its
-    size."""
+    """A problem and the values of its quantities."""
 
     name: str
     problem: str
+    """Geometry, material and load."""
     targets: dict[str, float]
+    """The published value by the words for each quantity, in the order in which `solve` gives
+    them."""
     source: str
+    """Where the targets are from."""
     solve: Solve
     meshes: dict[int, Meshes]
+    """Of each element by its number of nodes."""
     words: Callable[[int], str] = square
+    """What a mesh of a size is called."""
 
     def rows(self) -> Iterator[Row]:
         """Yield for each element the coarsest and the finest mesh and those that are judged

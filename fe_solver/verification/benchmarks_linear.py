@@ -70,11 +70,9 @@ def bracket(n: int, fold: float) -> tuple[float, float]:
 def bracket_rows() -> Iterator[Row]:
     """The elements beside the fold share a director, which the mitre makes fit both."""
     for degrees in (30, 60, 90):
-        found, exact = bracket(32, np.deg2rad(degrees))
+        tip, exact = bracket(32, np.deg2rad(degrees))
         what = f"cantilever folded by {degrees} deg"
-        yield Row(
-            what, "tip deflection", exact, found, 2e-3, "Timoshenko beams; 32 elements an arm"
-        )
+        yield Row(what, "tip deflection", exact, tip, 2e-3, "Timoshenko beams; 32 elements an arm")
 
 
 def taper(n: int) -> tuple[float, float]:

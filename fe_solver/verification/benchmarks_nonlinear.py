@@ -90,8 +90,8 @@ def shear_rows() -> Iterator[Row]:
 
 
 def roll_up(n: int, parts: Array) -> Array:
-    """(len(parts), 2) displacements U and W of the end of a strip of 12 x 1 x 0.1, E = 1.2e6, nu =
-    0, under growing parts of the end moment that closes it to a circle.
+    """The displacements U and W (len(parts), 2) of the end of a strip of 12 x 1 x 0.1, E = 1.2e6,
+    nu = 0, under growing parts of the end moment that closes it to a circle.
 
     The end is tied to a body that nothing holds, whose pose is solved for together with the strip:
     the moment acts on the body.  Raises ConvergenceError."""
@@ -121,10 +121,12 @@ def solve_with_free_end(model: ShellModel, c: Configuration, wrench: Array) -> C
         out = wrenches(model, c, e, slack)["tie"][-1] + wrench
         if max(residual_norm(model, e)[0], float(np.abs(out).max())) <= 1e-8 * norm(wrench):
             return c
-        by_twist, own, _, _ = coupling(model, c, e, slack)
-        by_twist, own = by_twist[free, -6:], own[-6:, -6:]
+        by_twist, stiff, _, _ = coupling(model, c, e, slack)
+        by_twist, stiff = by_twist[free, -6:], stiff[-6:, -6:]
         solved = factorise(model, e.data).solve(np.column_stack([e.reduced[free], by_twist]))
-        twist = np.linalg.solve(own + by_twist.T @ solved[:, 1:], -out - by_twist.T @ solved[:, 0])
+        twist = np.linalg.solve(
+            stiff + by_twist.T @ solved[:, 1:], -out - by_twist.T @ solved[:, 0]
+        )
         step = np.zeros(model.pattern.size)
         step[free] = -solved[:, 0] - solved[:, 1:] @ twist
         c = _turn_end(model, model.take_step(c, e.bases, step), twist)
@@ -163,13 +165,13 @@ def end_rows(
     name: str,
     what: str,
     target: float,
-    found: Sequence[Array],
+    curves: Sequence[Array],
     i: int,
     source: str,
     meshes: tuple[str, str],
 ) -> Iterator[Row]:
     """The last two of three meshes at the end of the steps, displacement i of those watched."""
-    coarse, medium, fine = (float(f[-1, i]) for f in found)
+    coarse, medium, fine = (float(f[-1, i]) for f in curves)
     yield Row(name, f"{what}, {meshes[0]}", target, medium, COARSER * 0.01, source + meshes[0])
     order = halving_order(coarse, medium, fine)
     yield Row(name, what, target, fine, 0.01, source + meshes[1], order=order)
@@ -197,15 +199,15 @@ RING_SOURCE = f"{SZE}, as quoted in the PENGoLINS documentation and by FEniCS-Sh
 
 def ring_rows() -> Iterator[Row]:
     """Yield the rows of the slit ring."""
-    found = [follow(slit_ring(n, a), RING_PARTS) for n, a in ((32, 3), (64, 6), (128, 12))]
+    curves = [follow(slit_ring(n, a), RING_PARTS) for n, a in ((32, 3), (64, 6), (128, 12))]
     source = f"{RING_SOURCE}; "
     table = {"W_A": (10.023, 13.891), "W_B": (13.247, 17.528)}
     name = "slit annular plate"
     for i, (point, (middle, full)) in enumerate(table.items()):
         yield Row(
-            name, f"{point} at 0.45 p", middle, float(found[-1][9, i]), 0.01, f"{source}128 x 12"
+            name, f"{point} at 0.45 p", middle, float(curves[-1][9, i]), 0.01, f"{source}128 x 12"
         )
-        yield from end_rows(name, f"{point} at p", full, found, i, source, ("64 x 6", "128 x 12"))
+        yield from end_rows(name, f"{point} at p", full, curves, i, source, ("64 x 6", "128 x 12"))
 
 
 def hemisphere(n: int, nodes: int = 4) -> Loading:
@@ -230,13 +232,13 @@ HEMISPHERE_SOURCE = f"{SZE}, {ELMER} Shell_OpenHemisphere_High_Order"
 
 def hemisphere_rows() -> Iterator[Row]:
     """Yield the rows of the pinched hemisphere."""
-    found = [follow(hemisphere(n), TWENTIETHS) for n in (8, 16, 32)]
+    curves = [follow(hemisphere(n), TWENTIETHS) for n in (8, 16, 32)]
     source = f"{HEMISPHERE_SOURCE}; "
     table = {"outward": (3.406, 4.067), "inward": (5.902, 8.178)}
     name = "hemisphere, 18 deg hole, P = 400"
     for i, (way, (half, full)) in enumerate(table.items()):
-        yield Row(name, f"{way} at 0.50 P", half, float(found[-1][9, i]), 0.01, f"{source}32 x 32")
-        yield from end_rows(name, f"{way} at P", full, found, i, source, ("16 x 16", "32 x 32"))
+        yield Row(name, f"{way} at 0.50 P", half, float(curves[-1][9, i]), 0.01, f"{source}32 x 32")
+        yield from end_rows(name, f"{way} at P", full, curves, i, source, ("16 x 16", "32 x 32"))
 
 
 def open_cylinder(n: int) -> Loading:
@@ -261,14 +263,14 @@ def open_cylinder_rows() -> Iterator[Row]:
     """Coarse meshes only up to 0.1 P: beyond half the load the cylinder snaps, and theirs have two
     shapes there, of which rounding error chooses."""
     start = np.array([0.0125, 0.025, 0.05, 0.075, 0.1])
-    found = [follow(open_cylinder(n), start) for n in (6, 12)]
+    curves = [follow(open_cylinder(n), start) for n in (6, 12)]
     parts = np.concatenate([start, np.arange(5, 41) / 40])
     fine = follow(open_cylinder(24), parts)
     source = f"{SZE}, as quoted in public OpenSeesPy and Matlab scripts; "
     name, meshes = "open cylinder, pull-out", ("12 x 18", "24 x 36")
     at = {0.3: (2.257, 3.227, 3.452), 0.7: (2.672, 4.385, 3.378), 1.0: (2.768, 4.551, 3.269)}
     for i, (point, target) in enumerate(zip("ABC", (1.707, 2.217, 2.293), strict=True)):
-        what, all_ = f"deflection of {point} at 0.1 P", [*found, fine[: len(start)]]
+        what, all_ = f"deflection of {point} at 0.1 P", [*curves, fine[: len(start)]]
         yield from end_rows(name, what, target, all_, i, source, meshes)
     for part, targets in at.items():
         k = int(np.argmin(np.abs(parts - part)))
@@ -304,14 +306,14 @@ HALF_CYLINDER_SOURCE = f"{SZE}, as quoted in the FEniCS-Shells demo nonlinear-na
 def half_cylinder_rows() -> Iterator[Row]:
     """Yield the rows of the half cylinder."""
     # on 14 x 14 quads or fewer the free end folds up: no solution
-    found = [follow(half_cylinder(n), FORTIETHS) for n in (20, 40)]
+    curves = [follow(half_cylinder(n), FORTIETHS) for n in (20, 40)]
     source = f"{HALF_CYLINDER_SOURCE}; "
     name = "pinched half cylinder"
     for part, target in ((0.2, 0.37582), (0.5, 1.32653)):
-        seen = float(found[-1][round(40 * part) - 1, 0])
+        seen = float(curves[-1][round(40 * part) - 1, 0])
         yield Row(name, f"W at {part:.1f} P", target, seen, 0.01, f"{source}40 x 40")
     target, what = 1.71505, "W at 1.0 P"
-    coarse, fine = (float(f[-1, 0]) for f in found)
+    coarse, fine = (float(f[-1, 0]) for f in curves)
     order = error_order(coarse - target, fine - target)
     yield Row(name, f"{what}, 20 x 20", target, coarse, COARSER * 0.01, f"{source}20 x 20")
     yield Row(name, what, target, fine, 0.01, f"{source}40 x 40", order=order)

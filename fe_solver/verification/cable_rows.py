@@ -43,7 +43,7 @@ def net(points: Array, cells: Ints, bodies: tuple[str, ...] = ("ground",)) -> Sh
 
 
 def chain(count: int) -> Ints:
-    """(count, 2) cells of a line of nodes."""
+    """The cells (count, 2) of a line of nodes."""
     return np.arange(count)[:, None] + np.arange(2)
 
 
@@ -102,12 +102,12 @@ def string_rows() -> Iterator[Row]:
         s = solve_string(slack)
         pull, place = funicular(slack)
         x = s.configuration.x
-        for what, found, target in (
+        for what, value, target in (
             ("greatest tension (N)", cable_state(s.model.cables, x).force.max(), pull.max()),
             ("sag (m)", -x[:, 2].min(), -place[:, 1].min()),
         ):
             name = f"{what}, {100 * slack:+.0f} % of length"
-            yield Row(STRING, name, float(target), float(found), 1e-7, source)
+            yield Row(STRING, name, float(target), float(value), 1e-7, source)
 
 
 def over_cylinder(angle: float, count: int = 240) -> Solution:
@@ -217,8 +217,8 @@ def tangent_rows() -> Iterator[Row]:
     R = rotation_matrix(np.array([0.7, -1.1, 0.4]))
     still, turned = cable_forces(cells, x), cable_forces(cells, x @ R.T + 0.3)
     gap = np.abs(turned.gradient - still.gradient @ R.T).max() / np.abs(still.gradient).max()
-    what, own = "gradient of the turned net", "objectivity"
-    yield Row("cable tangent", what, 1e-12, float(gap), 0.0, own, "bound")
+    what, source = "gradient of the turned net", "objectivity"
+    yield Row("cable tangent", what, 1e-12, float(gap), 0.0, source, "bound")
 
 
 def some_cells() -> tuple[Cables, Array]:
@@ -237,16 +237,16 @@ def hessian_error(cells: Cables, x: Array) -> float:
     """Largest difference of the cells' Hessians from central differences of their gradients, over
     the largest entry."""
     exact, ends = cable_forces(cells, x).hessian, x[cells.nodes]
-    found, h = np.empty_like(exact), 1e-8
-    own = replace(cells, nodes=np.arange(2 * len(ends)).reshape(-1, 2))
+    differences, h = np.empty_like(exact), 1e-8
+    apart = replace(cells, nodes=np.arange(2 * len(ends)).reshape(-1, 2))
     for k in range(6):
         step = np.zeros((len(ends), 2, 3))
         step.reshape(-1, 6)[:, k] = h
         ahead, behind = (
-            cable_forces(own, (ends + s * step).reshape(-1, 3)).gradient for s in (1, -1)
+            cable_forces(apart, (ends + s * step).reshape(-1, 3)).gradient for s in (1, -1)
         )
-        found[:, :, k] = (ahead - behind).reshape(-1, 6) / (2 * h)
-    return float(np.abs(found - exact).max() / np.abs(exact).max())
+        differences[:, :, k] = (ahead - behind).reshape(-1, 6) / (2 * h)
+    return float(np.abs(differences - exact).max() / np.abs(exact).max())
 
 
 def closed_form_rows() -> Iterator[Row]:

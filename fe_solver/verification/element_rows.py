@@ -32,7 +32,7 @@ PATCH_QUADS = np.array([[0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7], 
 
 
 def halve(quads: np.ndarray) -> np.ndarray:
-    """(2 ne, 4) the triangles that the quads' diagonals make, as quads a, b, c, c."""
+    """The triangles (2 ne, 4) that the quads' diagonals make, as quads a, b, c, c."""
     return np.concatenate([quads[:, [0, 1, 2, 2]], quads[:, [0, 2, 3, 3]]])
 
 
@@ -65,7 +65,7 @@ def fold(X: Array) -> Array:
 
 
 def residual_along(model: ShellModel, c: Configuration, step: Array, tension: Array) -> Array:
-    """(5n,) gradient after a step in the bases of c, brought along with the directors' turn."""
+    """The gradient (5n,) after a step in the bases of c, brought along with the directors' turn."""
     A, T = model.bases(c)
     moved = model.take_step(c, (A, T), step)
     e = model.evaluate(moved, tension, tangent=False)

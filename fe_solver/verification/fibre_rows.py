@@ -94,9 +94,9 @@ def strip(
     model = replace(
         model, guides=Guides.on_body_axes(nodes, body, X, held), share=np.zeros((0, len(nodes)))
     )
-    found = _pull(model, stretch)
-    force = found.evaluation.gradient_x
-    across = float(np.ptp(found.configuration.x[end, 1])) / WIDTH
+    solution = _pull(model, stretch)
+    force = solution.evaluation.gradient_x
+    across = float(np.ptp(solution.configuration.x[end, 1])) / WIDTH
     return float(force[end, 0].sum()), float(force[side, 1].sum()), across
 
 

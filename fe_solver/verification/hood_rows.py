@@ -106,7 +106,7 @@ def add_wall(model: ShellModel, c: Configuration) -> ShellModel:
 
 
 def total_wrench(solution: Solution) -> Array:
-    """(12,) force and moment of the whole hood on the bodies."""
+    """The force and moment (12,) of the whole hood on the bodies."""
     parts = wrenches(solution.model, solution.configuration, solution.evaluation, solution.tension)
     return np.sum(list(parts.values()), axis=0).ravel()
 
@@ -119,10 +119,10 @@ def motion(solution: Solution) -> Motion:
 
 def jacobian(solution: Solution) -> HoodJacobian:
     """As a hood behind the port answers it."""
-    model, here = solution.model, motion(solution)
+    model, pose = solution.model, motion(solution)
     none = np.zeros((len(model.reference), 2))
-    hood = ShellHood(replace(model, groups=("bands",)), ("tendon",), here, none)
-    return hood.jacobian(HoodState(here, solution.configuration, solution))
+    hood = ShellHood(replace(model, groups=("bands",)), ("tendon",), pose, none)
+    return hood.jacobian(HoodState(pose, solution.configuration, solution))
 
 
 def by_penalty(model: ShellModel, start: Configuration, tension: Array) -> Solution:
@@ -137,14 +137,14 @@ def augment(model: ShellModel, start: Configuration, tension: Array) -> Solution
 
 def displace(solution: Solution, solver: Solver, twist: Array) -> Solution:
     """Solved again with the bodies moved by `twist` (12,)."""
-    c, there = solution.configuration, motion(solution).displace(twist)
-    start = solution.model.move_bodies(c, there.position, there.rotation)
+    c, pose = solution.configuration, motion(solution).displace(twist)
+    start = solution.model.move_bodies(c, pose.position, pose.rotation)
     return solver(solution.model, start, solution.tension)
 
 
 def by_motion(solution: Solution, solver: Solver) -> tuple[Array, Array]:
-    """(12, 12) of the wrenches and (12,) of the excursion by the bodies' twists, scaled: central
-    differences of solutions."""
+    """The derivatives of the wrenches (12, 12) and the excursion (12,) by the bodies' twists,
+    scaled: central differences of solutions."""
     wrench, excursion = np.empty((12, 12)), np.empty(12)
     for i, way in enumerate(np.eye(12)):
         ahead, behind = (displace(solution, solver, s * STEP * SCALES * way) for s in (1, -1))
@@ -155,15 +155,15 @@ def by_motion(solution: Solution, solver: Solver) -> tuple[Array, Array]:
 
 
 def by_tension(solution: Solution, solver: Solver, step: float = 1e-4) -> Array:
-    """(12,) of the wrenches by the tension, scaled: central differences of solutions."""
+    """The wrenches' derivative (12,) by the tension, scaled: central differences of solutions."""
     c, model = solution.configuration, solution.model
     ahead, behind = (total_wrench(solver(model, c, TENSION + s * step)) for s in (1, -1))
     return np.asarray((ahead - behind) / (2 * step) * SCALES)
 
 
 def own_pull(solution: Solution) -> Array:
-    """(12,) of the tendon, for 1 N, on the body that guides it, scaled: there the muscle would hold
-    on, and reciprocity is of what remains."""
+    """The wrench (12,) of the tendon, for 1 N, on the body that guides it, scaled: there the muscle
+    would hold on, and reciprocity is of what remains."""
     c, model = solution.configuration, solution.model
     at, out = model.guides, np.zeros((2, 6))
     force = model.pulls(c, np.ones(1))
@@ -193,12 +193,12 @@ def tangent_rows(solution: Solution, of: str = "") -> Iterator[Row]:
     derivative of that very component; and the moment arms by force and by excursion."""
     exact, (wrench, excursion) = jacobian(solution), by_motion(solution, by_penalty)
     yield from component_rows(f"condensed tangent{of}", exact, wrench)
-    own, slides = own_pull(solution), exact.excursion_motion[0] * SCALES
-    arms = exact.load_tension[:, 0] * SCALES - own
+    muscle, slides = own_pull(solution), exact.excursion_motion[0] * SCALES
+    arms = exact.load_tension[:, 0] * SCALES - muscle
     for what, bound, seen, source in (
         ("d tau / d T = d x / d q", 1e-8, slides, "reciprocity, both by back-substitution"),
         ("d x / d q", 1e-5, excursion, DIFFERENCES),
-        ("d tau / d T", 1e-5, by_tension(solution, by_penalty) - own, DIFFERENCES),
+        ("d tau / d T", 1e-5, by_tension(solution, by_penalty) - muscle, DIFFERENCES),
     ):
         off = float(np.abs(arms - seen).max() / np.abs(arms).max())
         yield Row(NAME, f"{what}{of}, all motions", bound, off, 0.0, source, "bound")
@@ -217,10 +217,10 @@ def component_rows(what: str, exact: HoodJacobian, wrench: Array) -> Iterator[Ro
 def augmented_rows(solution: Solution) -> Iterator[Row]:
     """Yield the rows of the constrained problem, whose pressed nodes are held by springs
     `augment.PIN` times as stiff as any other."""
-    here = augment(solution.model, solution.configuration, TENSION)
-    exact, (wrench, _) = jacobian(here), by_motion(here, augment)
+    augmented = augment(solution.model, solution.configuration, TENSION)
+    exact, (wrench, _) = jacobian(augmented), by_motion(augmented, augment)
     yield from component_rows("condensed tangent, augmented", exact, wrench)
-    arms = exact.load_tension[:, 0] * SCALES - own_pull(here)
+    arms = exact.load_tension[:, 0] * SCALES - own_pull(augmented)
     off = float(np.abs(arms - exact.excursion_motion[0] * SCALES).max() / np.abs(arms).max())
     what = "d tau / d T = d x / d q, augmented, all motions"
     source = "reciprocity, both by back-substitution"
@@ -236,6 +236,6 @@ def rows() -> Iterator[Row]:
         solutions[name] = solve_augmented(model.with_changes(contacts=contacts), c, TENSION, NEWTON)
     yield from moment_rows(solutions)
     yield from tangent_rows(by_penalty(add_wall(model, c), c, TENSION))
-    nine, there = bend_hood(nine=True)
-    yield from tangent_rows(by_penalty(add_wall(nine, there), there, TENSION), ", nine nodes")
+    nine, pose = bend_hood(nine=True)
+    yield from tangent_rows(by_penalty(add_wall(nine, pose), pose, TENSION), ", nine nodes")
     yield from augmented_rows(solutions["1e11"])

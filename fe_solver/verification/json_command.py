@@ -34,14 +34,14 @@ def run_json_command(call: Sequence[str], settings: Mapping[str, str]) -> Any:
     begin with a brace.
 
     Raises CosimError with the reason where it fails or crashes."""
-    here = {"PYTHONPATH": os.pathsep.join(sys.path)}
+    path = {"PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(
         call,
         capture_output=True,
         encoding="utf-8",
         errors="replace",
         check=False,
-        env={**os.environ, **here, **settings},
+        env={**os.environ, **path, **settings},
     )
     if done.returncode < 0:
         raise CosimError(f"crashed: {signal.Signals(-done.returncode).name}")

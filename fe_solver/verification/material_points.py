@@ -14,8 +14,8 @@ from fe_solver.materials.linear import Law, LinearLaw
 
 
 def axes(angle: float) -> Array:
-    """(3, 3) R of a fibre at `angle` (rad) from x: strain in its axes is R strain (engineering
-    shear), stress in x and y is R^T stress."""
+    """The matrix R (3, 3) of a fibre at `angle` (rad) from x: strain in its axes is R strain
+    (engineering shear), stress in x and y is R^T stress."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array(
         [[c * c, s * s, s * c], [s * s, c * c, -s * c], [-2 * s * c, 2 * s * c, c * c - s * s]]
@@ -49,7 +49,7 @@ def uniaxial(law: Potential, stretch: float, angle: float = 0.0) -> tuple[float,
 
 
 def cauchy(law: Potential, F: Array, angle: float = 0.0) -> Array:
-    """(2, 2) Cauchy stress (Pa) at the plane deformation gradient F (2, 2)."""
+    """The Cauchy stress (2, 2) Pa at the plane deformation gradient F (2, 2)."""
     C, R = F.T @ F, axes(angle)
     E = np.array([(C[0, 0] - 1) / 2, (C[1, 1] - 1) / 2, C[0, 1]])
     S = rotate(law, E, R)[0]
@@ -58,7 +58,7 @@ def cauchy(law: Potential, F: Array, angle: float = 0.0) -> Array:
 
 
 def strains(count: int, reach: float = 0.12) -> Array:
-    """(count, 3) strains that repeat, between -reach/2 and +reach."""
+    """The strains (count, 3) that repeat, between -reach/2 and +reach."""
     return np.random.default_rng(7).uniform(-reach / 2, reach, (count, 3))
 
 
@@ -155,9 +155,9 @@ def least_wrinkled_energy(law: Law, strain: Array) -> float:
     most = 1e-9 * float(law.response(strain).energy)
     start, options = np.full(3, 0.1), {"xatol": 1e-6, "fatol": most, "maxiter": 4000}
     for _ in range(2):
-        found = minimize(energy, start, method="Nelder-Mead", options=options)
-        start = found.x + 1e-4
-    return float(found.fun)
+        minimum = minimize(energy, start, method="Nelder-Mead", options=options)
+        start = minimum.x + 1e-4
+    return float(minimum.fun)
 
 
 def fibre_tension(law: TransIsoMooneyRivlin, stretch: float) -> float:

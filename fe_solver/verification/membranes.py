@@ -42,8 +42,8 @@ def triangle_elements(n: int, nodes: int) -> tuple[Array, np.ndarray]:
 
 
 def hencky_tension(middle: float) -> Array:
-    """(TERMS,) coefficients, by even powers of r / a, of the radial tension in a circular membrane
-    over (E t q^2 a^2)^(1/3), from that in its middle.
+    """The coefficients (TERMS,), by even powers of r / a, of the radial tension in a circular
+    membrane over (E t q^2 a^2)^(1/3), from that in its middle.
 
     With n the tension and x = r / a, equilibrium and compatibility are
     x^2 n'' + 3 x n' + x^2 / (8 n^2) = 0."""

@@ -22,33 +22,34 @@ MOST_HALVINGS = 3
 
 @dataclass(frozen=True)
 class Loading:
-    """A model, its full load (n, 3) N, and the direction (n, 3) of each of the k displacements that
-    are looked at, as weights (k, n, 3)."""
+    """A model and its load."""
 
     model: ShellModel
     load: Array
+    """(n, 3) N, the full one."""
     watched: Array
+    """(k, n, 3), weights of k displacements that are looked at."""
 
     def watched_displacements(self, c: Configuration) -> Array:
-        """(k,) m, weighted means of the nodes' displacements in a configuration."""
+        """The weighted means (k,) m of the nodes' displacements in a configuration."""
         return np.einsum("kni,ni->k", self.watched, c.x - self.model.reference)
 
 
 def follow(loading: Loading, parts: Iterable[float]) -> Array:
-    """(len(parts), k) watched displacements under growing parts of the load.  Raises
+    """The watched displacements (len(parts), k) under growing parts of the load.  Raises
     ConvergenceError."""
-    c, out, before = at_rest(loading.model), [], 0.0
+    c, out, reached = at_rest(loading.model), [], 0.0
     for part in parts:
-        c = _reach(loading, c, before, part, MOST_HALVINGS)
+        c = _reach(loading, c, reached, part, MOST_HALVINGS)
         out.append(loading.watched_displacements(c))
-        before = part
+        reached = part
     return np.array(out)
 
 
 def _reach(
-    loading: Loading, c: Configuration, before: float, part: float, halvings: int
+    loading: Loading, c: Configuration, reached: float, part: float, halvings: int
 ) -> Configuration:
-    """Equilibrium under a part of the load, from that under the part `before`; by halves where the
+    """Equilibrium under a part of the load, from that under the part `reached`; by halves where the
     whole step fails."""
     model = replace(loading.model, dead=part * loading.load)
     try:
@@ -56,13 +57,13 @@ def _reach(
     except ConvergenceError:
         if halvings == 0:
             raise
-    half = (before + part) / 2
-    c = _reach(loading, c, before, half, halvings - 1)
+    half = (reached + part) / 2
+    c = _reach(loading, c, reached, half, halvings - 1)
     return _reach(loading, c, half, part, halvings - 1)
 
 
 def watching(node: int, direction: Array, n: int) -> Array:
-    """(n, 3) weights of one node's displacement along `direction`."""
+    """The weights (n, 3) of one node's displacement along `direction`."""
     out = np.zeros((n, 3))
     out[node] = direction
     return out
@@ -89,8 +90,8 @@ def limit(coarse: float, fine: float) -> float:
 def drive_node(
     model: ShellModel, node: int, way: Array, values: Iterable[float]
 ) -> tuple[Array, Configuration]:
-    """(len(values),) N force along `way` (3,), a unit vector, that moves a held node along it by
-    growing values (m), and the last configuration: a path beyond a limit load.  Raises
+    """The force (len(values),) N along `way` (3,), a unit vector, that moves a held node along it
+    by growing values (m), and the last configuration: a path beyond a limit load.  Raises
     ConvergenceError."""
     g, c = model.guides, at_rest(model)
     on = (g.node == node)[:, None]
@@ -110,5 +111,5 @@ def largest(values: Array) -> float:
     k = int(np.argmax(values))
     if not 0 < k < len(values) - 1:
         raise ConvergenceError("the load has no maximum within the path that was followed")
-    before, top, after = values[k - 1 : k + 2]
-    return float(top + (after - before) ** 2 / (8 * (2 * top - before - after)))
+    previous, top, following = values[k - 1 : k + 2]
+    return float(top + (following - previous) ** 2 / (8 * (2 * top - previous - following)))

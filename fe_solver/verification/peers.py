@@ -44,13 +44,16 @@ WITHIN = 5e-3
 
 @dataclass(frozen=True)
 class Answer:
-    """Mean deflection of the loaded edge along z (m; weighed with the load, so that the load times
-    it is its work), linear solves of all steps, seconds for each, and the linear solver's name."""
+    """What a program answers."""
 
     deflection: float
+    """m, mean along z of the loaded edge, weighed so that the load times it is its work."""
     solves: int
+    """Linear solves of all steps."""
     solve_s: float
+    """For each of them."""
     linear: str
+    """The linear solver's name."""
 
 
 def strip(along: int, across: int) -> tuple[ShellModel, Array]:

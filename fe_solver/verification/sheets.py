@@ -41,9 +41,9 @@ def with_nine_nodes(points: Array, quads: np.ndarray) -> tuple[Array, np.ndarray
     edges = np.sort(quads[:, [[0, 3], [1, 2], [0, 1], [3, 2]]].reshape(-1, 2), axis=1)
     edges, middle = np.unique(edges, axis=0, return_inverse=True)
     on_edges = len(points) + middle.reshape(-1, 4)
-    own = len(points) + len(edges) + np.arange(len(quads))
+    middles = len(points) + len(edges) + np.arange(len(quads))
     points = np.vstack([points, points[edges].mean(axis=1), points[quads].mean(axis=1)])
-    return points, np.column_stack([quads, on_edges, own])
+    return points, np.column_stack([quads, on_edges, middles])
 
 
 def elements(
@@ -60,7 +60,7 @@ def elements(
 
 
 def line_weights(s: Array, nodes: int, density: Callable[[Array], Array] = np.ones_like) -> Array:
-    """(k,) consistent nodal forces of a load per length on an edge of elements of four or nine
+    """The consistent nodal forces (k,) of a load per length on an edge of elements of four or nine
     `nodes` whose own nodes lie at s (k,)."""
     order, out = np.argsort(s), np.zeros(len(s))
     points, factors = np.polynomial.legendre.leggauss(3)
@@ -77,7 +77,7 @@ def line_weights(s: Array, nodes: int, density: Callable[[Array], Array] = np.on
 
 
 def surface_weights(model: ShellModel) -> Array:
-    """(n,) consistent nodal forces of a unit load per area of the mid-surface."""
+    """The consistent nodal forces (n,) of a unit load per area of the mid-surface."""
     element = kind_of(model.quads)
     shape = np.stack([element.shape(r, s)[0] for r, s in element.gauss])
     shares = (model.tables.weight @ shape).ravel()
@@ -204,6 +204,6 @@ def linear_response(
 
 
 def in_basis(model: ShellModel, displacement: Array, turn: Array) -> Array:
-    """(n, 5) of displacements (n, 3) and changes of the directors (n, 3)."""
+    """The components (n, 5) of displacements (n, 3) and changes of directors (n, 3)."""
     A, T = model.bases(at_rest(model))
     return np.hstack([np.einsum("nij,ni->nj", A, displacement), np.einsum("nij,ni->nj", T, turn)])

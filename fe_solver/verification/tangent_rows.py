@@ -121,22 +121,22 @@ def forces_error(act: Callable[[Array], PointForces], x: Array) -> float:
     """The error of gradient and Hessian at x (n, 3) along a random way, against central differences
     of energy and gradient."""
     way = 1e-8 * np.random.default_rng(2).normal(size=x.shape)
-    low, here, high = (act(x + s * way) for s in (-1, 0, 1))
-    slope = 2 * float(np.sum(here.gradient * way[here.node]))
+    low, centre, high = (act(x + s * way) for s in (-1, 0, 1))
+    slope = 2 * float(np.sum(centre.gradient * way[centre.node]))
     first = abs((high.energy - low.energy) / slope - 1)
     change = high.gradient - low.gradient
-    product = 2 * np.einsum("kij,kj->ki", here.hessian, way[here.node])
+    product = 2 * np.einsum("kij,kj->ki", centre.hessian, way[centre.node])
     return max(first, float(np.abs(product - change).max() / np.abs(change).max()))
 
 
 def pair_error(springs: NodeSprings, x: Array) -> float:
     """The error of springs between nodes, as in `forces_error`."""
     way = 1e-8 * np.random.default_rng(2).normal(size=x.shape)
-    low, here, high = (node_springs(springs, x + s * way, True) for s in (-1, 0, 1))
-    own = 2 * way[springs.nodes]
-    first = abs((high.energy - low.energy) / float(np.sum(here.gradient * own)) - 1)
+    low, centre, high = (node_springs(springs, x + s * way, True) for s in (-1, 0, 1))
+    pair_way = 2 * way[springs.nodes]
+    first = abs((high.energy - low.energy) / float(np.sum(centre.gradient * pair_way)) - 1)
     change = (high.gradient - low.gradient).reshape(-1, 6)
-    product = np.einsum("kij,kj->ki", here.hessian, own.reshape(-1, 6))
+    product = np.einsum("kij,kj->ki", centre.hessian, pair_way.reshape(-1, 6))
     return max(first, float(np.abs(product - change).max() / np.abs(change).max()))
 
 

@@ -71,10 +71,10 @@ def annulus_torque(inner: float, outer: float) -> float:
     def torque(c: float) -> float:
         return 2 * c**2 / float(np.log((outer**2 - c**2) / (inner**2 - c**2)))
 
-    found = minimize_scalar(
+    best = minimize_scalar(
         lambda c: -torque(c), bounds=(0, inner), method="bounded", options={"xatol": 1e-12}
     )
-    return -float(found.fun)
+    return -float(best.fun)
 
 
 INNER, OUTER = 0.05, 0.125
@@ -127,15 +127,15 @@ def bent_rectangle(moment: float, n: int, nodes: int) -> list[float]:
     on = right[g.node]
     origin = g.origin.copy()
     origin[on, 0] += LENGTH * curvature * (X[g.node[on], 1] - wrinkled)
-    found = _equilibrium(replace(model, guides=replace(g, origin=origin)))
-    force = found.evaluation.gradient_x[right, 0]
+    solution = _equilibrium(replace(model, guides=replace(g, origin=origin)))
+    force = solution.evaluation.gradient_x[right, 0]
     pull, turned = force.sum(), force @ (X[right, 1] - HEIGHT / 2)
-    return [pull / PULL, turned / (pull * HEIGHT), _where_it_ends(found) / HEIGHT]
+    return [pull / PULL, turned / (pull * HEIGHT), _where_it_ends(solution) / HEIGHT]
 
 
-def _where_it_ends(found: Solution) -> float:
-    """m, the height y at which the line of the tension along x ends."""
-    model, c = found.model, found.configuration
+def _where_it_ends(solution: Solution) -> float:
+    """The height y (m) at which the line of the tension along x ends."""
+    model, c = solution.model, solution.configuration
     element, y = kind_of(model.quads), model.reference[model.quads][:, :, 1]
     at = np.stack([element.shape(r, s)[0] for r, s in element.gauss]) @ y.T
     strain = model.tables.strain(np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1))

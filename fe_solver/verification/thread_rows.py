@@ -49,13 +49,11 @@ def _row(linear: str, settings: list[dict[str, str]]) -> Row:
     """Solved in processes of their own."""
     name, what = "threads 1 and 2", f"different bytes of shape and tangent, {linear}"
     try:
-        found = [
-            run_json_command(python("-m", __name__), {**s, VARIABLE: linear}) for s in settings
-        ]
+        runs = [run_json_command(python("-m", __name__), {**s, VARIABLE: linear}) for s in settings]
     except CosimError as error:
         return Row(name, what, 0, float("nan"), 0.0, str(error), "absolute")
-    assert [one["threads"] for one in found] == list(THREADS)
-    others = len({one["sha256"] for one in found}) - 1
+    assert [one["threads"] for one in runs] == list(THREADS)
+    others = len({one["sha256"] for one in runs}) - 1
     source = f"the solve with one thread, {MESH[0]} x {MESH[1]} quads, by SHA-256"
     return Row(name, what, 0, others, 0.0, source, "absolute")
 

@@ -46,7 +46,7 @@ class Placing:
     """(3,) of the MCP's centre, in the file's unit and axes."""
 
     def of(self, points: Array) -> Array:
-        """(n, 3) m in the metacarpal's frame."""
+        """The points (n, 3) m in the metacarpal's frame."""
         return np.asarray((points - self.origin) @ self.axes.T * UNITS[self.unit])
 
     @property
@@ -56,8 +56,8 @@ class Placing:
 
 
 def parse_axes(text: str) -> Array:
-    """(3, 3) whose rows are our x (distal), y (radial), z (dorsal) in the file's axes, of a text
-    like "z -x y".  Raises InputError."""
+    """The matrix (3, 3) whose rows are our x (distal), y (radial), z (dorsal) in the file's axes,
+    of a text like "z -x y".  Raises InputError."""
     words = text.split()
     out = np.zeros((3, 3))
     if len(words) == 3 and sorted(word.lstrip("+-") for word in words) == list(AXES):

@@ -105,7 +105,7 @@ def read_sheet(
 
 
 def _directions(vectors: Array, placing: Placing) -> Array:
-    """(ne, 3) unit, in our axes, of vectors (ne, 3) in the file's."""
+    """The unit vectors (ne, 3) in our axes of vectors (ne, 3) in the file's."""
     turned = vectors @ placing.axes.T
     return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
@@ -172,7 +172,8 @@ def _faces_the_bones(points: Array, quads: Ints, chain: Centreline) -> bool:
 
 
 def places(points: Array, chain: Centreline) -> Array:
-    """(n,) m along the chain of joint centres at which its cross-section holds a point (n, 3)."""
+    """The places (n,) m along the chain of joint centres at which its cross-section holds a point
+    (n, 3)."""
     total = float(chain.skeleton.length[1:].sum())
     s = np.arange(-0.06, total + 0.03, 0.25e-3)
     centre, axes = chain.frames(s)
@@ -188,7 +189,7 @@ def places(points: Array, chain: Centreline) -> Array:
 
 
 def stations(skeleton: Skeleton, place: Array) -> Array:
-    """(n,) mm of the index finger whose places along a skeleton are `place` (m)."""
+    """The stations (n,) mm of the index finger whose places along a skeleton are `place` (m)."""
     grid = np.arange(-100.0, 160.0, 0.05)
     return np.asarray(np.interp(place, along(skeleton, grid), grid))
 
@@ -296,7 +297,7 @@ def _springs(
 
 
 def _orient_lines(name: str, lines: Ints, used: Ints) -> Ints | None:
-    """(k, 2) from the hood's node to the anchor; None of lines that run in the hood.
+    """The lines (k, 2) from the hood's node to the anchor; None of lines that run in the hood.
 
     Raises InputError for lines of both kinds, or off the hood."""
     on = np.isin(lines, used)

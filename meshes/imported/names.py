@@ -78,7 +78,8 @@ def map_names(raw: RawMesh, mapping: Mapping[str, str]) -> Named:
 
 
 def check_names(mapping: Mapping[str, str], more: Sequence[str] = ()) -> None:
-    """Raises InputError for one of our names that is none; `more` are allowed too."""
+    """Check the names of a mapping.  Raises InputError for one of our names that is none; `more`
+    are allowed too."""
     for ours in mapping:
         if ours not in NAMES and ours not in more:
             near = difflib.get_close_matches(ours, (*NAMES, *more), n=3, cutoff=0.4)

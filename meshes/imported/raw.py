@@ -108,7 +108,7 @@ class _Sets:
     thick: list[Array] = field(default_factory=list)
 
     def thickness(self) -> Array | None:
-        """(ne,) where every quad has one."""
+        """The quads' thickness (ne,), where every quad has one."""
         if not self.thick:
             return None
         out = np.concatenate(self.thick)
@@ -118,7 +118,7 @@ class _Sets:
         return None
 
     def whole_fields(self) -> dict[str, Array]:
-        """(ne, 3) vectors by name, those that every quad has; the others are dropped."""
+        """The vectors (ne, 3) by name, those that every quad has; the others are dropped."""
         out = {name: np.concatenate(parts) for name, parts in self.vectors.items()}
         whole = {
             name: values
@@ -236,7 +236,7 @@ def _cards(text: str, read: Iterable[str]) -> list[str]:
 
 
 def _sections(text: str, cells: Mapping[str, Ints], count: int) -> Array | None:
-    """(ne,) thickness by the shell sections of an Abaqus file, where each quad has one whose
+    """The thickness (ne,) by the shell sections of an Abaqus file, where each quad has one whose
     reference is the mid-surface."""
     sets = {name.casefold(): chosen for name, chosen in cells.items()}
     out = np.zeros(count)

@@ -62,7 +62,7 @@ class PressureRecord:
 
     @property
     def rate(self) -> Array:
-        """(k - 2, n) Pa/s, of all but the first and the last value."""
+        """The pressures' rates (k - 2, n) Pa/s, of all but the first and the last value."""
         return np.asarray((self.pressure[2:] - self.pressure[:-2]) / (2.0 * SAMPLE))
 
 
@@ -82,8 +82,8 @@ class AirModel:
         return _columns(self.terms, voltage, pressure) @ self.coefficients
 
     def ahead(self, pressure: Array, voltages: Array, dt: float = SAMPLE) -> Array:
-        """(n,) Pa after as many times dt as there are rows in `voltages` (j, n): those given
-        already, the oldest first, whose effect the lag still holds back.
+        """The pressures (n,) Pa that follow after as many times dt as there are rows in `voltages`
+        (j, n): those given already, the oldest first, whose effect the lag still holds back.
 
         Exact for the equation, which is linear in P: with dP/dt = a + b P over a time h,
         P(h) = P + (a + b P) (e^(b h) - 1) / b."""
@@ -117,7 +117,8 @@ def simulate_record(air: Pneumatics, command: Command, duration: float, n: int) 
 
 
 def _late(command: Command, time: float, delay: Array) -> Array:
-    """(n,) V that reach the valves at a time: each commanded its delay before; the first before."""
+    """The voltages (n,) V that reach the valves at a time, each commanded its delay before; the
+    first before."""
     if np.all(delay == delay[0]):
         return np.broadcast_to(command(max(time - delay[0], 0.0)), delay.shape)
     return np.array([command(max(time - d, 0.0))[i] for i, d in enumerate(delay)])
@@ -140,12 +141,12 @@ def sines(
 
 
 def _columns(terms: tuple[tuple[int, int], ...], voltage: Array, pressure: Array) -> Array:
-    """(..., m) of V^v P^p."""
+    """The model's terms V^v P^p, (..., m)."""
     return np.stack([voltage**v * pressure**p for v, p in terms], axis=-1)
 
 
 def pair_rows(record: PressureRecord, lag: int) -> tuple[Array, Array, Array]:
-    """(j, n) voltages, pressures and rates that belong together."""
+    """Voltages, pressures and rates that belong together, (j, n) each."""
     rows = np.arange(max(lag, 1), len(record.time) - 1)
     return record.voltage[rows - lag], record.pressure[rows], record.rate[rows - 1]
 
@@ -181,7 +182,7 @@ def identify(
 
 
 def spread(x: Array, residual: Array) -> Array:
-    """(m,) standard deviations from (j, n, m) and (j, n), each cylinder cut into blocks."""
+    """The standard deviations (m,) from (j, n, m) and (j, n), each cylinder cut into blocks."""
     m = x.shape[-1]
     scores = x * residual[..., None]
     sums = np.add.reduceat(scores, np.arange(0, len(x), BLOCK), axis=0).reshape(-1, m)
@@ -241,6 +242,7 @@ def steps(
 
 
 def latency(record: PressureRecord) -> Array:
-    """(n,) s from the step to the largest |dP/dt| of the 100 Hz signal, to its 10 ms."""
+    """Each cylinder's delay (n,) s, from the step to the largest |dP/dt| of the 100 Hz signal, to
+    its 10 ms."""
     at = np.abs(record.rate).argmax(axis=0) + 1
     return np.asarray(record.time[at] - AT)

@@ -129,7 +129,7 @@ class Pneumatics:
 
 
 class AirState(NamedTuple):
-    """(n,) each."""
+    """The state of n cylinders and their valves, (n,) each."""
 
     spool: Array
     """V, at which the spool stands."""
@@ -165,7 +165,8 @@ def mass_flow(
 
 
 def openings(valve: Valve, spool: Numbers) -> Array:
-    """(2, ...) of the edges to supply and atmosphere, 0 to 1, at a spool's place in V."""
+    """How far open a valve is, (2, ...) of the edges to supply and atmosphere, 0 to 1, at a spool's
+    place in V."""
     off = (np.asarray(spool) - NEUTRAL) / FULL
     both = np.stack(np.broadcast_arrays(valve.underlap + off, valve.underlap - off))
     return np.minimum(np.maximum(both, 0.0), 1.0)
@@ -250,7 +251,8 @@ def resting_voltage(valve: Valve, pressure: Numbers) -> Array:
 
 
 def resting_pressure(valve: Valve, voltage: Numbers) -> Array:
-    """Pa at which the chamber rests at a voltage: `resting_voltage` inverted by bisection."""
+    """The pressure, Pa, at which the chamber rests at a voltage: `resting_voltage` inverted by
+    bisection."""
     shape = np.broadcast(voltage, valve.supply, valve.underlap).shape
     low, high = np.full(shape, ATMOSPHERE), np.broadcast_to(valve.supply, shape)
     for _ in range(60):
@@ -268,7 +270,7 @@ def at_rest(air: Pneumatics, voltage: Array, volume: Array) -> AirState:
 
 
 def tension(cylinder: PneumaticCylinder, pressure: Array, inward: Numbers = 0.0) -> Array:
-    """(n,) N on the tendon while the piston moves inward at so many m/s: the area times the
+    """The tendons' tensions (n,) N while the piston moves inward at so many m/s: the area times the
     pressure difference less friction, and never below 0."""
     rubbing = cylinder.friction * np.tanh(np.asarray(inward) / CREEP)
     return np.asarray(np.maximum(cylinder.area * (pressure - ATMOSPHERE) - rubbing, 0.0))

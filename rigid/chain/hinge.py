@@ -44,7 +44,8 @@ class HingeFinger(ChainFinger):
         support: Support = IN_PLANE,
         ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
-        """Raises InputError for lengths that are not three positive numbers or an unknown joint."""
+        """Build the chain.  Raises InputError for lengths that are not three positive numbers or an
+        unknown joint."""
         self.lengths = np.asarray(lengths, dtype=float)
         if self.lengths.shape != (3,) or not (self.lengths > 0).all():
             raise InputError(f"hinge finger: expected three positive lengths (m), got {lengths}")

@@ -31,7 +31,8 @@ def spring_torque(q: Array, stiffness: Array, rest: Array) -> tuple[Array, Array
 
 @compile_kernel
 def _smooth_step(u: float) -> tuple[float, float]:
-    """s = 10 u^3 - 15 u^4 + 6 u^5 between 0 and 1 (constant outside) and ds/du."""
+    """A smooth step and its slope: s = 10 u^3 - 15 u^4 + 6 u^5 between 0 and 1 (constant outside)
+    and ds/du."""
     u = min(max(u, 0.0), 1.0)
     return u**3 * (10 + u * (6 * u - 15)), 30 * u**2 * (1 - u) ** 2
 
@@ -76,7 +77,7 @@ def limit_torque(
 
 
 def limit_damping(q: Array, lower: Array, upper: Array, damping: float, transition: float) -> Array:
-    """N m s/rad, the damping of OpenSim's CoordinateLimitForce: s(x / transition) `damping` at x
+    """The damping, N m s/rad, of OpenSim's CoordinateLimitForce: s(x / transition) `damping` at x
     rad beyond a limit, against the motion in either direction."""
     beyond = np.maximum(q - upper, 0.0) + np.maximum(lower - q, 0.0)
     share = np.empty(np.shape(beyond))
@@ -87,7 +88,7 @@ def limit_damping(q: Array, lower: Array, upper: Array, damping: float, transiti
 def limit_energy(
     q: Array, lower: Array, upper: Array, stiffness: float, transition: float
 ) -> Array:
-    """J, the integral of the limit's torque K s(x / t) x over x."""
+    """The energy in a limit, J: the integral of the limit's torque K s(x / t) x over x."""
     beyond = np.maximum(q - upper, 0.0) + np.maximum(lower - q, 0.0)
     u = np.minimum(beyond / transition, 1.0)
     rising = transition**2 * u**5 * (2 - 2.5 * u + 6 / 7 * u**2)
@@ -112,14 +113,14 @@ class TorqueCurve:
             )
 
     def __call__(self, q: float) -> tuple[float, float]:
-        """N m and N m/rad at q rad."""
+        """The torque, N m, and its slope, N m/rad, at q rad."""
         inside = min(max(q, self.angle[0]), self.angle[-1])
         spline, slope = self._splines
         gradient = float(slope(inside))
         return float(spline(inside)) + gradient * (q - inside), gradient
 
     def energy(self, q: float) -> float:
-        """J, minus the integral of the torque from the first angle to q."""
+        """The energy stored, J: minus the integral of the torque from the first angle to q."""
         inside = min(max(q, self.angle[0]), self.angle[-1])
         torque, slope = self(inside)
         beyond = q - inside
@@ -182,7 +183,7 @@ class JointLaw:
         return torque, slope
 
     def energy(self, q: Array) -> float:
-        """J, stored in springs, curves and limits."""
+        """The energy, J, stored in springs, curves and limits."""
         springs = 0.5 * float(self.stiffness @ (q - self.rest) ** 2)
         curves = sum(c.energy(float(q[self.joints.index(j)])) for j, c in self.curves.items())
         limits = limit_energy(q, self.lower, self.upper, self.limit_stiffness, self.transition)
@@ -245,7 +246,7 @@ def joint_law(
 def by_joint(
     values: Mapping[str, float] | None, joints: Sequence[str], default: float, what: str
 ) -> Array:
-    """(nq,) values in the order of `joints`; raises InputError for a name not among them."""
+    """The values (nq,) in the order of `joints`.  Raises InputError for a name not among them."""
     values = {} if values is None else values
     unknown = [name for name in values if name not in joints]
     if unknown:

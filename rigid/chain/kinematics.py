@@ -39,15 +39,15 @@ class Chain:
 
     @cached_property
     def jacobian(self) -> Array:
-        """(nb + 1, 6, nq) twists of the bodies at their origins and of the last one at the tip, per
-        joint rate."""
+        """The twists (nb + 1, 6, nq) of the bodies at their origins and of the last one at the tip,
+        per joint rate."""
         position = self.motion.position
         body = np.append(np.arange(len(position)), len(position) - 1)
         return point_jacobian(self, body, np.vstack([position, self.tip]))
 
 
 def point_jacobian(chain: Chain, body: Indices, point: Array) -> Array:
-    """(k, 6, nq) velocities of points (k, 3) of the bodies with indices `body` (k,) and those
+    """The velocities (k, 6, nq) of points (k, 3) of the bodies with indices `body` (k,) and those
     bodies' angular velocities, per joint rate."""
     return _point_jacobian(chain.axis, chain.anchor, chain.child, body, point)
 
@@ -93,7 +93,7 @@ def _point_jacobian(
 
 
 def body_jacobian(chain: Chain) -> Array:
-    """(6 nb, nq) twists of the bodies at their origins per joint rate."""
+    """The twists (6 nb, nq) of the bodies at their origins per joint rate."""
     return chain.jacobian[:-1].reshape(-1, len(chain.axis))
 
 
@@ -111,8 +111,8 @@ def tip_jacobian(chain: Chain) -> Array:
 
 
 def geometric_stiffness(chain: Chain, body: Indices, point: Array, wrench: Array) -> Array:
-    """(nq, nq) derivative of sum J^T w over the joint angles: forces and moments `wrench` (k, 6)
-    keep their direction in the world and the forces their points (k, 3) on the bodies (k,)."""
+    """The derivative (nq, nq) of sum J^T w over the joint angles: forces and moments `wrench` (k,
+    6) keep their direction in the world and the forces their points (k, 3) on the bodies (k,)."""
     return _geometric_stiffness(chain.axis, chain.anchor, chain.child, body, point, wrench)
 
 
@@ -146,9 +146,9 @@ def move_wrench(wrench: Array, lever: Array) -> Array:
 
 
 def joint_wrenches(chain: Chain, torque: Array) -> Array:
-    """(nb, 6) equal and opposite moments on child and parent that do the work of the joint torques
-    (nq,).  Where one body has several joints the moment M lies in the span of their axes with
-    a_i . M = tau_i, since oblique axes share the work of a moment."""
+    """The equal and opposite moments (nb, 6) on child and parent that do the work of the joint
+    torques (nq,).  Where one body has several joints the moment M lies in the span of their axes
+    with a_i . M = tau_i, since oblique axes share the work of a moment."""
     out = np.zeros((len(chain.motion.bodies), 6))
     for body in np.unique(chain.child):
         axes = chain.axis[chain.child == body]
@@ -159,7 +159,7 @@ def joint_wrenches(chain: Chain, torque: Array) -> Array:
 
 
 def joint_reactions(chain: Chain, applied: Array) -> Array:
-    """(nb, 6) wrench through each body's proximal joint, about the body's origin, that balances
+    """The wrench (nb, 6) through each body's proximal joint, about the body's origin, that balances
     the wrenches `applied` (nb, 6) to it and all bodies beyond; zero for the fixed body."""
     reaction = np.zeros_like(applied)
     position = chain.motion.position
@@ -170,7 +170,7 @@ def joint_reactions(chain: Chain, applied: Array) -> Array:
 
 
 def joint_loads(chain: Chain, reaction: Array) -> Array:
-    """(nb, 6) what the joints together do to each body: its own reaction less the next one's."""
+    """What the joints together do to each body, (nb, 6): its own reaction less the next one's."""
     position = chain.motion.position
     out = reaction.copy()
     out[:-1] -= move_wrench(reaction[1:], np.diff(position, axis=0))
@@ -178,8 +178,8 @@ def joint_loads(chain: Chain, reaction: Array) -> Array:
 
 
 def ground_reaction(wrench: Array) -> Array:
-    """(nb, 6) wrench of the ground, which holds the fixed body against all that acts on it, given
-    what acts on each body (nb, 6)."""
+    """The wrench (nb, 6) of the ground, which holds the fixed body against all that acts on it,
+    given what acts on each body (nb, 6)."""
     out = np.zeros_like(wrench)
     out[0] = -wrench[0]
     return out

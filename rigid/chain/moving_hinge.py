@@ -119,7 +119,8 @@ class MovingHinge:
         return Chain(motion, np.arange(1, n + 1), points[1:-1], axis, points[-1])
 
     def step(self, state: HingeMoment, load: AffineLoad, tension: Array, dt: float) -> HingeMoment:
-        """Raises InputError for a load on other bodies, tensions or a step that is not positive."""
+        """Advance the finger by a step in time.  Raises InputError for a load on other bodies,
+        tensions or a step that is not positive."""
         self._check(load, tension, dt)
         (angles, rates), k = self._past(state, dt)
         v = state.rates
@@ -151,8 +152,8 @@ class MovingHinge:
     def _residual(
         self, q: Array, v: Array, a: Array, k: float, load: AffineLoad
     ) -> tuple[Array, Array]:
-        """(n,) N m that is missing at angles, rates and accelerations, and its derivative (n, n) by
-        the rates, where dq/dv = k and da/dv = 1 / k."""
+        """The torque (n,) N m that is missing at angles, rates and accelerations, and its
+        derivative (n, n) by the rates, where dq/dv = k and da/dv = 1 / k."""
         needed, by_angle, by_rate, by_acceleration = inverse_dynamics(self.links, q, v, a)
         passive, limit, viscous = self.law.passive(q), self.law.limit(q), self.law.viscous(q, v)
         pushed, follows = self._load(q, load)

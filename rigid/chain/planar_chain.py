@@ -47,7 +47,7 @@ class PlanarChain:
             )
 
     def acceleration(self, angle: Array, rate: Array, torque: Array, tip_force: Array) -> Array:
-        """(n,) rad/s2 of the joints.
+        """The joints' accelerations (n,) rad/s2.
 
         angle, rate: (n,) of the joints in rad, flexion positive, the first from the horizontal;
         torque: (n,) N m on the joints; tip_force: (2,) N on the end, forward and up."""
@@ -60,7 +60,7 @@ class PlanarChain:
         return np.diff(np.linalg.solve(inertia, force), prepend=0.0)
 
     def energy(self, angle: Array, rate: Array) -> float:
-        """J, kinetic and of height."""
+        """The energy, J, kinetic and of height."""
         theta, speed = np.pi / 2 + np.cumsum(angle), np.cumsum(rate)
         inertia = self.coupling * np.cos(theta[:, None] - theta)
         height = self.gravity * self.first_moment @ np.cos(theta)
@@ -68,17 +68,17 @@ class PlanarChain:
 
     @property
     def _beyond(self) -> Array:
-        """kg, of the links after each."""
+        """The mass of the links after each, kg."""
         return np.cumsum(self.mass[::-1])[::-1] - self.mass
 
     @property
     def first_moment(self) -> Array:
-        """(n,) kg m, m_i k_i + d_i sum_l>i m_l."""
+        """The links' first moments (n,) kg m: m_i k_i + d_i sum_l>i m_l."""
         return self.mass * self.centre + self.length * self._beyond
 
     @property
     def coupling(self) -> Array:
-        """(n, n) kg m2, a_ij."""
+        """The inertial coupling a_ij, (n, n) kg m2."""
         a = np.triu(self.length[:, None] * self.first_moment, 1)
         own = self.inertia + self.mass * self.centre**2 + self.length**2 * self._beyond
         return a + a.T + np.diag(own)

@@ -76,15 +76,16 @@ class ChainFinger(ABC):
 
     @abstractmethod
     def own_torques(self, angles: Array, tension: Array) -> dict[str, Array]:
-        """(nq,) N m of each muscle and of gravity."""
+        """The torques (nq,) N m of each muscle and of gravity."""
 
     @abstractmethod
     def own_tangent(self, angles: Array, tension: Array) -> Array:
-        """(nq, nq) derivative of the sum of `own_torques` over the angles."""
+        """The derivative (nq, nq) of the sum of `own_torques` over the angles."""
 
     @abstractmethod
     def own_wrenches(self, angles: Array, tension: Array) -> dict[str, Array]:
-        """(nb, 6) of each source of `own_torques` on each body about its origin, world frame."""
+        """The wrench (nb, 6) on each body about its origin, world frame, by source of
+        `own_torques`."""
 
     def start(self, posture: Mapping[str, float]) -> FingerState:
         """The state at `posture` (rad; a joint not named is at zero) with no tip reaction.
@@ -127,11 +128,11 @@ class ChainFinger(ABC):
         return aim, balance.relative
 
     def tip_force(self, state: FingerState) -> Array:
-        """(3,) N, of the fingertip on the world."""
+        """The force (3,) N of the fingertip on the world."""
         return -state.reaction[:3]
 
     def unknowns(self, state: FingerState) -> Array:
-        """(nq + m,) angles, then the reaction along the support's unit wrenches."""
+        """The unknowns (nq + m,): angles, then the reaction along the support's unit wrenches."""
         return np.concatenate([state.angles, state.basis @ state.reaction])
 
     def motion(self, state: FingerState) -> Motion:
@@ -152,7 +153,8 @@ class ChainFinger(ABC):
         return replace(state, angles=state.angles + step[:nq], reaction=reaction)
 
     def balance(self, state: FingerState, load: Load, tension: Array) -> Balance:
-        """Raises InputError if the load's bodies or the tensions' shape are not the finger's."""
+        """The residual of equilibrium and what bears it.  Raises InputError if the load's bodies or
+        the tensions' shape are not the finger's."""
         self._check(load, tension)
         chain = self.chain(state.angles)
         torque = {
@@ -171,7 +173,7 @@ class ChainFinger(ABC):
         return Balance(residual, scale, torque, -state.reaction[:3])
 
     def _gap(self, state: FingerState, chain: Chain) -> tuple[Array, Array]:
-        """(m,) N m scaled gaps of the support and their derivative (m, nq) by the angles."""
+        """The scaled gaps (m,) N m of the support and their derivative (m, nq) by the angles."""
         jacobian = tip_jacobian(chain)
         if not self.support.clamps_turn:
             directions = GAP_SCALE * state.basis[:, :3]
@@ -204,7 +206,7 @@ class ChainFinger(ABC):
         return out
 
     def ledger(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
-        """(nb, 6) wrench on each body about its origin (world frame) by source: each muscle,
+        """The wrench (nb, 6) on each body about its origin (world frame) by source: each muscle,
         gravity, passive, limit, fingertip, joint, what holds the joints, and the ground, which
         holds the fixed body.  Together with the hood's load they close to zero on every body."""
         ledger = self._applied_loads(state, load, tension)
@@ -214,14 +216,14 @@ class ChainFinger(ABC):
         return {**ledger, "ground": ground_reaction(whole)}
 
     def support_arm(self, state: FingerState) -> float:
-        """m, the smallest lever with which the joints act on the tip's support: the least singular
+        """The smallest lever, m, with which the joints act on the tip's support: the least singular
         value of the tip's Jacobian along the held directions.  It vanishes where the finger is
         straight, held at a point that it can only push or pull against; infinite for a free tip."""
         support = self.support.directions @ tip_jacobian(self.chain(state.angles))[:3]
         return float(np.linalg.svd(support, compute_uv=False).min(initial=np.inf))
 
     def path_lengths(self, state: FingerState) -> Array:
-        """(nt,) m; a finger that has tendons says how long they are."""
+        """The tendons' lengths (nt,) m; a finger that has tendons says how long they are."""
         return np.zeros(len(self.tendons))
 
     def tendon_paths(self, state: FingerState) -> dict[str, Array]:
@@ -229,7 +231,7 @@ class ChainFinger(ABC):
         return {}
 
     def joint_reactions(self, state: FingerState, load: Load, tension: Array) -> Array:
-        """(nb, 6) wrench that each body receives through its proximal joint, about the body's
+        """The wrench (nb, 6) that each body receives through its proximal joint, about the body's
         origin; its moment about the joint's own axes vanishes at equilibrium."""
         return self._reactions(state, load, self._applied_loads(state, load, tension))
 

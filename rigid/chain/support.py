@@ -27,7 +27,7 @@ class Support:
     holds_joints: bool = False
 
     def basis(self, last_axis: Array) -> Array:
-        """(m or m + 1, 6) unit wrenches with which the support can answer: forces, then the
+        """The unit wrenches (m or m + 1, 6) with which the support can answer: forces, then the
         moment about the last joint's axis (3,)."""
         forces = np.hstack([self.directions, np.zeros_like(self.directions)])
         if not self.clamps_turn:

@@ -71,8 +71,7 @@ ORIGIN_REACH = 0.040
 """m, assumption: muscles pull parallel to the metacarpal from this far proximal of their first
 point."""
 
-# rad: range of motion in table II of "Design of an Anthropomorphic Robotic Finger System with
-# Biomimetic Artificial Joints".
+# rad: range of motion in table II of Xu et al. 2012.
 RANGES = {
     "MCP": (np.radians(-30.0), np.radians(90.0)),
     "MCP_abduction": (np.radians(-35.0), np.radians(35.0)),
@@ -88,6 +87,14 @@ SEGMENTS = {
 }
 VIEW_RADIUS = {"metacarpal": 0.0041, "proximal": 0.0039, "middle": 0.0028, "distal": 0.0020}
 VIEW_METACARPAL = -0.040  # m, how much of the metacarpal is drawn
+
+CENTRAL = 0.5
+"""The central slip's share of every extensor's tension in the normative models (An et al. 1979, as
+in Synek et al. 2019, PeerJ 7:e7470)."""
+FLEXORS: Mapping[str, tuple[Way, ...]] = {
+    "FDP": ((1.0, (("MCP", "FDP"), ("PIP", "FDP"), ("DIP", "FDP"))),),
+    "FDS": ((1.0, (("MCP", "FDS"), ("PIP", "FDS"))),),
+}
 
 
 @dataclass(frozen=True)
@@ -115,9 +122,10 @@ def extensor(row: str, bands: Sequence[str], central: float) -> tuple[Way, ...]:
 def eyelets(
     rows: Mapping[str, Mapping[str, Row]], tendons: Mapping[str, str], along: float, across: float
 ) -> dict[str, Vector]:
-    """m distal of the MCP, dorsal and radial, by tendon: the proximal point of its MCP row, the
-    last that the metacarpal holds (An's: where it passes the deep transverse metacarpal ligament).
-    `along`, `across`: m, the unit of the tables along the finger and across it."""
+    """Points that hold the intrinsic tendons, m distal of the MCP, dorsal and radial, by tendon:
+    the proximal point of its MCP row, the last that the metacarpal holds (An's: where it passes the
+    deep transverse metacarpal ligament). `along`, `across`: m, the unit of the tables along the
+    finger and across it."""
     unit = np.array([along, across, across])
     return {name: vector(unit * rows["MCP"][row][0]) for name, row in tendons.items()}
 
@@ -219,7 +227,8 @@ def _beside(radius: float) -> Array:
 
 
 def _distance(start: Array, end: Array, angle: float) -> float:
-    """m, dorsal of the joint's centre positive, of the straight line in the plane of flexion."""
+    """The distance, m, of the straight line in the plane of flexion from the joint's centre, dorsal
+    positive."""
     c, s = np.cos(angle), np.sin(angle)
     p, d = start[[0, 2]], np.array([[c, s], [-s, c]]) @ end[[0, 2]]
     along = (d - p) / np.linalg.norm(d - p)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from meshes.skeleton import Skeleton
-from rigid.fingers.anatomy import FingerAnatomy, Way, assemble, extensor
+from rigid.fingers.anatomy import CENTRAL, FLEXORS, FingerAnatomy, Way, assemble, extensor
 from rigid.model import FingerModel, Surface
 
 O2O3 = 0.020
@@ -40,14 +40,10 @@ INTRINSIC = {"LUM": "LU", "FPI": "UI"}
 """The tendons that join a hood from the sides, by their MCP rows."""
 # Both heads of the first dorsal interosseous insert where An has one (RI).
 ON_BONES: Mapping[str, tuple[Way, ...]] = {
-    "FDP": ((1.0, (("MCP", "FDP"), ("PIP", "FDP"), ("DIP", "FDP"))),),
-    "FDS": ((1.0, (("MCP", "FDS"), ("PIP", "FDS"))),),
+    **FLEXORS,
     "FDIm": ((1.0, (("MCP", "RI"),)),),
     "FDIl": ((1.0, (("MCP", "RI"),)),),
 }
-CENTRAL = 0.5
-"""The central slip's share of every extensor's tension in the normative model (An et al. 1979, as
-in Synek et al. 2019, PeerJ 7:e7470)."""
 
 
 def hood_strands(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:

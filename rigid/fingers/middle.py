@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from meshes.skeleton import Skeleton
-from rigid.fingers.anatomy import FingerAnatomy, Row, Way, assemble, extensor
+from rigid.fingers.anatomy import CENTRAL, FLEXORS, FingerAnatomy, Row, Way, assemble, extensor
 from rigid.model import FingerModel
 
 O2O3 = 0.02363
@@ -62,8 +62,6 @@ ROWS: Mapping[str, Mapping[str, Row]] = {
     },
 }
 OFFSET = {"DIP": 0.17, "PIP": 0.22, "MCP": 0.37}
-CENTRAL = 0.5
-"""The central slip's share in the normative model."""
 RI_TO_BONE = 0.5
 """The radial interosseous' share that ends on the proximal phalanx (same source)."""
 
@@ -71,8 +69,7 @@ INTRINSIC = {"LUM": "LU", "RI": "RI", "UI": "UI"}
 """The tendons that join a hood from the sides, by their MCP rows."""
 TO_BONES: Mapping[str, tuple[Way, ...]] = {
     "RIp": ((1.0, (("MCP", "RI"),)),),
-    "FDP": ((1.0, (("MCP", "FDP"), ("PIP", "FDP"), ("DIP", "FDP"))),),
-    "FDS": ((1.0, (("MCP", "FDS"), ("PIP", "FDS"))),),
+    **FLEXORS,
 }
 """RIp is the part of the radial interosseous that ends on the proximal phalanx."""
 
@@ -91,7 +88,7 @@ def muscle_strands(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
         "LUM": extensor("LU", ("RB",), central),
         "RI": ((RI_TO_BONE, (("MCP", "RI"),)), *radial),
         "UI": extensor("UI", ("UB",), central),
-        **{muscle: TO_BONES[muscle] for muscle in ("FDP", "FDS")},
+        **FLEXORS,
     }
 
 

@@ -163,13 +163,13 @@ def _flexors() -> tuple[Tendon, Tendon]:
 
 
 def _arm(joint: int, tendon: int) -> float:
-    """mm, positive where the tendon turns the joint in its positive sense."""
+    """The moment arm, mm, positive where the tendon turns the joint in its positive sense."""
     return -float(TABLE_III[joint, tendon])
 
 
 def _height(before: tuple[float, float], x: float, arm: float) -> float:
-    """mm, z of the point at `x` that a straight line from `before` (x, z) must run to, to pass
-    `arm` palmar of the origin."""
+    """The height, mm: z of the point at `x` that a straight line from `before` (x, z) must run to,
+    to pass `arm` palmar of the origin."""
 
     def miss(z: float) -> float:
         along = np.array([before[0] - x, before[1] - z])

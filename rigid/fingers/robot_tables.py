@@ -1,5 +1,5 @@
-"""What "Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints"
-prints of its finger (tables I and III), and what had to be chosen beside it.
+"""What Xu et al. 2012 print of their robotic finger (tables I and III), and what had to be chosen
+beside it.
 
 The paper's tendon paths are in an appendix that is not at hand.  The points below are choices of
 ours, in mm, x distal, y radial, z dorsal, each in its bone's frame; `None` marks the coordinates

@@ -40,12 +40,12 @@ class Arms:
     slope: Array
 
     def at(self, angle: Array) -> Array:
-        """(..., n, k) m at angles (..., n)."""
+        """The arms (..., n, k) m at angles (..., n)."""
         return self.constant + self.slope * angle[..., None]
 
     def lengths(self, angle: Array) -> Array:
-        """(..., k) m, the integral of the arms from zero angles (4): how far each tendon's end
-        would move proximally."""
+        """The lengths (..., k) m, the integral of the arms from zero angles (4): how far each
+        tendon's end would move proximally."""
         return angle @ self.constant + 0.5 * angle**2 @ self.slope
 
 
@@ -116,7 +116,7 @@ class Network:
             )
 
     def lengths(self, angle: Array) -> Array:
-        """(..., k) m, l_ct(theta) (4)."""
+        """The connecting tendons' lengths (..., k) m, l_ct(theta) (4)."""
         return self.connecting.lengths(angle) + self.rest
 
     def solve(self, angle: Array, force: Array) -> tuple[Array, Array]:
@@ -126,46 +126,47 @@ class Network:
         leading = np.broadcast_shapes(length.shape[:-1], force.shape[:-1])
         position = np.zeros((*leading, force.shape[-1]))
         tension = np.zeros((*leading, length.shape[-1]))
-        for i, own in enumerate(self.connection.T.astype(bool)):
-            if own.any():
-                met = junction(length[..., own], self.stiffness[own], force[..., i])
-                position[..., i], tension[..., own] = met.position, met.tension
+        for i, springs in enumerate(self.connection.T.astype(bool)):
+            if springs.any():
+                met = junction(length[..., springs], self.stiffness[springs], force[..., i])
+                position[..., i], tension[..., springs] = met.position, met.tension
         return position, tension
 
     def distribution(self, angle: Array, force: Array) -> Array:
-        """(..., k, m): T(theta, f) (8), of forces (..., m) above zero; with the operating forces it
-        is the constant T(theta) of (9)."""
+        """The tension shares (..., k, m): T(theta, f) (8), of forces (..., m) above zero; with the
+        operating forces it is the constant T(theta) of (9)."""
         _, tension = self.solve(angle, force)
         return self.connection * tension[..., None] / force[..., None, :]
 
     def effective_arms(self, angle: Array, force: Array) -> Array:
-        """(..., n, m) m: R = R_m + R_ct T (10)."""
+        """The effective moment arms (..., n, m) m: R = R_m + R_ct T (10)."""
         through = self.connecting.at(angle) @ self.distribution(angle, force)
         return self.direct.at(angle) + through
 
     def torque(self, angle: Array, force: Array) -> Array:
-        """(..., n) N m (2)."""
+        """The joint torques (..., n) N m (2)."""
         _, tension = self.solve(angle, force)
         arms = ((self.direct, force), (self.connecting, tension))
         return sum((np.einsum("...nk,...k->...n", a.at(angle), f) for a, f in arms), np.zeros(()))
 
     def complementary_energy(self, angle: Array, force: Array) -> Array:
-        """(..., m) J: psi of each muscle's junction."""
+        """The complementary energy (..., m) J: psi of each muscle's junction."""
         position, tension = self.solve(angle, force)
         return force * position - (tension**2 / (2 * self.stiffness)) @ self.connection
 
     def excursion(self, angle: Array, force: Array) -> Array:
-        """(..., m) m: how far each muscle's end has moved proximally from where all arms integrate
-        to zero, with the springs' stretch under the forces (..., m)."""
+        """The excursions (..., m) m: how far each muscle's end has moved proximally from where all
+        arms integrate to zero, with the springs' stretch under the forces (..., m)."""
         position, _ = self.solve(angle, force)
         return self.direct.lengths(angle) + position
 
     def constant_force_excursion(self, angle: Array, operating: Array) -> Array:
-        """(..., m) m: the integral of R^T at constant operating forces (11), but for a constant."""
+        """The excursions (..., m) m by the integral of R^T at constant operating forces (11), but
+        for a constant."""
         return self.direct.lengths(angle) + self.complementary_energy(angle, operating) / operating
 
     def sharing(self, angle: Array, force: Array) -> Array:
-        """(..., k, m): derivatives of the connecting tensions by the muscles' forces; of the
+        """The derivatives (..., k, m) of the connecting tensions by the muscles' forces; of the
         springs that bear, their parts of the stiffness at the junction."""
         position, _ = self.solve(angle, force)
         slack = self.lengths(angle)[..., None] - position[..., None, :]

@@ -137,7 +137,7 @@ class PulleyHood:
         return self
 
     def _point_rates(self, line: _Line) -> Array:
-        """(3 n, 6 nb) velocities of the points per twist of the bodies."""
+        """The velocities (3 n, 6 nb) of the points per twist of the bodies."""
         rate = np.zeros((len(line.body), 3, len(self.bodies), 6))
         i = np.arange(len(line.body))
         rate[i, :, line.body, :3] = np.eye(3)
@@ -186,15 +186,15 @@ def _length_derivatives(segment: Array, length: Array) -> tuple[Array, Array]:
 
 
 def _unit_forces(line: _Line) -> Array:
-    """(n, 3) forces on the points per unit of tension."""
+    """The forces (n, 3) on the points per unit of tension."""
     force = -line.gradient
     force[0] += line.pull
     return force
 
 
 def _motion_stiffness(line: _Line, rate: Array) -> Array:
-    """(6 nb, 6 nb) derivative of the wrenches at unit tension over the twists: of the forces, with
-    the pull turning with the guide's body, and of their levers."""
+    """The derivative (6 nb, 6 nb) of the wrenches at unit tension over the twists: of the forces,
+    with the pull turning with the guide's body, and of their levers."""
     out = -rate.T @ line.hessian @ rate
     guide = slice(6 * line.body[0] + 3, 6 * line.body[0] + 6)
     out[:, guide] -= rate[:3].T @ skew(line.pull)

@@ -26,16 +26,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from cosim.errors import ConvergenceError, InputError
-from cosim.port import Array, HoodJacobian, Load, Motion, Response, check_step, skew
-from rigid.hoods.hinge_angle import Angles
+from cosim.port import Array, Motion, Response
+from rigid.hoods.joint_angles import Joint
+from rigid.hoods.joint_hood import PROXIMAL, Derived, JointHood, JointState
 from rigid.hoods.reduced_basis import (
     Basis,
     Numbers,
+    derivatives,
     loadings,
     monomials,
     orders,
@@ -43,31 +44,13 @@ from rigid.hoods.reduced_basis import (
     springs_of,
     unscale,
 )
-from rigid.hoods.reduced_kernels import derivatives
-from rigid.hoods.universal_angle import Joint, all_angles, chain_of, names_of
 from rigid.model import Vector
 
-SOURCES = ("network",)
 SLIPS = ("central", "terminal")
 AT_ONCE = 200
 """States whose products fit into a processor's cache: ten times faster than all at once."""
 MARGIN = 0.1
 """Share of a box's width: so far beyond it the polynomial is still taken."""
-
-
-class Derived(NamedTuple):
-    """First and second derivatives of the potential, n joints and m muscles."""
-
-    torque: Array
-    """(..., n) N m."""
-    excursion: Array
-    """(..., m) m."""
-    stiffness: Array
-    """(..., n, n) N m/rad."""
-    arms: Array
-    """(..., n, m) m."""
-    compliance: Array
-    """(..., m, m) m/N."""
 
 
 @dataclass(frozen=True)
@@ -151,31 +134,35 @@ class ReducedPotential:
         )
 
     def slips(self, angle: Array, torque: Array) -> Array:
-        """(..., 2) N, central and terminal, at angles (..., n) and torques (..., n); a slip bears
-        tension alone."""
-        found = np.einsum("...ba,sba->...s", self.slip_rows(angle, torque), self.slip)
-        return np.maximum(found, 0.0)
+        """The slips' forces (..., 2) N, central and terminal, at angles (..., n) and torques (...,
+        n); a slip bears tension alone."""
+        forces = np.einsum("...ba,sba->...s", self.slip_rows(angle, torque), self.slip)
+        return np.maximum(forces, 0.0)
+
+    def slip_forces(self, angle: Array, torque: Array) -> dict[str, float]:
+        """The slips' forces by name, N, at angles (n,) and torques (n,)."""
+        return dict(zip(SLIPS, map(float, self.slips(angle, torque)), strict=True))
 
     def slip_rows(self, angle: Array, torque: Array) -> Array:
-        """(..., B, 1 + n), of which the slips' forces are sums."""
+        """The terms (..., B, 1 + n) of which the slips' forces are sums."""
         b = monomials(self.slip_powers, self.scaled_angle(angle)).value
         one = np.ones((*torque.shape[:-1], 1))
         return b[..., None] * np.concatenate([one, torque], axis=-1)[..., None, :]
 
     def scaled_angle(self, angle: Array) -> Array:
-        """(..., n), -1 to 1 in the box."""
+        """The angles (..., n) scaled to -1 to 1 in the box."""
         return (angle - (self.low + self.high) / 2) / self.half
 
     def torques(self, angle: Array, tension: Array) -> Array:
-        """(..., n) N m, as of `derived`, without the rest."""
+        """The joint torques (..., n) N m, as of `derivatives`, without the rest."""
         shape = np.broadcast_shapes(angle.shape[:-1], tension.shape[:-1])
         states = [
             np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1])
             for x in (angle, tension)
         ]
         some = (slice(k, k + AT_ONCE) for k in range(0, max(len(states[0]), 1), AT_ONCE))
-        found: Array = np.concatenate([self._torques(*(x[part] for x in states)) for part in some])
-        return found.reshape(*shape, len(self.joints))
+        torque: Array = np.concatenate([self._torques(*(x[part] for x in states)) for part in some])
+        return torque.reshape(*shape, len(self.joints))
 
     def _torques(self, angle: Array, tension: Array) -> Array:
         """Joint torques at states (s, n) and (s, m)."""
@@ -188,7 +175,7 @@ class ReducedPotential:
     def outside(self, angle: Array, tension: Array) -> str:
         """In words where a state (n,), (m,) lies outside of the box; empty where it does not."""
         lot = MARGIN * (self.high - self.low)
-        told = [
+        places = [
             f"{joint} at {np.degrees(value):.4g} deg ({np.degrees(a):.4g} to "
             f"{np.degrees(b):.4g} deg)"
             for joint, value, a, b, extra in zip(
@@ -196,91 +183,41 @@ class ReducedPotential:
             )
             if not a - extra <= value <= b + extra
         ]
-        told += [
+        places += [
             f"{muscle} at {value:.4g} N (0 to {most:.4g} N)"
             for muscle, value, most in zip(self.muscles, tension, self.most, strict=True)
             if not value <= (1 + MARGIN) * most
         ]
-        return ", ".join(told)
+        return ", ".join(places)
 
 
-@dataclass(frozen=True)
-class ReducedState:
-    motion: Motion
-    tension: Array
-    angles: Angles
-    derived: Derived
+class ReducedHood(JointHood):
+    """A potential on the bones, see `JointHood`: excursions are counted from where those of the
+    hood that was reduced are, and outside of the box there is no answer."""
 
-
-class ReducedHood:
-    """A potential behind the port: conservative, without mass, friction or history.
-
-    hinges: the potential's joints, in its order; direction: of all muscles' pull, in the first
-    body's frame.  Excursions are counted from where those of the hood that was reduced are.
-    Raises InputError for hinges that do not fit."""
-
-    sources = SOURCES
+    sources, name = ("network",), "reduced hood"
 
     def __init__(
         self,
         potential: ReducedPotential,
         hinges: Sequence[Joint],
         bodies: tuple[str, ...],
-        direction: Vector = (-1.0, 0.0, 0.0),
+        direction: Vector = PROXIMAL,
     ) -> None:
-        named = names_of(hinges)
-        strange = {b for h in hinges for b in (h.parent, h.child)} - set(bodies)
-        if named != potential.joints or strange:
-            raise InputError(
-                f"reduced hood: its joints are {potential.joints}, the hinges {named}, between "
-                f"bodies of {bodies}; unknown are {sorted(strange) or 'none'}"
-            )
-        self.bodies, self.tendons, self.potential = bodies, potential.muscles, potential
-        self._chain = chain_of(hinges, bodies)
-        self._direction = np.array(direction) / np.linalg.norm(direction)
+        super().__init__(potential.joints, potential.muscles, hinges, bodies, direction)
+        self.potential = potential
 
-    def start(self, motion: Motion) -> ReducedState:
-        unloaded = np.zeros(len(self.tendons))
-        check_step("reduced hood", self, motion, unloaded, np.inf)
-        return self._state(motion, unloaded)
+    def derived(self, angle: Array, tension: Array) -> Derived:
+        """The potential's derivatives at one state."""
+        return self.potential.derivatives_at(angle, tension)
 
-    def advance(self, state: ReducedState, motion: Motion, tension: Array, dt: float) -> Response:
-        """Response at `motion` under `tension` (nt,) N, the same for any `dt` > 0.  Raises
-        InputError, and ConvergenceError outside of the box."""
-        check_step("reduced hood", self, motion, tension, dt, none_negative=True)
-        made = self._state(motion, np.array(tension, dtype=float))
-        tension, at, here = made.tension, made.angles, made.derived
-        if where := self.potential.outside(at.value, tension):
+    def advance(self, state: JointState, motion: Motion, tension: Array, dt: float) -> Response:
+        """As of `JointHood`.  Raises ConvergenceError outside of the box."""
+        response = super().advance(state, motion, tension, dt)
+        reached: JointState = response.state
+        if where := self.potential.outside(reached.angles.value, reached.tension):
             raise ConvergenceError(
                 f"reduced hood: {where} lies outside of what it was fitted to; reduce the hood "
                 "over a wider range, or take the hood that it was reduced from"
             )
-        wrench = (here.torque @ at.rate).reshape(len(self.bodies), 1, 6)
-        pull = tension[:, None] * (motion.rotation[0] @ self._direction)
-        wrench[0, 0, :3] += pull.sum(axis=0)
-        whole = np.hstack([pull, np.cross(motion.position[0], pull)])
-        load = Load(self.bodies, SOURCES, wrench, whole)
-        return Response(made, load, here.excursion)
-
-    def jacobian(self, state: ReducedState) -> HoodJacobian:
-        at, here = state.angles, state.derived
-        guide = state.motion.rotation[0] @ self._direction
-        by_motion = at.rate.T @ here.stiffness @ at.rate
-        by_motion += np.tensordot(here.torque, at.moment_rate, 1)
-        by_motion[:3, 3:6] -= state.tension.sum() * skew(guide)
-        by_tension = at.rate.T @ here.arms
-        by_tension[:3] += guide[:, None]
-        return HoodJacobian(by_motion, by_tension, here.arms.T @ at.rate, here.compliance)
-
-    def with_tolerance(self, tolerance: float) -> ReducedHood:
-        """Itself: closed forms leave no residual."""
-        return self
-
-    def slip_forces(self, state: ReducedState) -> dict[str, float]:
-        """N, by name."""
-        found = self.potential.slips(state.angles.value, state.derived.torque)
-        return dict(zip(SLIPS, map(float, found), strict=True))
-
-    def _state(self, motion: Motion, tension: Array) -> ReducedState:
-        at = all_angles(self._chain, motion)
-        return ReducedState(motion, tension, at, self.potential.derivatives_at(at.value, tension))
+        return response

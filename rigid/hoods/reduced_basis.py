@@ -12,6 +12,7 @@ import numpy as np
 from numpy.polynomial.legendre import leg2poly
 from numpy.typing import NDArray
 
+from cosim.kernels.kernel import compile_kernel
 from cosim.port import Array
 
 Numbers = NDArray[np.intp]
@@ -64,8 +65,8 @@ def legendre_of(most: int, at: Array) -> Functions:
 
 
 def to_powers(degrees: Numbers) -> Array:
-    """(A, A): each product of Legendre polynomials as a sum of products of powers, for degrees
-    (A, n) that hold all lower ones of each."""
+    """The matrix (A, A) that writes products of Legendre polynomials as sums of products of powers,
+    for degrees (A, n) that hold all lower ones of each."""
     most = int(degrees.max(initial=0))
     table = np.zeros((most + 1, most + 1))
     for k, row in enumerate(np.eye(most + 1)):
@@ -114,8 +115,27 @@ def _products(index: Numbers, functions: Functions, curved: bool) -> Basis:
     return Basis(value, slope, curve)
 
 
+@compile_kernel
+def derivatives(index: NDArray[np.int64], table: Array) -> Array:
+    """Return A products of one function of each of n variables with all derivatives, (1 + n, 1 + n,
+    A): [0, 0] the values, [1 + i, 0] derivatives by variable i, [1 + i, 1 + k] by i and k.
+
+    index (A, n): which function of each variable; table (3, n, K): all functions' values and first
+    and second derivatives."""
+    count, n = index.shape
+    out = np.ones((1 + n, 1 + n, count))
+    for i in range(1 + n):
+        for k in range(1 + i):
+            for j in range(n):
+                order = int(i == j + 1) + int(k == j + 1)
+                out[i, k] *= table[order, j][index[:, j]]
+            out[k, i] = out[i, k]
+    return out
+
+
 def orders(factor: Array) -> Array:
-    """(3, n, 1): factors (n,) of the variables to the powers 0, 1 and 2 of a derivative's order."""
+    """The factors (n,) of the variables, (3, n, 1), to the powers 0, 1 and 2 of a derivative's
+    order."""
     return np.stack([np.ones_like(factor), factor, factor**2])[..., None]
 
 

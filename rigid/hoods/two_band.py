@@ -100,10 +100,10 @@ def direct_arms(
     def flexor(name: str) -> dict[str, tuple[float, float]]:
         return {j: (e.radius, 2 * e.slope) for (m, j), e in table.items() if m == name}
 
-    profundus, own = flexor("FDP"), flexor("Lum")
-    lumbrical = {"MCP": _sum(own["MCP"], profundus["MCP"], -1.0)}
+    profundus, of_lumbrical = flexor("FDP"), flexor("Lum")
+    lumbrical = {"MCP": _sum(of_lumbrical["MCP"], profundus["MCP"], -1.0)}
     for joint in ("PIP", "DIP"):
-        both = _sum(own[joint], profundus[joint], 1.0)
+        both = _sum(of_lumbrical[joint], profundus[joint], 1.0)
         lumbrical[joint] = (-both[0], -both[1])
     interossei = {"MCP": flexor("Int")["MCP"], "PIP": (-table["Int", "PIP"].radius, 0.0)}
     extensor = {"MCP": (-table["ED", "MCP"].radius, 0.0)}
@@ -141,8 +141,8 @@ def two_band(
 
 
 def excursions(angle: Array, table: Mapping[tuple[str, str], Entry] = TABLE_1) -> Array:
-    """(..., 5) m, of `MUSCLES` at joint angles (..., 3) rad, positive where a muscle shortens (3):
-    that of ED with the larger shift of either band (5)."""
+    """The excursions (..., 5) m of `MUSCLES` at joint angles (..., 3) rad, positive where a muscle
+    shortens (3): that of ED with the larger shift of either band (5)."""
     out = arms(direct_arms(table)).lengths(angle)
     bands = arms([middle_band(table), lateral_band(table)]).lengths(angle)
     out[..., 0] += bands.min(axis=-1)
@@ -152,18 +152,19 @@ def excursions(angle: Array, table: Mapping[tuple[str, str], Entry] = TABLE_1) -
 def shift_difference(
     pip: Array, dip: Array, table: Mapping[tuple[str, str], Entry] = TABLE_1
 ) -> Array:
-    """m, e of (15) at angles in rad; zero on the coupling curve (6)."""
+    """The difference of the bands' shifts, m: e of (15) at angles in rad; zero on the coupling
+    curve (6)."""
     return table["ED", "PIP"].slope * pip**2 - table["ED", "DIP"].radius * dip
 
 
 def band_forces(
     total: Array, difference: Array, elasticity: float, lateral_share: float
 ) -> tuple[Array, Array]:
-    """N, of the middle and the lateral band (16), neither below zero (18)."""
+    """The forces, N, of the middle and the lateral band (16), neither below zero (18)."""
     middle = np.clip((1.0 - lateral_share) * total + elasticity * difference, 0.0, total)
     return middle, total - middle
 
 
 def coupled_dip(pip: Array, table: Mapping[tuple[str, str], Entry] = TABLE_1) -> Array:
-    """rad, the DIP angle on the coupling curve (6): a parabola in the PIP angle (rad)."""
+    """The DIP angle, rad, on the coupling curve (6): a parabola in the PIP angle (rad)."""
     return table["ED", "PIP"].slope / table["ED", "DIP"].radius * pip**2

@@ -74,7 +74,7 @@ class Frames:
     """(4, 3, 3), columns x distal, y radial, z dorsal."""
 
     def local(self, i: int, point: Array) -> Array:
-        """(3,) in the frame of body i."""
+        """The point (3,) in the frame of body i."""
         return np.asarray((point - self.origin[i]) @ self.turn[i])
 
 

@@ -27,7 +27,7 @@ class Places(Protocol):
 
     @property
     def turn(self) -> Array:
-        """(nb, 3, 3), each bone's axes as columns, in the world."""
+        """The bones' rotations (nb, 3, 3): each one's axes as columns, in the world."""
 
     def local(self, i: int, point: Array) -> Array:
         """Return a point (3,) m of the world in the frame of bone i."""
@@ -152,12 +152,12 @@ def _own_forces(m: mujoco.MjModel, t: int) -> list[str]:
 
 
 def _pullers(m: mujoco.MjModel) -> NDArray[np.bool_]:
-    """(nu,) bool."""
+    """Which actuators pull a tendon, (nu,) bool."""
     return np.asarray(m.actuator_trntype == int(mujoco.mjtTrn.mjTRN_TENDON))
 
 
 def _greatest(m: mujoco.MjModel, t: int) -> float:
-    """N that the tendon's actuators can pull with; 0 where they do not say."""
+    """The greatest force, N, that the tendon's actuators can pull with; 0 where they do not say."""
     most = 0.0
     for a in np.flatnonzero(_pullers(m) & (m.actuator_trnid[:, 0] == t)):
         gear = abs(float(m.actuator_gear[a, 0]))

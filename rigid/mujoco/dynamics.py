@@ -208,16 +208,16 @@ class FingerDynamics:
         return self._finger.law
 
     def tendon_lengths(self, at: Moment) -> Array:
-        """(nt,) m, in the angles of a state."""
+        """The tendons' lengths (nt,) m in the angles of a state."""
         return self._finger.tendon_lengths(at.angles)
 
     def place(self, at: Moment) -> Array:
-        """(3,) m, the fingertip from the device's centre in its axes."""
+        """The fingertip's place (3,) m from the device's centre in its axes."""
         gap: Array = self._finger.chain(at.angles).tip - self._state.target
         return gap @ self._frame
 
     def energies(self, at: Moment) -> tuple[float, float]:
-        """J in the angles of a state: kinetic, and of height in gravity."""
+        """The energies, J, in the angles of a state: kinetic, and of height in gravity."""
         self._at(at.angles, at.rates)
         product = np.zeros(len(at.rates))
         mujoco.mj_mulM(self._model, self._data, product, at.rates)
@@ -252,7 +252,8 @@ class FingerDynamics:
 
 
 def _dense_mass(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """(nq, nq) where MuJoCo keeps each entry of the mass matrix, of which it has the lower half."""
+    """The places (nq, nq) where MuJoCo keeps each entry of the mass matrix, of which it has the
+    lower half."""
     out = np.zeros((model.nv, model.nv), dtype=np.intp)
     rows = np.repeat(np.arange(model.nv), model.M_rownnz)
     out[rows, model.M_colind] = out[model.M_colind, rows] = np.arange(len(rows))
@@ -260,7 +261,7 @@ def _dense_mass(model: mujoco.MjModel) -> NDArray[np.intp]:
 
 
 def _curves(law: JointLaw, angles: Array) -> tuple[Array, Array]:
-    """(nq,) N m and (nq, nq) N m/rad of the torque curves alone."""
+    """The torques (nq,) N m and slopes (nq, nq) N m/rad of the torque curves alone."""
     torque, slope = np.zeros(len(angles)), np.zeros((len(angles), len(angles)))
     for joint, curve in law.curves.items():
         i = law.joints.index(joint)

@@ -75,12 +75,12 @@ class MujocoFinger(ChainFinger):
         return self._posture(angles)[0]
 
     def tendon_lengths(self, angles: Array) -> Array:
-        """(nt,) m, of the paths, strands counted by their shares."""
+        """The tendons' path lengths (nt,) m, strands counted by their shares."""
         return self._forward(angles).ten_length.copy()
 
     def moment_arms(self, angles: Array) -> Array:
-        """(nt, nq) m: shortening of each tendon per rad, positive where its pull turns the joint
-        in its positive sense."""
+        """The moment arms (nt, nq) m: the shortening of each tendon per rad, positive where its
+        pull turns the joint in its positive sense."""
         return self._posture(angles)[1].copy()
 
     def _posture(self, angles: Array) -> tuple[Chain, Array]:
@@ -146,8 +146,8 @@ class MujocoFinger(ChainFinger):
         return self.paths_at(state.angles)
 
     def paths_at(self, angles: Array) -> dict[str, Array]:
-        """(k, 3) world points of each strand from origin to insertion, m, at joint angles (nq,);
-        the strands of a tendon that parts are named NAME, NAME 2, ..."""
+        """The world points (k, 3) of each strand from origin to insertion, m, at joint angles
+        (nq,); the strands of a tendon that parts are named NAME, NAME 2, ..."""
         data = self._forward(angles)
         return {
             name if n == 0 else f"{name} {n + 1}": points
@@ -156,7 +156,7 @@ class MujocoFinger(ChainFinger):
         }
 
     def momentum(self, angles: Array, rates: Array) -> Array:
-        """(nb, 6) N s and N m s of each body, about its centre of mass, world frame."""
+        """Each body's momentum (nb, 6) about its centre of mass, N s and N m s, world frame."""
         data, m = self._forward(angles), self.model
         index = np.arange(len(self.bodies))
         twist = point_jacobian(self.chain(angles), index, self.mass_centres(angles)) @ rates
@@ -166,7 +166,7 @@ class MujocoFinger(ChainFinger):
         return np.hstack([mass * twist[:, :3], np.einsum("bij,bj->bi", axes, spin)])
 
     def mass_centres(self, angles: Array) -> Array:
-        """(nb, 3) m, world frame."""
+        """The bodies' centres of mass (nb, 3) m, world frame."""
         return self._forward(angles).xipos[self._body]
 
     def _forward(self, angles: Array) -> mujoco.MjData:
@@ -180,3 +180,19 @@ class MujocoFinger(ChainFinger):
         mujoco.mj_comPos(m, d)
         mujoco.mj_tendon(m, d)
         return d
+
+
+def needed_torque(finger: MujocoFinger, angle: Array, rate: Array, acceleration: Array) -> Array:
+    """The torques (nq,) N m that muscles and hood must make for a motion in rad, rad/s and rad/s2,
+    (nq,) each:
+
+        M q'' + c(q, q') - weight - passive springs - damping.
+
+    Coordinate limits are left out: they stand for what holds a finger in a posture."""
+    model = finger.model
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = angle, rate, acceleration
+    mujoco.mj_inverse(model, data)
+    damping = np.zeros(len(angle)) if finger.law.damping is None else finger.law.damping
+    needed: Array = data.qfrc_inverse - finger.law.passive(angle)[0] + damping * rate
+    return needed

@@ -26,7 +26,7 @@ Answer = tuple[Array, Array, Array]
 
 @compile_kernel
 def cross_matrix(a: Array) -> Array:
-    """(3, 3), which times b is a x b."""
+    """The matrix (3, 3) that times b is a x b."""
     out = np.zeros((3, 3))
     out[0, 1], out[0, 2], out[1, 2] = -a[2], a[1], -a[0]
     out[1, 0], out[2, 0], out[2, 1] = a[2], -a[1], a[0]
@@ -183,7 +183,8 @@ def _drag(surface: DeviceData, slip: Array) -> tuple[float, Array]:
 
 @compile_kernel
 def bed(surface: DeviceData, d: float) -> tuple[float, float]:
-    """N and N/m: a sphere in a hollow one lined with springs, their centres d apart."""
+    """The force, N, and stiffness, N/m, of a sphere in a hollow one lined with springs, centres d
+    apart."""
     r, x = surface.radius, d - surface.gap
     outer = r + surface.gap
     around = outer**2 - r**2 - d**2
@@ -281,7 +282,7 @@ def device_response(surface: DeviceData, position: Array, twist: Array, slopes: 
 
 @compile_kernel
 def elastic_force(surface: DeviceData, position: Array) -> Array:
-    """(3,) N, what the device would do to a sphere at rest."""
+    """The force (3,) N that the device would exert on a sphere at rest."""
     out, distance = np.zeros(3), sqrt(dot(position, position))
     for i in range(3):
         if surface.kind == CAGE:
@@ -294,7 +295,8 @@ def elastic_force(surface: DeviceData, position: Array) -> Array:
 
 @compile_kernel
 def joint_torques(joints: Joints, q: Array, v: Array) -> Answer:
-    """(nq,) N m of springs, limits and damping, and their derivatives by angles and rates."""
+    """The torques (nq,) N m of springs, limits and damping, and their derivatives by angles and
+    rates."""
     n = len(q)
     torque, by_angle, by_rate = np.zeros(n), np.zeros(n), np.zeros(n)
     for i in range(n):
@@ -387,7 +389,8 @@ def _dissipation(surface: DeviceData, at: StepStart, h: float, v: Array, wrench:
 
 @compile_kernel
 def _size(left: Array, n: int, h: float) -> float:
-    """N m: the largest torque left over; a rate of 1 m/s off a constraint counts as 1 N m."""
+    """The residual's size, N m: the largest torque left over; a rate of 1 m/s off a constraint
+    counts as 1 N m."""
     largest = 0.0
     for i in range(len(left)):
         size = abs(left[i]) / h if i < n else abs(left[i])
@@ -398,7 +401,7 @@ def _size(left: Array, n: int, h: float) -> float:
 
 @compile_kernel
 def arms(now: Readings, tendons: int) -> Array:
-    """(nt, nq) m, shortening of each tendon per rad."""
+    """The moment arms (nt, nq) m: the shortening of each tendon per rad."""
     out = np.zeros((tendons, len(now.bias)))
     for k in range(len(now.path)):
         out[now.path_row[k], now.path_column[k]] = -now.path[k]

@@ -81,7 +81,7 @@ class MovingMujoco:
         return state.moment.rates
 
     def tip_wrench(self, state: Moving) -> Array:
-        """(6,) N, and N m about the fingertip, of it on the world, world frame."""
+        """The wrench (6,) of the fingertip on the world, N, and N m about it, world frame."""
         return state.moment.tip
 
     def motion(self, angles: Array) -> Motion:
@@ -94,7 +94,8 @@ class MovingMujoco:
         return self.finger.tendon_lengths(angles)
 
     def step(self, state: Moving, load: AffineLoad, tension: Array, dt: float) -> Moving:
-        """Raises InputError for a load on other bodies, ConvergenceError."""
+        """Advance the finger by a step in time.  Raises InputError for a load on other bodies,
+        ConvergenceError."""
         if load.at.bodies != self.bodies:
             raise InputError(f"load on bodies {load.at.bodies}: the finger's are {self.bodies}")
         dynamics, before = self._dynamics(state.start), state.moment
@@ -128,7 +129,7 @@ class MovingMujoco:
         }
 
     def device_loss(self, state: Moving) -> float:
-        """J, that the device dissipated in the step that ended in the state."""
+        """The energy, J, that the device dissipated in the step that ended in the state."""
         return state.moment.slip
 
     def dissipation(self, state: Moving) -> float:
@@ -137,7 +138,7 @@ class MovingMujoco:
         return -float(self.finger.law.viscous(state.moment.angles, rates)[0] @ rates)
 
     def tip(self, angles: Array) -> Array:
-        """(3,) m, the fingertip's point, world frame."""
+        """The fingertip's point (3,) m, world frame."""
         return self.finger.chain(angles).tip
 
     def lines(self, angles: Array) -> dict[str, Array]:
@@ -153,10 +154,11 @@ class MovingMujoco:
         tension: Array,
         tip: Array,
     ) -> dict[str, Array]:
-        """(nb, 6) wrench on each body about its origin (world frame) by source at the end of a step
-        of `dt` s from angles and rates `before` to `now`: each muscle, gravity, passive, limit,
-        damping, fingertip, inertia (minus the change of momentum over the step), joint, and the
-        ground, which holds the fixed body; with the hood's (nb, 6) they close to zero on each body.
+        """The wrench (nb, 6) on each body about its origin (world frame) by source at the end of a
+        step of `dt` s from angles and rates `before` to `now`: each muscle, gravity, passive,
+        limit, damping, fingertip, inertia (minus the change of momentum over the step), joint, and
+        the ground, which holds the fixed body; with the hood's (nb, 6) they close to zero on each
+        body.
 
         tension: (nt,) N, of the finger's own tendons; tip: (6,) of the fingertip on the world."""
         finger, (angles, rates) = self.finger, now

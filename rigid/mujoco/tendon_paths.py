@@ -39,8 +39,9 @@ class TendonWays:
         return [[points for points, _, _ in self._strands(data, t)] for t in self._all]
 
     def wrenches(self, data: mujoco.MjData, tension: Array) -> Array:
-        """(nt, nbody, 6) on each body about its origin, world frame: at each point the strand's
-        share of the tension times the directions to its neighbours; an end has one neighbour."""
+        """The tendons' wrenches (nt, nbody, 6) on each body about its origin, world frame: at each
+        point the strand's share of the tension times the directions to its neighbours; an end has
+        one neighbour."""
         out = np.zeros((len(self._tendons), self._bodies, 6))
         for t in self._all:
             for points, body, share in self._strands(data, t):
@@ -69,8 +70,8 @@ class TendonWays:
 
 
 def _along(points: Array) -> Array:
-    """(k, 3) sum of the unit vectors from each point to its neighbours; a tendon touches the inside
-    of a ring in two points that are one."""
+    """The sum (k, 3) of the unit vectors from each point to its neighbours; a tendon touches the
+    inside of a ring in two points that are one."""
     segment = np.diff(points, axis=0)
     length = np.linalg.norm(segment, axis=1, keepdims=True)
     unit = np.divide(segment, length, out=np.zeros_like(segment), where=length > 0)

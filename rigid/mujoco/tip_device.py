@@ -98,7 +98,7 @@ class Device(Protocol):
         ...
 
     def energy(self, position: Array) -> float:
-        """J, stored elastically at a position (3,) m."""
+        """The energy, J, stored elastically at a position (3,) m."""
         ...
 
 
@@ -136,7 +136,7 @@ class Cage:
 
     @property
     def gap(self) -> float:
-        """m, that the sphere's centre can move before it touches."""
+        """The distance, m, that the sphere's centre can move before it touches."""
         return self.width / 2 - self.contact.radius
 
     @property
@@ -175,7 +175,7 @@ class Shell:
 
     @property
     def gap(self) -> float:
-        """m, that the sphere's centre can move before it touches."""
+        """The distance, m, that the sphere's centre can move before it touches."""
         return self.width / 2 - self.contact.radius
 
     @property

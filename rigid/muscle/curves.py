@@ -9,17 +9,23 @@ ActiveForceLengthCurve, FiberForceLengthCurve, ForceVelocityCurve and TendonForc
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cosim.errors import InputError
+from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
-from rigid.muscle.newton import increasing_root
 
+Function = Callable[[Array], tuple[Array, Array]]
+
+LIMIT = 120
+"""Most iterations."""
+STEEP = 1e-30
+"""Least slope that is divided by: a flat function sends Newton out of the bracket, to bisection."""
 BERNSTEIN = np.array(
     [
         [1, 0, 0, 0, 0, 0],
@@ -43,7 +49,7 @@ class Knot(NamedTuple):
 
 
 def corner(first: Knot, last: Knot, curviness: float) -> Array:
-    """(2, 6) control points x, y of the segment between two knots; curviness 0 to 1 (sharp)."""
+    """The control points x, y (2, 6) of the segment between two knots; curviness 0 to 1 (sharp)."""
     turn = first.slope - last.slope
     if abs(turn) > np.sqrt(np.finfo(float).eps):
         x = (last.y - first.y - last.x * last.slope + first.x * first.slope) / turn
@@ -65,7 +71,8 @@ class Curve:
 
     @staticmethod
     def through(knots: Sequence[Knot], curviness: float | Sequence[float]) -> Curve:
-        """Raises InputError where a corner would not be a function of x or turn back."""
+        """The curve through the knots.  Raises InputError where a corner would not be a function of
+        x or turn back."""
         bends = np.broadcast_to(curviness, len(knots) - 1)
         pairs = zip(knots[:-1], knots[1:], bends, strict=True)
         control = np.array([corner(a, b, float(c)) for a, b, c in pairs])
@@ -80,12 +87,12 @@ class Curve:
 
     @cached_property
     def power(self) -> Array:
-        """(2, segments, 6) rising power coefficients of x(u) and y(u), u in [0, 1]."""
+        """The rising power coefficients (2, segments, 6) of x(u) and y(u), u in [0, 1]."""
         return np.moveaxis(self.control @ BERNSTEIN.T, 1, 0)
 
     @property
     def knots(self) -> Array:
-        """(2, segments + 1) the knots' x and y."""
+        """The knots' x and y, (2, segments + 1)."""
         return np.concatenate([self.control[:, :, 0].T, self.control[-1:, :, 5].T], axis=1)
 
     @property
@@ -95,7 +102,7 @@ class Curve:
 
     @property
     def end_slopes(self) -> Array:
-        """(2,) slopes of the linear continuation below and above."""
+        """The slopes (2,) of the linear continuation below and above."""
         first, last = self.control[0, :, 1] - self.control[0, :, 0], self.control[-1, :, 5]
         last = last - self.control[-1, :, 4]
         return np.array([first[1] / first[0], last[1] / last[0]])
@@ -228,3 +235,38 @@ def tendon_force_length(
     bend = 0.5 * (foot + halfway)
     middle = Knot(bend, slope * (bend - foot), slope)
     return Curve.through([Knot(1.0, 0.0, 0.0), middle, Knot(toe, toe_force, stiffness)], curviness)
+
+
+class NotConverged(ConvergenceError):
+    """`where` marks the elements that are still moving."""
+
+    def __init__(self, message: str, where: NDArray[np.bool_] | None = None) -> None:
+        super().__init__(message)
+        self.where = np.zeros(0, dtype=np.bool_) if where is None else where
+
+
+def increasing_root(
+    function: Function, lower: Array, upper: Array, start: Array, tolerance: Array
+) -> Array:
+    """x with function(x) = 0 in [lower, upper], element by element, to `tolerance` in x.
+
+    `function` returns value and slope; its value must be negative below the root and positive
+    above it.  Where it is positive (negative) all over the bracket, the lower (upper) end is
+    returned.  Newton's step is taken where it is at most half of the last one, bisection elsewhere.
+    Raises NotConverged, which a function that returns no NaN does not cause."""
+    x = np.clip(start, lower, upper)
+    last = upper - lower
+    for _ in range(LIMIT):
+        value, slope = function(x)
+        below = value < 0.0
+        lower, upper = np.where(below, x, lower), np.where(below, upper, x)
+        newton = np.clip(x - value / np.maximum(slope, STEEP), lower, upper)
+        crawls = np.abs(newton - x) > 0.5 * last
+        new = np.where(crawls, 0.5 * (lower + upper), newton)
+        last = np.abs(new - x)
+        x = new
+        if (last <= tolerance).all():
+            return x
+    moves = ~(last <= tolerance)
+    message = f"{moves.sum()} of {moves.size} scalar equations did not converge"
+    raise NotConverged(message, moves)

@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
+from rigid.muscle.curves import NotConverged, increasing_root
 from rigid.muscle.millard import along, balance, equilibrium, pull, solve_balance
-from rigid.muscle.newton import NotConverged, increasing_root
 from rigid.muscle.parameters import Muscles
 
 
 class MuscleState(NamedTuple):
-    """(n,) each; what a step begins from."""
+    """What a step of n muscles begins from, (n,) each."""
 
     activation: Array
     fibre_length: Array
@@ -69,7 +69,7 @@ def advance_activation(muscles: Muscles, activation: Array, excitation: Array, d
 
 
 def fibre_velocity(muscles: Muscles, activation: Array, fibre_length: Array, path: Array) -> Array:
-    """(..., n) m/s, the fibres' velocity that balances the forces in a given state, lengthening
+    """The fibres' velocity (..., n) m/s that balances the forces in a given state, lengthening
     positive: the muscle as an ordinary differential equation, elastic tendon.
 
     A fibre at its shortest length does not shorten further.  Raises InputError and
@@ -116,7 +116,8 @@ def _velocity_in_balance(muscles: Muscles, active: Array, wanted: Array) -> Arra
 def rigid_force(
     muscles: Muscles, activation: ArrayLike, path: ArrayLike, path_rate: ArrayLike
 ) -> Array:
-    """(..., n) N, tendon force over a rigid tendon while the path lengthens at `path_rate` (m/s).
+    """The tendon forces (..., n) N over a rigid tendon while the path lengthens at `path_rate`
+    (m/s).
 
     Raises InputError for muscles with elastic tendons, and as `equilibrium` does."""
     if not muscles.rigid_tendon:

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
-from rigid.muscle.newton import STEEP, NotConverged, increasing_root
+from rigid.muscle.curves import STEEP, NotConverged, increasing_root
 from rigid.muscle.parameters import Muscles
 
 TOLERANCE = 1e-13
@@ -135,7 +135,7 @@ def _conditions(muscles: Muscles, activation: ArrayLike, path: ArrayLike) -> tup
 
 
 def along(muscles: Muscles, length: Array) -> Array:
-    """m, the extent along the tendon of fibres of a length."""
+    """The extent, m, along the tendon of fibres of a length."""
     return np.asarray(np.sqrt(length * length - muscles.scales.width2))
 
 
@@ -217,7 +217,7 @@ def _bracket(muscles: Muscles, activation: Array, path: Array, before: Array, ra
 
 
 def path_length(muscles: Muscles, normalised_length: ArrayLike, activation: ArrayLike) -> Array:
-    """(..., n) m, the path length at which fibres of `normalised_length` are at rest under
+    """The path lengths (..., n) m at which fibres of `normalised_length` are at rest under
     `activation` (0 to 1).
 
     Raises InputError where a fibre would be shorter than the shortest one."""

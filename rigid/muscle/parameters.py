@@ -152,18 +152,19 @@ class Muscles:
 
     @cached_property
     def width(self) -> Array:
-        """(n,) m, constant distance that the fibres span across the line of pull."""
+        """The constant distance (n,) m that the fibres span across the line of pull."""
         return self.optimal_fibre_length * np.sin(self.pennation)
 
     @cached_property
     def shortest_fibre(self) -> Array:
-        """(n,) m: where f_AL begins, or where the pennation angle is largest."""
+        """The shortest fibre lengths (n,) m: where f_AL begins, or where the pennation angle is
+        largest."""
         active = self.curves.active.knots[0, 0] * self.optimal_fibre_length
         return np.maximum(active, self.width / math.sin(MAX_PENNATION))
 
     @cached_property
     def shortest_along(self) -> Array:
-        """(n,) m, that fibre's extent along the tendon."""
+        """The extent (n,) m of the shortest fibre along the tendon."""
         return np.sqrt(self.shortest_fibre**2 - self.width**2)
 
     @cached_property
@@ -179,8 +180,8 @@ class Muscles:
 
 
 class Scales(NamedTuple):
-    """(n,) each: squared width, the reciprocals of lengths and of the largest velocity, and the
-    shorter one of fibre and tendon."""
+    """Numbers that a solve takes over and over, (n,) each: squared width, the reciprocals of
+    lengths and of the largest velocity, and the shorter one of fibre and tendon."""
 
     width2: Array
     per_fibre: Array

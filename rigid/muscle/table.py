@@ -53,7 +53,7 @@ class CurveTable:
 
 
 def hermite(curve: Curve, cells: int) -> Array:
-    """(4, cells) coefficients over [0, 1] of each cell, one cell beyond either end."""
+    """The coefficients (4, cells) over [0, 1] of each cell, one cell beyond either end."""
     lower, upper = curve.domain
     width = (upper - lower) / (cells - 2)
     y, slope, _ = curve.evaluate(lower + width * np.arange(-1.0, cells))

@@ -35,7 +35,7 @@ class Transform:
         return Transform(self.rotation @ inner.rotation, self.at(inner.position))
 
     def at(self, point: Array) -> Array:
-        """(3,) of the inner frame in the outer one."""
+        """The place (3,) in the outer frame of a point of the inner one."""
         return self.rotation @ point + self.position
 
     def inverse(self) -> Transform:
@@ -128,7 +128,7 @@ def offset(tag: OsimTag) -> Transform:
 
 
 def components(model: OsimTag) -> Components:
-    """Raises InputError where two components have one path."""
+    """The components by path.  Raises InputError where two components have one path."""
     out = Components({})
     for path, tag in _walk(model, ""):
         if path in out.by_path:
@@ -141,7 +141,7 @@ def components(model: OsimTag) -> Components:
 
 
 def _walk(tag: OsimTag, path: str) -> Iterator[tuple[str, OsimTag]]:
-    """(path, component) of all below a component."""
+    """Yield (path, component) of all below a component."""
     for child in tag.children:
         if child.kind == "Ground":
             yield GROUND, child

@@ -94,7 +94,7 @@ KINDS = (*FIXED_AXES, "CustomJoint")
 
 
 def read_joint(tag: OsimTag, model: Components) -> Joint:
-    """Raises InputError for a joint that MuJoCo's slides and hinges cannot make."""
+    """Read a joint.  Raises InputError for a joint that MuJoCo's slides and hinges cannot make."""
     parent, child = model.frame(tag, "parent_frame"), model.frame(tag, "child_frame")
     coordinates = tuple(_coordinate(c) for c in tag.within("coordinates"))
     axes = _axes(tag, [c.name for c in coordinates])
@@ -206,7 +206,7 @@ def _inner(tag: OsimTag) -> OsimTag:
 
 
 def line(tag: OsimTag) -> tuple[float, float]:
-    """(slope, intercept) of a function.  Raises InputError for one that is no straight line."""
+    """A function's slope and intercept.  Raises InputError for one that is no straight line."""
     tag.used = True
     if tag.kind == "Constant":
         return 0.0, tag.value("value", 0.0)

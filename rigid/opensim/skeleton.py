@@ -56,8 +56,8 @@ class OsimSkeleton:
 
 
 def read_skeleton(model: Components) -> OsimSkeleton:
-    """Raises InputError for closed loops, bodies that nothing carries, joints or inertias that
-    MuJoCo cannot have, and names that come twice."""
+    """Read bodies and joints from the ground on.  Raises InputError for closed loops, bodies that
+    nothing carries, joints or inertias that MuJoCo cannot have, and names that come twice."""
     tags = [t for t in model.by_path.values() if t.kind.endswith("Joint")]
     for tag in tags:
         if tag.kind not in KINDS:

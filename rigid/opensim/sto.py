@@ -69,7 +69,7 @@ def is_angle(column: str, angles: Collection[str]) -> bool:
 
 
 def _scale(columns: Sequence[str], angles: Collection[str]) -> Array:
-    """(m,) degrees per unit: 180/pi of an angle, 1 of others."""
+    """The columns' factors (m,), degrees per unit: 180/pi of an angle, 1 of others."""
     return np.where([is_angle(c, angles) for c in columns], np.degrees(1.0), 1.0)
 
 
@@ -161,7 +161,7 @@ def _labels(lines: list[str], at: int, path: Path) -> tuple[str, ...]:
 
 
 def _numbers(lines: list[str], at: int, columns: int, path: Path) -> Array:
-    """(n, columns) of the lines from `at` on, empty ones left out."""
+    """The numbers (n, columns) of the lines from `at` on, empty ones left out."""
     rows, places = [], []
     for k, line in enumerate(lines[at:], at + 1):
         row = line.split()

@@ -76,7 +76,8 @@ def read_xml(path: Path) -> OsimTag:
 
 
 def _check_utf8(path: Path) -> None:
-    """Raises InputError with the line where a text in another encoding begins."""
+    """Check that the file is UTF-8.  Raises InputError with the line where a text in another
+    encoding begins."""
     if not path.is_file() or path.stat().st_size > LIMITS.bytes:
         return
     raw = path.read_bytes()

@@ -1,18 +1,32 @@
-"""How fast the finger alone is: a static solve, and a forward simulation against OpenSim's."""
+"""How fast the finger alone is: a static solve, a forward simulation against OpenSim's, and the
+control loop of Xu et al. 2012, part by part, beside the paper's 2 ms and 0.02 ms."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from statistics import median
-from time import process_time
+from time import perf_counter, process_time
 
+import numpy as np
+
+from cosim.port import Array
+from rigid.fingers.robot import robot_finger
 from rigid.mujoco.dynamics import ConstantTension, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage
+from rigid.papers.xu2012.control import JOINT_GAINS, forces_for_torques, joint_forces, remember
+from rigid.papers.xu2012.pose import estimate
+from rigid.papers.xu2012.tracking import MARKERS, NOISE, poses
 from rigid.verification.forward import simulate
 from rigid.verification.thesis_twin import POSTURE, TENSIONS, tensions, twin_law, twin_model
 
 REPEATS = 5
+PAPER_LOOP, PAPER_QP = 2e-3, 2e-5
+"""s: section VII, "around 2 msec" and "about 0.02 msec"."""
+COUNT = 400
+NEAR = 0.02
+"""rad: how far the last estimate, where the search starts, is from the pose."""
 
 
 def bench_opensim(repeats: int = REPEATS) -> dict[str, float]:
@@ -26,6 +40,24 @@ def bench_opensim(repeats: int = REPEATS) -> dict[str, float]:
     theirs = sum(twin(muscle, caged=True).cpu for muscle in TENSIONS)
     ours = sum(_forward_cpu(muscle, repeats) for muscle in TENSIONS)
     return {"opensim_cpu_s": theirs, "ours_cpu_s": ours, "ratio": theirs / ours}
+
+
+def bench_robot(count: int = COUNT, second_extensor: bool = True) -> dict[str, float]:
+    """Medians over `count` poses in this process, s of wall clock: the loop from markers to tendon
+    forces (estimation, moment arms, PID, quadratic programme), the estimation, the programme."""
+    finger = MujocoFinger(robot_finger(second_extensor))
+    rng = np.random.default_rng(0)
+    times: dict[str, list[float]] = {"loop_s": [], "estimation_s": [], "qp_s": []}
+    for goal in poses(count):
+        seen = MARKERS.at(finger, goal)[0] + rng.normal(0.0, NOISE, (3, 3))
+        guess = goal + NEAR * rng.uniform(-1.0, 1.0, len(goal))
+        torque = 0.02 * rng.uniform(-1.0, 1.0, len(goal))
+
+        arms = finger.moment_arms(goal)
+        times["loop_s"].append(_seconds(partial(_loop, finger, seen, guess, goal)))
+        times["estimation_s"].append(_seconds(partial(estimate, finger, MARKERS, seen, guess)))
+        times["qp_s"].append(_seconds(partial(forces_for_torques, torque, arms)))
+    return {name: median(each) for name, each in times.items()}
 
 
 def cpu_seconds(work: Callable[[], object], repeats: int) -> list[float]:
@@ -44,3 +76,14 @@ def _forward_cpu(muscle: str, repeats: int) -> float:
     pull = ConstantTension(tensions(finger.tendons, muscle))
     dynamics = FingerDynamics(finger, finger.start(POSTURE), pull, Cage())
     return median(cpu_seconds(lambda: simulate(dynamics), repeats))
+
+
+def _loop(finger: MujocoFinger, seen: Array, guess: Array, goal: Array) -> None:
+    found = estimate(finger, MARKERS, seen, guess).angle
+    joint_forces(JOINT_GAINS, remember(guess), found, goal, finger.moment_arms(found))
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    begin = perf_counter()
+    work()
+    return perf_counter() - begin

@@ -66,7 +66,8 @@ def contact_rows() -> Iterator[Row]:
 
 
 def _springs(shell: Shell, d: float) -> float:
-    """N along the line of centres, summed over rings of the hollow sphere about that line."""
+    """The force, N, along the line of centres, summed over rings of the hollow sphere about that
+    line."""
     n, outer = 400_000, shell.width / 2
     edge = np.arccos((outer**2 + d**2 - shell.contact.radius**2) / (2 * outer * d))
     angle = (np.arange(n) + 0.5) * edge / n

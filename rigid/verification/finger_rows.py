@@ -98,8 +98,8 @@ def single_tendon_rows() -> Iterator[Row]:
 def phalanx_force(
     finger: MujocoFinger, posture: tuple[int, int, int], muscle: str, tension: float
 ) -> Array:
-    """(3,) N of the tip on the world, proximal, dorsal and radial in the distal phalanx's frame,
-    at MCP, PIP and DIP in deg."""
+    """The force (3,) N of the tip on the world, proximal, dorsal and radial in the distal phalanx's
+    frame, at MCP, PIP and DIP in deg."""
     angles = dict(zip(("MCP", "PIP", "DIP"), np.radians(posture), strict=True))
     state, balance = at_rest(finger, finger.start(angles), _alone(finger, muscle, tension))
     turn = finger.motion(state).rotation[-1]

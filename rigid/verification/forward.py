@@ -33,9 +33,9 @@ class RestCriterion:
 
 @dataclass(frozen=True)
 class EnergyBudget:
-    """J, over the whole simulation.  Kinetic energy gained and what is stored come from the work of
-    the tendons and gravity less what is dissipated and `artificial`: what the method's damping took
-    (positive) or gave."""
+    """The energies of a whole simulation, J.  Kinetic energy gained and what is stored come from
+    the work of the tendons and gravity less what is dissipated and `artificial`: what the method's
+    damping took (positive) or gave."""
 
     tendons: float
     gravity: float
@@ -47,7 +47,7 @@ class EnergyBudget:
 
     @property
     def artificial(self) -> float:
-        """J, what the method's damping took (positive) or gave."""
+        """The energy, J, that the method's damping took (positive) or gave."""
         gained = self.kinetic + self.joints_stored + self.device_stored
         lost = self.joints_dissipated + self.device_dissipated
         return self.tendons + self.gravity - gained - lost
@@ -170,14 +170,14 @@ def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> Energ
 
 
 def _over_time(vectors: list[Array]) -> Array:
-    """(n, k) of n vectors; in a tenth of the time of np.array."""
+    """An array (n, k) of n vectors; in a tenth of the time of np.array."""
     return np.concatenate(vectors).reshape(len(vectors), -1)
 
 
 def limit_energy(law: JointLaw, angles: Array) -> float:
-    """J, stored in the coordinate limits: the integral of `limit_torque` over x rad beyond one,
-    K t^2 (2 u^5 - 5/2 u^6 + 6/7 u^7) with u = x / t up to the transition t, K (x^2 - t^2) / 2 and
-    that at t beyond."""
+    """The energy, J, stored in the coordinate limits: the integral of `limit_torque` over x rad
+    beyond one, K t^2 (2 u^5 - 5/2 u^6 + 6/7 u^7) with u = x / t up to the transition t, K (x^2 -
+    t^2) / 2 and that at t beyond."""
     x = np.maximum(angles - law.upper, 0.0) + np.maximum(law.lower - angles, 0.0)
     u, t = np.minimum(x / law.transition, 1.0), law.transition
     inside = t**2 * u**5 * (2.0 - u * (2.5 - 6.0 / 7.0 * u))

@@ -12,7 +12,7 @@ from cosim.checks import Row
 from cosim.port import STATIC, Array, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.fingers.index import finger_model
-from rigid.hoods.hinge_angle import flexion_angles
+from rigid.hoods.joint_angles import flexion_joints
 from rigid.hoods.network import Network
 from rigid.hoods.network_hood import NetworkHood
 from rigid.hoods.two_band import (
@@ -162,7 +162,7 @@ def _reciprocity(network: Network, operating: float | None) -> float:
     rest, bent = (
         Motion(BODIES, *skeleton.pose(q)) for q in ({}, {"MCP": 0.5, "PIP": 0.8, "DIP": 0.23})
     )
-    hinges = flexion_angles(finger_model(skeleton))
+    hinges = flexion_joints(finger_model(skeleton))
     hood = NetworkHood(network, hinges, rest, operating_force=operating)
     state, tension = hood.start(bent), np.linspace(10.0, 4.0, len(network.muscles))
 

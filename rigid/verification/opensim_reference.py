@@ -26,13 +26,13 @@ STATES = 100
 
 
 def path_lengths(muscles: Muscles) -> Array:
-    """(41, n) m."""
+    """The path lengths (41, n) m of the tables."""
     return muscles.tendon_slack_length + FIBRES[:, None] * muscles.optimal_fibre_length
 
 
 def motion_states(muscles: Muscles) -> tuple[Array, Array, Array]:
-    """(100, n) activations, fibre lengths and path lengths; normalised fibres of 0.5 to 1.6, and
-    tendons strained by -0.01 to 0.05."""
+    """Activations, fibre lengths and path lengths, (100, n) each; normalised fibres of 0.5 to 1.6,
+    and tendons strained by -0.01 to 0.05."""
     rng = np.random.default_rng(2012)
     size = (STATES, len(muscles.names))
     activation, length = rng.uniform(0.01, 1.0, size), rng.uniform(0.5, 1.6, size)
@@ -108,7 +108,7 @@ def make(muscles: Muscles, i: int) -> Any:
 
 
 def resting_table(muscles: Muscles) -> tuple[Array, Array]:
-    """(11, 41, n) tendon forces (N) and fibre lengths (m)."""
+    """Tendon forces (N) and fibre lengths (m) at rest, (11, 41, n)."""
     out = np.empty((2, len(ACTIVATIONS), len(FIBRES), len(muscles.names)))
     paths = path_lengths(muscles)
     for i in range(len(muscles.names)):
@@ -120,7 +120,7 @@ def resting_table(muscles: Muscles) -> tuple[Array, Array]:
 
 
 def velocity_table(muscles: Muscles) -> Array:
-    """(100, n) fibre velocities (m/s) at `motion_states`."""
+    """Fibre velocities (100, n) m/s at `motion_states`."""
     activation, fibre, path = motion_states(muscles)
     out = np.empty(path.shape)
     for i in range(len(muscles.names)):

@@ -110,7 +110,7 @@ class OpenSimFinger:
         return state
 
     def _force(self, state: Any) -> Array:
-        """(3,) N, of the tip on the world."""
+        """The force (3,) N of the tip on the world."""
         self.model.realizeAcceleration(state)
         recorded = self._device.getRecordValues(state)
         if self._caged:

@@ -95,7 +95,7 @@ def at_postures(
 def over_cylinder(
     xml: str, coordinates: tuple[str, ...], postures: Array, name: str, geom: str
 ) -> Array:
-    """(n,) m: length of a tendon of three points whose last segment keeps to one side of a
+    """The lengths (n,) m of a tendon of three points whose last segment keeps to one side of a
     cylinder.  The shortest way is a line on the unrolled surface: hypot(tangents + arc, climb)."""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)

@@ -1,7 +1,4 @@
-"""The robotic finger: table III, its paths, fan, control and excursion experiment.
-
-"Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints".
-"""
+"""The robotic finger of Xu et al. 2012: table III, paths, fan, control, excursion experiment."""
 
 from __future__ import annotations
 

@@ -71,16 +71,16 @@ class Programmes:
         return quadratic(two_band(table=self.table), *self.at(time), weight)
 
     def fall(self, weight: Array) -> float:
-        """N, by how much the quadratic programme's ED falls."""
+        """The force, N, by which the quadratic programme's ED falls."""
         start, end = (self.quadratic(t, weight).muscles[ED] for t in (0.0, DURATION))
         return float(start - end)
 
     def crossing(self) -> float:
-        """s, when the middle band begins to bear more than the lateral one."""
+        """The time, s, when the middle band begins to bear more than the lateral one."""
         return float(brentq(self._lead, 0.01 * DURATION, 0.9 * DURATION, xtol=1e-6))
 
     def change(self) -> float:
-        """s, when the linear programme's FDS falls silent and the interossei begin."""
+        """The time, s, when the linear programme's FDS falls silent and the interossei begin."""
         return float(brentq(self._flex, 0.01 * DURATION, 0.9 * DURATION, xtol=1e-6))
 
     def _flex(self, time: float) -> float:

@@ -57,7 +57,7 @@ def twin_law() -> JointLaw:
 
 
 def tensions(tendons: tuple[str, ...], *muscles: str) -> Array:
-    """(nt,) N, of the muscles that pull."""
+    """The tensions (nt,) N of the muscles that pull."""
     return np.array([TENSIONS[t] if t in muscles else 0.0 for t in tendons])
 
 

@@ -25,7 +25,7 @@ from cosim.port import AXES
 from cosim.solve.solvers import solve
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import two_band
-from rigid.mujoco.inverse_dynamics import needed_torque
+from rigid.mujoco.finger import needed_torque
 from rigid.muscle.least_cost import least
 from rigid.papers.buchner1988.flexion import curve_motion, torques
 from rigid.papers.buchner1988.force_sharing import linear

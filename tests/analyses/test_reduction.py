@@ -12,8 +12,8 @@ from cosim.analyses.reduction import reduce as reduction
 from cosim.analyses.reduction import walks as reduction_walks
 from cosim.analyses.reduction.case_text import case_text
 from cosim.analyses.reduction.errors import errors
+from cosim.analyses.reduction.reduce import clamp_tip, tip_map, tip_maps
 from cosim.analyses.reduction.samples import FailedSample, Walk, WalkSamples, on_models
-from cosim.analyses.reduction.tip import clamp_tip, tip_map, tip_maps
 from cosim.case.file import find_case, load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
@@ -252,7 +252,7 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
     monkeypatch.setattr(reduction, "build", lambda case: models)
     monkeypatch.setattr(reduction, "sample_walks", in_this_process)
     monkeypatch.setattr(
-        reduction, "fit_potential", lambda *a: reduce_hood(*a[:3], Order(angle=2), a[3])
+        reduction, "reduce_hood", lambda *a, maps: reduce_hood(*a, Order(angle=2), maps)
     )
     out = tmp_path / "made.toml"
     done = CliRunner().invoke(

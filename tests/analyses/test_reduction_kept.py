@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.analyses.reduction.sample_cache import cached_samples
-from cosim.analyses.reduction.samples import FailedSample, Walk, WalkSamples, on_models
+from cosim.analyses.reduction.samples import (
+    FailedSample,
+    Walk,
+    WalkSamples,
+    kept_samples,
+    on_models,
+)
 from cosim.cli import app
 from cosim.errors import InputError
-from cosim.hoods.lumped.reduction import Sample
+from cosim.hoods.lumped.build import Sample
 from tests.helpers.soft_network import soft_models
 
 ANGLE = np.array([[0, 0, 0.3, 0.1], [0, 0, 0.35, 0.1]])
@@ -49,11 +54,11 @@ def same(one: Sample | FailedSample, other: Sample | FailedSample) -> bool:
 def test_what_was_cut_off_goes_on_with_the_same_bits(tmp_path):
     path, asked = tmp_path / "samples.json", []
     with pytest.raises(CutOff):
-        list(cached_samples(path, "a case", WALKS, sampler(asked, 2)))
+        list(kept_samples(path, "a case", WALKS, sampler(asked, 2)))
     assert asked == WALKS[:2]
-    found = list(cached_samples(path, "a case", WALKS, sampler(asked)))
+    found = list(kept_samples(path, "a case", WALKS, sampler(asked)))
     assert asked == WALKS
-    again = list(cached_samples(path, "a case", WALKS[::-1], sampler(asked)))[::-1]
+    again = list(kept_samples(path, "a case", WALKS[::-1], sampler(asked)))[::-1]
     assert asked == WALKS  # no more
     fresh = list(sampler([])(WALKS))
     for told in (found, again):
@@ -64,10 +69,10 @@ def test_what_was_cut_off_goes_on_with_the_same_bits(tmp_path):
 
 def test_samples_of_another_case_are_refused(tmp_path):
     path = tmp_path / "samples.json"
-    list(cached_samples(path, "a case", WALKS[:1], sampler([])))
+    list(kept_samples(path, "a case", WALKS[:1], sampler([])))
     before = path.read_bytes()
     with pytest.raises(InputError, match="holds samples of another case"):
-        list(cached_samples(path, "another", WALKS, sampler([])))
+        list(kept_samples(path, "another", WALKS, sampler([])))
     assert path.read_bytes() == before
 
 
@@ -88,10 +93,10 @@ def damage(told: dict, name: str, value: object) -> str:
 )
 def test_a_damaged_file_is_told(tmp_path, name, value, reason):
     path = tmp_path / "samples.json"
-    list(cached_samples(path, "a case", WALKS[:1], sampler([])))
+    list(kept_samples(path, "a case", WALKS[:1], sampler([])))
     path.write_text(damage(json.loads(path.read_text()), name, value))
     with pytest.raises(InputError, match=f"damaged .*{reason}"):
-        list(cached_samples(path, "a case", WALKS[:1], sampler([])))
+        list(kept_samples(path, "a case", WALKS[:1], sampler([])))
 
 
 @pytest.mark.parametrize(

@@ -325,14 +325,14 @@ BAD = {
 }
 BAD_MESH = {
     "an unknown region": ({"regions": ["slip", *MESH["regions"][1:]]}, "unknown region 'slip'"),
-    "no insertion": ({"springs": {}, "ties": {}}, "no insertion holds the hood"),
+    "no insertion": ({"springs": {}, "tied": {}}, "no insertion holds the hood"),
     "a point that is not finite": (
         {"points": [[float("nan"), 0, 0], *MESH["points"][1:]]},
         "points: row 0 holds a value that is not finite",
     ),
     "a node that is not there": ({"ends": MESH["ends"] | {"radial": [9999]}}, "ends.radial"),
     "another format": ({"format": "vtu"}, "is it a hood mesh?"),
-    "an unknown insertion": ({"ties": {"distl": [1]}}, 'unknown name "distl"'),
+    "an unknown insertion": ({"tied": {"distl": [1]}}, 'unknown name "distl"'),
     "two nodes at one place": (
         {
             "points": [*MESH["points"], MESH["points"][4]],

@@ -5,7 +5,7 @@ import pytest
 
 from cosim.case.file import load_case
 from cosim.errors import InputError
-from cosim.fingers.kinds import anatomy_of, finger_model
+from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import slip_forces
 from cosim.models.build import Models, bone_surfaces, build
 from cosim.solve.solvers import solve
@@ -64,15 +64,12 @@ def test_both_have_the_arms_of_table_iii_where_springs_share_as_the_pulley_does(
 def test_shares_follow_from_stiffness_in_the_posture_and_from_the_way_beyond_it():
     """The pulley's do not; with PIP and DIP bent on, the way to the distal phalanx is longer."""
     network, case = build_case(NETWORK), load_case(NETWORK)
-    model = anatomy_of(case.finger, case.hood.left_to_finger).model
-    at = slip_forces(case.hood, model, hood_at(network, network.posture)[0])
+    at = slip_forces(case.hood, hood_at(network, network.posture)[0])
     shares = np.array([126.0, 80.0]) / (126 + 80 + 126)
     assert list(at.values()) == pytest.approx(TENSION * shares, rel=3e-3)
     bent = {**network.posture, "PIP": np.radians(55), "DIP": np.radians(25)}
     state, arm = hood_at(network, bent)
-    assert slip_forces(case.hood, model, state) == pytest.approx(
-        {"central": 0.0, "terminal": TENSION}
-    )
+    assert slip_forces(case.hood, state) == pytest.approx({"central": 0.0, "terminal": TENSION})
     assert arm[3] == pytest.approx(-2.26e-3)
     assert pulley_arms(build_case(PULLEYS), bent)[3] == pytest.approx(-1.13e-3, abs=1e-12)
 

@@ -8,7 +8,7 @@ import numpy as np
 from cosim.port import Array, Hood, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.fingers.index import finger_model
-from rigid.hoods.hinge_angle import flexion_angles
+from rigid.hoods.joint_angles import flexion_joints
 from rigid.hoods.network import Network
 from rigid.hoods.network_hood import NetworkHood
 from rigid.hoods.two_band import two_band
@@ -40,6 +40,6 @@ def two_band_hood() -> Subject:
 def _on_index(network: Network, tension: Array, operating: float | None) -> Subject:
     skeleton = index_finger()
     motions = [Motion(BODIES, *skeleton.pose(posture)) for posture in POSTURES]
-    hinges = flexion_angles(finger_model(skeleton))
+    hinges = flexion_joints(finger_model(skeleton))
     hood = NetworkHood(network, hinges, motions[0], operating_force=operating)
     return hood, motions, tension, 1e-6

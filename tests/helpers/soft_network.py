@@ -10,15 +10,13 @@ import pytest
 
 from cosim.analyses.reduction.samples import FREE, Walk, on_models
 from cosim.case.file import load_case
-from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import slip_forces
 from cosim.hoods.lumped.table import NetworkHoodConfig
 from cosim.models.build import Models, build
 from cosim.port import STATIC
 from cosim.verification.reduction import SOFT
 from rigid.hoods.reduced import ReducedPotential
-from rigid.hoods.reduced_sample import Sample, stack
-from rigid.hoods.reduction import Order, reduce_hood
+from rigid.hoods.reduction import Order, Sample, reduce_hood, stack
 
 JOINTS, MUSCLES = ("MCP", "MCP_abduction", "PIP", "DIP"), ("EDC", "LUM", "FPI")
 STRAIGHT = Order(angle=4, toe=None)
@@ -40,14 +38,13 @@ def samples() -> tuple[Sample, ...]:
     """Samples of the soft network, with the slips that its springs make."""
     case, models = load_case("network_edc", SOFT), soft_models()
     assert isinstance(case.hood, NetworkHoodConfig)
-    model = finger_model(case.native_finger(), case.hood.left_to_finger)
     out = []
     for s in on_models(models, walk(28, 0)):
         assert isinstance(s, Sample)
         at = models.finger.start(dict(zip(models.finger.joints, s.angle, strict=True)))
         motion = models.finger.motion(at)
         state = models.hood.advance(models.hood.start(motion), motion, s.tension, STATIC).state
-        slips = slip_forces(case.hood, model, state)
+        slips = slip_forces(case.hood, state)
         assert sum(slips.values()) == pytest.approx(s.tension.sum(), rel=1e-12)
         out.append(replace(s, slip=np.array([slips["central"], slips["terminal"]])))
     return tuple(out)

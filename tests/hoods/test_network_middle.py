@@ -14,7 +14,6 @@ from cosim.port import STATIC, Finger, Hood
 from cosim.results.conventions import vector_of
 from cosim.results.static import observe_static
 from cosim.solve.solvers import solve
-from rigid.model import FingerModel
 from tests.helpers import conformance
 
 TENSION = np.array([10.0, 4.0, 7.0])
@@ -24,16 +23,16 @@ POSTURES = (
 )
 
 
-def parts() -> tuple[Finger, Hood, NetworkHoodConfig, FingerModel]:
+def parts() -> tuple[Finger, Hood, NetworkHoodConfig]:
     stated, hood = load_case("middle_minorflex_edc").native_finger(), load_case("network_edc").hood
     assert isinstance(hood, NetworkHoodConfig)
     left = hood.left_to_finger
     finger, model = live_finger(stated, left), finger_model(stated, left)
-    return finger, build_lumped_hood(hood, model, finger.motion(finger.start({}))), hood, model
+    return finger, build_lumped_hood(hood, model, finger.motion(finger.start({}))), hood
 
 
 def test_the_hood_keeps_the_ports_promises():
-    finger, hood, _, _ = parts()
+    finger, hood, _ = parts()
     motions = [finger.motion(finger.start(posture)) for posture in POSTURES]
     conformance.check_shapes(hood, motions, TENSION)
     conformance.check_objective(hood, motions, TENSION, 1e-9)
@@ -45,14 +44,14 @@ def test_the_hood_keeps_the_ports_promises():
 def test_arms_are_the_cases_about_the_fingers_own_joints():
     """EDC at the MCP, which it crosses itself; at PIP and DIP the slips' forces on their arms.
     Abduction is free of the network."""
-    finger, hood, stated, model = parts()
+    finger, hood, stated = parts()
     at = finger.start(POSTURES[1])
     motion = finger.motion(at)
     answer = hood.advance(hood.start(motion), motion, TENSION, STATIC)
     found = finger.jacobian(at).T @ answer.load.total().ravel()
     torque = dict(zip(finger.joints, found, strict=True))
     mcp = [stated.muscles[name]["MCP"].constant for name in hood.tendons]
-    slips = slip_forces(stated, model, answer.state)
+    slips = slip_forces(stated, answer.state)
     assert torque["MCP"] == pytest.approx(mcp @ TENSION, rel=1e-9)
     assert torque["MCP_abduction"] == pytest.approx(0.0, abs=1e-12)
     assert torque["DIP"] == pytest.approx(-3.5e-3 * slips["terminal"], rel=1e-9)

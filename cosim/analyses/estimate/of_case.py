@@ -21,8 +21,7 @@ from cosim.models.build import Models, build
 from cosim.port import AXES, Array, PairState, Tensions
 from cosim.schema import units
 from cosim.solve.equilibrium import solve_equilibrium
-from rigid.mujoco.finger import MujocoFinger
-from rigid.mujoco.inverse_dynamics import needed_torque
+from rigid.mujoco.finger import MujocoFinger, needed_torque
 from rigid.muscle.least_cost import Power
 
 STAGES = (0.25, 0.5, 0.75, 1.0)

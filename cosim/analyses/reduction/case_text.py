@@ -7,21 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from cosim.analyses.reduction import walks
 from cosim.analyses.reduction.errors import errors
 from cosim.analyses.reduction.reduce import Reduction
-from cosim.analyses.reduction.walks import (
-    ALONE_PARTS,
-    HELD,
-    HELD_MIXED,
-    HELD_PARTS,
-    LOW,
-    MIXED,
-    MIXTURE_PARTS,
-    NEAR_ENDS,
-    SEED,
-)
 from cosim.case.file import Settings
-from cosim.hoods.lumped.reduction import Potential
+from cosim.hoods.lumped.build import ReducedPotential
 from cosim.schema import units
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.text_tables import notes, toml_settings, toml_text
@@ -29,42 +19,43 @@ from cosim.text_tables import notes, toml_settings, toml_text
 DIGITS = 9
 
 
-def case_text(found: Reduction, title: str, base: str, settings: Settings) -> str:
+def case_text(reduction: Reduction, title: str, base: str, settings: Settings) -> str:
     """TOML that extends the case `base` (a path or name) with the fitted hood and those of the
     settings that are not of the hood."""
-    head = f"{schema_line(CASE_SCHEMA)}\n{notes(_provenance(found))}"
+    head = f"{schema_line(CASE_SCHEMA)}\n{notes(_provenance(reduction))}"
     kept = [text for text in settings if text.partition(".")[0].strip() != "hood"]
     stated = toml_text({"extends": base, "title": title}) + toml_settings(kept)
-    return f"{head}{stated}\n{toml_text({'hood': _hood(found.potential)})}"
+    return f"{head}{stated}\n{toml_text({'hood': _hood(reduction.potential)})}"
 
 
-def _provenance(found: Reduction) -> Iterator[str]:
+def _provenance(reduction: Reduction) -> Iterator[str]:
     yield (
-        f"Reduced with `cosim reduce` from the {found.case.hood.kind} hood of {found.case.name}, "
-        "on bones held in postures."
+        f"Reduced with `cosim reduce` from the {reduction.case.hood.kind} hood of "
+        f"{reduction.case.name}, on bones held in postures."
     )
     yield ""
-    for joint, axis in found.within.grid.items():
+    for joint, axis in reduction.within.grid.items():
         yield f"  {joint}: {', '.join(f'{angle:g}' for angle in axis)} deg"
-    loads = ", ".join(f"{name} {force:.4g} N" for name, force in found.loads.items())
-    rest = found.case.solve.resting_tension
-    yield f"  loads: {loads}; each alone, and at {LOW:g} N, the others at {rest:g} N"
-    parts = "; ".join(", ".join(f"{part:g}" for part in mixture) for mixture in MIXED)
+    loads = ", ".join(f"{name} {force:.4g} N" for name, force in reduction.loads.items())
+    rest = reduction.case.solve.resting_tension
+    yield f"  loads: {loads}; each alone, and at {walks.LOW:g} N, the others at {rest:g} N"
+    parts = "; ".join(", ".join(f"{part:g}" for part in mixture) for mixture in walks.MIXED)
     yield f"  all at once, in parts of these loads (tendon by tendon, then again): {parts}"
     yield (
-        f"  between the grid's points (Sobol): each alone in {found.within.spread} postures, "
-        f"with {_ends(ALONE_PARTS)} of its load, and mixtures in {found.within.mixtures}, with "
-        f"{_ends(MIXTURE_PARTS)} of each; {100 * NEAR_ENDS:g} % of them nearer to the box's ends"
+        f"  between the grid's points (Sobol): each alone in {reduction.within.spread} postures, "
+        f"with {_ends(walks.ALONE_PARTS)} of its load, and mixtures in "
+        f"{reduction.within.mixtures}, with {_ends(walks.MIXTURE_PARTS)} of each; "
+        f"{100 * walks.NEAR_ENDS:g} % of them nearer to the box's ends"
     )
     yield (
-        f"  {len(found.samples)} states fitted: torques, excursions, stiffness, arms, compliance, "
-        f"slips; {len(found.held_out)} held out: at random (seed {SEED}), {HELD} postures for each "
-        f"tendon alone, with {_ends(HELD_PARTS)} of its load, and for mixtures, with "
-        f"{_ends(HELD_MIXED)} of each"
+        f"  {len(reduction.samples)} states fitted: torques, excursions, stiffness, arms, "
+        f"compliance, slips; {len(reduction.held_out)} held out: at random (seed {walks.SEED}), "
+        f"{walks.HELD} postures for each tendon alone, with {_ends(walks.HELD_PARTS)} of its load, "
+        f"and for mixtures, with {_ends(walks.HELD_MIXED)} of each"
     )
     yield ""
     yield "Error, relative to the hood that it was reduced from:"
-    for e in errors(found):
+    for e in errors(reduction):
         marked = (
             ""
             if e.mark is None
@@ -77,10 +68,10 @@ def _provenance(found: Reduction) -> Iterator[str]:
             f"{100 * e.median:.1f} % of those held out, at most {100 * e.most:.1f} % there"
             f"{marked}, at {e.where}"
         )
-    if found.failures:
+    if reduction.failures:
         yield ""
         yield "Without an equilibrium, and left out (joints in the finger's order):"
-        yield from (f"  {failure}" for failure in found.failures)
+        yield from (f"  {failure}" for failure in reduction.failures)
     yield ""
 
 
@@ -88,7 +79,7 @@ def _ends(parts: tuple[float, float]) -> str:
     return f"{parts[0]:g} to {parts[1]:g}"
 
 
-def _hood(p: Potential) -> dict[str, Any]:
+def _hood(p: ReducedPotential) -> dict[str, Any]:
     ends = zip(p.joints, p.low, p.high, strict=True)
     most = zip(p.muscles, p.most, strict=True)
     return {

@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.analyses.reduction.reduce import Reduction, state_in_words
-from cosim.analyses.reduction.tip import tip_maps
+from cosim.analyses.reduction.reduce import Reduction, state_in_words, tip_maps
 from cosim.analyses.reduction.walks import LOW
-from cosim.hoods.lumped.reduction import Sample, stack
+from cosim.hoods.lumped.build import Sample, stack
 from cosim.port import Array
 
 MARKS = {"tip force": 0.05, "slip forces": 0.10}
@@ -36,7 +35,7 @@ class Error(NamedTuple):
         return MARKS.get(self.quantity.partition(",")[0])
 
 
-def errors(found: Reduction) -> Iterator[Error]:
+def errors(reduction: Reduction) -> Iterator[Error]:
     """The errors of torques, tip force and slips: the difference's size over the quantity's, state
     by state (of both slips over the larger one's force; tip force: what holds a clamped tip against
     the hood's torques).
@@ -44,10 +43,10 @@ def errors(found: Reduction) -> Iterator[Error]:
     Where joint torques cancel at the tip its force is small and its relative error without bound,
     so that the difference is given over the root mean square of all these states' tip forces, and
     over the sum of a state's tensions, too."""
-    tendons = found.potential.muscles
-    fitted, held = (_loaded_states(samples) for samples in (found.samples, found.held_out))
-    on_grid = misses(found, fitted)
-    for name, miss in misses(found, held).items():
+    tendons = reduction.potential.muscles
+    fitted, held = (_loaded_states(samples) for samples in (reduction.samples, reduction.held_out))
+    on_grid = misses(reduction, fitted)
+    for name, miss in misses(reduction, held).items():
         if np.isfinite(miss).any():
             worst = held[int(np.nanargmax(miss))]
             made = Error(
@@ -67,12 +66,12 @@ def _loaded_states(samples: Sequence[Sample]) -> list[Sample]:
     return [s for s in samples if s.tension.max() > LOW]
 
 
-def misses(found: Reduction, samples: Sequence[Sample]) -> dict[str, Array]:
+def misses(reduction: Reduction, samples: Sequence[Sample]) -> dict[str, Array]:
     """(s,) relative, by quantity, of each state."""
     data = stack(samples)
-    made = found.potential.derivatives(data.angle, data.tension)
-    slips = found.potential.slips(data.angle, made.torque)
-    maps = tip_maps(found.case, data.angle)
+    made = reduction.potential.derivatives(data.angle, data.tension)
+    slips = reduction.potential.slips(data.angle, made.torque)
+    maps = tip_maps(reduction.case, data.angle)
     tip, aimed = (np.einsum("sij,sj->si", maps, torque) for torque in (made.torque, data.torque))
     off, size = np.linalg.norm(tip - aimed, axis=1), np.linalg.norm(aimed, axis=1)
     return {

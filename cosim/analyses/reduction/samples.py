@@ -2,22 +2,29 @@
 
 A solve on held bones says, with the tangent of its state, the gradient of the hood's potential in
 joint angles and tensions (torques and excursions) and its second derivatives.
+
+Samples are kept in a file as they come, so that a reduction that was cut off goes on where it was,
+and another fit to the same hood samples only what is new.  The file is JSON: the address of the
+case, and for each walk, named by the hash of its postures and loads, what it found.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, fields
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cosim.case.file import load_case
-from cosim.errors import ConvergenceError
-from cosim.hoods.lumped.reduction import Sample
+from cosim.errors import ConvergenceError, InputError
+from cosim.files import output_file
+from cosim.hoods.lumped.build import Sample
 from cosim.models.build import Models, build
 from cosim.outcome import one_line
 from cosim.port import STATIC, Array, Load, State
@@ -27,6 +34,10 @@ FREE = 'finger.tip.kind="free"'
 """The bones are held where they are put, whatever holds the case's fingertip."""
 MOST_STEP = float(np.radians(10.0))
 """A hood follows the bones in steps of at most this turn."""
+MOST_BYTES = 1 << 30
+"""A larger file is none of samples."""
+SHAPES = ("n", "m", "n", "m", "nn", "nm", "mm", "s")
+"""Of a sample's fields, in their order, for n joints, m tendons and s = 2 slips."""
 
 
 @dataclass(frozen=True)
@@ -110,12 +121,11 @@ def _load_in_posture(
     """One load after the other in a posture."""
     for tension in tensions:
         try:
-            found = sample(models, state, angle, tension)
+            sampled, state = sample(models, state, angle, tension)
         except ConvergenceError as error:
             yield FailedSample(angle, tension, one_line(error))
             continue
-        state = found[1]
-        yield found[0]
+        yield sampled
 
 
 def _place(models: Models, angle: Array) -> State:
@@ -135,15 +145,15 @@ def sample(models: Models, state: State, angle: Array, tension: Array) -> tuple[
     """The hood under tensions (m,) N at joint angles (n,) rad, from a state near it; and its new
     state.  Raises ConvergenceError."""
     finger, hood = models.finger, models.hood
-    here = _place(models, angle)
-    response = hood.advance(state, finger.motion(here), tension, STATIC)
-    slope, twist = hood.jacobian(response.state), finger.jacobian(here)
+    posed = _place(models, angle)
+    response = hood.advance(state, finger.motion(posed), tension, STATIC)
+    slope, twist = hood.jacobian(response.state), finger.jacobian(posed)
     none, bodies = np.zeros(len(finger.tendons)), finger.bodies
     idle = Load(bodies, ("none",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
-    with_hood = finger.tangent(here, response.load, none, slope.load_motion)
-    without = finger.tangent(here, idle, none, np.zeros_like(slope.load_motion))
+    with_hood = finger.tangent(posed, response.load, none, slope.load_motion)
+    without = finger.tangent(posed, idle, none, np.zeros_like(slope.load_motion))
     n = len(finger.joints)
-    found = Sample(
+    sampled = Sample(
         angle,
         tension,
         twist.T @ response.load.total().ravel(),
@@ -153,7 +163,7 @@ def sample(models: Models, state: State, angle: Array, tension: Array) -> tuple[
         slope.excursion_tension,
         _slips(models, response.state),
     )
-    return found, response.state
+    return sampled, response.state
 
 
 def _slips(models: Models, state: State) -> Array:
@@ -161,3 +171,80 @@ def _slips(models: Models, state: State) -> Array:
         return np.full(2, np.nan)
     forces = models.slips(state)
     return np.array([forces["central"], forces["terminal"]])
+
+
+def kept_samples(
+    path: Path,
+    address: str,
+    walks: Sequence[Walk],
+    sample: Callable[[Sequence[Walk]], Iterator[WalkSamples]],
+) -> Iterator[WalkSamples]:
+    """What each walk found, in their order: read from `path`, or else sampled and written there.
+
+    Raises InputError for a file of another case, or of another kind."""
+    kept = _read(path, address) if path.exists() else {}
+    names = [_name(walk) for walk in walks]
+    new = sample([walk for walk, name in zip(walks, names, strict=True) if name not in kept])
+    for walk, name in zip(walks, names, strict=True):
+        if name in kept:
+            yield _read_walk(path, walk, kept[name])
+            continue
+        walked = next(new)
+        states = [{k: np.asarray(v).tolist() for k, v in asdict(s).items()} for s in walked.states]
+        kept[name] = {"seconds": walked.seconds, "found": states}
+        with output_file(path) as part:
+            part.write_text(json.dumps({"case": address, "walks": kept}), encoding="utf-8")
+        yield walked
+
+
+def _name(walk: Walk) -> str:
+    digest = hashlib.sha256()
+    for array in (walk.angles, walk.tensions):
+        digest.update(f"{array.shape}".encode() + np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _read(path: Path, address: str) -> dict[str, Any]:
+    """What a file keeps of each walk by its name.  Raises InputError."""
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise InputError(f"{path}: larger than 1 GB, which no file of samples is")
+        content = json.loads(path.read_text(encoding="utf-8"))
+        case, walks = content["case"], dict(content["walks"])
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise InputError(
+            f"{path}: is no file of samples that `cosim reduce --samples` wrote; choose another"
+        ) from error
+    if case != address:
+        raise InputError(
+            f"{path}: holds samples of another case, or by another version of this program or its "
+            "libraries; choose another file"
+        )
+    return walks
+
+
+def _read_walk(path: Path, walk: Walk, kept: Any) -> WalkSamples:
+    """Raises InputError for what is no walk of this size."""
+    size = {"n": walk.angles.shape[-1], "m": walk.tensions.shape[-1], "s": 2}
+    try:
+        states = [_read_state(size, values) for values in kept["found"]]
+        return WalkSamples(states, float(kept["seconds"]))
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(
+            f"{path}: the samples of a walk are damaged ({error}); choose another file"
+        ) from error
+
+
+def _read_state(size: dict[str, int], kept: Any) -> Sample | FailedSample:
+    """Raises ValueError, TypeError, KeyError for what is no state of this size."""
+    failed, arrays = "reason" in kept, []
+    for field, letters in list(zip(fields(Sample), SHAPES, strict=True))[: 2 if failed else None]:
+        array = np.array(kept[field.name], dtype=float)
+        if array.shape != (shape := tuple(size[letter] for letter in letters)):
+            raise ValueError(f"{field.name} has the shape {array.shape}, not {shape}")
+        if field.name != "slip" and not np.isfinite(array).all():
+            raise ValueError(f"{field.name} is not finite")
+        arrays.append(array)
+    return FailedSample(arrays[0], arrays[1], kept["reason"]) if failed else Sample(*arrays)

@@ -58,15 +58,15 @@ class SampleRange:
 
     def postures(self, degrees: Array) -> Array:
         """(p, n) rad: the grid's joints at (p, k) deg, the others at home."""
-        found = np.tile(self.home, (len(degrees), 1))
-        found[:, [self.joints.index(joint) for joint in self.grid]] = np.radians(degrees)
-        return found
+        postures = np.tile(self.home, (len(degrees), 1))
+        postures[:, [self.joints.index(joint) for joint in self.grid]] = np.radians(degrees)
+        return postures
 
     def inside(self, parts: Array) -> Array:
         """(p, k) deg at parts (p, k) of the grid's box, 0 to 1."""
         low, high = np.array([[min(axis), max(axis)] for axis in self.grid.values()]).T
-        found: Array = low + parts * (high - low)
-        return found
+        degrees: Array = low + parts * (high - low)
+        return degrees
 
     def single(self, tendon: int, parts: Array) -> Array:
         """(p, m) N: one tendon at these parts (p,) of its greatest load, the others at rest."""

@@ -18,23 +18,25 @@ from cosim.hoods.lumped.table import (
     ReductionConfig,
     TwoBandHoodConfig,
 )
-from cosim.port import Hood, Motion, State
+from cosim.port import Motion
 from rigid.chain.hinge import BODIES
-from rigid.hoods.hinge_angle import HingeAngle, angles, flexion_angles
+from rigid.hoods.joint_angles import flexion_joints, hinges_between, joints_of
+from rigid.hoods.joint_hood import JointHood, JointState
 from rigid.hoods.network import Arms, Network
-from rigid.hoods.network_hood import NetworkHood as OnBodies
-from rigid.hoods.reduced import ReducedHood, ReducedPotential
+from rigid.hoods.network_hood import NetworkHood
+from rigid.hoods.reduced import ReducedHood
+from rigid.hoods.reduced import ReducedPotential as ReducedPotential
+from rigid.hoods.reduction import Sample as Sample
+from rigid.hoods.reduction import reduce_hood as reduce_hood
+from rigid.hoods.reduction import stack as stack
 from rigid.hoods.two_band import arms, band_stiffnesses
-from rigid.hoods.universal_angle import Joint, joints_of
 from rigid.model import FingerModel
 
 
 def build(hood: NetworkHoodConfig, site: Site) -> BuiltHood:
     """The network as a lesion leaves it."""
     left, model = apply_lesion_to_network(hood, site.lesion), site.anatomy.model
-    return BuiltHood(
-        build_lumped_hood(left, model, site.rest), slips=partial(slip_forces, left, model)
-    )
+    return BuiltHood(build_lumped_hood(left, model, site.rest), slips=partial(slip_forces, left))
 
 
 def build_two_bands(hood: TwoBandHoodConfig, site: Site) -> BuiltHood:
@@ -77,25 +79,32 @@ def _tendons(hood: NetworkHoodConfig, part: str, key: str) -> list[str]:
     return names
 
 
-def build_lumped_hood(hood: NetworkHoodConfig, model: FingerModel | None, rest: Motion) -> Hood:
+def build_lumped_hood(
+    hood: NetworkHoodConfig, model: FingerModel | None, rest: Motion
+) -> JointHood:
     """The network on the flexion angles of a finger (None: hinges in a plane), excursions counted
     from the poses `rest`."""
     if hood.reduced is not None:
         return build_reduced_hood(potential(hood.reduced), model, rest.bodies)
-    hinges = _hinges(model)
-    return OnBodies(_network(hood), hinges, rest, operating_force=hood.operating_force)
+    hinges = hinges_between(JOINTS, BODIES) if model is None else flexion_joints(model)
+    return NetworkHood(_network(hood), hinges, rest, operating_force=hood.operating_force)
 
 
-def slip_forces(
-    hood: NetworkHoodConfig, model: FingerModel | None, state: State
-) -> dict[str, float]:
-    """What bears (N) on the middle phalanx ("central": it crosses the PIP last) and on the distal
-    one ("terminal") of a hood's connecting tendons."""
+def build_reduced_hood(
+    reduced: ReducedPotential, model: FingerModel | None, bodies: tuple[str, ...]
+) -> ReducedHood:
+    """A potential behind the port, on every hinge of a finger (None: hinges in a plane)."""
+    hinges = hinges_between(reduced.joints, bodies) if model is None else joints_of(model)
+    return ReducedHood(reduced, hinges, bodies)
+
+
+def slip_forces(hood: NetworkHoodConfig, state: JointState) -> dict[str, float]:
+    """What bears on the middle phalanx ("central": it crosses the PIP last) and on the distal one
+    ("terminal") of a hood's connecting tendons, N."""
+    at = state.angles.value
     if hood.reduced is not None:
-        reduced = build_reduced_hood(potential(hood.reduced), model, state.motion.bodies)
-        return reduced.slip_forces(state)
+        return potential(hood.reduced).slip_forces(at, state.derived.torque)
     network = _network(hood)
-    at = angles(_hinges(model), state.motion).value
     if hood.operating_force is None:
         _, tension = network.solve(at, state.tension)
     else:
@@ -106,26 +115,6 @@ def slip_forces(
         "central": float(tension[beyond_pip & ~beyond_dip].sum()),
         "terminal": float(tension[beyond_dip].sum()),
     }
-
-
-def _hinges(model: FingerModel | None) -> tuple[HingeAngle, ...]:
-    if model is not None:
-        return flexion_angles(model)
-    joints = zip(JOINTS, BODIES[:-1], BODIES[1:], strict=True)
-    return tuple(HingeAngle(*names) for names in joints)
-
-
-def build_reduced_hood(
-    reduced: ReducedPotential, model: FingerModel | None, bodies: tuple[str, ...]
-) -> ReducedHood:
-    """A potential behind the port, on every hinge of a finger (None: hinges in a plane)."""
-    hinges: tuple[Joint, ...]
-    if model is None:
-        joints = zip(reduced.joints, bodies[:-1], bodies[1:], strict=True)
-        hinges = tuple(HingeAngle(*names) for names in joints)
-    else:
-        hinges = joints_of(model)
-    return ReducedHood(reduced, hinges, bodies)
 
 
 def potential(hood: ReductionConfig) -> ReducedPotential:

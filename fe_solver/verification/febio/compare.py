@@ -39,15 +39,17 @@ class Formulation(Enum):
 
 @dataclass(frozen=True)
 class ComparedQuantity:
-    """One quantity by each element and FEBio's own figure; None where there is none.  `scale` is
-    what differences are divided by: of a displacement the largest of the model's nodes, else the
-    reference, which is FEBio's figure or else what `q4ans` says."""
+    """One quantity by each element; None where there is no figure."""
 
     quantity: str
     own: float | None = None
+    """By our shell."""
     q4ans: float | None = None
     febio: float | None = None
+    """FEBio's own figure."""
     scale: float = 1.0
+    """What differences are divided by: of a displacement the largest of the model's nodes, else the
+    reference, which is FEBio's figure or else what `q4ans` says."""
 
     @property
     def reference(self) -> float | None:
@@ -74,38 +76,43 @@ class ComparedQuantity:
 
 @dataclass(frozen=True)
 class ModelRun:
-    """One model solved in a process of its own: values by name, the deepest penetration (um), CPU
-    seconds of the solve and of the set-up (file, model, distances of bones), peak memory of the
-    imports alone and of all, MB."""
+    """One model solved in a process of its own."""
 
     values: dict[str, float]
+    """By name."""
     penetration: float
+    """um, the deepest."""
     solve_s: float
+    """CPU seconds of the solve."""
     setup_s: float
+    """CPU seconds of the set-up (file, model, distances of bones)."""
     import_mb: float
+    """Peak memory of the imports alone."""
     peak_mb: float
+    """Peak memory of all."""
     iterations: int
     linear_solver: str
 
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """A model's rows, and by element what it took or why there is no solution; `febio_s` is FEBio's
-    CPU time scaled to this machine by the reference job, None where that is not there."""
+    """A model's rows, and what they took."""
 
     model: str
     rows: tuple[ComparedQuantity, ...]
     solved: dict[Formulation, ModelRun | str]
+    """By element, or why there is no solution."""
     published: Published | None = None
     febio_s: float | None = None
+    """FEBio's CPU time scaled to this machine by the reference job, None where that is absent."""
 
 
 def models_in(folder: Path) -> list[Path]:
     """The FEBio files of a folder.  Raises InputError where there are none."""
-    found = sorted(folder.glob("*.feb"))
-    if not found:
+    files = sorted(folder.glob("*.feb"))
+    if not files:
         raise InputError(f"{folder}: holds no FEBio files (*.feb)")
-    return found
+    return files
 
 
 def quantities(job: Job, state: JobState, published: Published | None) -> dict[str, float]:
@@ -158,9 +165,9 @@ def rows(
     figures: list[float | None] = [None] * len(names)
     if published is not None:
         figures = [*_figures(published)]
-    own, q4ans = (solved.get(e, {}) for e in Formulation)
+    shell, q4ans = (solved.get(e, {}) for e in Formulation)
     out = [
-        ComparedQuantity(name, own.get(name), q4ans.get(name), figure)
+        ComparedQuantity(name, shell.get(name), q4ans.get(name), figure)
         for name, figure in zip(names, figures, strict=True)
     ]
     if published is None:

@@ -16,18 +16,24 @@ REFERENCE_S = 0.95
 
 @dataclass(frozen=True)
 class Published:
-    """FEBio's last state: displacements by node number (mm), contact resultants along z on the
-    first two bodies (N), the springs' largest force and sum (N) and how many act, the deepest
-    penetration (um, of a penalty without augmentation), CPU seconds, peak memory (MB)."""
+    """FEBio's last state."""
 
     displacement: Mapping[int, tuple[float, float, float]]
+    """mm, by node number."""
     contact: tuple[float, ...]
+    """N, resultants along z on the first two bodies."""
     largest: float
+    """N, of the springs' forces."""
     total: float
+    """N, sum of the springs' forces."""
     active: int
+    """How many springs act."""
     penetration: float
+    """um, the deepest, of a penalty without augmentation."""
     cpu_s: float
+    """CPU seconds."""
     peak_mb: float
+    """Peak memory, MB."""
 
 
 PUBLISHED = {

@@ -78,7 +78,7 @@ class CoordinatedMotion:
 
 @dataclass(frozen=True)
 class Forces:
-    """N, along a motion."""
+    """The tendons' forces, N, along a motion."""
 
     muscles: Array
     """(n, 5) of `MUSCLES`."""
@@ -91,7 +91,7 @@ class Forces:
 def reference(
     time: Array, course: Course = quintic, table: Mapping[tuple[str, str], Entry] = TABLE_1
 ) -> tuple[Array, Array, Array]:
-    """(..., 3) angles, rates and accelerations that are asked for: DIP in proportion to PIP."""
+    """The angles, rates and accelerations (..., 3) that are asked for: DIP in proportion to PIP."""
     full = course(np.array(DURATION))[0]
     ratio = float(coupled_dip(full, table) / full)
     angle, rate, acceleration = (
@@ -157,14 +157,14 @@ def share_forces_at(
 
 
 def required_torque(loop: ControlLoop, time: float, angle: Array, rate: Array) -> Array:
-    """(3,) N m, U."""
+    """The torque U, (3,) N m, that the controller asks for."""
     q, v, a = reference(np.array(time), loop.course, loop.table)
     w = loop.bandwidth
     return torques(loop.chain, angle, rate, a + 2 * w * (v - rate) + w**2 * (q - angle))
 
 
 def band_torque(loop: ControlLoop, angle: Array) -> Array:
-    """(3,) N m, -d(K e^2 / 2)/dq, beyond what the programme foresaw."""
+    """The bands' torque (3,) N m, -d(K e^2 / 2)/dq, beyond what the programme foresaw."""
     pip, dip = loop.table["ED", "PIP"], loop.table["ED", "DIP"]
     tension = loop.elasticity * float(shift_difference(angle[1], angle[2], loop.table))
     answer = np.array([0.0, -2 * pip.slope * angle[1], dip.radius])
@@ -172,24 +172,25 @@ def band_torque(loop: ControlLoop, angle: Array) -> Array:
 
 
 def differences(loop: ControlLoop, motion: CoordinatedMotion) -> Array:
-    """(n,) m, e (15)."""
+    """The differences of the bands' shifts along a motion, (n,) m: e (15)."""
     return shift_difference(motion.angle[:, 1], motion.angle[:, 2], loop.table)
 
 
 def curve_deviation(loop: ControlLoop, motion: CoordinatedMotion) -> Array:
-    """(n,) rad, of the DIP angle from the parabola (6) at its PIP angle."""
+    """The deviation (n,) rad of the DIP angle from the parabola (6) at its PIP angle."""
     return motion.angle[:, 2] - coupled_dip(motion.angle[:, 1], loop.table)
 
 
 def line_deviation(motion: CoordinatedMotion) -> Array:
-    """(n,) rad, of the DIP angle from the line that the reference follows, at its PIP angle."""
+    """The deviation (n,) rad of the DIP angle from the line that the reference follows, at its PIP
+    angle."""
     end = motion.reference[-1]
     return motion.angle[:, 2] - motion.angle[:, 1] * end[2] / end[1]
 
 
 def crossing(time: Array, difference: Array) -> float:
-    """s, when a difference (n,) first comes to zero from above, by straight lines between samples;
-    NaN where it never does."""
+    """The time, s, when a difference (n,) first comes to zero from above, by straight lines between
+    samples; NaN where it never does."""
     at = np.flatnonzero((difference[:-1] > 0) & (difference[1:] <= 0))
     if not len(at):
         return float("nan")
@@ -199,7 +200,7 @@ def crossing(time: Array, difference: Array) -> float:
 
 
 class Deviation(NamedTuple):
-    """deg, how far a motion's DIP goes from the parabola and from the line, at most."""
+    """How far a motion's DIP goes from the parabola and from the line, at most, deg."""
 
     curve: float
     line: float

@@ -38,7 +38,7 @@ def cosine(time: Array) -> tuple[Array, Array, Array]:
 
 
 def curve_motion(time: Array, course: Course = quintic) -> tuple[Array, Array, Array]:
-    """(..., 3) joint angles, rates and accelerations of MCP, PIP, DIP, with the DIP on the
+    """Joint angles, rates and accelerations (..., 3) of MCP, PIP, DIP, with the DIP on the
     parabola (6)."""
     q, v, a = course(time)
     bend = float(coupled_dip(np.array(1.0)))
@@ -51,7 +51,7 @@ def curve_motion(time: Array, course: Course = quintic) -> tuple[Array, Array, A
 
 
 def torques(chain: PlanarChain, angle: Array, rate: Array, acceleration: Array) -> Array:
-    """(n,) N m at the joints, of a motion of the chain (n,) rad, rad/s, rad/s2: equation 7 the
+    """The joint torques (n,) N m of a motion of the chain (n,) rad, rad/s, rad/s2: equation 7 the
     other way round."""
     theta, speed = np.pi / 2 + np.cumsum(angle), np.cumsum(rate)
     apart = theta[:, None] - theta

@@ -21,7 +21,7 @@ from rigid.muscle.least_cost import Power, Programme, least
 
 
 class Sharing(NamedTuple):
-    """N, of the muscles (m,) and of the connecting tendons (k,)."""
+    """The forces, N, of the muscles (m,) and of the connecting tendons (k,)."""
 
     muscles: Array
     bands: Array

@@ -40,7 +40,7 @@ class Switch(NamedTuple):
 
     @property
     def width(self) -> float:
-        """rad, of PIP angles at which slip and lateral bands are both taut."""
+        """The range of PIP angles, rad, at which slip and lateral bands are both taut."""
         return self.end - self.begin
 
 
@@ -59,7 +59,7 @@ def switch(network: Network, muscle: int, dip: float, force: float) -> Switch:
     k_slip, k_lateral = (float(network.stiffness[way].sum()) for way in (slip, lateral))
 
     def spring_pulls(pip: float) -> tuple[float, float]:
-        """N, of the pull in either way; negative where it is slack, by its slack's worth."""
+        """The pull, N, in either way; negative where it is slack, by its slack's worth."""
         angle = np.array([0.0, pip, dip])
         position, length = network.solve(angle, forces)[0][muscle], network.lengths(angle)
         pulls = position - length[slip][0], position - length[lateral][0]

@@ -57,8 +57,8 @@ class JointCoupling:
 
     @property
     def deviation(self) -> Array:
-        """(n,) rad, of the DIP off the curve: of both angles, by the curve's slope (of a parabola
-        through the points)."""
+        """The deviation (n,) rad of the DIP off the curve: of both angles, by the curve's slope (of
+        a parabola through the points)."""
         pip, dip = self.angle[:, 1], self.angle[:, 2]
         slope = np.polyval(np.polyder(np.polyfit(pip, dip, 2)), pip)
         return self.spread * np.hypot(1.0, slope)
@@ -78,7 +78,7 @@ class Identified:
 
     @property
     def deviation(self) -> Array:
-        """(p,) m and m/rad, standard deviations of the parameters."""
+        """The standard deviations (p,) of the parameters, m and m/rad."""
         return np.sqrt(np.diag(self.covariance))
 
     def finger(self, length: Array) -> ShareFinger:
@@ -99,7 +99,7 @@ class Identified:
 
 
 def dip_of_pip(parameters: Array, pip: Array) -> Array:
-    """rad, the DIP on the coupling curve of the parameters EXTENSOR at PIP angles (rad)."""
+    """The DIP angle, rad, on the coupling curve of the parameters EXTENSOR at PIP angles (rad)."""
     slip, lateral, slope, terminal, slack = parameters
     return -((lateral - slip) * pip + 0.5 * slope * pip**2 + slack) / terminal
 
@@ -137,7 +137,7 @@ def _of_muscle(
 
 
 def _second_order(angle: Array) -> Array:
-    """(n, 2 j + 1): theta_j and theta_j^2 / 2 of each joint, and 1."""
+    """The regressors (n, 2 j + 1): theta_j and theta_j^2 / 2 of each joint, and 1."""
     terms = np.stack([angle, 0.5 * angle**2], axis=-1).reshape(len(angle), -1)
     return np.hstack([terms, np.ones((len(angle), 1))])
 
@@ -149,7 +149,7 @@ def _of_extensors(measured: MeasuredKinematics, coupling: JointCoupling | None) 
     slip, lateral = _way_rows(measured.angle)
 
     def rows(p: Array) -> Array:
-        """(2 n, p) derivatives of the excursions, which are linear while the same way is taut."""
+        """The excursions' derivatives (2 n, p), which are linear while the same way is taut."""
         taut = np.where((slip @ p[2 * n :] < lateral @ p[2 * n :])[:, None], slip, lateral)
         return np.vstack([np.hstack([at_mcp, none, taut]), np.hstack([none, at_mcp, taut])])
 
@@ -172,7 +172,7 @@ def _of_extensors(measured: MeasuredKinematics, coupling: JointCoupling | None) 
 
 
 def _way_rows(angle: Array) -> tuple[Array, Array]:
-    """(n, 5) each: derivatives of l_ES and l_LB by the parameters EXTENSOR."""
+    """The rows of both ways (n, 5): derivatives of l_ES and l_LB by the parameters EXTENSOR."""
     pip, dip = angle[:, 1], angle[:, 2]
     no, one = np.zeros_like(pip), np.ones_like(pip)
     slip = np.stack([pip, no, no, no, no], axis=1)
@@ -180,7 +180,7 @@ def _way_rows(angle: Array) -> tuple[Array, Array]:
 
 
 def curve_distance(parameters: Array, coupling: JointCoupling | None) -> Array:
-    """(n,) how far the measured points lie from the curve of the parameters, over their spread: the
+    """How far (n,) the measured points lie from the curve of the parameters, over their spread: the
     distance in angle, which unlike the lengths' difference does not shrink with the arms."""
     if coupling is None:
         return np.zeros(0)
@@ -189,7 +189,7 @@ def curve_distance(parameters: Array, coupling: JointCoupling | None) -> Array:
 
 
 def curve_distance_slopes(parameters: Array, coupling: JointCoupling | None) -> Array:
-    """(n, 5): derivatives of `curve_distance` by the parameters."""
+    """The derivatives (n, 5) of `curve_distance` by the parameters."""
     if coupling is None:
         return np.zeros((0, len(EXTENSOR)))
     slip, lateral = _way_rows(coupling.angle)

@@ -26,7 +26,8 @@ SETTLED = 1e-10
 
 
 def tip_jacobian(length: Array, angle: Array) -> Array:
-    """(3, 3): distal and dorsal motion of the tip (m) and the last link's turn (rad) per joint."""
+    """The tip's Jacobian (3, 3): distal and dorsal motion of the tip (m) and the last link's turn
+    (rad) per joint."""
     flexion = np.cumsum(angle)
     links = length * np.stack([-np.sin(flexion), -np.cos(flexion)])
     beyond = np.cumsum(links[:, ::-1], axis=1)[:, ::-1]
@@ -34,7 +35,8 @@ def tip_jacobian(length: Array, angle: Array) -> Array:
 
 
 def settle(length: Array, network: Network, force: Array, start: Array, time: float) -> Array:
-    """(3,) rad where the joints come to rest from `start` within `time` s under forces (m,) N.
+    """The angles (3,) rad where the joints come to rest from `start` within `time` s under forces
+    (m,) N.
 
     Raises ConvergenceError where they do not."""
 
@@ -59,8 +61,8 @@ def settle(length: Array, network: Network, force: Array, start: Array, time: fl
 
 
 def distal_torque(length: Array, angle: Array, torque: Array) -> float:
-    """N m: the torque on the distal phalanx that joint torques (3,) leave to the contact beside its
-    force (12)."""
+    """The torque, N m, on the distal phalanx that joint torques (3,) leave to the contact beside
+    its force (12)."""
     return float(np.linalg.solve(tip_jacobian(length, angle).T, torque)[2])
 
 

@@ -49,8 +49,8 @@ class ShareFinger:
     """(m,) 1 for the muscles that part into both, 0 for the others."""
 
     def transfer(self, angle: Array, share: Array) -> Array:
-        """(..., 3, m): J^-T R(theta, alpha), fingertip force and torque by the muscles' forces, at
-        angles (..., 3) and the muscles' shares (..., m)."""
+        """The transfer matrix (..., 3, m), J^-T R(theta, alpha): fingertip force and torque by the
+        muscles' forces, at angles (..., 3) and the muscles' shares (..., m)."""
         way = self.slip.at(angle) * share[..., None, :]
         way = way + self.lateral.at(angle) * (1.0 - share[..., None, :])
         arms = self.direct.at(angle) + way * self.parts
@@ -81,8 +81,8 @@ class Inverse(NamedTuple):
 
 
 def tip_jacobians(length: Array, angle: Array) -> Array:
-    """(..., 3, 3): distal and dorsal motion of the tip (m) and the last link's turn (rad) per
-    joint, as `point_contact.tip_jacobian`."""
+    """The tip's Jacobians (..., 3, 3): distal and dorsal motion of the tip (m) and the last link's
+    turn (rad) per joint, as `point_contact.tip_jacobian`."""
     flexion = np.cumsum(angle, axis=-1)
     links = -length * np.stack([np.sin(flexion), np.cos(flexion)], axis=-2)
     beyond = np.cumsum(links[..., ::-1], axis=-1)[..., ::-1]

@@ -27,7 +27,7 @@ from rigid.papers.networks.virtual_testbed import Bed, Course, hold_posture, sim
 
 
 def on_curve(mcp: float, pip: float) -> Array:
-    """(3,) rad: a posture on the coupling curve, MCP and PIP at so many deg."""
+    """A posture (3,) rad on the coupling curve, MCP and PIP at so many deg."""
     turned = np.radians(pip)
     return np.array([np.radians(mcp), turned, float(coupled_dip(turned))])
 
@@ -84,7 +84,7 @@ class Hysteresis(NamedTuple):
 
     @property
     def angle_from_x(self) -> float:
-        """deg between that direction and x."""
+        """The angle, deg, between that direction and x."""
         across, along = np.abs(self.direction[::-1])
         return float(np.degrees(np.arctan2(across, along)))
 
@@ -106,7 +106,8 @@ def hysteresis(bed: Bed, posture: Array = POSTURE) -> Hysteresis:
 
 
 def coupled_motion(bed: Bed) -> Array:
-    """(n, 3) rad: the PIP moved to and fro by hand with EDC and LUM taut, FDP bending the DIP."""
+    """A motion (n, 3) rad along the coupling curve: the PIP moved to and fro by hand with EDC and
+    LUM taut, FDP bending the DIP."""
     pip = np.radians(10.0 + 80.0 * (1 - np.abs(np.linspace(-1.0, 1.0, 121))))
     target = np.stack([np.full_like(pip, POSTURE[0]), pip, np.zeros_like(pip)], axis=-1)
     force, hold = _taut(len(pip)), np.broadcast_to([HAND, HAND, 0.0], target.shape)
@@ -116,7 +117,7 @@ def coupled_motion(bed: Bed) -> Array:
 
 
 def _taut(steps: int) -> Array:
-    """(1, n, m) N."""
+    """The forces (1, n, m) N in which EDC and LUM are taut and the others pretensioned."""
     force = np.full((1, steps, len(MUSCLES)), PRETENSION)
     force[..., [EDC, LUM]] = TAUT
     return force
@@ -159,9 +160,9 @@ def measure(
 
 
 def pattern(known: ShareFinger, posture: Array, seed: int) -> Array:
-    """(n, m) N at STEP: EDC alone, then all four at random, then LUM alone, as in figure 7; drawn
-    anew where the predicted share is not within SHARES, beyond which the finger leaves the curve.
-    """
+    """The forces of a run, (n, m) N at STEP: EDC alone, then all four at random, then LUM alone, as
+    in figure 7; drawn anew where the predicted share is not within SHARES, beyond which the finger
+    leaves the curve."""
     rng = np.random.default_rng([seed, 1])
     stages = [_alone(EDC)]
     while len(stages) < STAGES - 1:
@@ -179,7 +180,7 @@ def _alone(muscle: int) -> Array:
 
 
 def _hold_in_turn(stages: list[Array]) -> Array:
-    """(n, m): each stage reached in RAMP s and held for HOLD s."""
+    """The stages one after the other, (n, m): each reached in RAMP s and held for HOLD s."""
     ramp = np.linspace(0.0, 1.0, round(RAMP / STEP) + 1)[1:, None]
     parts = [np.repeat(stages[:1], round(HOLD / STEP), axis=0)]
     for before, after in pairwise(stages):

@@ -62,7 +62,7 @@ class Predictions:
 
     @property
     def errors(self) -> Array:
-        """(2,) N, RMS over time and both components."""
+        """The errors (2,) N, RMS over time and both components."""
         return _rms([model.force - self.measured.tip_force for model in self.tip])
 
 
@@ -82,7 +82,7 @@ class SeedTrial(NamedTuple):
 
     @property
     def errors(self) -> dict[str, Array]:
-        """(2,) N each, interconnected and static."""
+        """The errors, (2,) N each, interconnected and static."""
         known = self.pattern.measured.force
         backwards = _rms([model.muscles - known for model in self.muscles])
         each = self.pattern.errors, backwards, self.circle.errors
@@ -121,12 +121,12 @@ def _trials(count: int, friction: float, angles: tuple[float, ...]) -> tuple[See
 
 
 def errors(found: Sequence[SeedTrial]) -> dict[str, Array]:
-    """(seeds, 2) N of each experiment."""
+    """The errors (seeds, 2) N of each experiment."""
     return {name: np.array([t.errors[name] for t in found]) for name in REPORTED_ERRORS}
 
 
 def constrain_to_curve(found: Sequence[SeedTrial]) -> NDArray[np.bool_]:
-    """(seeds,) whether the finger stays by its posture all along the circle.  The forces ask for
+    """Whether (seeds,) the finger stays by its posture all along the circle.  The forces ask for
     shares up to 0 and 1, and a finger known with errors can be asked for more; then one way goes
     slack, and nothing but friction holds it."""
     off = [np.abs(trial.circle.measured.angle - trial.posture).max() for trial in found]
@@ -134,8 +134,8 @@ def constrain_to_curve(found: Sequence[SeedTrial]) -> NDArray[np.bool_]:
 
 
 def static_shares(finger: ShareFinger, run: SensorReadings) -> Array:
-    """(m,): shares with which EDC alone (the first HOLD s of a run) and LUM alone (the last) come
-    out as measured."""
+    """The shares (m,) with which EDC alone (the first HOLD s of a run) and LUM alone (the last)
+    come out as measured."""
     held_for = round(HOLD / STEP)
     shares = np.zeros(len(MUSCLES))
     for muscle, when in ((EDC, slice(held_for)), (LUM, slice(-held_for, None))):
@@ -150,7 +150,7 @@ def predict(finger: ShareFinger, shares: Array, run: SensorReadings) -> Predicti
 
 
 def circle(finger: ShareFinger, posture: Array) -> Array:
-    """(n, m) N: the least forces for a circle of 1 N, open loop (section IV-E), after a ramp; all
+    """The least forces (n, m) N for a circle of 1 N, open loop (section IV-E), after a ramp; all
     pull with PRETENSION at least, the share is between 0 and 1 as in (13)."""
     turn = np.linspace(0.0, 2 * np.pi, CIRCLE_STEPS + 1)
     wanted = np.stack([np.cos(turn), np.sin(turn)], axis=-1)

@@ -114,7 +114,7 @@ class _Forces(NamedTuple):
 
 
 def tip(length: Array, angle: Array) -> Array:
-    """(..., 2) m, distal and dorsal, of the fingertip at angles (..., 3)."""
+    """The fingertip's place (..., 2) m, distal and dorsal, at angles (..., 3)."""
     flexion = np.cumsum(angle, axis=-1)
     return np.stack([np.cos(flexion) @ length, -np.sin(flexion) @ length], axis=-1)
 
@@ -215,7 +215,7 @@ def _balance(bed: Bed, before: _State, course: Course, k: int, point: Array, y: 
 def _pull(
     network: Network, angle: Array, over_mcp: Array, over_pip: Array, over_dip: Array
 ) -> Array:
-    """(..., 3) N m of tensions over the MCP (..., m), the PIP and the DIP (..., k)."""
+    """The torques (..., 3) N m of tensions over the MCP (..., m), the PIP and the DIP (..., k)."""
     direct, ways = network.direct.at(angle), network.connecting.at(angle)
     arms_and_tensions = (
         (direct[..., 0, :], over_mcp),
@@ -226,7 +226,7 @@ def _pull(
 
 
 def _from_outside(bed: Bed, course: Course, k: int, point: Array, angle: Array) -> Array:
-    """(..., 3) N m, of the hand and of what holds the fingertip."""
+    """The torques (..., 3) N m of the hand and of what holds the fingertip."""
     pushed = course.tip_stiffness * (tip(bed.length, angle) - point)
     by_tip = np.einsum("...in,...i->...n", tip_jacobians(bed.length, angle)[..., :2, :], pushed)
     return np.asarray(course.hold[k] * (course.target[k] - angle) - by_tip)
@@ -249,13 +249,13 @@ def _limit(stuck: Array, least: Array, most: Array) -> _Rub:
 
 
 def _pip_length(network: Network, angle: Array) -> Array:
-    """(..., k) m: the lengths' part of the PIP."""
+    """The part (..., k) m of the lengths that the PIP makes."""
     pip, arms = angle[..., 1:2], network.connecting
     return arms.constant[1] * pip + 0.5 * arms.slope[1] * pip**2
 
 
 def _halve(trial: Callable[[Array], _Forces], x: Array, way: Array, size: Array) -> Array:
-    """(b,) shares of a Newton step, each halved until the residual falls or HALVINGS are done."""
+    """Shares (b,) of a Newton step, each halved until the residual falls or HALVINGS are done."""
     share = np.ones(len(x))
     for _ in range(HALVINGS):
         worse = ~(_size(trial(x + share[:, None] * way).residual) < size) & (size >= BALANCED)

@@ -31,11 +31,11 @@ class Actuator(Protocol[State]):
         """`dt` s later, the tendons having become `length` (nt,) m long."""
 
     def force(self, state: State) -> Array:
-        """(nt,) N, none negative."""
+        """The tendons' forces (nt,) N, none negative."""
 
 
 class Lagged(NamedTuple):
-    """(nt,) N each."""
+    """The state of actuators of first order, (nt,) N each."""
 
     force: Array
     aim: Array

@@ -95,7 +95,8 @@ class PressureLoop:
         return still, self.model.rate(np.ones_like(VOLTAGES), VOLTAGES) - still
 
     def _invert(self, pressure: Array, rate: Array) -> Array:
-        """(nt,) V of `VOLTAGES` at which the model has that rate (Pa/s), the nearest end else."""
+        """The voltages (nt,) V of `VOLTAGES` at which the model has that rate (Pa/s), the nearest
+        end else."""
         still, slope = self._lines
         rates = still[:, None] + np.outer(slope, pressure)
         rising = np.maximum.accumulate(rates, axis=0)
@@ -127,7 +128,8 @@ class Air:
     loop: PressureLoop = field(default_factory=lambda: PressureLoop(identify_air()))
 
     def begin(self, force: Array, length: Array) -> Driven:
-        """Raises InputError for forces beyond the supply."""
+        """The state in which the cylinders hold these forces.  Raises InputError for forces beyond
+        the supply."""
         drawn = self.longest - length
         gauge = force / np.asarray(self.plant.cylinder.area)
         voltage = resting_voltage(self.plant.valve, ATMOSPHERE + gauge)

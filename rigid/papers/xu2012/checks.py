@@ -45,19 +45,20 @@ AIR_CANDIDATES = tuple((p, i) for p in (30.0, 40.0, 60.0, 80.0) for i in (5.0, 1
 
 
 def table_iii(model: FingerModel) -> Array:
-    """(nq, nt) mm/rad, lengthening with all angles zero."""
+    """The arms of table III, (nq, nt) mm/rad: lengthening with all angles zero."""
     return np.asarray(-1e3 * MujocoFinger(model).moment_arms(np.zeros(len(JOINTS))).T)
 
 
 def workspace(counts: tuple[int, ...] = COUNTS) -> Array:
-    """(n, nq) rad, a grid over table II with its corners."""
+    """Postures (n, nq) rad of the workspace: a grid over table II with its corners."""
     axes = [np.linspace(*RANGES[j], n) for j, n in zip(JOINTS, counts, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(JOINTS))
 
 
 def least_arms(model: FingerModel, posture: Array) -> Array:
-    """(nq, nt) mm: over the postures (n, nq), the least of each arm of table III in the direction
-    that it has there (negative where its sign flips); infinite where the table has none."""
+    """The least arms (nq, nt) mm over the postures (n, nq): of each arm of table III in the
+    direction that it has there (negative where its sign flips); infinite where the table has
+    none."""
     finger = MujocoFinger(model)
     sign = np.where(np.abs(TABLE_III) > SMALLEST, np.sign(TABLE_III), np.nan)
     count = TABLE_III.shape[1]
@@ -79,7 +80,7 @@ def difference(model: FingerModel, posture: Array, step: float = 1e-5) -> float:
 
 
 def jump(model: FingerModel, start: Array, samples: int = SWEEP) -> float:
-    """mm, the largest step of a length that its arms do not explain (by the trapezoidal rule),
+    """The largest step, mm, of a length that its arms do not explain (by the trapezoidal rule),
     while each joint in turn passes its range from the postures (n, nq)."""
     finger, worst = MujocoFinger(model), 0.0
     for q in start:
@@ -95,7 +96,7 @@ def jump(model: FingerModel, start: Array, samples: int = SWEEP) -> float:
 
 
 def closed_form_errors(model: FingerModel, posture: Array) -> tuple[float, float]:
-    """m and m/rad: the largest differences of MuJoCo's lengths and arms from our own."""
+    """The largest differences, m and m/rad, of MuJoCo's lengths and arms from our own."""
     finger = MujocoFinger(model)
     length = [paths.tendon_lengths(model, q) - finger.tendon_lengths(q) for q in posture]
     arms = [paths.lengthening(model, q) + finger.moment_arms(q) for q in posture]
@@ -118,7 +119,7 @@ def bench(second_extensor: bool, air: bool) -> Bench:
 
 
 def longest(model: FingerModel) -> Array:
-    """(nt,) m, of the tendons over table II."""
+    """The greatest lengths (nt,) m of the tendons over table II."""
     finger = MujocoFinger(model)
     return np.asarray(np.max([finger.tendon_lengths(q) for q in workspace((5, 3, 5, 3))], axis=0))
 
@@ -201,7 +202,7 @@ class Excursions:
 
     @property
     def marker_error(self) -> float:
-        """m, the larger distance of a marker from where it was found."""
+        """The larger distance, m, of a marker from where it was found."""
         return float(np.linalg.norm(self.place - self.truth.markers.place, axis=1).max())
 
 
@@ -215,6 +216,6 @@ def excursions(seed: int = 0) -> Excursions:
 
 
 def rms(found: Found) -> Array:
-    """(5,) m, measured less predicted excursions."""
+    """The root mean squares (5,) m of measured less predicted excursions."""
     off = found.measured_excursions - found.predicted_excursions(MujocoFinger(robot_finger()))
     return np.asarray(np.sqrt(np.mean(off**2, axis=0)))

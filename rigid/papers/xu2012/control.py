@@ -4,20 +4,32 @@ tendon forces by the quadratic programme at the moment arms of the moment.
 Either is a pure step: (memory, what was measured, reference) -> (memory, wanted tendon forces).
 Integrators stop while their action is at a bound; rates are differences through a first-order
 filter.
+
+The programme: tendons pull alone, and no harder than the cylinders can,
+
+    minimise |tau - R f|^2 + w |f|^2,     0 <= f <= F
+
+with R (nq, nt) the moment arms of the moment: section VII's problem with a small weight, since more
+tendons than joints leave a choice, and with an upper bound, the cylinders' 40 N.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import daqp
 import numpy as np
 
+from cosim.errors import ConvergenceError
 from cosim.port import Array
 from rigid.fingers.robot_tables import MOST_FORCE
 from rigid.papers.xu2012.actuators import PERIOD
 from rigid.papers.xu2012.plant import RELAXATION, STIFFNESS
-from rigid.papers.xu2012.tensions import tensions
 
+ARM = 0.01
+"""m: torques are taken in units of this arm times 1 N."""
+WEIGHT = 1e-4
+"""Weight of the forces beside the torques' miss, in those units."""
 FILTER = 0.01
 """s, of the rates."""
 PRELOAD = 0.3
@@ -27,6 +39,26 @@ PRELOAD = 0.3
 MISSED = 0.02
 """rad: a joint whose torque is missed by more than the sleeve makes at this angle counts as at a
 bound.  A little is always missed, to the programme's small weight and the preload."""
+
+
+def forces_for_torques(
+    torque: Array, arms: Array, most: float = MOST_FORCE, least: float = 0.0
+) -> Array:
+    """Tendon forces (nt,) N for torques (nq,) N m at moment arms (nt, nq) m, positive where a pull
+    turns a joint in its positive sense.  Raises ConvergenceError where DAQP finds none."""
+    scaled = arms / ARM
+    n = len(scaled)
+    found, _, flag, _ = daqp.solve(
+        scaled @ scaled.T + WEIGHT * np.eye(n),
+        scaled @ (torque / -ARM),
+        np.zeros((0, n)),
+        np.full(n, most),
+        np.full(n, least),
+        np.zeros(n, dtype=np.int32),
+    )
+    if flag < 1:
+        raise ConvergenceError(f"tendon forces: the quadratic programme found none (flag {flag})")
+    return np.clip(found, least, most)
 
 
 @dataclass(frozen=True)
@@ -87,7 +119,7 @@ def joint_forces(
 ) -> tuple[Array, Memory]:
     """Tendon forces (nt,) N for the torques of PID in joint space; arms (nt, nq) m at `angle`."""
     torque, new = pid(gains, memory, angle, reference)
-    force = tensions(torque, arms, least=PRELOAD)
+    force = forces_for_torques(torque, arms, least=PRELOAD)
     missed = np.abs(torque - force @ arms) > MISSED * STIFFNESS
     held = np.where(missed, memory.integral, new.integral)
     return force, Memory(held, new.last, new.rate)

@@ -111,11 +111,11 @@ class Found:
 
     @property
     def measured_excursions(self) -> Array:
-        """(kept, 5) m, excursions from their means."""
+        """The measured excursions (kept, 5) m, from their means."""
         return np.asarray(self.seen.piston - self.seen.piston.mean(axis=0))
 
     def predicted_excursions(self, finger: MujocoFinger) -> Array:
-        """(kept, 5) m, the same from the angles."""
+        """The excursions (kept, 5) m that the angles predict, from their means."""
         length = np.array([finger.tendon_lengths(q) for q in self.angle])
         return np.asarray(length - length.mean(axis=0))
 
@@ -145,7 +145,7 @@ def record_excursions(world: World, poses: int = POSES) -> tuple[CameraRecord, T
 
 
 def _course(at: Array) -> Array:
-    """(n, k) samples: rest at each row of `at`, then a straight move to the next."""
+    """A course in samples (n, k): rest at each row of `at`, then a straight move to the next."""
     part = np.concatenate([np.zeros(REST), np.arange(1, MOVE) / MOVE])
     ahead = np.vstack([at[1:], at[-1:]])
     return np.concatenate([a + part[:, None] * (b - a) for a, b in zip(at, ahead, strict=True)])

@@ -19,8 +19,8 @@ from cosim.port import Array
 from rigid.chain.kinematics import tip_jacobian
 from rigid.model import FingerModel
 from rigid.mujoco.finger import MujocoFinger
+from rigid.papers.xu2012.control import forces_for_torques
 from rigid.papers.xu2012.plant import Plant
-from rigid.papers.xu2012.tensions import tensions
 
 UNBOUNDED = 1e3
 """N."""
@@ -64,7 +64,7 @@ def fan(finger: MujocoFinger, angle: Array) -> Fan:
 
 
 def _mass(model: mujoco.MjModel, angle: Array) -> Array:
-    """(nq, nq) kg m2."""
+    """The joints' mass matrix (nq, nq) kg m2."""
     data = mujoco.MjData(model)
     data.qpos[:] = angle
     mujoco.mj_forward(model, data)
@@ -114,7 +114,7 @@ def reach(model: FingerModel, pose: Array) -> Reach:
     fans = [fan(finger, q) for q in pose]
     arms = [finger.moment_arms(q) for q in pose]
     forces = [
-        tensions(plant.holding_torque(q), r, most=UNBOUNDED)
+        forces_for_torques(plant.holding_torque(q), r, most=UNBOUNDED)
         for q, r in zip(pose, arms, strict=True)
     ]
     return Reach(

@@ -30,7 +30,7 @@ Pose = tuple[Array, Array]
 
 
 def tendon_lengths(finger: FingerModel, angles: Array) -> Array:
-    """(nt,) m at the joint angles (nq,) rad, strands counted by their shares."""
+    """The tendons' lengths (nt,) m at joint angles (nq,) rad, strands counted by their shares."""
     pose = poses(finger, angles)
     return np.array(
         [sum(s.share * _strand_length(s, pose) for s in t.strands) for t in finger.tendons]
@@ -38,7 +38,7 @@ def tendon_lengths(finger: FingerModel, angles: Array) -> Array:
 
 
 def lengthening(finger: FingerModel, angles: Array, step: float = 1e-5) -> Array:
-    """(nt, nq) m/rad, dL/dq by central differences of the closed forms."""
+    """The tendons' lengthening (nt, nq) m/rad, dL/dq by central differences of the closed forms."""
     return np.column_stack(
         [
             (tendon_lengths(finger, angles + e) - tendon_lengths(finger, angles - e)) / (2 * step)
@@ -87,7 +87,7 @@ def _place(pose: Pose, point: tuple[float, float, float]) -> Array:
 
 
 def wrap_length(start: Array, end: Array, surface: WrapCylinder | WrapSphere, pose: Pose) -> float:
-    """m, of the way from `start` to `end` (3,) past a surface of a body in that pose."""
+    """The length, m, of the way from `start` to `end` (3,) past a surface of a body in a pose."""
     turn, origin = pose
     centre = np.array(surface.centre)
     p, d = ((x - origin) @ turn - centre for x in (start, end))
@@ -105,7 +105,7 @@ def wrap_length(start: Array, end: Array, surface: WrapCylinder | WrapSphere, po
 
 
 def _around(p: Array, d: Array, radius: float, side: Array | None) -> float:
-    """m, from p to d (2,) around a circle about the origin."""
+    """The length, m, from p to d (2,) around a circle about the origin."""
     far = [float(np.linalg.norm(x)) for x in (p, d)]
     straight, between = float(np.linalg.norm(d - p)), _between(p, d)
     if min(far) < radius:
@@ -119,7 +119,7 @@ def _around(p: Array, d: Array, radius: float, side: Array | None) -> float:
 
 
 def _through_ring(p: Array, d: Array, radius: float) -> float:
-    """m, from p to d (2,) by way of the inside of a circle about the origin."""
+    """The length, m, from p to d (2,) by way of the inside of a circle about the origin."""
     from scipy.optimize import brentq
 
     far = [float(np.linalg.norm(x)) for x in (p, d)]
@@ -149,7 +149,7 @@ def _nearest(p: Array, d: Array) -> Array:
 
 
 def _between(p: Array, d: Array) -> float:
-    """rad in [0, pi], between p and d (2,) as seen from the origin."""
+    """The angle, rad in [0, pi], between p and d (2,) as seen from the origin."""
     return float(np.arctan2(abs(_cross(p, d)), p @ d))
 
 

@@ -65,6 +65,7 @@ class Plant:
         return PlantState(d.qpos.copy(), d.qvel.copy(), d.ten_length.copy())
 
     def holding_torque(self, angle: Array) -> Array:
-        """(nq,) N m that the tendons must make at rest at the angles (nq,), within the limits."""
+        """The torques (nq,) N m that the tendons must make at rest at the angles (nq,), within the
+        limits."""
         self.reset(angle)
         return np.asarray(self._data.qfrc_bias - self._data.qfrc_passive)

@@ -62,7 +62,7 @@ class StepResponse:
 
     @property
     def settling(self) -> Array:
-        """(nq,) s from which on each joint stays near the goal; inf where it does not."""
+        """The times (nq,) s from which on each joint stays near the goal; inf where it does not."""
         off = np.abs(self.angle - self.goal) > SETTLED
         last = len(off) - np.argmax(off[::-1], axis=0)
         out = np.where(off.any(axis=0), self.time[np.minimum(last, len(off) - 1)], 0.0)
@@ -70,25 +70,25 @@ class StepResponse:
 
     @property
     def overshoot(self) -> Array:
-        """(nq,) rad past the goal, seen from the start."""
+        """The overshoot (nq,) rad past the goal, seen from the start."""
         way = np.sign(self.goal - self.start)
         return np.asarray(((self.angle - self.goal) * way).max(axis=0).clip(0.0))
 
     @property
     def swing(self) -> float:
-        """rad, most of the joints from peak to peak in the tail."""
+        """The swing, rad: most of the joints from peak to peak in the tail."""
         tail = self.angle[self.time > self.time[-1] - TAIL]
         return float(np.ptp(tail, axis=0).max())
 
     @property
     def error(self) -> float:
-        """rad, the largest mean distance of a joint from the goal in the tail."""
+        """The largest mean distance, rad, of a joint from the goal in the tail."""
         tail = self.angle[self.time > self.time[-1] - TAIL]
         return float(np.abs(tail.mean(axis=0) - self.goal).max())
 
     @property
     def miss(self) -> float:
-        """rad, the mean distance of all joints from the goal over the whole step."""
+        """The mean distance, rad, of all joints from the goal over the whole step."""
         return float(np.abs(self.angle - self.goal).mean())
 
     @property
@@ -98,7 +98,7 @@ class StepResponse:
 
 
 def poses(count: int, seed: int = 0) -> Array:
-    """(count, nq) rad, at random amid table II."""
+    """Postures (count, nq) rad at random amid table II."""
     low, high = np.array([RANGES[j] for j in JOINTS]).T
     middle, half = (low + high) / 2, WITHIN * (high - low) / 2
     rng = np.random.default_rng(seed)

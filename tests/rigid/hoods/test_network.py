@@ -14,7 +14,7 @@ from cosim.port import STATIC, Array, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.chain.hinge import HingeFinger
 from rigid.fingers.index import finger_model
-from rigid.hoods.hinge_angle import HingeAngle, angles, flexion_angles
+from rigid.hoods.joint_angles import Joint, JointChain, flexion_joints, hinges_between
 from rigid.hoods.network import Arms, Network, junction
 from rigid.hoods.network_hood import NetworkHood
 from rigid.hoods.two_band import JOINTS
@@ -193,17 +193,17 @@ def random_motion(seed: int, size: float) -> Motion:
     return Motion(BODIES, rng.normal(0, 0.05, (4, 3)), turn)
 
 
-HINGES = tuple(HingeAngle(j, p, c) for j, p, c in zip(JOINTS, BODIES[:-1], BODIES[1:], strict=True))
+HINGES = hinges_between(JOINTS, BODIES)
 
 
 def test_angles_of_a_finger_are_its_joint_angles():
     skeleton = index_finger()
     posture = {"MCP": 0.5, "PIP": 1.1, "DIP": 0.6}
     motion = Motion(BODIES, *skeleton.pose(posture))
-    found = angles(flexion_angles(finger_model(skeleton)), motion)
+    found = JointChain(flexion_joints(finger_model(skeleton)), BODIES).angles(motion)
     assert found.value == pytest.approx([0.5, 1.1, 0.6], abs=1e-14)
     planar = HingeFinger((0.04, 0.03, 0.02))
-    at = angles(HINGES, planar.motion(planar.start(posture)))
+    at = JointChain(HINGES, BODIES).angles(planar.motion(planar.start(posture)))
     assert at.value == pytest.approx([0.5, 1.1, 0.6], abs=1e-14)
     rates = planar.jacobian(planar.start(posture))
     assert at.rate @ rates == pytest.approx(np.eye(3), abs=1e-14)
@@ -213,24 +213,26 @@ def test_angles_of_a_finger_are_its_joint_angles():
 def test_angles_go_on_beyond_a_right_angle(turn):
     child = Rotation.from_rotvec([0, turn, 0]).as_matrix()
     motion = Motion(BODIES[:2], np.zeros((2, 3)), np.stack([np.eye(3), child]))
-    assert angles(HINGES[:1], motion).value == pytest.approx([turn], abs=1e-12)
+    assert JointChain(HINGES[:1], BODIES).angles(motion).value == pytest.approx([turn], abs=1e-12)
 
 
 def test_flexion_is_blind_to_a_turn_about_a_normal_axis():
     flex, aside = (Rotation.from_rotvec(v) for v in ([0, 0.7, 0], [0, 0, 0.3]))
     for turn in (flex * aside, aside * flex):
         motion = Motion(BODIES[:2], np.zeros((2, 3)), np.stack([np.eye(3), turn.as_matrix()]))
-        assert angles(HINGES[:1], motion).value == pytest.approx([0.7], abs=1e-14)
+        at = JointChain(HINGES[:1], BODIES).angles(motion)
+        assert at.value == pytest.approx([0.7], abs=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_rates_of_angles_against_differences(seed):
     """Poses that are no hinge motions, and turns beyond a right angle."""
     motion, step = random_motion(seed, 0.8), 1e-6
-    found = angles(HINGES, motion)
+    chain = JointChain(HINGES, BODIES)
+    found = chain.angles(motion)
     for k in range(24):
         twist = step * np.eye(24)[k]
-        ahead, behind = (angles(HINGES, motion.displace(s * twist)) for s in (1, -1))
+        ahead, behind = (chain.angles(motion.displace(s * twist)) for s in (1, -1))
         assert found.rate[:, k] == pytest.approx((ahead.value - behind.value) / 2 / step, abs=1e-8)
         slope = (ahead.rate - behind.rate) / 2 / step
         assert found.moment_rate[:, :, k] == pytest.approx(slope, abs=1e-8)
@@ -277,7 +279,7 @@ def test_a_network_hood_refuses_what_it_cannot_be():
     rest = finger.motion(finger.start({}))
     with pytest.raises(InputError, match="its joints are"):
         NetworkHood(network, HINGES[:2], rest)
-    astray = (*HINGES[:2], HingeAngle("DIP", "middle", "nail"))
+    astray = (*HINGES[:2], Joint(("DIP",), "middle", "nail"))
     with pytest.raises(InputError, match=r"unknown are \['nail'\]"):
         NetworkHood(network, astray, rest)
     with pytest.raises(InputError, match="operating force"):
@@ -288,7 +290,7 @@ def test_a_network_hood_refuses_what_it_cannot_be():
     with pytest.raises(InputError, match="time step"):
         hood.advance(hood.start(rest), rest, np.ones(6), 0.0)
     with pytest.raises(InputError, match="axis other than zero"):
-        HingeAngle("PIP", "a", "b", (0.0, 0.0, 0.0))
+        Joint(("PIP",), "a", "b", ((0.0, 0.0, 0.0),))
 
 
 def test_at_the_operating_force_both_laws_agree():

@@ -8,31 +8,32 @@ import numpy as np
 import pytest
 from scipy.special import eval_legendre
 
-from cosim.analyses.reduction.tip import tip_maps
+from cosim.analyses.reduction.reduce import tip_maps
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
 from cosim.fingers.common import Extensor
 from cosim.fingers.index import IndexFingerConfig
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import build_reduced_hood
-from cosim.hoods.lumped.reduction import fit_potential
 from cosim.models.build import build
 from cosim.port import STATIC, Motion
 from meshes.skeleton import BODIES, index_finger
-from rigid.hoods.hinge_angle import angles, flexion_angles
+from rigid.hoods.joint_angles import JointChain, flexion_joints, joints_of
 from rigid.hoods.reduced import AT_ONCE, ReducedPotential
 from rigid.hoods.reduced_basis import legendre, loadings, monomials, to_powers
-from rigid.hoods.reduced_fit import LEAST_FORCE, TIP, least_squares, tip_rows
-from rigid.hoods.reduced_sample import stack
 from rigid.hoods.reduction import (
     ENOUGH,
+    LEAST_FORCE,
+    TIP,
     Order,
     angle_powers,
+    least_squares,
     reduce_hood,
     richest_order,
+    stack,
     tension_terms,
+    tip_rows,
 )
-from rigid.hoods.universal_angle import all_angles, chain_of, joints_of
 from tests.helpers import conformance
 from tests.helpers.soft_network import (
     JOINTS,
@@ -196,17 +197,17 @@ def test_rates_of_all_angles_against_differences(seed):
     finger = load_case("network_edc").finger
     assert isinstance(finger, IndexFingerConfig)
     model = finger_model(finger, Extensor())
-    chain, step = chain_of(joints_of(model), BODIES), 1e-6
+    chain, step = JointChain(joints_of(model), BODIES), 1e-6
     bent = Motion(BODIES, *index_finger().pose({"MCP": 0.5, "PIP": 1.4, "DIP": 0.6}))
     twist = np.random.default_rng(seed).uniform(-0.3, 0.3, 24)
     motion = bent.displace(twist)
-    found = all_angles(chain, motion)
-    flexion = angles(flexion_angles(model)[1:], motion)
+    found = chain.angles(motion)
+    flexion = JointChain(flexion_joints(model)[1:], BODIES).angles(motion)
     assert found.value[2:] == pytest.approx(flexion.value, abs=1e-13)
     assert found.rate[2:] == pytest.approx(flexion.rate, abs=1e-13)
     for k in range(24):
         ahead, behind = (
-            all_angles(chain, motion.displace(sign * step * np.eye(24)[k])) for sign in (1, -1)
+            chain.angles(motion.displace(sign * step * np.eye(24)[k])) for sign in (1, -1)
         )
         rate = (ahead.value - behind.value) / 2 / step
         assert found.rate[:, k] == pytest.approx(rate, abs=1e-8)
@@ -250,7 +251,8 @@ def test_every_joint_is_felt_with_its_own_torque():
     torque = models.finger.jacobian(at).T @ answer.load.total().ravel()
     assert torque == pytest.approx(made.derivatives(angle, tension).torque, rel=1e-9)
     assert answer.excursion == pytest.approx(made.derivatives(angle, tension).excursion, rel=1e-9)
-    assert hood.slip_forces(answer.state)["terminal"] == pytest.approx(max(0.0, -300 * torque[3]))
+    slips = made.slip_forces(angle, answer.state.derived.torque)
+    assert slips["terminal"] == pytest.approx(max(0.0, -300 * torque[3]))
 
 
 def test_outside_of_the_box_there_is_no_answer():
@@ -272,11 +274,11 @@ def test_outside_of_the_box_there_is_no_answer():
 
 def test_too_few_samples_are_refused():
     with pytest.raises(InputError, match="too few"):
-        fit_potential(stack(samples()[:3]), JOINTS, MUSCLES)
+        reduce_hood(stack(samples()[:3]), JOINTS, MUSCLES)
 
 
 def test_rows_in_parts_are_the_rows_at_once(monkeypatch):
-    monkeypatch.setattr("rigid.hoods.reduced_fit.AT_ONCE", 37)
+    monkeypatch.setattr("rigid.hoods.reduction.AT_ONCE", 37)
     parted, held = reduce_hood(training_sample(), JOINTS, MUSCLES, STRAIGHT), unseen_sample()
     torque = parted.torques(held.angle, held.tension)
     assert torque == pytest.approx(held.torque, rel=1e-8, abs=1e-10)

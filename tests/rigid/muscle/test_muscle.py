@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.errors import ConvergenceError, InputError
-from rigid.muscle import curves, millard, newton
+from rigid.muscle import curves, millard
 from rigid.muscle.millard import equilibrium, path_length
 from rigid.muscle.parameters import DAMPED, Muscles
 from rigid.verification import muscle_rows
@@ -192,7 +192,7 @@ def test_a_muscle_that_does_not_converge_is_named(monkeypatch: pytest.MonkeyPatc
     path = np.where(np.arange(8) < 2, 0.0, path_length(INDEX, 1.2, 0.4))
     equilibrium(INDEX, 0.4, path)
     monkeypatch.setattr(millard, "ROUNDS", 0)
-    monkeypatch.setattr(newton, "LIMIT", 3)
+    monkeypatch.setattr(curves, "LIMIT", 3)
     with pytest.raises(ConvergenceError, match="muscle FDIm: its fibre length"):
         equilibrium(INDEX, 0.4, path)
 

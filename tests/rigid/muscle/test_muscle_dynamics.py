@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from cosim.errors import ConvergenceError, InputError
-from rigid.muscle import millard, newton
+from rigid.muscle import curves, millard
 from rigid.muscle.dynamics import (
     MuscleState,
     activation_rate,
@@ -262,7 +262,7 @@ def test_a_velocity_that_does_not_converge_is_named(monkeypatch: pytest.MonkeyPa
 
 
 def _never(*_: object) -> np.ndarray:
-    raise newton.NotConverged("1 did not converge", FDS)
+    raise curves.NotConverged("1 did not converge", FDS)
 
 
 def test_rounds_of_newton_in_a_smooth_motion(monkeypatch: pytest.MonkeyPatch) -> None:

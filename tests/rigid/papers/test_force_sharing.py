@@ -19,7 +19,7 @@ from rigid.papers.buchner1988.force_sharing import linear, quadratic
 from rigid.papers.networks.human_network import MUSCLES, human_finger
 from rigid.papers.networks.point_contact import best_share, distal_torque, settle, tip_jacobian
 from rigid.verification import contact_rows, sharing_rows
-from rigid.verification.hood_table import STUDIES
+from rigid.verification.table import HOOD_STUDIES
 
 EQUAL = np.ones(5)
 HALF = np.zeros((2, 5))
@@ -34,7 +34,7 @@ LONG = {"virtual testbed", "force sharing", "point contact"}
     "study",
     [
         pytest.param(s, id=s.name, marks=[pytest.mark.slow] if s.name in LONG else [])
-        for s in STUDIES
+        for s in HOOD_STUDIES
     ],
 )
 def test_every_row_passes(study):

@@ -11,9 +11,12 @@ from rigid.mujoco.finger import MujocoFinger
 from rigid.papers.xu2012 import checks
 from rigid.papers.xu2012.actuators import PERIOD, Lag
 from rigid.papers.xu2012.control import (
+    ARM,
     JOINT_GAINS,
+    WEIGHT,
     Gains,
     Memory,
+    forces_for_torques,
     joint_forces,
     pid,
     remember,
@@ -21,7 +24,6 @@ from rigid.papers.xu2012.control import (
 )
 from rigid.papers.xu2012.fan import fan, least_share
 from rigid.papers.xu2012.plant import Plant
-from rigid.papers.xu2012.tensions import ARM, WEIGHT, tensions
 from rigid.papers.xu2012.tracking import Bench, StepResponse, poses
 
 POSE = np.radians([30.0, 10.0, 45.0, 20.0])
@@ -38,7 +40,7 @@ def test_tensions_are_the_least_squares_of_pulls() -> None:
         arms, torque = rng.normal(0.0, ARM, (5, 4)), rng.normal(0.0, 0.05, 4)
         A = np.vstack([arms.T / ARM, np.sqrt(WEIGHT) * np.eye(5)])
         wanted, _ = nnls(A, np.append(torque / ARM, np.zeros(5)))
-        np.testing.assert_allclose(tensions(torque, arms, most=1e3), wanted, atol=1e-7)
+        np.testing.assert_allclose(forces_for_torques(torque, arms, most=1e3), wanted, atol=1e-7)
 
 
 def test_tensions_are_the_best_within_their_bounds() -> None:
@@ -47,18 +49,18 @@ def test_tensions_are_the_best_within_their_bounds() -> None:
         arms, torque = rng.normal(0.0, ARM, (5, 4)), rng.normal(0.0, 0.5, 4)
         A = np.vstack([arms.T / ARM, np.sqrt(WEIGHT) * np.eye(5)])
         best = lsq_linear(A, np.append(torque / ARM, np.zeros(5)), (0.3, 40.0), tol=1e-14)
-        np.testing.assert_allclose(tensions(torque, arms, least=0.3), best.x, atol=1e-4)
+        np.testing.assert_allclose(forces_for_torques(torque, arms, least=0.3), best.x, atol=1e-4)
 
 
 def test_tensions_keep_their_bounds(five: MujocoFinger) -> None:
-    force = tensions(np.array([9.0, 0.0, 9.0, 9.0]), five.moment_arms(POSE), least=0.5)
+    force = forces_for_torques(np.array([9.0, 0.0, 9.0, 9.0]), five.moment_arms(POSE), least=0.5)
     assert force.min() == pytest.approx(0.5)
     assert force.max() == pytest.approx(40.0)
 
 
 def test_tensions_make_the_torques_that_hold_the_finger(five: MujocoFinger) -> None:
     plant = Plant(robot_finger())
-    force = tensions(plant.holding_torque(POSE), five.moment_arms(POSE))
+    force = forces_for_torques(plant.holding_torque(POSE), five.moment_arms(POSE))
     plant.reset(POSE)
     for _ in range(20):
         plant.advance(force)
