@@ -100,17 +100,53 @@ def _with_lines(value: Any) -> Any:
 
 
 def toml_settings(settings: Sequence[str]) -> str:
-    """Texts KEY=VALUE, as --set takes them, as lines of TOML; of a key that comes twice the last.
+    """Texts KEY=VALUE, as --set takes them, as lines of TOML; a later one comes on top of those
+    before it, key by key.
 
-    >>> toml_settings(["hood.mesh.quads=250", "tendons.EDC.tension=5 N"])
+    >>> toml_settings(["hood.mesh.quads=250", "tendons.EDC={tension='5 N'}"])
     'hood.mesh.quads = 250\\ntendons.EDC.tension = "5 N"\\n'
     """
-    pairs = (text.partition("=") for text in settings)
-    stated = {tuple(k.strip() for k in key.split(".")): value for key, _, value in pairs}
+    merged: dict[str, Any] = {}
+    for text in settings:
+        key, _, value = text.partition("=")
+        table = toml_value(value.strip())
+        for name in reversed([name.strip() for name in key.split(".")]):
+            table = {name: table}
+        merged = _merge(merged, table)
     lines = tomlkit.document()
-    for key, value in stated.items():
-        lines.append(tomlkit.key(key), tomlkit.item(toml_value(value.strip())))
+    for path, value in _leaves(merged, ()):
+        lines.append(tomlkit.key(path), _inline(value))
     return lines.as_string()
+
+
+def _merge(below: Any, above: Any) -> Any:
+    if isinstance(below, dict) and isinstance(above, dict):
+        return below | {key: _merge(below.get(key), value) for key, value in above.items()}
+    return above
+
+
+def _leaves(value: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """What is no table, or an empty one, with its keys."""
+    match value:
+        case dict() if value:
+            for key, inner in value.items():
+                yield from _leaves(inner, (*path, key))
+        case _:
+            yield path, value
+
+
+def _inline(value: Any) -> Any:
+    """The value on one line, tables within it too."""
+    match value:
+        case dict():
+            table = tomlkit.inline_table()
+            table.update({key: _inline(inner) for key, inner in value.items()})
+            return table
+        case list():
+            items = tomlkit.array()
+            items.extend(_inline(item) for item in value)
+            return items
+    return tomlkit.item(value)
 
 
 def notes(paragraphs: Iterable[str]) -> str:
@@ -182,7 +218,7 @@ def read_csv(path: Path, example: str) -> CsvTable:
     shown = shown_path(path)
     lines = [
         (i, line)
-        for i, line in enumerate(read_text(path).splitlines(), 1)
+        for i, line in enumerate(read_text(path).replace("\r\n", "\n").split("\n"), 1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if not lines:
@@ -191,8 +227,11 @@ def read_csv(path: Path, example: str) -> CsvTable:
         )
     first = lines[0][1]
     mark = ";" if ";" in first and "," not in first else ","
-    table = [(f"{shown}, line {i}", _cells(line, mark)) for i, line in lines]
+    table = [(place := f"{shown}, line {i}", _cells(place, line, mark)) for i, line in lines]
     place, columns = table[0]
+    columns = columns[: max(i for i, name in enumerate(columns, 1) if name or i == 1)]
+    if "" in columns:
+        raise InputError(f"{place}: column {columns.index('') + 1} has no name")
     if twice := [c for i, c in enumerate(columns) if c in columns[:i]]:
         raise InputError(f"{place}: two columns are called {twice[0]!r}; keep one")
     return CsvTable(path, place, columns, tuple(_rows(columns, table[1:], mark == ";")))
@@ -202,13 +241,16 @@ def _rows(
     columns: Sequence[str], table: Iterable[tuple[str, Sequence[str]]], has_commas: bool
 ) -> Iterator[CsvRow]:
     for place, cells in table:
-        if len(cells) != len(columns):
+        if len(cells) < len(columns) or any(cells[len(columns) :]):
             raise InputError(f"{place}: has {len(cells)} cells, the first line {len(columns)}")
-        yield CsvRow(place, dict(zip(columns, cells, strict=True)), has_commas)
+        yield CsvRow(place, dict(zip(columns, cells, strict=False)), has_commas)
 
 
-def _cells(line: str, separator: str) -> tuple[str, ...]:
-    (cells,) = csv.reader([line], skipinitialspace=True, delimiter=separator)
+def _cells(place: str, line: str, separator: str) -> tuple[str, ...]:
+    try:
+        (cells,) = csv.reader([line], skipinitialspace=True, delimiter=separator)
+    except csv.Error as error:
+        raise InputError(f"{place}: cannot be read as cells ({error})") from None
     return tuple(cell.strip() for cell in cells)
 
 

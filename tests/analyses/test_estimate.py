@@ -238,6 +238,9 @@ def test_capacities_say_where_they_are_from():
     assert (halves.least == load_case("hood_minorflex_edc").solve.resting_tension).all()
     with pytest.raises(InputError, match="no such tendon; they have EDC, UI"):
         capacity(case, ("EDC", "UI"), {"FDX": 1.0})
+    for areas, most in (({"EDC": 0.0}, {}), ({}, {"EDC": -1.0})):
+        with pytest.raises(InputError, match="EDC: must be above 0"):
+            capacity(case, ("EDC",), areas, most)
     with pytest.raises(InputError, match="no area is known"):
         capacity(case, ("odd",))
 
@@ -245,6 +248,8 @@ def test_capacities_say_where_they_are_from():
 def test_a_force_is_read():
     assert parse_force("-1 N 0 N -2e3 mN".replace("mN", "N")) == (-1.0, 0.0, -2000.0)
     assert parse_force("-1 N, free, 0.5 N") == (-1.0, None, 0.5)
+    with pytest.raises(InputError, match="every component is left open"):
+        parse_force("free free free")
 
 
 @given(st.text(alphabet="0123456789.-+eNmfr, k*", max_size=30))

@@ -44,8 +44,9 @@ def csv_file(folder: Path, text: str) -> Path:
         "\ufeffname,a_mm\none,1.5\n# between\ntwo,\n",
         "name;a_mm\none;1,5\ntwo;\n",
         'name,a_mm\n"one",1.5\n"two",\n',
+        "name,a_mm,,\r\none,1.5,,\r\ntwo,,,\r\n",
     ],
-    ids=["spaces", "mark", "semicolons", "quotes"],
+    ids=["spaces", "mark", "semicolons", "quotes", "spreadsheet"],
 )
 def test_every_way_to_write_a_table_is_read(tmp_path: Path, text: str) -> None:
     table = read_csv(csv_file(tmp_path, text), "name,a_mm")
@@ -63,6 +64,8 @@ def test_every_way_to_write_a_table_is_read(tmp_path: Path, text: str) -> None:
         ("", "is empty; its first line names the columns, for example time,x"),
         ("# nothing\n", "is empty"),
         ("time,x,x\n", "line 1: two columns are called 'x'"),
+        ("time,,x\n0,1,2\n", "line 1: column 2 has no name"),
+        ("time,x\n0," + "1" * 200_000, "line 2: cannot be read as cells"),
         ("time,x\n0,1\n\n1,2,3\n", "line 4: has 3 cells, the first line 2"),
         ("time,x\n0\n", "line 2: has 1 cells"),
         ("time,y\n0,1\n", "has no column 'x'; it has time, y"),
@@ -115,10 +118,27 @@ def test_a_list_of_lists_has_a_line_for_each() -> None:
     assert tomllib.loads(text)["table"]["rows"] == rows
 
 
-def test_settings_are_lines_of_which_the_last_counts() -> None:
-    text = toml_settings(["hood.a b=1", "tendons.EDC.tension = 5 N", "hood.a b=[1, 2]"])
-    assert tomllib.loads(text) == {"hood": {"a b": [1, 2]}, "tendons": {"EDC": {"tension": "5 N"}}}
-    assert text.count("\n") == 2
+@pytest.mark.parametrize(
+    ("settings", "values"),
+    [
+        (
+            ["hood.a b=1", "tendons.EDC.tension = 5 N", "hood.a b=[1, 2]"],
+            {"hood": {"a b": [1, 2]}, "tendons": {"EDC": {"tension": "5 N"}}},
+        ),
+        (["a.b={c=1}", "a.b.c=2", "a.b.d='x'"], {"a": {"b": {"c": 2, "d": "x"}}}),
+        (["a.b=0.3", "a={}", "title=x"], {"a": {"b": 0.3}, "title": "x"}),
+        (["a={}", "title=x"], {"a": {}, "title": "x"}),
+        (["a={b={c=[{x=1},{x={y=2}}]}}"], {"a": {"b": {"c": [{"x": 1}, {"x": {"y": 2}}]}}}),
+        (["a={b=1}", "a=2"], {"a": 2}),
+    ],
+)
+def test_settings_are_lines_of_which_a_later_one_lies_on_top(
+    settings: list[str], values: dict[str, Any]
+) -> None:
+    """As lines without a header, so that others may follow them."""
+    text = toml_settings(settings)
+    assert tomllib.loads(text) == values
+    assert not any(line.startswith("[") for line in text.splitlines())
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,9 @@ def capacity(
     knows."""
     areas, most = dict(areas or {}), dict(most or {})
     for option, given in (("--area", areas), ("--most", most)):
-        for name in given:
+        for name, value in given.items():
+            if value <= 0:
+                raise InputError(f"{option} {name}: must be above 0")
             if name not in names:
                 raise InputError(
                     f"{option} {name}: this finger and hood have no such tendon; they have "

@@ -99,6 +99,8 @@ def parse_force(text: str) -> tuple[float | None, float | None, float | None]:
         x, y, z = (None if p.lower() == OPEN else units.parse(p, units.FORCE) for p in parts)
     except ValueError as error:
         raise InputError(f'--force "{text}": {error}') from error
+    if x is None and y is None and z is None:
+        raise InputError(f'--force "{text}": every component is left open; ask for one at least')
     return x, y, z
 
 
