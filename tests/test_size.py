@@ -21,7 +21,7 @@ CEILINGS = {
     "cosim/fingers": 1144,
     "cosim/fmu": 1514,
     "cosim/fmu_export": 1271,
-    "cosim/hoods": 4030,
+    "cosim/hoods": 4035,
     "cosim/kernels": 216,
     "cosim/models": 684,
     "cosim/report": 2319,
@@ -36,7 +36,7 @@ CEILINGS = {
     "fe_solver/elements": 1288,
     "fe_solver/febio": 2882,
     "fe_solver/forces": 1125,
-    "fe_solver/hood": 1071,
+    "fe_solver/hood": 1077,
     "fe_solver/job": 1580,
     "fe_solver/materials": 1738,
     "fe_solver/q4ans": 1416,
@@ -56,7 +56,7 @@ CEILINGS = {
     "rigid/opensim": 1789,
     "rigid/papers": 3398,
     "rigid/verification": 2498,
-    "tests": 40902,
+    "tests": 40914,
 }
 
 

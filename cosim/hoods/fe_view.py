@@ -13,6 +13,7 @@ import numpy as np
 from cosim.hoods.view import Field
 from cosim.port import Array, State
 from fe_solver.forces.springs import spring_state
+from fe_solver.hood.shell_hood import RETRIES
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from fe_solver.solver.newton_step import factorise
 from meshes.bands import HoodLine, band_heights
@@ -54,6 +55,8 @@ class FeView:
     """(3, 3) m by tendon, of `rope_lines`."""
     iterations: int
     """Newton iterations since the hood's start."""
+    attempt: str
+    """Which attempt of the solver converged here, in words."""
 
     def lines(self) -> Mapping[str, Array]:
         """What pictures draw of it as lines (k, 3) m, by name."""
@@ -102,6 +105,7 @@ class FeView:
             "spring_force_N": dict(self.spring_force),
             **self.own_summary(),
             **self.audit(),
+            **({"hood_solved": self.attempt} if self.attempt in RETRIES else {}),
         }
 
     def audit(self) -> Mapping[str, float]:
@@ -148,6 +152,7 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
         band_height=band_heights(lines.bands, c.x, c.position, c.rotation, lines.axis),
         ropes=rope_lines(hood, state),
         iterations=state.iterations,
+        attempt=state.attempt,
     )
 
 

@@ -41,6 +41,12 @@ MOST_HALVINGS = 4
 DETOUR_TENSION = 6.0
 """Added to every tension (N) on a detour: a sheet that folds in a joint when slack is then taut."""
 IN_STEPS = "in steps"
+BY_DETOUR, IN_HALVES, BY_DAMPING = RETRIES = (
+    "by a taut detour",
+    "in halves",
+    "by a damped motion",
+)
+"""Attempts that follow one that failed."""
 SOFT_START = NewtonOptions(tolerance=1e-2)
 """Options for the equilibrium on softer contact that leads to the one that is sought."""
 
@@ -297,15 +303,15 @@ class ShellHood:
             yield Attempt(IN_STEPS, partial(self._solve_in_steps, *to))
             rubs = any(k.friction for k in self.model.contacts)
             if not rubs and tension.min(initial=np.inf) <= DETOUR_TENSION:
-                yield Attempt("by a taut detour", partial(self._solve_by_detour, *to), False)
+                yield Attempt(BY_DETOUR, partial(self._solve_by_detour, *to), False)
             return
         if drift is not None:
             yield Attempt("with the drift before", partial(self._solve_once, *to, drift))
         yield Attempt("at once", partial(self._solve_once, *to))
         if halvings:
-            yield Attempt("in halves", partial(self._solve_in_halves, *to, halvings))
+            yield Attempt(IN_HALVES, partial(self._solve_in_halves, *to, halvings))
         else:
-            yield Attempt("by a damped motion", partial(self._relax, *to), False)
+            yield Attempt(BY_DAMPING, partial(self._relax, *to), False)
 
     def _solve_by_detour(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
         taut = self._solve_in_steps(state, motion, tension + DETOUR_TENSION)

@@ -17,6 +17,7 @@ from cosim.cli import app
 from cosim.errors import InputError
 from cosim.hoods.cable.build import cable_law
 from cosim.hoods.cable.table import CableHoodConfig
+from cosim.models.build import build
 from cosim.port import STATIC, Motion
 from cosim.report.views import view_of
 from cosim.results.read import read_run
@@ -165,6 +166,17 @@ def test_a_case_runs_and_passes_its_audits(tmp_path: Path) -> None:
     assert any("net of cables" in note for note in view.notes)
     drawn = [line for name, line in view.tendons[-1].items() if name.startswith("cable")]
     assert sum(len(line) - 1 for line in drawn) == summary["hood_cells"]
+
+
+def test_a_result_says_which_retry_led_there() -> None:
+    models = build(load_case("cable_edc", ['hood.mesh.spacing="3 mm"']))
+    motion = models.finger.motion(models.finger.start(models.posture))
+    state = models.hood.advance(models.hood.start(motion), motion, EDC, STATIC).state
+    assert state.attempt == "at once"
+    assert models.view is not None
+    assert "hood_solved" not in models.view(state).summary()
+    halved = models.view(replace(state, attempt="in halves")).summary()
+    assert halved["hood_solved"] == "in halves"
 
 
 def test_a_picture_draws_line_cells() -> None:
