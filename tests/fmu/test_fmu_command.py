@@ -70,7 +70,7 @@ def test_a_shells_coupled_unit_gives_the_native_run(tmp_path, fmi):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("study", verification.studies(), ids=lambda study: study.name)
+@pytest.mark.parametrize("study", verification.STUDIES, ids=lambda study: study.name)
 def test_the_rows_pass(study):
     rows = list(study.rows())
     assert len(rows) == (20 if study.name == "FMU, motion" else 26)
