@@ -36,6 +36,7 @@ WARMUPS = (
     Warmup("nine-node shells", "isometric_edc", NINE_NODES, "hood at rest"),
     Warmup("fingers at rest", "split_edc", {}, "case"),
     Warmup("fingers in motion", "forward_edc", SHORT, "case"),
+    Warmup("hoods of joint angles", "network_edc", {}, "case"),
     Warmup("bones of the middle finger", "hood_majorflex_edc"),
     Warmup("links of the robotic finger", "robot_cable_extensor"),
     Warmup("bones of an anatomy of one's own", "own_edc"),
