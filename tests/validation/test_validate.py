@@ -443,7 +443,8 @@ def test_a_process_that_is_killed_is_told_in_one_message(tmp_path: Path):
 
 def some_of_the_split(*muscles: str) -> TrialGroup:
     """The middle finger without a hood in both postures, these muscles alone."""
-    past, split = choose_groups("middle_m")
+    chosen = {group.name: group for group in choose_groups("middle_m")}
+    past, split = chosen["cadaver forces: flexors"], chosen["cadaver forces: fixed split"]
     group = replace(past, trials=(*past.trials, *split.trials))
     kept = [t for t in group.trials if t.name.endswith(muscles)]
     return replace(group, trials=tuple(kept))
