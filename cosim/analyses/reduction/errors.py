@@ -67,7 +67,7 @@ def _loaded_states(samples: Sequence[Sample]) -> list[Sample]:
 
 
 def misses(reduction: Reduction, samples: Sequence[Sample]) -> dict[str, Array]:
-    """(s,) relative, by quantity, of each state."""
+    """The relative misses (s,) of each state, by quantity."""
     data = stack(samples)
     made = reduction.potential.derivatives(data.angle, data.tension)
     slips = reduction.potential.slips(data.angle, made.torque)

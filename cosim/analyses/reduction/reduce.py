@@ -47,7 +47,7 @@ BATCH = 20_000
 
 
 class Rate(NamedTuple):
-    """s for one state."""
+    """The times (s) that one state takes."""
 
     one: float
     """Load, excursions and derivatives behind the port."""
@@ -161,7 +161,8 @@ def reduce_case(
 
 
 def _check_kinds(case: Case) -> None:
-    """Raises InputError for a hood that is not worth reducing, or a finger that takes none."""
+    """Check that the hood is worth reducing and that the finger takes the reduced one.  Raises
+    InputError."""
     if not case.hood.lies_on_bones:
         raise InputError(
             f'{case.name}: hood.kind = "{case.hood.kind}" is not solved by finite elements, so '
@@ -236,7 +237,7 @@ def _rate(potential: ReducedPotential, samples: Sequence[Sample], case: Case) ->
 
 
 def tip_maps(case: Case, angles: Array) -> Array:
-    """(s, 3, n) the maps of the case's finger with its tip clamped, at angles (s, n) rad."""
+    """The maps (s, 3, n) of the case's finger with its tip clamped, at angles (s, n) rad."""
     finger = live_finger(clamp_tip(case).native_finger(), case.hood.left_to_finger)
     return np.array([tip_map(finger, angle) for angle in angles])
 
@@ -249,7 +250,7 @@ def clamp_tip(case: Case) -> Case:
 
 
 def tip_map(finger: OpenFinger, angle: Array) -> Array:
-    """(3, n) the force of a held fingertip on the world by torques about the joints, N/(N m)."""
+    """The force of a held fingertip on the world by torques about the joints (3, n), N/(N m)."""
     state = finger.start(dict(zip(finger.joints, map(float, angle), strict=True)))
     bodies, none = finger.bodies, np.zeros(len(finger.tendons))
     idle = Load(bodies, ("none",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))

@@ -226,7 +226,7 @@ def _read(path: Path, address: str) -> dict[str, Any]:
 
 
 def _read_walk(path: Path, walk: Walk, kept: Any) -> WalkSamples:
-    """Raises InputError for what is no walk of this size."""
+    """Read a walk.  Raises InputError for what is none of this size."""
     size = {"n": walk.angles.shape[-1], "m": walk.tensions.shape[-1], "s": 2}
     try:
         states = [_read_state(size, values) for values in kept["found"]]
@@ -238,7 +238,7 @@ def _read_walk(path: Path, walk: Walk, kept: Any) -> WalkSamples:
 
 
 def _read_state(size: dict[str, int], kept: Any) -> Sample | FailedSample:
-    """Raises ValueError, TypeError, KeyError for what is no state of this size."""
+    """Read a state.  Raises ValueError, TypeError, KeyError for what is none of this size."""
     failed, arrays = "reason" in kept, []
     for field, letters in list(zip(fields(Sample), SHAPES, strict=True))[: 2 if failed else None]:
         array = np.array(kept[field.name], dtype=float)

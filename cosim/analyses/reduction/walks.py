@@ -57,19 +57,20 @@ class SampleRange:
         return 4 * self.spread // 3
 
     def postures(self, degrees: Array) -> Array:
-        """(p, n) rad: the grid's joints at (p, k) deg, the others at home."""
+        """Postures (p, n) rad: the grid's joints at (p, k) deg, the others at home."""
         postures = np.tile(self.home, (len(degrees), 1))
         postures[:, [self.joints.index(joint) for joint in self.grid]] = np.radians(degrees)
         return postures
 
     def inside(self, parts: Array) -> Array:
-        """(p, k) deg at parts (p, k) of the grid's box, 0 to 1."""
+        """Angles (p, k) deg at parts (p, k) of the grid's box, 0 to 1."""
         low, high = np.array([[min(axis), max(axis)] for axis in self.grid.values()]).T
         degrees: Array = low + parts * (high - low)
         return degrees
 
     def single(self, tendon: int, parts: Array) -> Array:
-        """(p, m) N: one tendon at these parts (p,) of its greatest load, the others at rest."""
+        """Loads (p, m) N: one tendon at these parts (p,) of its greatest load, the others at
+        rest."""
         loads = np.full((len(parts), len(self.most)), self.rest)
         loads[:, tendon] = parts * self.most[tendon]
         return loads
@@ -135,7 +136,7 @@ def _legs(within: SampleRange, points: Array, loads: Array) -> list[Walk]:
 
 
 def _to_and_fro(axes: Sequence[Sequence[float]]) -> Array:
-    """(p, k) all combinations, each one step from the one before."""
+    """All combinations (p, k), each one step from the one before."""
     lines = np.zeros((1, 0))
     for axis in axes:
         turns = [axis if i % 2 == 0 else axis[::-1] for i in range(len(lines))]
@@ -153,7 +154,7 @@ def _spread(count: int, points: Array) -> list[Array]:
 
 
 def _sobol(dimension: int, count: int, seed: int) -> Array:
-    """(count, dimension) between 0 and 1: the first of so many as balance."""
+    """Points (count, dimension) between 0 and 1: the first of so many as balance."""
     drawn = qmc.Sobol(dimension, scramble=True, seed=seed).random_base2((count - 1).bit_length())
     return np.asarray(drawn[:count])
 
