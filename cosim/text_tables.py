@@ -114,7 +114,7 @@ def toml_settings(settings: Sequence[str]) -> str:
             table = {name: table}
         merged = _merge(merged, table)
     lines = tomlkit.document()
-    for path, value in _leaves(merged, ()):
+    for path, value in _leaves(merged, ()) if merged else ():
         lines.append(tomlkit.key(path), _inline(value))
     return lines.as_string()
 

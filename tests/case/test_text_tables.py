@@ -125,6 +125,7 @@ def test_a_list_of_lists_has_a_line_for_each() -> None:
             ["hood.a b=1", "tendons.EDC.tension = 5 N", "hood.a b=[1, 2]"],
             {"hood": {"a b": [1, 2]}, "tendons": {"EDC": {"tension": "5 N"}}},
         ),
+        ([], {}),
         (["a.b={c=1}", "a.b.c=2", "a.b.d='x'"], {"a": {"b": {"c": 2, "d": "x"}}}),
         (["a.b=0.3", "a={}", "title=x"], {"a": {"b": 0.3}, "title": "x"}),
         (["a={}", "title=x"], {"a": {}, "title": "x"}),

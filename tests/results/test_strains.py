@@ -68,6 +68,7 @@ def stretch(mesh: HoodMesh, along: float, across: float) -> ShellView:
         strip_arm={},
         ropes={},
         iterations=0,
+        attempt="",
     )
 
 

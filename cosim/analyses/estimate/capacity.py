@@ -49,8 +49,9 @@ def capacity(
     areas, most = dict(areas or {}), dict(most or {})
     for option, given in (("--area", areas), ("--most", most)):
         for name, value in given.items():
-            if value <= 0:
-                raise InputError(f"{option} {name}: must be above 0")
+            if value < 0 or (value == 0 and given is areas):
+                bound = "above 0" if given is areas else "0 or more"
+                raise InputError(f"{option} {name}: must be {bound}")
             if name not in names:
                 raise InputError(
                     f"{option} {name}: this finger and hood have no such tendon; they have "
