@@ -137,7 +137,8 @@ def run_validation(
     trials = {t.name: t for g in chosen_groups for t in g.trials}
     outcomes: dict[str, Outcome[Summary]] = {}
     started = time.perf_counter()
-    progress(f"0 of {len(trials)}, in {min(workers, len(trials))} processes")
+    if trials:
+        progress(f"0 of {len(trials)}, in {min(workers, len(trials))} processes")
     for name, outcome in _outcomes(list(trials.values()), settings, folder, workers):
         outcomes[name] = outcome
         done, word = len(outcomes), f": {outcome.reason}" if outcome.error else ""

@@ -389,6 +389,7 @@ def test_the_command_runs_trials_and_leaves_runs_page_and_board(tmp_path: Path):
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     assert "2 of 2, about 0 s left: force split EI" in done.stderr
+    assert "0 of 0" not in done.stderr
     board = json.loads((tmp_path / "scoreboard.json").read_text(encoding="utf-8"))
     rows = board["groups"]["two models: fixed split"]
     page = (tmp_path / "scoreboard.html").read_text(encoding="utf-8")
