@@ -28,6 +28,8 @@ ALLOWED = {
     "cosim.coupling.equilibrium": ("cosim.port", "cosim.coupling.finger_equilibrium"),
     "cosim.coupling.finger_equilibrium": ("cosim.port",),
     "cosim.files": ("cosim.port",),
+    "cosim.array_cache": ("cosim.files",),
+    "cosim.content_key": (),
     "cosim.processes": ("cosim.port",),
     "cosim.mesh_file": ("cosim.port",),
     "cosim.xml_tree": ("cosim.port",),
@@ -55,7 +57,7 @@ ALLOWED = {
     ),
     "fe_solver": (
         *("cosim.port", "cosim.files", "cosim.mesh_file", "cosim.processes", "cosim.checks"),
-        *("cosim.xml_tree", "cosim.kernels", "fe_solver"),
+        *("cosim.xml_tree", "cosim.kernels", "cosim.array_cache", "cosim.content_key", "fe_solver"),
     ),
     "rigid": (
         *("cosim.port", "cosim.coupling.finger_equilibrium", "cosim.files", "cosim.checks"),
@@ -68,6 +70,7 @@ FLOORS = (
     {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels", "cosim.json_text"},
     {"cosim.port"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
+    {"cosim.array_cache", "cosim.content_key"},
     {"cosim.processes", "cosim.xml_tree", "cosim.text_tables"},
     {"cosim.tendons"},
     {"cosim.coupling"},
