@@ -118,7 +118,7 @@ def _installed() -> tuple[str, ...]:
 def _processor() -> str:
     """The processor's name, from which libraries choose their code."""
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         return platform.processor()
     about = ("vendor_id", "cpu family", "model", "model name", "stepping", "flags", "Features")

@@ -23,7 +23,7 @@ ABOUT_RESULTS = (
 """What only shows results or says how runs are spread; it changes no number."""
 CHOICES = ("FE_SOLVER_LINEAR", "FE_SOLVER_NO_NUMBA")
 """Variables of the environment that say by what."""
-NOT_CODE = (".pyc", ".css", ".js", ".j2", ".md", ".nbi", ".nbc")
+NOT_CODE = (".pyc", ".css", ".js", ".j2", ".md", ".nbi", ".nbc", ".lock")
 WORDS = ("title", "notes", "output")
 """Keys of a case that change no number."""
 
