@@ -25,7 +25,11 @@ MODULES = {
 # What a module, or each of a package, may import of ours, at the top or inside a function.
 ALLOWED = {
     "cosim.port": (),
-    "cosim.coupling.equilibrium": ("cosim.port", "cosim.coupling.finger_equilibrium"),
+    "cosim.static_response": ("cosim.port", "cosim.array_cache"),
+    "cosim.coupling.equilibrium": (
+        *("cosim.port", "cosim.static_response"),
+        "cosim.coupling.finger_equilibrium",
+    ),
     "cosim.coupling.finger_equilibrium": ("cosim.port",),
     "cosim.files": ("cosim.port",),
     "cosim.array_cache": ("cosim.files",),
@@ -38,7 +42,10 @@ ALLOWED = {
     "cosim.checks": ("cosim.port",),
     "cosim.coupling.accelerators": ("cosim.port",),
     "cosim.coupling.state": ("cosim.port", "cosim.coupling.accelerators"),
-    "cosim.coupling.schemes": ("cosim.port", "cosim.coupling.accelerators", "cosim.coupling.state"),
+    "cosim.coupling.schemes": (
+        *("cosim.port", "cosim.static_response"),
+        *("cosim.coupling.accelerators", "cosim.coupling.state"),
+    ),
     "cosim.coupling.adaptive": ("cosim.port", "cosim.coupling.state", "cosim.coupling.schemes"),
     "cosim.coupling.excursion": ("cosim.port",),
     "cosim.coupling.motion": (
@@ -51,6 +58,7 @@ ALLOWED = {
     "cosim.coupling.one_way": ("cosim.port",),
     "cosim.coupling.fixed_point": (
         "cosim.port",
+        "cosim.static_response",
         "cosim.coupling.accelerators",
         "cosim.coupling.equilibrium",
         "cosim.coupling.finger_equilibrium",
@@ -71,7 +79,7 @@ FLOORS = (
     {"cosim.port"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
     {"cosim.array_cache", "cosim.content_key"},
-    {"cosim.processes", "cosim.xml_tree", "cosim.text_tables"},
+    {"cosim.processes", "cosim.xml_tree", "cosim.text_tables", "cosim.static_response"},
     {"cosim.tendons"},
     {"cosim.coupling"},
     {"cosim.fmu"},

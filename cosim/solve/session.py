@@ -10,12 +10,11 @@ from threading import RLock
 import numpy as np
 
 from cosim.case.schema import Case
-from cosim.coupling.equilibrium import Equilibrium
+from cosim.coupling.equilibrium import Equilibrium, first_answer
 from cosim.errors import InputError, Progress
 from cosim.models.build import Models, build_any, with_own_finger
 from cosim.port import Array, Motion, PairState, Response, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
-from cosim.solve.first_answer import kept_first_answer
 from cosim.tendons.muscles import live_muscles
 
 
@@ -31,7 +30,7 @@ class _SharedHood:
         """The hood's first answer under the tensions (nt,) N at rest.  Raises ConvergenceError."""
         motion, known = models.finger.motion(start.finger), self.motion
         if self.answer is None or known is None or not _is_same(motion, known):
-            self.motion, self.answer = motion, kept_first_answer(models.pair, start, tension)
+            self.motion, self.answer = motion, first_answer(models.pair, start, tension)
         return self.answer
 
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,10 +17,10 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.coupling.equilibrium import LOOSE
 from cosim.models.build import build
-from cosim.port import Motion
-from cosim.solve import first_answer as module
+from cosim.pipeline import run_case
+from cosim.port import Motion, Response
 from fe_solver.hood import version
-from fe_solver.hood.shell_hood import ShellHood
+from fe_solver.hood.shell_hood import HoodState, ShellHood
 from fe_solver.materials.linear import Isotropic
 from fe_solver.solver.augmented_contact import AugmentOptions
 from tests.helpers import shells
@@ -61,8 +62,14 @@ def surfaces() -> None:
 @pytest.fixture
 def runs(surfaces: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Runs:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
-    solves, solve = [], module.first_answer
-    monkeypatch.setattr(module, "first_answer", lambda *a: solves.append("solved") or solve(*a))
+    solves, advance = [], ShellHood.advance
+
+    def watched(self: ShellHood, state: HoodState, *at: Any) -> Response:
+        if state.solution is None:
+            solves.append("solved")
+        return advance(self, state, *at)
+
+    monkeypatch.setattr(ShellHood, "advance", watched)
     return Runs(tmp_path, ArrayCache(tmp_path / "cache"), solves)
 
 
@@ -157,3 +164,19 @@ def test_arrays_hold_how_a_state_was_reached(motion):
     again = hood.from_arrays(hood.to_arrays(state))
     assert (again.attempt, again.iterations) == (state.attempt, state.iterations)
     assert again.solution.solves == state.solution.solves
+
+
+WAYS = {
+    "motion": ("motion_edc_fdp", "forward.duration=2 ms", "hood.mesh.quads=150"),
+    "one way": ("thesis_one_way_edc", "hood.mesh.quads=150"),
+    "fixed point": ("cable_edc", "coupling.scheme=implicit", shells.COARSE_NET),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_whatever_begins_as_laid_begins_from_the_cache(runs, way):
+    name, *settings = WAYS[way]
+    first, again = (run_case(load_case(name, settings)) for _ in range(2))
+    assert runs.solves == ["solved"]
+    for array in first.data.data_vars:
+        assert first.data[array].values.tobytes() == again.data[array].values.tobytes()
