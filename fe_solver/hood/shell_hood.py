@@ -9,8 +9,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.content_key import UnknownContentError, content_key
 from cosim.errors import ConvergenceError, InputError, say
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
+from fe_solver.hood.version import KNOWN, solver_version
 from fe_solver.sheet import Sheet
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import rope_travel, wrenches
@@ -122,8 +124,7 @@ class HoodState:
     iterations: int = 0
     """Newton iterations since the start."""
     attempt: str = ""
-    """Which attempt of `ShellHood` converged here; empty in a state that was not solved or was
-    read."""
+    """Which attempt of `ShellHood` converged here; empty in a state that was not solved."""
     course: _Course | None = None
     """The step that was predicted to here; None where none was, as after a large change."""
 
@@ -244,12 +245,25 @@ class ShellHood:
             -by_follow[nm:, nm:],
         )
 
+    def first_key(self, state: HoodState, motion: Motion, tension: Array) -> str | None:
+        """A key of all that determines `advance` from a state of `start`: this hood, the poses, the
+        tensions (nt,) N, the solver's code and the machine.  None for a state that was solved, for
+        augmented contact, whose states `to_arrays` does not hold, and for a user's own material."""
+        if self.augment is not None or state.solution is not None:
+            return None
+        try:
+            return content_key(
+                (solver_version(), self, state, motion, np.asarray(tension, dtype=float)), KNOWN
+            )
+        except UnknownContentError:
+            return None
+
     def to_arrays(self, state: HoodState) -> dict[str, Array]:
         """All that a state of a hood without augmented contact is made of."""
         out = {f"motion/{k}": v for k, v in _pose(state.motion.position, state.motion.rotation)}
         c = state.configuration
         out |= {"x": c.x, "d": c.d, **dict(_pose(c.position, c.rotation))}
-        out["iterations"] = np.array(state.iterations)
+        out |= {"iterations": np.array(state.iterations), "attempt": np.array(state.attempt)}
         if state.solution is not None:
             s = state.solution
             out |= {"tension": s.tension, "residual": np.array(s.residual)}
@@ -275,11 +289,12 @@ class ShellHood:
             iterations, solves = (int(n) for n in arrays["counts"])
             residual = float(arrays["residual"])
             solution = Solution(self.model, c, evaluation, tension, iterations, solves, residual)
+        spent, attempt = int(arrays["iterations"]), str(arrays.get("attempt", ""))
         course = None
         if "course/step" in arrays:
             miss = _Drift(arrays["course/x"], arrays["course/d"])
             course = _Course(arrays["course/step"], c, miss, bool(arrays["course/steady"]))
-        return HoodState(motion, c, solution, int(arrays["iterations"]), course=course)
+        return HoodState(motion, c, solution, spent, attempt, course)
 
     def with_tolerance(self, tolerance: float) -> ShellHood:
         """Return the same shell, its Newton stopped at a relative residual of `tolerance`."""
