@@ -53,6 +53,9 @@ SHORT = 0.1
 where it is nearly singular, it would lead far away."""
 UNDAMPED = 6
 """Steps from afar after which one that takes back what the last one closed or opened is halved."""
+ALMOST = 0.03
+"""Residual over the largest force: where the consistent tangent's step leads from below that to
+above NEAR, what it meets is too crooked for whole steps, and the search goes on from below."""
 PERIOD, AGAIN, CIRCLES = 4, 1e-2, 6
 """So many steps in turn that come back to the potential of one of the PERIOD before, but for that
 share of it, from another, and do not halve the least residual, go round in a circle: one slackens
@@ -140,6 +143,7 @@ class _Walk:
         self.factor: Factor | None = None
         """Of a walk that is near, the last tangent that was factorised: it serves the next ones."""
         self.solves = self.restarts = self.taken = self.circling = 0
+        self.was_almost = False
         self.least = self.least_residual = np.inf
         self.met: list[float] = []
         """J, the potentials of all places."""
@@ -153,6 +157,8 @@ class _Walk:
         self.potential = self.model.potential(self.c, self.e.energy, self.tension)
         self.upright = not is_folded(self.model, self.c)
         nearer = self.residual < self.least_residual / 2
+        self.leaves = self.was_almost and self.residual > NEAR * self.force
+        self.was_almost = not self.near and self.residual <= ALMOST * self.force
         self.circling = 0 if nearer or not self._returns() else self.circling + 1
         self.least_residual = min(self.least_residual, self.residual)
         self.met.append(self.potential)
@@ -170,9 +176,9 @@ class _Walk:
 
     def is_over(self, tolerance: float) -> bool:
         """Whether no step from here is worth while: it is an equilibrium that no sheet has, the
-        start is crushed, or the steps go round in a circle."""
+        start is crushed, or the steps leave where they almost arrived or go round in a circle."""
         crushed = not np.isfinite(self.residual) or (not self.taken and self.potential == np.inf)
-        return crushed or self._is_close(tolerance) or self.circling >= CIRCLES
+        return crushed or self._is_close(tolerance) or self.circling >= CIRCLES or self.leaves
 
     def _is_close(self, tolerance: float) -> bool:
         return self.residual <= tolerance * self.force

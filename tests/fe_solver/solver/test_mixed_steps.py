@@ -211,3 +211,17 @@ def test_only_steps_that_leave_a_potential_and_come_back_to_it_go_in_a_circle(
         returns.append(walk._returns())
         walk.met.append(potential)
     assert all(returns[-mixed_steps.CIRCLES :]) is circles
+
+
+@pytest.mark.parametrize(
+    ("shares", "over"),
+    [([1.0, 0.02, 0.01, 1.0], True), ([1.0, 0.2, 1.0], False), ([1.0, 0.02, 0.09], False)],
+    ids=["thrown from where it almost arrived", "not so near", "back a little"],
+)
+def test_a_step_far_from_where_the_walk_almost_arrived_ends_it(model, monkeypatch, shares, over):
+    walk = mixed_steps._Walk(model, TENSION, at_rest(model), LONGEST, None)
+    for share in shares:
+        monkeypatch.setattr(mixed_steps, "residual_norm", lambda *_, share=share: (share, 1.0))
+        walk.note_place()
+        walk.taken += 1
+    assert walk.is_over(CLOSE) is over
