@@ -12,7 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,7 +21,7 @@ from cosim.errors import InputError
 from cosim.kernels import kernel
 from cosim.port import Array, Ints
 
-Function = TypeVar("Function", bound=Callable[..., None])
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 COMPILED = kernel.HAS_NUMBA and not os.environ.get("FE_SOLVER_NO_NUMBA")
 THREADS = "FE_SOLVER_THREADS"
