@@ -35,6 +35,11 @@ def compile_kernel(function: Function) -> Function:
     return kernel.compile_kernel(function) if COMPILED else function
 
 
+def compile_part(function: Function) -> Function:
+    """The function for other kernels of its file (`cosim.kernels.kernel.compile_part`)."""
+    return kernel.compile_part(function) if COMPILED else function
+
+
 def thread_count() -> int:
     """Threads of a large assembly: FE_SOLVER_THREADS, else the cores at hand up to four.  Raises
     InputError for a wish that is no positive whole number."""
@@ -175,7 +180,7 @@ def _stress_gradient(
                 out[e, a, k] = value
 
 
-@compile_kernel
+@compile_part
 def _geometric(samples: Array, membrane: int, stress: Array, out: Array) -> None:
     """Set `out` (2k, 2k) to sum stress (m,) times samples, whose lower right block is zero."""
     nodes = out.shape[0] // 2

@@ -4,8 +4,8 @@ installed: `section.Section.response` of `hyperelastic`, `fibres`, `crossed_fibr
 
 The formulas are those of these modules, whose numpy form the kernel is held to; they derive them,
 and serve laws that have no code here.  A potential is a matrix's, a volume's and up to three fibre
-families'; `law_table` makes their codes and numbers.  A law's answer at a point is (13,): energy,
-S11, S22, S12 and the tangent row by row.
+families'; `law_table` makes their codes and numbers.  A law's answer at a point is (10,): energy,
+S11, S22, S12 and the tangent's 11, 22, 33, 12, 13 and 23.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from cosim.port import Array, Ints
-from fe_solver.elements.kernels import COMPILED, PAYS, compile_kernel, in_parallel
+from fe_solver.elements.kernels import COMPILED, PAYS, compile_kernel, compile_part, in_parallel
 
 __all__ = ["COMPILED", "respond"]
 
@@ -24,6 +24,8 @@ ACTS, MATRIX, VOLUME, FAMILY, CODES = 0, 1, 2, 3, 6
 CONSTANT, LAYERED, RELAXED = 0, 1, 2
 """`ACTS`: nowhere besides the constant stiffness, at points through the thickness, or as a tension
 field on the mid-surface."""
+AT = (4, 7, 8, 7, 5, 9, 8, 9, 6)
+"""Where the entries of the tangent, row by row, stand in a law's answer."""
 LINEAR, NEO_HOOKEAN, MOONEY_RIVLIN = 0, 1, 2
 INCOMPRESSIBLE, BY_LOGARITHM, BY_SQUARE = 0, 1, 2
 """`VOLUME`: none; k/2 (ln J)^2; k/2 ((J^2 - 1)/2 - ln J)."""
@@ -32,7 +34,8 @@ NO_FAMILY, EXPONENTIAL, DISPERSED = 0, 1, 2
 # The columns of the numbers.
 BULK, BARRIER, RESIDUAL_MODULUS, SMOOTHING, FIBRES, PER_FAMILY, NUMBERS = 6, 7, 8, 9, 10, 8, 34
 """Six of the matrix first: mu; c1 and c2; or the plane stiffness Q11, Q22, Q33, Q12, Q13, Q23.  Of
-each family cos^2, sin^2 and sin cos; then c3, c4, c5, lam_max and Ei(c4), or k1, k2 and kappa."""
+each family cos^2, sin^2 and sin cos; then c3, c4, c5, lam_max and exp(-c4) Ei(c4), or k1, k2 and
+kappa."""
 
 MOST_FAMILIES = 3
 LONGEST = 1.0
@@ -105,83 +108,93 @@ def _respond(
     force: Array,
     stiffness: Array,
 ) -> None:
-    each, work = numbers.shape[1] > 1, np.empty(96)
-    F, K = np.empty(8), np.empty((8, 8))  # of the law, without its factor
+    tables = codes, numbers, sheet, constant
+    _respond_at(first, last, *tables, strain, energy, force, stiffness, np.empty(96))
+
+
+@compile_part
+def _respond_at(
+    first: int,
+    last: int,
+    codes: Ints,
+    numbers: Array,
+    sheet: Array,
+    constant: Array,
+    strain: Array,
+    energy: Array,
+    force: Array,
+    stiffness: Array,
+    work: Array,
+) -> None:
+    each = numbers.shape[1] > 1
     for e in range(first, last):
         code = codes[e]
         for g in range(strain.shape[1]):
-            E, C = strain[e, g], constant[e, g]
+            E, C, F, K = strain[e, g], constant[e, g], force[e, g], stiffness[e, g]
             total = 0.0
             for i in range(8):
                 value = 0.0
                 for k in range(8):
                     value += C[i, k] * E[k]
-                    stiffness[e, g, i, k] = C[i, k]
-                force[e, g, i] = value
+                    K[i, k] = C[i, k]
+                F[i] = value
                 total += 0.5 * value * E[i]
-            if code[ACTS] == CONSTANT:
-                energy[e, g] = total
-                continue
-            n = numbers[e, g if each else 0]
-            thickness, sheared, factor = sheet[e, g]
-            F[:] = 0.0
-            K[:, :] = 0.0
-            if code[ACTS] == LAYERED:
-                more = _through_thickness(code, n, E, thickness, work, F, K)
-            else:
-                more = _on_middle(code, n, E, thickness, work, F, K)
-            if sheared >= 0.0:
-                more += _shear(E, sheared, F, K)
-            energy[e, g] = total + factor * more
-            for i in range(8):
-                force[e, g, i] += factor * F[i]
-                for k in range(8):
-                    stiffness[e, g, i, k] += factor * K[i, k]
+            if code[ACTS] != CONSTANT:
+                n = numbers[e, g if each else 0]
+                thickness, sheared, factor = sheet[e, g]
+                if code[ACTS] == LAYERED:
+                    total += _through_thickness(code, n, E, thickness, factor, work, F, K)
+                else:
+                    total += _on_middle(code, n, E, factor * thickness, work, F, K)
+                if sheared >= 0.0:
+                    total += _shear(E, factor * sheared, F, K)
+            energy[e, g] = total
 
 
-@compile_kernel
+@compile_part
 def _through_thickness(
-    code: Ints, n: Array, E: Array, thickness: float, law: Array, F: Array, K: Array
+    code: Ints, n: Array, E: Array, thickness: float, factor: float, work: Array, F: Array, K: Array
 ) -> float:
     """The energy of a law at points through the thickness; force and stiffness are added."""
-    half, energy = thickness / 2, 0.0
+    half, law, whole = thickness / 2, work[:10], work[10:20]
+    first, second = work[20:30], work[30:40]
+    work[10:40] = 0.0
     for layer in range(len(LAYERS)):
-        z, w = LAYERS[layer] * half, LAYER_WEIGHTS[layer] * half
+        z, w = LAYERS[layer] * half, LAYER_WEIGHTS[layer] * half * factor
         _potential(code, n, E[0] + z * E[3], E[1] + z * E[4], E[2] + z * E[5], law)
-        energy += w * law[0]
-        for i in range(3):
-            F[i] += w * law[1 + i]
-            F[3 + i] += w * z * law[1 + i]
-            for k in range(i + 1):
-                c = w * law[4 + 3 * i + k]
-                K[i, k] += c
-                K[3 + i, k] += z * c
-                K[3 + i, 3 + k] += z * z * c
+        wz = w * z
+        wzz = wz * z
+        for i in range(10):  # the integral through the thickness and its moments
+            whole[i] += w * law[i]
+            first[i] += wz * law[i]
+            second[i] += wzz * law[i]
     for i in range(3):
-        for k in range(i):
-            K[k, i], K[3 + k, 3 + i] = K[i, k], K[3 + i, 3 + k]
-            K[3 + k, i] = K[3 + i, k]
-    for i in range(3):
+        F[i] += whole[1 + i]
+        F[3 + i] += first[1 + i]
         for k in range(3):
-            K[k, 3 + i] = K[3 + i, k]
-    return energy
+            at = AT[3 * i + k]
+            K[i, k] += whole[at]
+            K[i, 3 + k] += first[at]
+            K[3 + i, k] += first[at]
+            K[3 + i, 3 + k] += second[at]
+    return whole[0]
 
 
-@compile_kernel
+@compile_part
 def _on_middle(
     code: Ints, n: Array, E: Array, thickness: float, work: Array, F: Array, K: Array
 ) -> float:
     """The energy of a tension field; force and stiffness are added."""
-    law = work[:13]
-    _relaxed(code, n, E[0], E[1], E[2], law, work[13:])
+    law = work[:10]
+    _relaxed(code, n, E[0], E[1], E[2], law, work[10:])
     for i in range(3):
         F[i] += thickness * law[1 + i]
         for k in range(3):
-            K[i, k] += thickness * law[4 + 3 * i + k]
+            K[i, k] += thickness * law[AT[3 * i + k]]
     return thickness * law[0]
 
 
-@compile_kernel
+@compile_part
 def _shear(E: Array, k: float, F: Array, K: Array) -> float:
     """The energy k (1 / r - 1 / D) of transverse shear (`section._with_shear`); force and stiffness
     are added."""
@@ -221,22 +234,21 @@ def _shear(E: Array, k: float, F: Array, K: Array) -> float:
     return k / r - k / D
 
 
-@compile_kernel
+@compile_part
 def _law(code: Ints, n: Array, e1: float, e2: float, e3: float, law: Array) -> None:
     """The answer of a linear law or a potential."""
     if code[MATRIX] != LINEAR:
         _potential(code, n, e1, e2, e3, law)
         return
-    law[4], law[8], law[12] = n[0], n[1], n[2]
-    law[5] = law[7] = n[3]
-    law[6] = law[10] = n[4]
-    law[9] = law[11] = n[5]
-    for i in range(3):
-        law[1 + i] = law[4 + 3 * i] * e1 + law[5 + 3 * i] * e2 + law[6 + 3 * i] * e3
+    for i in range(6):
+        law[4 + i] = n[i]
+    law[1] = n[0] * e1 + n[3] * e2 + n[4] * e3
+    law[2] = n[3] * e1 + n[1] * e2 + n[5] * e3
+    law[3] = n[4] * e1 + n[5] * e2 + n[2] * e3
     law[0] = (law[1] * e1 + law[2] * e2 + law[3] * e3) / 2
 
 
-@compile_kernel
+@compile_part
 def _potential(code: Ints, n: Array, e1: float, e2: float, e3: float, law: Array) -> None:
     """The answer of a hyperelastic law with ln J condensed, S33 = 0."""
     C11, C22, C12 = 1 + 2 * e1, 1 + 2 * e2, e3
@@ -249,15 +261,15 @@ def _potential(code: Ints, n: Array, e1: float, e2: float, e3: float, law: Array
     if fine:
         _expand(code, n, C11, C22, C12, trace, det, j, law)
         total = 0.0
-        for i in range(13):
+        for i in range(10):
             total += law[i]
         fine = total - total == 0.0  # neither infinite nor NaN
     if not fine:
-        law[:13] = 0.0
+        law[:10] = 0.0
         law[0] = np.inf
 
 
-@compile_kernel
+@compile_part
 def _log_volume(code: Ints, n: Array, C11: float, C22: float, C12: float) -> float:
     """ln J at which S33 = 0, NaN where none is found (`hyperelastic._log_volume`)."""
     j = 0.0
@@ -283,7 +295,7 @@ def _log_volume(code: Ints, n: Array, C11: float, C22: float, C12: float) -> flo
     return np.nan
 
 
-@compile_kernel
+@compile_part
 def _volumetric(
     code: Ints, n: Array, C11: float, C22: float, C12: float, j: float
 ) -> tuple[float, float]:
@@ -310,7 +322,8 @@ def _volumetric(
             break
         along = a * (n[at] * C11 + n[at + 1] * C22 + 2 * n[at + 2] * C12)
         if kind == EXPONENTIAL:
-            tension, rate = _toe(n, at + 3, math.sqrt(along))
+            stretch = math.sqrt(along)
+            tension, rate = _toe(n, at + 3, stretch, _toe_rise(n, at + 3, stretch))
             slope, convex = slope - tension / 3, convex + rate / 9
         else:
             kappa = n[at + 5]
@@ -321,7 +334,7 @@ def _volumetric(
     return slope, convex
 
 
-@compile_kernel
+@compile_part
 def _expand(
     code: Ints,
     n: Array,
@@ -335,8 +348,10 @@ def _expand(
 ) -> None:
     """The answer at ln J = j: W_p of the invariants p = (trace, det, fibres) times their gradients
     dp, and W_pq dp dq - m m / W_jj with the mixed m = W_pj dp."""
-    a = math.exp(-2 / 3 * j)
-    b, free = 1 / (a * a), code[VOLUME] != INCOMPRESSIBLE
+    free, a, b, by_D = code[VOLUME] != INCOMPRESSIBLE, 1.0, 1.0, 1 / det
+    if free:
+        a = math.exp(-2 / 3 * j)
+        b = 1 / (a * a)
     d1, d2, d3 = 2 * C22, 2 * C11, -2 * C12  # det's gradient; the trace's is (2, 2, 0)
     # the matrix: slopes by trace and det, curvatures, mixed derivatives
     if code[MATRIX] == NEO_HOOKEAN:
@@ -347,13 +362,14 @@ def _expand(
         energy, W_jj = n[0] / 2 * (trace + C33 - 3) - n[0] * j, 2 * n[0] * C33
     else:
         c1, c2 = n[0], n[1]
-        c1b, c2a, c2i = c1 * b / det**2, c2 / (a * det), c2 * a * a
-        by_trace, by_det = c1 * a + c2a, c2i - c1b - c2a * trace / det
-        across, bent = -c2a / det, 2 * c1b / det + 2 * c2a * trace / det**2
+        c1b, c2a, c2i = c1 * b * by_D * by_D, c2 * by_D / a, c2 * a * a
+        second_3 = c2a * trace * by_D
+        by_trace, by_det = c1 * a + c2a, c2i - c1b - second_3
+        across, bent = -c2a * by_D, 2 * (c1b + second_3) * by_D
         trace_j = 2 / 3 * (c2a - c1 * a)
-        det_j = -2 / 3 * (2 * c1b + 2 * c2i + c2a * trace / det)
-        energy = c1 * (a * trace + b / det - 3) + c2 * (a * a * det + trace / (a * det) - 3)
-        W_jj = 4 / 9 * (c1 * (a * trace + 4 * b / det) + 4 * c2i * det + c2a * trace)
+        det_j = -2 / 3 * (2 * c1b + 2 * c2i + second_3)
+        energy = c1 * (a * trace + b * by_D - 3) + c2 * (a * a * det - 3) + c2a * trace
+        W_jj = 4 / 9 * (c1 * (a * trace + 4 * b * by_D) + 4 * c2i * det + c2a * trace)
     if code[VOLUME] == BY_LOGARITHM:
         energy, W_jj = energy + n[BULK] / 2 * j * j, W_jj + n[BULK]
     elif code[VOLUME] == BY_SQUARE:
@@ -375,9 +391,13 @@ def _expand(
         f = cc * C11 + ss * C22 + 2 * sc * C12
         if kind == EXPONENTIAL:
             stretch = math.sqrt(a * f)
-            tension, rate = _toe(n, at + 3, stretch)
-            energy += _toe_energy(n, at + 3, stretch)
-            W1, W2, W1_j = tension / (2 * f), (rate - 2 * tension) / (4 * f * f), -rate / (6 * f)
+            if stretch < 1.0:  # slack
+                continue
+            x = _toe_rise(n, at + 3, stretch)
+            tension, rate = _toe(n, at + 3, stretch, x)
+            energy += _toe_energy(n, at + 3, stretch, x)
+            by_f = 0.5 / f
+            W1, W2, W1_j = tension * by_f, (rate - 2 * tension) * by_f * by_f, -rate * by_f / 3
             b1, b2, b3 = 2 * cc, 2 * ss, 2 * sc
             m1, m2, m3 = m1 + W1_j * b1, m2 + W1_j * b2, m3 + W1_j * b3
             W_jj += rate / 9
@@ -410,64 +430,63 @@ def _expand(
         T11, T22, T33 = T11 - m1 * (m1 / W_jj), T22 - m2 * (m2 / W_jj), T33 - m3 * (m3 / W_jj)
         T12, T13, T23 = T12 - m1 * (m2 / W_jj), T13 - m1 * (m3 / W_jj), T23 - m2 * (m3 / W_jj)
     law[0], law[1], law[2], law[3] = energy, S1, S2, S3
-    law[4], law[8], law[12] = T11, T22, T33
-    law[5] = law[7] = T12
-    law[6] = law[10] = T13
-    law[9] = law[11] = T23
+    law[4], law[5], law[6], law[7], law[8], law[9] = T11, T22, T33, T12, T13, T23
 
 
-@compile_kernel
-def _toe(n: Array, at: int, stretch: float) -> tuple[float, float]:
-    """l dF/dl and l times its derivative by l (`ExponentialToe.tension`)."""
+@compile_part
+def _toe_rise(n: Array, at: int, stretch: float) -> float:
+    """exp(c4 (l - 1)), up to lam_max."""
+    return math.exp(n[at + 1] * (min(stretch, n[at + 3]) - 1))
+
+
+@compile_part
+def _toe(n: Array, at: int, stretch: float, x: float) -> tuple[float, float]:
+    """l dF/dl and l times its derivative by l (`ExponentialToe.tension`), x from `_toe_rise`."""
     c3, c4, c5, lam_max = n[at], n[at + 1], n[at + 2], n[at + 3]
     if stretch < 1.0:
         return 0.0, 0.0
     if stretch >= lam_max:
-        x = math.exp(c4 * (lam_max - 1))
         return c3 * (x - 1) + c5 * (stretch - lam_max), c5 * stretch
-    x = math.exp(c4 * (stretch - 1))
     return c3 * (x - 1), c3 * c4 * x * stretch
 
 
-@compile_kernel
-def _toe_energy(n: Array, at: int, stretch: float) -> float:
-    """F (`ExponentialToe.fibre_energy`)."""
-    c3, c4, c5, lam_max, expi_c4 = n[at], n[at + 1], n[at + 2], n[at + 3], n[at + 4]
-    if stretch <= 1.0:
-        return 0.0
+@compile_part
+def _toe_energy(n: Array, at: int, stretch: float, x: float) -> float:
+    """F (`ExponentialToe.fibre_energy`) of a fibre that is not slack."""
+    c3, c4, c5, lam_max, at_rest = n[at], n[at + 1], n[at + 2], n[at + 3], n[at + 4]
     toe = min(stretch, lam_max)
-    energy = c3 * (math.exp(-c4) * (_expi(c4 * toe) - expi_c4) - math.log(toe))
+    energy = c3 * (x * _scaled_expi(c4 * toe) - at_rest - math.log(toe))
     if stretch > lam_max:
-        ratio = stretch / lam_max
-        c6 = c3 * math.expm1(c4 * (lam_max - 1)) - c5 * lam_max
+        ratio, c6 = stretch / lam_max, c3 * (x - 1) - c5 * lam_max
         energy += c5 * lam_max * (ratio - 1) + c6 * math.log(ratio)
     return energy
 
 
-@compile_kernel
-def _expi(x: float) -> float:
-    """The exponential integral Ei(x) of x > 0."""
+@compile_part
+def _scaled_expi(x: float) -> float:
+    """The exponential integral Ei(x) of x > 0, times exp(-x)."""
+    total = 0.0
     if x < ASYMPTOTIC:
-        total = 0.0
         for k in range(min(len(SERIES), 22 + int(2.4 * x)) - 1, -1, -1):
             total = total * x + SERIES[k]
-        return EULER + math.log(x) + total * x
-    total, term = 1.0, 1.0
+        return math.exp(-x) * (EULER + math.log(x) + total * x)
+    term = 1 / x
+    by_x = term
     for k in range(1, 40):
-        term *= k / x
         total += term
-        if term < 1e-17:
+        term *= k * by_x
+        if term < 1e-17 * total:
             break
-    return math.exp(x) / x * total
+    return total
 
 
-@compile_kernel
+@compile_part
 def _dispersed_strain(kappa: float, first: float, first_3: float, along: float) -> float:
     """E of plane and thickness parts of I1~, and of I4~ (`DispersedFamily._strain`)."""
     return kappa * (first + first_3 - 3) + (1 - 3 * kappa) * along - (1 - 3 * kappa)
 
 
-@compile_kernel
+@compile_part
 def _dispersed_by_volume(
     kappa: float, first: float, first_3: float, along: float
 ) -> tuple[float, float]:
@@ -477,7 +496,7 @@ def _dispersed_by_volume(
     return by_j, kappa * 4 / 9 * (first + 4 * first_3) + 4 / 9 * straight
 
 
-@compile_kernel
+@compile_part
 def _dispersed(n: Array, at: int, E: float) -> tuple[float, float, float]:
     """W and its first and second derivative by E (`DispersedFamily._by_strain`)."""
     k1, k2 = n[at], n[at + 1]
@@ -488,17 +507,17 @@ def _dispersed(n: Array, at: int, E: float) -> tuple[float, float, float]:
     return (x - k1) / (2 * k2), x * E, x * (1 + 2 * power)
 
 
-@compile_kernel
+@compile_part
 def _relaxed(
     code: Ints, n: Array, e1: float, e2: float, e3: float, out: Array, work: Array
 ) -> None:
-    """The answer `out` (13,) of a tension field (`tension_field.TensionField.response`)."""
-    law, T, K, M, A = work[:13], work[13:22], work[22:31], work[31:40], work[40:44]
-    solved = _find_wrinkles(code, n, e1, e2, e3, A, law, work[44:])
+    """The answer `out` (10,) of a tension field (`tension_field.TensionField.response`)."""
+    law, T, K, M, A = work[:10], work[10:19], work[19:28], work[28:37], work[37:41]
+    solved = _find_wrinkles(code, n, e1, e2, e3, A, law, work[41:])
     mu, residual = n[BARRIER], n[RESIDUAL_MODULUS]
     energy = law[0] + _wrinkle_cost(A, mu, residual) + 2 * mu * math.log(n[SMOOTHING])
     if not (solved and energy < np.inf):
-        out[:13] = 0.0
+        out[:10] = 0.0
         out[0] = np.inf
         return
     # S = dW/dE at E + P, and its tangent with the wrinkles' growth condensed
@@ -508,21 +527,21 @@ def _relaxed(
         for k in range(3):
             M[3 * i + k] = 0.0
             for m in range(3):
-                M[3 * i + k] += T[3 * m + i] * law[4 + 3 * m + k]
+                M[3 * i + k] += T[3 * m + i] * law[AT[3 * m + k]]
     for i in range(9):
         T[i] = M[i]
     _solve_symmetric(K, M, 3)
     out[0] = energy
     for i in range(3):
         out[1 + i] = law[1 + i]
-        for k in range(3):
-            c = law[4 + 3 * i + k]
+        for k in range(i, 3):
+            c = law[AT[3 * i + k]]
             for m in range(3):
                 c -= 0.5 * (T[3 * m + i] * M[3 * m + k] + T[3 * m + k] * M[3 * m + i])
-            out[4 + 3 * i + k] = c
+            out[AT[3 * i + k]] = c
 
 
-@compile_kernel
+@compile_part
 def _find_wrinkles(
     code: Ints, n: Array, e1: float, e2: float, e3: float, A: Array, law: Array, work: Array
 ) -> bool:
@@ -550,7 +569,7 @@ def _find_wrinkles(
     return _descend(code, n, e1, e2, e3, mu, residual, MOST_STEPS, CONVERGED, A, law, work)
 
 
-@compile_kernel
+@compile_part
 def _descend(
     code: Ints,
     n: Array,
@@ -601,13 +620,14 @@ def _descend(
             if near or rise <= LEAST_SLOPE * size * along + noise:
                 break
             size /= 2
-        A[:] = grown
+        for i in range(4):
+            A[i] = grown[i]
         if near:
             return True
     return False
 
 
-@compile_kernel
+@compile_part
 def _law_with_wrinkles(
     code: Ints, n: Array, e1: float, e2: float, e3: float, A: Array, law: Array
 ) -> None:
@@ -616,14 +636,14 @@ def _law_with_wrinkles(
     _law(code, n, e1 + P1, e2 + P2, e3 + P3, law)
 
 
-@compile_kernel
+@compile_part
 def _wrinkle_strain(A: Array) -> tuple[float, float, float]:
     """P = A A' as E11, E22, 2 E12."""
     a, b, c, d = A[0], A[1], A[2], A[3]
     return a * a + b * b, c * c + d * d, 2 * (a * c + b * d)
 
 
-@compile_kernel
+@compile_part
 def _wrinkle_cost(A: Array, mu: float, residual: float) -> float:
     """What wrinkles cost: - mu log det P + residual P:P / 2."""
     P1, P2, P3 = _wrinkle_strain(A)
@@ -631,7 +651,7 @@ def _wrinkle_cost(A: Array, mu: float, residual: float) -> float:
     return residual / 2 * (P1 * P1 + P2 * P2 + P3 * P3 / 2) - 2 * mu * math.log(area)
 
 
-@compile_kernel
+@compile_part
 def _by_growth(A: Array, T: Array) -> None:
     """The derivatives T (9,) of P by X11, X22, X12 where P grows to A (1 + X) A'."""
     a, b, c, d = A[0], A[1], A[2], A[3]
@@ -640,7 +660,7 @@ def _by_growth(A: Array, T: Array) -> None:
     T[6], T[7], T[8] = 2 * a * c, 2 * b * d, 2 * (a * d + b * c)
 
 
-@compile_kernel
+@compile_part
 def _growth_curvature(T: Array, law: Array, mu: float, residual: float, K: Array) -> None:
     """The second derivatives K (9,) of energy and cost by the growth."""
     for i in range(3):
@@ -648,7 +668,7 @@ def _growth_curvature(T: Array, law: Array, mu: float, residual: float, K: Array
             value = 0.0
             for m in range(3):
                 for p in range(3):
-                    stiff = law[4 + 3 * m + p]
+                    stiff = law[AT[3 * m + p]]
                     if m == p:
                         stiff += residual * (1.0 if m < 2 else 0.5)
                     value += T[3 * m + i] * stiff * T[3 * p + k]
@@ -656,7 +676,7 @@ def _growth_curvature(T: Array, law: Array, mu: float, residual: float, K: Array
         K[4 * i] += mu if i < 2 else 2 * mu
 
 
-@compile_kernel
+@compile_part
 def _solve_symmetric(K: Array, R: Array, columns: int) -> None:
     """Put into R (3 * columns,) the solutions of K (9,), of the like of a singular one too."""
     s1, s2, s3 = 1 / math.sqrt(K[0]), 1 / math.sqrt(K[4]), 1 / math.sqrt(K[8])
@@ -695,7 +715,7 @@ def _solve_symmetric(K: Array, R: Array, columns: int) -> None:
             R[columns * i + k] *= scale[i]
 
 
-@compile_kernel
+@compile_part
 def _principal(x1: float, x2: float, x12: float) -> tuple[float, float, float, float]:
     """The principal values of a tensor, the greater first, and cosine and sine of its axis."""
     mean, half = (x1 + x2) / 2, (x1 - x2) / 2
@@ -703,31 +723,31 @@ def _principal(x1: float, x2: float, x12: float) -> tuple[float, float, float, f
     return mean + radius, mean - radius, math.cos(angle), math.sin(angle)
 
 
-@compile_kernel
+@compile_part
 def _strain_in_balance(stress: float, stiff: float, mu: float) -> float:
     """The p > 0 of stress + stiff p = mu / p."""
     root = math.sqrt(stress * stress + 4 * stiff * mu)
     return 2 * mu / (root + stress) if stress > 0 else (root - stress) / (2 * stiff)
 
 
-@compile_kernel
+@compile_part
 def _along(law: Array, u1: float, u2: float, u3: float, v1: float, v2: float, v3: float) -> float:
     """The tangent's u . C . v."""
-    value = u1 * (law[4] * v1 + law[5] * v2 + law[6] * v3)
-    value += u2 * (law[7] * v1 + law[8] * v2 + law[9] * v3)
-    return value + u3 * (law[10] * v1 + law[11] * v2 + law[12] * v3)
+    value = u1 * (law[4] * v1 + law[7] * v2 + law[8] * v3)
+    value += u2 * (law[7] * v1 + law[5] * v2 + law[9] * v3)
+    return value + u3 * (law[8] * v1 + law[9] * v2 + law[6] * v3)
 
 
-@compile_kernel
+@compile_part
 def _least_stiffness(law: Array) -> float:
     """STIFF of the tangent's largest entry."""
     largest = 0.0
-    for i in range(4, 13):
+    for i in range(4, 10):
         largest = max(largest, abs(law[i]))
     return STIFF * largest
 
 
-@compile_kernel
+@compile_part
 def _axes_guess(law: Array, mu: float, A: Array) -> None:
     """The guess where first the lesser and then the greater principal stress is in balance."""
     high, low, c, s = _principal(law[1], law[2], law[3])
@@ -742,7 +762,7 @@ def _axes_guess(law: Array, mu: float, A: Array) -> None:
     A[0], A[1], A[2], A[3] = c * greater, -s * lesser, s * greater, c * lesser
 
 
-@compile_kernel
+@compile_part
 def _central_guess(e1: float, e2: float, e3: float, A: Array) -> None:
     """The guess that makes up for every shortening, and for CENTRAL more."""
     high, low, c, s = _principal(e1, e2, e3 / 2)
@@ -750,7 +770,7 @@ def _central_guess(e1: float, e2: float, e3: float, A: Array) -> None:
     A[0], A[1], A[2], A[3] = c * high, -s * low, s * high, c * low
 
 
-@compile_kernel
+@compile_part
 def _turning_guess(
     code: Ints, n: Array, e1: float, e2: float, e3: float, mu: float, A: Array, law: Array
 ) -> None:

@@ -77,12 +77,17 @@ def _linear(law: LinearLaw) -> LawCode:
 def _with_family(law: LawCode, family: Family, direction: tuple[Real, Real, Real]) -> LawCode:
     """The code with one more fibre family."""
     if isinstance(family, ExponentialFamily):
-        kind, own = kernels.EXPONENTIAL, (*vars(family).values(), expi(family.c4))
+        kind, own = kernels.EXPONENTIAL, (*vars(family).values(), _scaled_expi(family.c4))
     else:
         kind, own = kernels.DISPERSED, tuple(vars(family).values())
     first = kernels.FIBRES + kernels.PER_FAMILY * len(law.families)
     numbers = dict(enumerate((*direction, *own), first))
     return law._replace(families=(*law.families, kind), numbers=law.numbers | numbers)
+
+
+def _scaled_expi(x: Real) -> Array:
+    """The exponential integral Ei(x) of x > 0, times exp(-x)."""
+    return np.asarray(np.exp(-np.asarray(x)) * expi(x))
 
 
 class LawRows(NamedTuple):
