@@ -15,9 +15,8 @@ import math
 import numpy as np
 
 from cosim.port import Array, Ints
-from fe_solver.elements.kernels import COMPILED, PAYS, compile_kernel, compile_part, in_parallel
-
-__all__ = ["COMPILED", "respond"]
+from fe_solver.elements import kernels
+from fe_solver.elements.kernels import compile_kernel, compile_part, in_parallel
 
 # The columns of the codes, and what stands there.
 ACTS, MATRIX, VOLUME, FAMILY, CODES = 0, 1, 2, 3, 6
@@ -91,7 +90,7 @@ def respond(
         tables = codes, numbers, sheet, constant
         _respond(first, last, *tables, strain, energy, force, stiffness)
 
-    in_parallel(work, len(strain), PAYS)
+    in_parallel(work, len(strain), kernels.PAYS)
     return energy, force, stiffness
 
 

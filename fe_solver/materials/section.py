@@ -19,9 +19,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import Array, Ints
-from fe_solver.materials import kernels
+from fe_solver.elements import kernels
 from fe_solver.materials.hyperelastic import Potential
-from fe_solver.materials.kernels import LAYER_WEIGHTS, LAYERS, respond
+from fe_solver.materials.kernels import (
+    BARRIER,
+    LAYER_WEIGHTS,
+    LAYERED,
+    LAYERS,
+    RELAXED,
+    RESIDUAL_MODULUS,
+    SMOOTHING,
+    respond,
+)
 from fe_solver.materials.law_table import LawRows, LawTable, code_of, law_table
 from fe_solver.materials.linear import Law, LinearLaw
 from fe_solver.materials.tension_field import TensionField
@@ -242,14 +251,14 @@ def _rows(p: Patch) -> LawRows | None:
     code = code_of(base)
     if code is None:
         return None
-    acts, more = kernels.LAYERED, {}
+    acts, more = LAYERED, {}
     if isinstance(p.law, TensionField):
         cost = p.law.cost(p.thickness.shape)
-        acts = kernels.RELAXED
+        acts = RELAXED
         more = {
-            kernels.BARRIER: cost.barrier,
-            kernels.RESIDUAL_MODULUS: cost.residual,
-            kernels.SMOOTHING: np.asarray(smoothing),
+            BARRIER: cost.barrier,
+            RESIDUAL_MODULUS: cost.residual,
+            SMOOTHING: np.asarray(smoothing),
         }
     hyperelastic = isinstance(base, Potential)
     shear = _half_shear(p) if hyperelastic else np.full((1, 1), -1.0)
