@@ -100,8 +100,8 @@ class Section:
     @cached_property
     def linear(self) -> Array:
         """The constant stiffness (ne, g, 8, 8): all of it where the law is linear; of a tension
-        field bending and transverse shear as its base law has them at rest, of a hyperelastic law
-        the patch's own bending."""
+        field bending and transverse shear as its base law has them at rest, of another law the
+        patch's own bending, and transverse shear unless it is hyperelastic."""
         out = np.zeros((self.count, self.points, 8, 8))
         for p in self.patches:
             out[p.elements] = p.factor[..., None, None] * _constant(p)
@@ -285,7 +285,8 @@ def _add(patches: Sequence[Patch], strain: Array, total: Resultants) -> Resultan
 
 
 def _constant(p: Patch) -> Array:
-    """The part (k, g, 8, 8) of one patch: shear, and of a linear law membrane and bending."""
+    """The part (k, g, 8, 8) of one patch: shear that is linear, a tension field's bending, and of a
+    linear law membrane and bending."""
     h = p.thickness
     out = np.zeros((*h.shape, 8, 8))
     out[..., 3:6, 3:6] = p.bending * (h**3 / 12)[..., None, None]
@@ -295,6 +296,8 @@ def _constant(p: Patch) -> Array:
     if not isinstance(law, Potential):
         for i, modulus in zip((6, 7), law.shear(), strict=True):
             out[..., i, i] = p.shear_correction * h * modulus
+    if not isinstance(p.law, LinearLaw | TensionField):
+        return out
     plane = law.response(np.zeros((*h.shape, 3))).tangent
     out[..., 3:6, 3:6] += plane * (h**3 / 12)[..., None, None]
     if law is p.law:
