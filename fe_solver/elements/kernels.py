@@ -1,4 +1,4 @@
-"""The two inner loops of the assembly, compiled by numba where it is installed.
+"""The inner loops of the elements and of the assembly, compiled by numba where it is installed.
 
 Every element and every entry of the matrix is worked on by itself and in the same order, so that
 any number of threads gives the same bits.  Without numba `fe_solver.elements.shell` and numpy do
