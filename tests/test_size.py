@@ -33,7 +33,7 @@ CEILINGS = {
     "cosim/validation": 1899,
     "cosim/verification": 990,
     "fe_solver": 468,
-    "fe_solver/elements": 1400,
+    "fe_solver/elements": 1402,
     "fe_solver/febio": 2882,
     "fe_solver/forces": 1125,
     "fe_solver/hood": 1077,

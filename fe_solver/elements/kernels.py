@@ -318,7 +318,7 @@ def _blocks(
     out: Array,
 ) -> None:
     nodes, points, m = height.shape[1], stiffness.shape[1], len(samples)
-    stress, T = np.empty(m), np.empty((nodes, 3, 2))
+    stress, C, T = np.empty(m), np.empty(8), np.empty((nodes, 3, 2))
     stretch, slips = membrane.shape[3], shear.shape[3]
     size, shears = 5 * nodes, m - slips
     B = np.zeros((m, 2 * nodes, 3))
@@ -361,7 +361,6 @@ def _blocks(
                     R[i, 5 * a + 3 + j] = value
         # L: gradients of the 8 generalized strains at each Gauss point; CL: stiffness times L
         L[:, :] = 0.0
-        CL[:, :] = 0.0
         for g in range(points):
             at = 8 * g
             for c in range(3):
@@ -369,19 +368,22 @@ def _blocks(
                     if membrane[e, g, c, i] != 0.0:
                         for j in range(size):
                             L[at + c, j] += membrane[e, g, c, i] * R[i, j]
-                for i in range(3):
-                    for j in range(size):
-                        L[at + 3 + c, j] += bending[e, g, c, i] * R[stretch + 3 * g + i, j]
+                b1, b2, b3 = bending[e, g, c]
+                k = stretch + 3 * g
+                for j in range(size):
+                    L[at + 3 + c, j] = b1 * R[k, j] + b2 * R[k + 1, j] + b3 * R[k + 2, j]
             for c in range(2):
                 for i in range(slips):
                     for j in range(size):
                         L[at + 6 + c, j] += shear[e, g, c, i] * R[shears + i, j]
             for c in range(8):
                 for i in range(8):
-                    C = stiffness[e, g, c, i] * weight[e, g]
-                    if C != 0.0:
-                        for j in range(size):
-                            CL[at + c, j] += C * L[at + i, j]
+                    C[i] = stiffness[e, g, c, i] * weight[e, g]
+                for j in range(size):
+                    value = 0.0
+                    for i in range(8):
+                        value += C[i] * L[at + i, j]
+                    CL[at + c, j] = value
         # K: the material part, L^T C L
         np.dot(L.T, CL, K)
         # G: stress times the samples' Hessian, carried from the mid-surface to the nodes' height
