@@ -151,18 +151,11 @@ def _strains(
     middle: Array,
     strain: Array,
 ) -> None:
+    stretch, m = membrane.shape[3], len(samples)
     nodes = len(known)  # the length of a tuple is known to the compiler, which unrolls by it
-    stretch, slips, m = membrane.shape[3], shear.shape[3], len(samples)
     value = np.empty(m)
     for e in range(first, last):
-        for a in range(nodes):
-            for k in range(3):
-                d = y[e, nodes + a, k] * mitre[e, a]
-                middle[e, nodes + a, k] = d
-                middle[e, a, k] = y[e, a, k] + height[e, a] * d
-        for a in range(nodes - 1, -1, -1):
-            for k in range(3):
-                middle[e, a, k] -= middle[e, 0, k]
+        _to_middle(y[e], height[e], mitre[e], middle[e])
         # the samples: of the positions alone, then of positions times directors
         for i in range(m):
             total = 0.0
@@ -177,21 +170,92 @@ def _strains(
                             part += samples[i, a, b] * middle[e, b, k]
                     total += middle[e, a, k] * part
             value[i] = total
+        _combine(membrane[e], bending[e], shear[e], value, strain[e])
         for g in range(strain.shape[1]):
-            for c in range(3):
+            for c in range(8):
+                strain[e, g, c] -= offset[e, g, c]
+
+
+def strain_changes(samples: Array, y: Array, dy: Array, carried: Carried, tables: Tables) -> Array:
+    """The derivatives (ne, g, 8) of the strains at nodes' y (ne, 2k, 3) along dy (ne, 2k, 3)."""
+    out = np.empty((*tables[0].shape[:2], 8))
+
+    def work(first: int, last: int) -> None:
+        _strain_changes(first, last, samples, y, dy, *carried, *tables, out)
+
+    in_parallel(work, len(y), PAYS)
+    return out
+
+
+@compile_kernel
+def _strain_changes(
+    first: int,
+    last: int,
+    samples: Array,
+    y: Array,
+    dy: Array,
+    height: Array,
+    mitre: Array,
+    membrane: Array,
+    bending: Array,
+    shear: Array,
+    out: Array,
+) -> None:
+    nodes, stretch, m = height.shape[1], membrane.shape[3], len(samples)
+    u, du = np.empty((2 * nodes, 3)), np.empty((2 * nodes, 3))
+    products, value = np.empty((nodes, nodes)), np.empty(m)
+    for e in range(first, last):
+        _to_middle(y[e], height[e], mitre[e], u)
+        _to_middle(dy[e], height[e], mitre[e], du)
+        for near in range(0, nodes + 1, nodes):  # of positions alone, then with directors
+            for a in range(nodes):
+                for b in range(nodes):
+                    x, d = near + b, 0.0
+                    for k in range(3):
+                        d += u[a, k] * du[x, k] + (du[a, k] * u[x, k] if near else 0.0)
+                    products[a, b] = d
+            for i in range(stretch if near else 0, m if near else stretch):
                 total = 0.0
-                for i in range(stretch):
-                    total += membrane[e, g, c, i] * value[i]
-                strain[e, g, c] = total - offset[e, g, c]
-                total = 0.0
-                for i in range(3):
-                    total += bending[e, g, c, i] * value[stretch + 3 * g + i]
-                strain[e, g, 3 + c] = total - offset[e, g, 3 + c]
-            for c in range(2):
-                total = 0.0
-                for i in range(slips):
-                    total += shear[e, g, c, i] * value[m - slips + i]
-                strain[e, g, 6 + c] = total - offset[e, g, 6 + c]
+                for a in range(nodes):
+                    for b in range(nodes):
+                        total += samples[i, a, near + b] * products[a, b]
+                value[i] = total
+        _combine(membrane[e], bending[e], shear[e], value, out[e])
+
+
+@compile_part
+def _to_middle(y: Array, height: Array, mitre: Array, out: Array) -> None:
+    """Set `out` (2k, 3) to y of the mid-surface, seen from its first node, by that of the nodes."""
+    nodes = len(height)
+    for a in range(nodes):
+        for k in range(3):
+            d = y[nodes + a, k] * mitre[a]
+            out[nodes + a, k] = d
+            out[a, k] = y[a, k] + height[a] * d
+    for a in range(nodes - 1, -1, -1):
+        for k in range(3):
+            out[a, k] -= out[0, k]
+
+
+@compile_part
+def _combine(membrane: Array, bending: Array, shear: Array, value: Array, strain: Array) -> None:
+    """Set the `strain` (g, 8) of an element's Gauss points by its samples' values (m,)."""
+    stretch, slips, m = membrane.shape[2], shear.shape[2], len(value)
+    for g in range(len(strain)):
+        for c in range(3):
+            total = 0.0
+            for i in range(stretch):
+                total += membrane[g, c, i] * value[i]
+            strain[g, c] = total
+            total = 0.0
+            for i in range(3):
+                total += bending[g, c, i] * value[stretch + 3 * g + i]
+            strain[g, 3 + c] = total
+        for c in range(2):
+            total = 0.0
+            for i in range(slips):
+                total += shear[g, c, i] * value[m - slips + i]
+            strain[g, 6 + c] = total
 
 
 def forces(
@@ -321,7 +385,7 @@ def _blocks(
     stress, C, T = np.empty(m), np.empty(8), np.empty((nodes, 3, 2))
     stretch, slips = membrane.shape[3], shear.shape[3]
     size, shears = 5 * nodes, m - slips
-    B = np.zeros((m, 2 * nodes, 3))
+    B = np.empty((m, 2 * nodes, 3))
     R = np.zeros((m, size))  # the samples' gradients in the nodes' bases
     L = np.zeros((8 * points, size))  # the strains' gradients
     CL = np.zeros((8 * points, size))
@@ -333,18 +397,24 @@ def _blocks(
                 for j in range(2):
                     T[a, k, j] = directors[e, a, k, j] * mitre[e, a]
         # B: gradients of the samples by the mid-surface's y (membrane, then the others)
-        B[:, :, :] = 0.0
-        for i in range(stretch):
+        for i in range(m):
+            near = 0 if i < stretch else nodes  # samples of positions and directors are mixed
             for a in range(nodes):
+                v1 = v2 = v3 = 0.0
                 for b in range(nodes):
-                    for k in range(3):
-                        B[i, a, k] += samples[i, a, b] * y[e, b, k]
-        for i in range(stretch, m):
-            for a in range(nodes):
-                for b in range(nodes, 2 * nodes):
-                    for k in range(3):
-                        B[i, a, k] += samples[i, a, b] * y[e, b, k]
-                        B[i, b, k] += samples[i, a, b] * y[e, a, k]
+                    form = samples[i, a, near + b]
+                    v1 += form * y[e, near + b, 0]
+                    v2 += form * y[e, near + b, 1]
+                    v3 += form * y[e, near + b, 2]
+                B[i, a, 0], B[i, a, 1], B[i, a, 2] = v1, v2, v3
+                v1 = v2 = v3 = 0.0
+                if near:
+                    for b in range(nodes):
+                        form = samples[i, b, nodes + a]
+                        v1 += form * y[e, b, 0]
+                        v2 += form * y[e, b, 1]
+                        v3 += form * y[e, b, 2]
+                B[i, nodes + a, 0], B[i, nodes + a, 1], B[i, nodes + a, 2] = v1, v2, v3
         # R: the same by the nodes' degrees of freedom, in their bases A and T
         for i in range(m):
             for a in range(nodes):

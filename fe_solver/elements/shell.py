@@ -80,8 +80,11 @@ class ShellTables:
 
     def strain_change(self, y: Array, dy: Array) -> Array:
         """The derivative (ne, g, 8) of the strain at the nodes' y (ne, 2k, 3) along dy (ne, 2k, 3):
-        a central difference, exact for what is quadratic."""
-        return (self.strain(y + dy) - self.strain(y - dy)) / 2
+        without compiled kernels a central difference, exact for what is quadratic."""
+        if not kernels.COMPILED:
+            return (self.strain(y + dy) - self.strain(y - dy)) / 2
+        y, dy = np.ascontiguousarray(y), np.ascontiguousarray(dy)
+        return kernels.strain_changes(self.element.samples, y, dy, self.carried, self.parts)
 
     @property
     def parts(self) -> kernels.Tables:

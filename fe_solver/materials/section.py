@@ -176,7 +176,8 @@ class Section:
         """The second Piola-Kirchhoff stress S11, S22, S12 (ne, g, 3) Pa at the height z, in halves
         of the thickness."""
         out = np.empty((*strain.shape[:2], 3))
-        for p in self.patches:
+        linear = (p for p in self.patches if isinstance(p.law, LinearLaw))
+        for p in (*self.nonlinear, *linear):
             e = strain[p.elements]
             plane = e[..., :3] + z * p.thickness[..., None] / 2 * e[..., 3:6]
             out[p.elements] = p.factor[..., None] * p.law.response(plane).stress
