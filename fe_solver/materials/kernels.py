@@ -31,10 +31,10 @@ INCOMPRESSIBLE, BY_LOGARITHM, BY_SQUARE = 0, 1, 2
 NO_FAMILY, EXPONENTIAL, DISPERSED = 0, 1, 2
 
 # The columns of the numbers.
-BULK, BARRIER, RESIDUAL_MODULUS, SMOOTHING, FIBRES, PER_FAMILY, NUMBERS = 6, 7, 8, 9, 10, 8, 34
+BULK, BARRIER, RESIDUAL_MODULUS, SMOOTHING, FIBRES, PER_FAMILY, NUMBERS = 6, 7, 8, 9, 10, 10, 40
 """Six of the matrix first: mu; c1 and c2; or the plane stiffness Q11, Q22, Q33, Q12, Q13, Q23.  Of
-each family cos^2, sin^2 and sin cos; then c3, c4, c5, lam_max and exp(-c4) Ei(c4), or k1, k2 and
-kappa."""
+each family cos^2, sin^2 and sin cos; then c3, c4, c5, lam_max, exp(-c4) Ei(c4) and the
+tension and energy at lam_max, or k1, k2 and kappa."""
 
 MOST_FAMILIES = 3
 LONGEST = 1.0
@@ -80,7 +80,7 @@ def respond(
 ) -> tuple[Array, Array, Array]:
     """Energy (ne, g), force (ne, g, 8) and stiffness (ne, g, 8, 8) at the strain (ne, g, 8): of the
     `constant` stiffness (ne, g, 8, 8) and of the laws of codes (ne, 6) and numbers (ne, g or 1,
-    34); sheet (ne, g, 3): thickness, half the shear stiffness (negative where the constant one has
+    40); sheet (ne, g, 3): thickness, half the shear stiffness (negative where the constant one has
     it), factor of all stresses."""
     energy, force = np.empty(strain.shape[:2]), np.empty(strain.shape)
     stiffness = np.empty((*strain.shape, 8))
@@ -321,8 +321,7 @@ def _volumetric(
             break
         along = a * (n[at] * C11 + n[at + 1] * C22 + 2 * n[at + 2] * C12)
         if kind == EXPONENTIAL:
-            stretch = math.sqrt(along)
-            tension, rate = _toe(n, at + 3, stretch, _toe_rise(n, at + 3, stretch))
+            tension, rate = _toe(n, at + 3, math.sqrt(along))
             slope, convex = slope - tension / 3, convex + rate / 9
         else:
             kappa = n[at + 5]
@@ -392,9 +391,8 @@ def _expand(
             stretch = math.sqrt(a * f)
             if stretch < 1.0:  # slack
                 continue
-            x = _toe_rise(n, at + 3, stretch)
-            tension, rate = _toe(n, at + 3, stretch, x)
-            energy += _toe_energy(n, at + 3, stretch, x)
+            tension, rate = _toe(n, at + 3, stretch)
+            energy += _toe_energy(n, at + 3, stretch, tension)
             by_f = 0.5 / f
             W1, W2, W1_j = tension * by_f, (rate - 2 * tension) * by_f * by_f, -rate * by_f / 3
             b1, b2, b3 = 2 * cc, 2 * ss, 2 * sc
@@ -433,32 +431,25 @@ def _expand(
 
 
 @compile_part
-def _toe_rise(n: Array, at: int, stretch: float) -> float:
-    """exp(c4 (l - 1)), up to lam_max."""
-    return math.exp(n[at + 1] * (min(stretch, n[at + 3]) - 1))
-
-
-@compile_part
-def _toe(n: Array, at: int, stretch: float, x: float) -> tuple[float, float]:
-    """l dF/dl and l times its derivative by l (`ExponentialToe.tension`), x from `_toe_rise`."""
+def _toe(n: Array, at: int, stretch: float) -> tuple[float, float]:
+    """l dF/dl and l times its derivative by l (`ExponentialToe.tension`)."""
     c3, c4, c5, lam_max = n[at], n[at + 1], n[at + 2], n[at + 3]
     if stretch < 1.0:
         return 0.0, 0.0
     if stretch >= lam_max:
-        return c3 * (x - 1) + c5 * (stretch - lam_max), c5 * stretch
-    return c3 * (x - 1), c3 * c4 * x * stretch
+        return n[at + 5] + c5 * (stretch - lam_max), c5 * stretch
+    x = c3 * math.exp(c4 * (stretch - 1))
+    return x - c3, c4 * x * stretch
 
 
 @compile_part
-def _toe_energy(n: Array, at: int, stretch: float, x: float) -> float:
+def _toe_energy(n: Array, at: int, stretch: float, tension: float) -> float:
     """F (`ExponentialToe.fibre_energy`) of a fibre that is not slack."""
     c3, c4, c5, lam_max, at_rest = n[at], n[at + 1], n[at + 2], n[at + 3], n[at + 4]
-    toe = min(stretch, lam_max)
-    energy = c3 * (x * _scaled_expi(c4 * toe) - at_rest - math.log(toe))
-    if stretch > lam_max:
-        ratio, c6 = stretch / lam_max, c3 * (x - 1) - c5 * lam_max
-        energy += c5 * lam_max * (ratio - 1) + c6 * math.log(ratio)
-    return energy
+    if stretch < lam_max:
+        return (tension + c3) * _scaled_expi(c4 * stretch) - c3 * (at_rest + math.log(stretch))
+    c6 = n[at + 5] - c5 * lam_max
+    return n[at + 6] + c5 * (stretch - lam_max) + c6 * math.log(stretch / lam_max)
 
 
 @compile_part

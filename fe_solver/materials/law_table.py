@@ -77,7 +77,9 @@ def _linear(law: LinearLaw) -> LawCode:
 def _with_family(law: LawCode, family: Family, direction: tuple[Real, Real, Real]) -> LawCode:
     """The code with one more fibre family."""
     if isinstance(family, ExponentialFamily):
-        kind, own = kernels.EXPONENTIAL, (*vars(family).values(), _scaled_expi(family.c4))
+        straight = np.asarray(family.lam_max)
+        toe = family.tension(straight)[0], family.fibre_energy(straight)
+        kind, own = kernels.EXPONENTIAL, (*vars(family).values(), _scaled_expi(family.c4), *toe)
     else:
         kind, own = kernels.DISPERSED, tuple(vars(family).values())
     first = kernels.FIBRES + kernels.PER_FAMILY * len(law.families)

@@ -133,9 +133,11 @@ def grow(A: Array, X: Array) -> Array:
 
 
 def solve_symmetric(matrix: Array, right: Array) -> Array:
-    """The solutions (m, 3, k) of symmetric matrices (m, 3, 3), of the like of singular ones too."""
+    """The solutions (m, 3, k) of symmetric matrices (m, 3, 3), of nearly singular ones too; NaN of
+    those that are singular to the last digit."""
     scale = 1 / np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))[:, :, None]
     even = matrix * scale * np.swapaxes(scale, 1, 2) + EPSILON * np.eye(3)
+    even[np.linalg.det(even) == 0] = np.nan
     return np.asarray(scale * np.linalg.solve(even, scale * right))
 
 

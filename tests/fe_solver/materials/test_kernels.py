@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,13 +48,26 @@ def numbers(low: float, high: float) -> st.SearchStrategy[float | Array]:
 
 ANGLES = st.floats(-np.pi / 2, np.pi / 2)
 BULK = st.one_of(st.just(np.inf), positive(1e4, 1e9))
-TOE = (numbers(1e3, 1e6), positive(2, 400), positive(1e5, 1e9), st.floats(1.005, 1.3))
+
+
+def toe(kind: Any, *given: Any, k: float | None = None) -> Any:
+    """A law with an exponential toe: c3, c4 (lam_max - 1), c5 and lam_max - 1 come last."""
+    *first, c3, rise, c5, length = given
+    more = () if k is None else (k,)
+    return kind(*first, c3, rise / length, c5, 1 + length, *more)
+
+
+TOE = (numbers(1e3, 1e6), positive(0.5, 10), positive(1e5, 1e9), positive(0.02, 0.2))
 DISPERSED = (numbers(1e3, 1e6), positive(0.1, 10), st.floats(0, 1 / 3))
 ONE_FAMILY = st.one_of(
-    st.builds(TransIsoMooneyRivlin, numbers(1e4, 1e7), positive(1, 1e6), *TOE, BULK),
+    st.builds(
+        toe, st.just(TransIsoMooneyRivlin), numbers(1e4, 1e7), positive(1, 1e6), *TOE, k=BULK
+    ),
     st.builds(HolzapfelGasserOgden, numbers(1e4, 1e6), *DISPERSED, ANGLES, BULK),
 )
-FAMILY = st.one_of(st.builds(ExponentialFamily, *TOE), st.builds(DispersedFamily, *DISPERSED))
+FAMILY = st.one_of(
+    st.builds(toe, st.just(ExponentialFamily), *TOE), st.builds(DispersedFamily, *DISPERSED)
+)
 CURVED = st.one_of(
     st.builds(NeoHookean, numbers(1e4, 1e8), st.floats(-0.3, 0.4999)),
     ONE_FAMILY,
@@ -100,7 +114,7 @@ def errors(ours: Resultants, exact: Resultants) -> list[float]:
 
 @compiled
 @given(CURVED, st.integers(0, 99), positive(1e-4, 1))
-@settings(max_examples=150)
+@settings(max_examples=100)
 def test_hyperelastic_laws_answer_as_in_numpy(law: Law, seed: int, size: float) -> None:
     section, strain = sheet(law, seed), strains(seed, size)
     ours, exact = section.response(strain), section.respond_in_numpy(strain)
@@ -109,14 +123,15 @@ def test_hyperelastic_laws_answer_as_in_numpy(law: Law, seed: int, size: float) 
 
 @compiled
 @given(st.one_of(STRAIGHT, CURVED), st.integers(0, 99), positive(1e-4, 0.5), positive(1e-6, 1e-2))
-@settings(max_examples=150)
+@settings(max_examples=100)
 def test_tension_fields_answer_as_in_numpy(
     base: Law, seed: int, size: float, smoothing: float
 ) -> None:
-    """To what Newton's last step leaves of the wrinkles."""
+    """To what Newton's last step leaves of the wrinkles; the tangent turns within the smoothing."""
     section, strain = sheet(TensionField(base, smoothing), seed), strains(seed, size)
     ours, exact = section.response(strain), section.respond_in_numpy(strain)
-    assert max(errors(ours, exact)) < 1e-9
+    energy, force, stiffness = errors(ours, exact)
+    assert max(energy, force, smoothing * stiffness) < 1e-12
 
 
 @compiled
