@@ -38,7 +38,7 @@ CEILINGS = {
     "fe_solver/forces": 1125,
     "fe_solver/hood": 1077,
     "fe_solver/job": 1580,
-    "fe_solver/materials": 2819,
+    "fe_solver/materials": 2842,
     "fe_solver/q4ans": 1416,
     "fe_solver/solver": 2742,
     "fe_solver/surfaces": 1184,

@@ -35,35 +35,48 @@ class LawCode(NamedTuple):
     """By their column."""
 
 
+KNOWN = (
+    Isotropic,
+    Orthotropic,
+    CrossedLinear,
+    NeoHookean,
+    TransIsoMooneyRivlin,
+    HolzapfelGasserOgden,
+    CrossedFibres,
+)
+
+
 def code_of(law: object) -> LawCode | None:
     """The code of a law that acts in the sheet; None for one that the kernel does not know, of a
     class derived from ours too, which may answer otherwise."""
-    kind = type(law)
-    if kind in (Isotropic, Orthotropic, CrossedLinear):
-        assert isinstance(law, LinearLaw)
-        return (
-            None if isinstance(law, CrossedLinear) and code_of(law.base) is None else _linear(law)
-        )
-    if isinstance(law, NeoHookean) and kind is NeoHookean:
-        lam, mu = law.lame()
-        numbers = {0: mu, kernels.BULK: lam}
-        return LawCode(kernels.NEO_HOOKEAN, kernels.BY_LOGARITHM, (), numbers)
-    if isinstance(law, TransIsoMooneyRivlin) and kind is TransIsoMooneyRivlin:
-        volume = kernels.INCOMPRESSIBLE if law.incompressible() else kernels.BY_LOGARITHM
-        plain = LawCode(kernels.MOONEY_RIVLIN, volume, (), {0: law.c1, 1: law.c2, 6: law.k})
-        family = ExponentialFamily(law.c3, law.c4, law.c5, law.lam_max)
-        return _with_family(plain, family, law.fibres()[0])
-    if isinstance(law, HolzapfelGasserOgden) and kind is HolzapfelGasserOgden:
-        volume = kernels.INCOMPRESSIBLE if law.incompressible() else kernels.BY_SQUARE
-        c1 = np.asarray(law.c) / 2
-        out = LawCode(kernels.MOONEY_RIVLIN, volume, (), {0: c1, 1: 0.0, 6: law.k})
-        for direction in law.fibres():
-            out = _with_family(out, DispersedFamily(law.k1, law.k2, law.kappa), direction)
-        return out
-    if isinstance(law, CrossedFibres) and kind is CrossedFibres:
-        base = code_of(law.base)
-        if base is not None and type(law.second) in (ExponentialFamily, DispersedFamily):
-            return _with_family(base, law.second, law.fibres()[-1])
+    if type(law) not in KNOWN:
+        return None
+    match law:
+        case CrossedLinear() if code_of(law.base) is None:
+            return None
+        case LinearLaw():
+            return _linear(law)
+        case NeoHookean():
+            lam, mu = law.lame()
+            numbers = {0: mu, kernels.BULK: lam}
+            return LawCode(kernels.NEO_HOOKEAN, kernels.BY_LOGARITHM, (), numbers)
+        case TransIsoMooneyRivlin():
+            volume = kernels.INCOMPRESSIBLE if law.incompressible() else kernels.BY_LOGARITHM
+            numbers = {0: law.c1, 1: law.c2, kernels.BULK: law.k}
+            plain = LawCode(kernels.MOONEY_RIVLIN, volume, (), numbers)
+            family = ExponentialFamily(law.c3, law.c4, law.c5, law.lam_max)
+            return _with_family(plain, family, law.fibres()[0])
+        case HolzapfelGasserOgden():
+            volume = kernels.INCOMPRESSIBLE if law.incompressible() else kernels.BY_SQUARE
+            numbers = {0: np.asarray(law.c) / 2, 1: 0.0, kernels.BULK: law.k}
+            out = LawCode(kernels.MOONEY_RIVLIN, volume, (), numbers)
+            for direction in law.fibres():
+                out = _with_family(out, DispersedFamily(law.k1, law.k2, law.kappa), direction)
+            return out
+        case CrossedFibres(second=second):
+            base = code_of(law.base)
+            if base is not None and type(second) in (ExponentialFamily, DispersedFamily):
+                return _with_family(base, second, law.fibres()[-1])
     return None
 
 
@@ -76,12 +89,13 @@ def _linear(law: LinearLaw) -> LawCode:
 
 def _with_family(law: LawCode, family: Family, direction: tuple[Real, Real, Real]) -> LawCode:
     """The code with one more fibre family."""
-    if isinstance(family, ExponentialFamily):
-        straight = np.asarray(family.lam_max)
-        toe = family.tension(straight)[0], family.fibre_energy(straight)
-        kind, own = kernels.EXPONENTIAL, (*vars(family).values(), _scaled_expi(family.c4), *toe)
-    else:
-        kind, own = kernels.DISPERSED, tuple(vars(family).values())
+    match family:
+        case ExponentialFamily():
+            straight, kind = np.asarray(family.lam_max), kernels.EXPONENTIAL
+            toe = family.tension(straight)[0], family.fibre_energy(straight)
+            own = (*vars(family).values(), _scaled_expi(family.c4), *toe)
+        case DispersedFamily():
+            kind, own = kernels.DISPERSED, tuple(vars(family).values())
     first = kernels.FIBRES + kernels.PER_FAMILY * len(law.families)
     numbers = dict(enumerate((*direction, *own), first))
     return law._replace(families=(*law.families, kind), numbers=law.numbers | numbers)

@@ -72,6 +72,21 @@ class Patch:
     shear_correction: float = SHEAR_CORRECTION
     """Of transverse shear."""
 
+    @property
+    def linear(self) -> bool:
+        """Whether its stiffness is the same at every strain."""
+        return isinstance(self.law, LinearLaw)
+
+    @property
+    def relaxed(self) -> bool:
+        """Whether it bears no compression."""
+        return isinstance(self.law, TensionField)
+
+    @property
+    def hyperelastic(self) -> bool:
+        """Whether its law, or what its tension field relaxes, is a potential."""
+        return isinstance(_base(self.law)[0], Potential)
+
 
 @dataclass(frozen=True)
 class Section:
@@ -112,7 +127,7 @@ class Section:
         """Those of a kind as one, so that an evaluation is few and large operations."""
         kinds: dict[tuple[object, ...], list[Patch]] = {}
         for i, p in enumerate(self.patches):
-            if not isinstance(p.law, LinearLaw):
+            if not p.linear:
                 kinds.setdefault(_kind(p) or (i,), []).append(p)
         return tuple(map(_as_one, kinds.values()))
 
@@ -176,8 +191,7 @@ class Section:
         """The second Piola-Kirchhoff stress S11, S22, S12 (ne, g, 3) Pa at the height z, in halves
         of the thickness."""
         out = np.empty((*strain.shape[:2], 3))
-        linear = (p for p in self.patches if isinstance(p.law, LinearLaw))
-        for p in (*self.nonlinear, *linear):
+        for p in (*self.nonlinear, *(p for p in self.patches if p.linear)):
             e = strain[p.elements]
             plane = e[..., :3] + z * p.thickness[..., None] / 2 * e[..., 3:6]
             out[p.elements] = p.factor[..., None] * p.law.response(plane).stress
@@ -261,8 +275,7 @@ def _rows(p: Patch) -> LawRows | None:
             RESIDUAL_MODULUS: cost.residual,
             SMOOTHING: np.asarray(smoothing),
         }
-    hyperelastic = isinstance(base, Potential)
-    shear = _half_shear(p) if hyperelastic else np.full((1, 1), -1.0)
+    shear = _half_shear(p) if p.hyperelastic else np.full((1, 1), -1.0)
     return LawRows(p.elements, acts, code, more, p.thickness, shear, p.factor)
 
 
@@ -274,10 +287,8 @@ def _half_shear(p: Patch) -> Array:
 def _add(patches: Sequence[Patch], strain: Array, total: Resultants) -> Resultants:
     """The resultants with those of patches, as numpy computes them, at all elements' strain."""
     for p in patches:
-        base, smoothing = _base(p.law)
-        integrate = _integrate if smoothing is None else _membrane
-        more = integrate(p, strain[p.elements])
-        if isinstance(base, Potential):
+        more = (_membrane if p.relaxed else _integrate)(p, strain[p.elements])
+        if p.hyperelastic:
             more = _with_shear(p, strain[p.elements], more)
         for whole, part in zip(total, more, strict=True):
             part *= p.factor.reshape(p.factor.shape + (1,) * (part.ndim - 2))
@@ -291,13 +302,11 @@ def _constant(p: Patch) -> Array:
     h = p.thickness
     out = np.zeros((*h.shape, 8, 8))
     out[..., 3:6, 3:6] = p.bending * (h**3 / 12)[..., None, None]
-    if isinstance(p.law, Potential):
-        return out
     law = _base(p.law)[0]
-    if not isinstance(law, Potential):
+    if not p.hyperelastic:
         for i, modulus in zip((6, 7), law.shear(), strict=True):
             out[..., i, i] = p.shear_correction * h * modulus
-    if not isinstance(p.law, LinearLaw | TensionField):
+    if not (p.linear or p.relaxed):
         return out
     plane = law.response(np.zeros((*h.shape, 3))).tangent
     out[..., 3:6, 3:6] += plane * (h**3 / 12)[..., None, None]
