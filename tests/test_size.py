@@ -22,7 +22,7 @@ CEILINGS = {
     "cosim/fmu": 1514,
     "cosim/fmu_export": 1271,
     "cosim/hoods": 4036,
-    "cosim/kernels": 349,
+    "cosim/kernels": 362,
     "cosim/models": 684,
     "cosim/report": 2319,
     "cosim/results": 3869,
@@ -33,12 +33,12 @@ CEILINGS = {
     "cosim/validation": 1899,
     "cosim/verification": 990,
     "fe_solver": 468,
-    "fe_solver/elements": 1288,
+    "fe_solver/elements": 1475,
     "fe_solver/febio": 2882,
     "fe_solver/forces": 1125,
     "fe_solver/hood": 1175,
     "fe_solver/job": 1581,
-    "fe_solver/materials": 1738,
+    "fe_solver/materials": 2842,
     "fe_solver/q4ans": 1416,
     "fe_solver/solver": 2881,
     "fe_solver/surfaces": 1148,
@@ -56,7 +56,7 @@ CEILINGS = {
     "rigid/opensim": 1789,
     "rigid/papers": 3398,
     "rigid/verification": 2498,
-    "tests": 41634,
+    "tests": 41879,
 }
 
 

@@ -141,7 +141,7 @@ def facts() -> Iterator[tuple[str, str]]:
     compiled = (
         f"numba {version('numba')}"
         if kernels.COMPILED
-        else "plain numpy (numba is absent or switched off)"
+        else "plain numpy, several times slower (numba is absent or switched off)"
     )
     yield "kernels", f"{compiled}, {kernels.thread_count()} threads on large meshes"
     yield "linear solver", f"{backend_name()}, of {', '.join(available())}"

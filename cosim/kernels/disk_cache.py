@@ -54,12 +54,16 @@ class _PartCompiler(Compiler):
         super().__init__(typing, target, _Part(target.codegen(), "part"), *more)
 
 
-def compile_as_part(function: Callable[..., Any]) -> Any:
+def compile_as_part(function: Callable[..., Any], makes_arrays: bool) -> Any:
     """numba's dispatcher of a function for those that call it, with whose code its own is kept.
 
     numba alone optimises it, makes machine code of it and wraps it for Python first, and again as
-    a part of each that calls it: of a kernel five calls deep five times."""
-    return _compile(function, pipeline_class=_PartCompiler, no_cpython_wrapper=True)
+    a part of each that calls it: of a kernel five calls deep five times.
+
+    One that makes no arrays counts no references to those that it is given either; each count is
+    an atomic operation, and takes as long as a formula of a few lines."""
+    options = {"pipeline_class": _PartCompiler, "no_cpython_wrapper": True, "_nrt": makes_arrays}
+    return _compile(function, **options)
 
 
 def compile_and_keep(function: Callable[..., Any]) -> Any:

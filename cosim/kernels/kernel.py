@@ -24,9 +24,9 @@ class Kernel:
 
     made: ClassVar[list[Kernel]] = []
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], makes_arrays: bool = True) -> None:
         update_wrapper(self, function)
-        self.function = function
+        self.function, self.makes_arrays = function, makes_arrays
         self._compiled: Any = None
         self._part: Any = None
         self.made.append(self)
@@ -53,7 +53,7 @@ class Kernel:
             if self._part is None:
                 from cosim.kernels.disk_cache import compile_as_part
 
-                self._part = compile_as_part(self.function)
+                self._part = compile_as_part(self.function, self.makes_arrays)
             return Dispatcher(self._part)
 
 
@@ -89,4 +89,13 @@ def compile_kernel(function: Function) -> Function:
     if not HAS_NUMBA:
         return function
     kernel: Any = Kernel(function)
+    return kernel
+
+
+def compile_part(function: Function) -> Function:
+    """The function as a `Kernel` for others of its file, which makes no arrays: by far the faster
+    for a short one that is given some."""
+    if not HAS_NUMBA:
+        return function
+    kernel: Any = Kernel(function, makes_arrays=False)
     return kernel

@@ -76,41 +76,25 @@ class ShellTables:
     def strain(self, y: Array) -> Array:
         """The generalized strains (ne, g, 8) of the nodes' y (ne, 2k, 3): e11, e22, 2 e12 of the
         mid-surface, k11, k22, 2 k12 of bending, g13, g23 of transverse shear."""
-        return self.strain_from_samples(_sample_values(self.element, self.middle(y)))
+        return _middle_and_strain(self, y)[1]
 
     def strain_change(self, y: Array, dy: Array) -> Array:
         """The derivative (ne, g, 8) of the strain at the nodes' y (ne, 2k, 3) along dy (ne, 2k, 3):
-        a central difference, exact for what is quadratic."""
-        return (self.strain(y + dy) - self.strain(y - dy)) / 2
+        without compiled kernels a central difference, exact for what is quadratic."""
+        if not kernels.COMPILED:
+            return (self.strain(y + dy) - self.strain(y - dy)) / 2
+        y, dy = np.ascontiguousarray(y), np.ascontiguousarray(dy)
+        return kernels.strain_changes(self.element.samples, y, dy, self.carried, self.parts)
 
-    def strain_from_samples(self, samples: Array) -> Array:
-        """The strains (ne, g, 8) from samples (ne, m)."""
-        membrane, bending, shear = self.element.parts
-        points = self.weight.shape[1]
-        parts = [
-            self.membrane @ samples[:, None, membrane, None],
-            self.bending @ samples[:, bending].reshape(-1, points, 3, 1),
-            self.shear @ samples[:, None, shear, None],
-        ]
-        return np.concatenate(parts, axis=2)[..., 0] - self.offset
+    @property
+    def parts(self) -> kernels.Tables:
+        """The combinations of membrane, bending and shear."""
+        return self.membrane, self.bending, self.shear
 
-    def sample_stress(self, force: Array) -> Array:
-        """The stress (ne, m) of the samples from the forces (ne, g, 8) of the Gauss points."""
-        bent = np.einsum("ngci,ngc->ngi", self.bending, force[..., 3:6])
-        parts = [
-            np.einsum("ngci,ngc->ni", self.membrane, force[..., :3]),
-            bent.reshape(len(bent), 3 * bent.shape[1]),
-            np.einsum("ngci,ngc->ni", self.shear, force[..., 6:]),
-        ]
-        return np.concatenate(parts, axis=1)
-
-    def forces(self, y: Array, resultant: Array) -> Array:
-        """The forces (ne, 2k, 3) by y: gradient of resultant (ne, g, 8) times strain, no area."""
-        k = y.shape[1] // 2
-        out = _stress_gradient(self.element, self.middle(y), self.sample_stress(resultant))
-        out[:, k:] += self.height[:, :, None] * out[:, :k]
-        out[:, k:] *= self.mitre[:, :, None]
-        return out
+    @property
+    def carried(self) -> kernels.Carried:
+        """Height and mitre."""
+        return self.height, self.mitre
 
     def spread(self) -> Array:
         """The combinations as one matrix (8 g, m) an element: (ne, 8 g, m)."""
@@ -124,11 +108,26 @@ class ShellTables:
         return out.reshape(ne, 8 * points, -1)
 
 
-def _sample_values(element: Element, y: Array) -> Array:
-    """The samples (ne, m) of the mid-surface's y (ne, 2k, 3)."""
-    if kernels.COMPILED:
-        return kernels.sample_values(element.samples, element.parts[0].stop, y)
-    return np.einsum("ncak,nak->nc", element.samples @ y[:, None], y) / 2
+def _middle_and_strain(tables: ShellTables, y: Array) -> tuple[Array, Array]:
+    """The mid-surface's y (ne, 2k, 3) and the strains (ne, g, 8) of the nodes' y (ne, 2k, 3)."""
+    if not kernels.COMPILED:
+        return _numpy_strain(tables, y)
+    y = np.ascontiguousarray(y)
+    samples, offset = tables.element.samples, tables.offset
+    return kernels.strains(samples, y, tables.carried, tables.parts, offset)
+
+
+def _numpy_strain(tables: ShellTables, y: Array) -> tuple[Array, Array]:
+    """`_middle_and_strain` in numpy: what the compiled kernel is held to."""
+    middle, element = tables.middle(y), tables.element
+    membrane, bending, shear = element.parts
+    samples = np.einsum("ncak,nak->nc", element.samples @ middle[:, None], middle) / 2
+    parts = [
+        tables.membrane @ samples[:, None, membrane, None],
+        tables.bending @ samples[:, bending].reshape(*tables.weight.shape, 3, 1),
+        tables.shear @ samples[:, None, shear, None],
+    ]
+    return middle, np.concatenate(parts, axis=2)[..., 0] - tables.offset
 
 
 def _over(y: Array, height: Array, mitre: Array) -> Array:
@@ -265,11 +264,12 @@ class ElementResponse:
 
 def element_response(tables: ShellTables, section: Section, y: Array) -> ElementResponse:
     """Energy and gradient of all elements at the nodes' y (ne, 2k, 3)."""
-    middle = tables.middle(y)
-    answer = section.response(tables.strain_from_samples(_sample_values(tables.element, middle)))
+    middle, strain = _middle_and_strain(tables, y)
+    answer = section.response(strain)
     energy = float(np.vdot(answer.energy, tables.weight))
     force = answer.force * tables.weight[:, :, None]
-    return ElementResponse(energy, tables.forces(y, force), middle, force, answer.stiffness)
+    gradient = (_kernel_forces if kernels.COMPILED else _numpy_forces)(tables, middle, force)
+    return ElementResponse(energy, gradient, middle, force, answer.stiffness)
 
 
 def element_blocks(
@@ -280,11 +280,9 @@ def element_blocks(
 
     `convex` keeps of the geometric stiffness what tension makes, so that the tangent is positive
     semidefinite: not consistent, but a descent direction from any state."""
-    stress = tables.sample_stress(tensile(response.force) if convex else response.force)
-    stiffness = response.stiffness * tables.weight[:, :, None, None]
-    bases = bases[0], bases[1] * tables.mitre[:, :, None, None]
+    resultant = tensile(response.force) if convex else response.force
     blocks = _kernel_blocks if kernels.COMPILED else _numpy_blocks
-    return blocks(tables, response.middle, stress, stiffness, bases)
+    return blocks(tables, response.middle, resultant, response.stiffness, bases)
 
 
 def tensile(resultant: Array) -> Array:
@@ -302,11 +300,30 @@ def tensile(resultant: Array) -> Array:
     return out
 
 
-def _stress_gradient(element: Element, y: Array, stress: Array) -> Array:
-    """The gradient (ne, 2k, 3) of the samples, weighted by stress (ne, m)."""
-    if kernels.COMPILED:
-        return kernels.stress_gradient(element.samples, element.parts[0].stop, y, stress)
-    return _geometric(element, stress) @ y
+def _kernel_forces(tables: ShellTables, middle: Array, resultant: Array) -> Array:
+    samples = tables.element.samples
+    return kernels.forces(samples, middle, tables.carried, tables.parts, resultant)
+
+
+def _numpy_forces(tables: ShellTables, middle: Array, resultant: Array) -> Array:
+    """The gradient (ne, 2k, 3) by the nodes' y of resultant (ne, g, 8) times strain, in numpy: what
+    the compiled kernel is held to."""
+    k = middle.shape[1] // 2
+    out = _geometric(tables.element, _sample_stress(tables, resultant)) @ middle
+    out[:, k:] += tables.height[:, :, None] * out[:, :k]
+    out[:, k:] *= tables.mitre[:, :, None]
+    return out
+
+
+def _sample_stress(tables: ShellTables, resultant: Array) -> Array:
+    """The stress (ne, m) of the samples from the resultants (ne, g, 8) of the Gauss points."""
+    bent = np.einsum("ngci,ngc->ngi", tables.bending, resultant[..., 3:6])
+    parts = [
+        np.einsum("ngci,ngc->ni", tables.membrane, resultant[..., :3]),
+        bent.reshape(len(bent), 3 * bent.shape[1]),
+        np.einsum("ngci,ngc->ni", tables.shear, resultant[..., 6:]),
+    ]
+    return np.concatenate(parts, axis=1)
 
 
 def _geometric(element: Element, stress: Array) -> Array:
@@ -316,17 +333,23 @@ def _geometric(element: Element, stress: Array) -> Array:
 
 
 def _kernel_blocks(
-    tables: ShellTables, y: Array, stress: Array, stiffness: Array, bases: tuple[Array, Array]
+    tables: ShellTables,
+    middle: Array,
+    resultant: Array,
+    stiffness: Array,
+    bases: tuple[Array, Array],
 ) -> Array:
-    parts = tables.membrane, tables.bending, tables.shear
-    samples = tables.element.samples
-    return kernels.element_blocks(samples, y, tables.height, parts, stress, stiffness, bases)
+    shape = tables.element.samples, middle, tables.carried, tables.parts
+    return kernels.element_blocks(*shape, resultant, (stiffness, tables.weight), bases)
 
 
 def _numpy_blocks(
-    tables: ShellTables, y: Array, stress: Array, stiffness: Array, bases: tuple[Array, Array]
+    tables: ShellTables, y: Array, resultant: Array, stiffness: Array, bases: tuple[Array, Array]
 ) -> Array:
     """The element tangents in numpy: what the compiled kernel is held to."""
+    stress = _sample_stress(tables, resultant)
+    stiffness = stiffness * tables.weight[:, :, None, None]
+    bases = bases[0], bases[1] * tables.mitre[:, :, None, None]
     ne, size = y.shape[:2]
     samples, spread = tables.element.samples, tables.spread()
     m, points = len(samples), stiffness.shape[1]

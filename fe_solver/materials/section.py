@@ -19,14 +19,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import Array, Ints
+from fe_solver.elements import kernels
 from fe_solver.materials.hyperelastic import Potential
+from fe_solver.materials.kernels import (
+    BARRIER,
+    LAYER_WEIGHTS,
+    LAYERED,
+    LAYERS,
+    RELAXED,
+    RESIDUAL_MODULUS,
+    SMOOTHING,
+    respond,
+)
+from fe_solver.materials.law_table import LawRows, LawTable, code_of, law_table
 from fe_solver.materials.linear import Law, LinearLaw
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.materials.thickness import thickness_stretch
 
 SHEAR_CORRECTION = 5.0 / 6.0
-LAYERS, LAYER_WEIGHTS = np.polynomial.legendre.leggauss(5)
-"""Gauss-Legendre points through the thickness, in [-1, 1]."""
 LAYER_MOMENTS = LAYER_WEIGHTS * LAYERS ** np.arange(3)[:, None]
 """(3, layers) what makes the integral of a function through the thickness of 2, and its first and
 second moment, of its values at the layers."""
@@ -62,6 +72,21 @@ class Patch:
     shear_correction: float = SHEAR_CORRECTION
     """Of transverse shear."""
 
+    @property
+    def linear(self) -> bool:
+        """Whether its stiffness is the same at every strain."""
+        return isinstance(self.law, LinearLaw)
+
+    @property
+    def relaxed(self) -> bool:
+        """Whether it bears no compression."""
+        return isinstance(self.law, TensionField)
+
+    @property
+    def hyperelastic(self) -> bool:
+        """Whether its law, or what its tension field relaxes, is a potential."""
+        return isinstance(_base(self.law)[0], Potential)
+
 
 @dataclass(frozen=True)
 class Section:
@@ -90,8 +115,8 @@ class Section:
     @cached_property
     def linear(self) -> Array:
         """The constant stiffness (ne, g, 8, 8): all of it where the law is linear; of a tension
-        field bending and transverse shear as its base law has them at rest, of a hyperelastic law
-        the patch's own bending."""
+        field bending and transverse shear as its base law has them at rest, of another law the
+        patch's own bending, and transverse shear unless it is hyperelastic."""
         out = np.zeros((self.count, self.points, 8, 8))
         for p in self.patches:
             out[p.elements] = p.factor[..., None, None] * _constant(p)
@@ -102,7 +127,7 @@ class Section:
         """Those of a kind as one, so that an evaluation is few and large operations."""
         kinds: dict[tuple[object, ...], list[Patch]] = {}
         for i, p in enumerate(self.patches):
-            if not isinstance(p.law, LinearLaw):
+            if not p.linear:
                 kinds.setdefault(_kind(p) or (i,), []).append(p)
         return tuple(map(_as_one, kinds.values()))
 
@@ -124,21 +149,26 @@ class Section:
 
     def response(self, strain: Array) -> Resultants:
         """Energy, force and stiffness at generalized strains (ne, g, 8)."""
+        if not (kernels.COMPILED and self.nonlinear):
+            return self.respond_in_numpy(strain)
+        table, uncoded = self._coded
+        return _add(uncoded, strain, Resultants(*respond(*table, self.linear, strain)))
+
+    def respond_in_numpy(self, strain: Array) -> Resultants:
+        """`response` without the compiled kernel: what that is held to."""
         force = np.einsum("ngij,ngj->ngi", self.linear, strain)
         energy = np.einsum("ngi,ngi->ng", force, strain) / 2
         if not self.nonlinear:
             return Resultants(energy, force, self.linear)
-        stiffness = self.linear.copy()
-        for p in self.nonlinear:
-            base, smoothing = _base(p.law)
-            integrate = _integrate if smoothing is None else _membrane
-            more = integrate(p, strain[p.elements])
-            if isinstance(base, Potential):
-                more = _with_shear(p, strain[p.elements], more)
-            for total, part in zip((energy, force, stiffness), more, strict=True):
-                part *= p.factor.reshape(p.factor.shape + (1,) * (part.ndim - 2))
-                total[p.elements] += part
-        return Resultants(energy, force, stiffness)
+        return _add(self.nonlinear, strain, Resultants(energy, force, self.linear.copy()))
+
+    @cached_property
+    def _coded(self) -> tuple[LawTable, tuple[Patch, ...]]:
+        """The laws as the kernel takes them, and the patches whose law it does not know."""
+        rows = [(p, _rows(p)) for p in self.nonlinear]
+        known = [row for _, row in rows if row is not None]
+        uncoded = tuple(p for p, row in rows if row is None)
+        return law_table(known, self.count, self.points), uncoded
 
     def tension_state(self, strain: Array) -> NDArray[np.int8]:
         """The `tension_field.State` (ne,), the rounded mean of the Gauss points' at strains (ne, g,
@@ -161,7 +191,7 @@ class Section:
         """The second Piola-Kirchhoff stress S11, S22, S12 (ne, g, 3) Pa at the height z, in halves
         of the thickness."""
         out = np.empty((*strain.shape[:2], 3))
-        for p in self.patches:
+        for p in (*self.nonlinear, *(p for p in self.patches if p.linear)):
             e = strain[p.elements]
             plane = e[..., :3] + z * p.thickness[..., None] / 2 * e[..., 3:6]
             out[p.elements] = p.factor[..., None] * p.law.response(plane).stress
@@ -230,17 +260,54 @@ def _as_one(patches: Sequence[Patch]) -> Patch:
     )
 
 
+def _rows(p: Patch) -> LawRows | None:
+    """What the kernel takes of a patch; None where it does not know the law."""
+    base, smoothing = _base(p.law)
+    code = code_of(base)
+    if code is None:
+        return None
+    acts, more = LAYERED, {}
+    if isinstance(p.law, TensionField):
+        cost = p.law.cost(p.thickness.shape)
+        acts = RELAXED
+        more = {
+            BARRIER: cost.barrier,
+            RESIDUAL_MODULUS: cost.residual,
+            SMOOTHING: np.asarray(smoothing),
+        }
+    shear = _half_shear(p) if p.hyperelastic else np.full((1, 1), -1.0)
+    return LawRows(p.elements, acts, code, more, p.thickness, shear, p.factor)
+
+
+def _half_shear(p: Patch) -> Array:
+    """Half the stiffness (k, g) N/m of a hyperelastic sheet in transverse shear at rest."""
+    return np.asarray(p.shear_correction * p.thickness * p.law.shear()[0] / 2)
+
+
+def _add(patches: Sequence[Patch], strain: Array, total: Resultants) -> Resultants:
+    """The resultants with those of patches, as numpy computes them, at all elements' strain."""
+    for p in patches:
+        more = (_membrane if p.relaxed else _integrate)(p, strain[p.elements])
+        if p.hyperelastic:
+            more = _with_shear(p, strain[p.elements], more)
+        for whole, part in zip(total, more, strict=True):
+            part *= p.factor.reshape(p.factor.shape + (1,) * (part.ndim - 2))
+            whole[p.elements] += part
+    return total
+
+
 def _constant(p: Patch) -> Array:
-    """The part (k, g, 8, 8) of one patch: shear, and of a linear law membrane and bending."""
+    """The part (k, g, 8, 8) of one patch: shear that is linear, a tension field's bending, and of a
+    linear law membrane and bending."""
     h = p.thickness
     out = np.zeros((*h.shape, 8, 8))
     out[..., 3:6, 3:6] = p.bending * (h**3 / 12)[..., None, None]
-    if isinstance(p.law, Potential):
-        return out
     law = _base(p.law)[0]
-    if not isinstance(law, Potential):
+    if not p.hyperelastic:
         for i, modulus in zip((6, 7), law.shear(), strict=True):
             out[..., i, i] = p.shear_correction * h * modulus
+    if not (p.linear or p.relaxed):
+        return out
     plane = law.response(np.zeros((*h.shape, 3))).tangent
     out[..., 3:6, 3:6] += plane * (h**3 / 12)[..., None, None]
     if law is p.law:
@@ -290,7 +357,7 @@ def _with_shear(p: Patch, strain: Array, plane: Resultants) -> Resultants:
     r = D - (c22 * g1 * g1 - 2 * c12 * g1 * g2 + c11 * g2 * g2)
     fine = (c11 > 0) & (D > 0) & (r > 0)
     D, r = np.where(fine, D, 1.0), np.where(fine, r, 1.0)
-    k = np.where(fine, p.shear_correction * p.thickness * p.law.shear()[0] / 2, 0.0)
+    k = np.where(fine, _half_shear(p), 0.0)
     by_D = 2 * np.stack([c22, c11, -c12, 0 * D, 0 * D])  # rows and columns first
     lean = np.stack([g2 * g2, g1 * g1, -g1 * g2, c22 * g1 - c12 * g2, c11 * g2 - c12 * g1])
     by_r = by_D - 2 * lean

@@ -380,3 +380,18 @@ def test_sheets_that_meet_at_a_fold_keep_their_thickness(turn, is_fold):
     quads = np.array([[0, 2, 3, 1], [2, 4, 5, 3]])
     longest = sheet(X, quads, 1e8, 0.3, 0.01, fibre=(1.0, 0.1, 0.5)).tables.mitre.max()
     assert longest == pytest.approx(1 / np.cos(a / 2) if is_fold else 1.0)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("name", ["warped", "tri", "nine nodes"])
+def test_the_change_of_a_strain_is_its_derivative(name, compiled, monkeypatch):
+    """Of nodes off the mid-surface; by a step of one it is exact, since strains are quadratic."""
+    monkeypatch.setattr(kernels, "COMPILED", compiled and kernels.COMPILED)
+    tables, _, y = element(name, 0.2)
+    rng = np.random.default_rng(9)
+    tables = replace(tables, height=rng.normal(size=tables.height.shape) / 10)
+    dy = rng.normal(size=y.shape)
+    change = tables.strain_change(y, dy)
+    difference = (tables.strain(y + dy) - tables.strain(y - dy)) / 2
+    assert change == pytest.approx(difference, abs=1e-12 * np.abs(difference).max())
+    assert tables.strain_change(y, 2 * dy) == pytest.approx(2 * change, rel=1e-12, abs=1e-14)

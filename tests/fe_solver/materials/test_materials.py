@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from cosim.errors import InputError
-from fe_solver.materials import tension_field
+from fe_solver.materials import wrinkle_search
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean, volume_ratio
@@ -310,7 +310,7 @@ def test_a_wrinkle_that_is_not_found_is_no_answer(monkeypatch: pytest.MonkeyPatc
     strain = np.array([0.01, -0.02, 0.0])
     assert np.isfinite(TensionField(ORTHOTROPIC).response(strain).energy)
     for steps in ("FEW_STEPS", "MOST_STEPS"):
-        monkeypatch.setattr(tension_field, steps, 0)
+        monkeypatch.setattr(wrinkle_search, steps, 0)
     out = TensionField(ORTHOTROPIC).response(strain)
     assert out.energy == np.inf
     assert not out.stress.any()
