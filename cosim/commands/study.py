@@ -18,7 +18,7 @@ from cosim.results.compare import number
 from cosim.study import engine
 from cosim.study.bench import PER_HOUR, PLAN, RUNS, SECONDS, figures
 from cosim.study.engine import Solve
-from cosim.study.execute import StudyOutcome, execute_study
+from cosim.study.execute import StudyOutcome, check_libraries, execute_study
 from cosim.study.files import write_study
 from cosim.study.plan import StudyPlan, read_plan
 from cosim.study.progress import notes, progress, state_text
@@ -59,6 +59,7 @@ def study(
     that was cut off continues where it was; a finished run is never repeated.  Exit code 1 where a
     run has no answer."""
     with exit_on_error():
+        check_libraries(scheduler is not None)
         plan = read_plan(file, case, tuple(settings or ()))
         if workers == 0 and scheduler is None and plan.most_seconds is not None:
             raise InputError("limits.time needs a process that can be ended: --workers 1 or more")

@@ -16,7 +16,7 @@ from cosim.errors import Progress
 from cosim.processes import WorkerProcess, do_with_memory
 from cosim.study import process as apart
 from cosim.study.engine import Solve, local
-from cosim.study.execute import execute_study
+from cosim.study.execute import check_libraries, execute_study
 from cosim.study.plan import read_plan
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict
@@ -112,7 +112,8 @@ def planned_rate(one: StudyTiming, workers: int) -> float:
 
 
 def figures(tell: Progress, runs: int = RUNS) -> Iterator[tuple[str, float]]:
-    """Name and value of every figure; studies of so many runs."""
+    """Name and value of every figure; studies of so many runs.  Raises InputError."""
+    check_libraries()
     text = STUDY.format(runs=runs)
     tell(f"{runs} runs of the shell by one worker")
     one = time_study(local, 1, text)
