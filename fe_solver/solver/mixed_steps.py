@@ -24,7 +24,7 @@ from cosim.errors import ConvergenceError
 from cosim.port import Array, Ints
 from fe_solver.forces.springs import PointForces
 from fe_solver.solver.body_coupling import dependent_motion
-from fe_solver.solver.linear_algebra import Factor
+from fe_solver.solver.linear_algebra import Factor, Nearby
 from fe_solver.solver.model import Configuration, Evaluation, Forces, ShellModel
 from fe_solver.solver.newton_step import (
     approach,
@@ -52,6 +52,10 @@ SHORT = 0.1
 where it is nearly singular, it would lead far away."""
 UNDAMPED = 6
 """Steps from afar after which one that takes back what the last one closed or opened is halved."""
+PERIOD, AGAIN, CIRCLES = 4, 1e-2, 6
+"""So many steps in turn that come back to the potential of one of the PERIOD before, but for that
+share of it, from another, and do not halve the least residual, go round in a circle: one slackens
+what the next but one draws taut again."""
 
 
 class MixedSteps(NamedTuple):
@@ -97,78 +101,152 @@ def take_mixed_steps(
     (at least CLOSE) of the largest force.  `before`: the forces that a known equilibrium nearby
     predicts at the start.  Where the steps do not lead there, the configuration is the one of least
     energy that they met, the start included, with no element folded or crushed."""
-    near = before is not None
-    undamped = 0 if near else UNDAMPED
-    c, convex, factor, kept = start, not near, None, None
-    e = model.evaluate(c, tension, tangent=False, convex=convex)
-    most, tolerance = min(most, FEW_STEPS if near else MOST_STEPS), max(tolerance, CLOSE)
-    least, best, solves, restarts = np.inf, start, 0, 0
-    for iteration in range(most + 1):
-        residual, force = residual_norm(model, e)
-        potential, upright = model.potential(c, e.energy, tension), not is_folded(model, c)
-        if not np.isfinite(residual) or (iteration == 0 and potential == np.inf):
+    walk = _Walk(model, tension, start, (max_step, max_turn), before)
+    most, tolerance = min(most, FEW_STEPS if walk.near else MOST_STEPS), max(tolerance, CLOSE)
+    for taken in range(most + 1):
+        walk.note_place()
+        if walk.has_arrived(tolerance):
+            return MixedSteps(walk.c, taken, walk.solves, walk.e, walk.factor)
+        if taken == most or walk.is_over(tolerance):
             break
-        if potential < least and (upright or iteration == 0):
-            least, best = potential, c
-        close = residual <= tolerance * force
-        if close and upright and np.isfinite(potential):
-            return MixedSteps(c, iteration, solves, e, kept)
-        if close or iteration == most:
-            break
-        # the consistent tangent serves where it is positive definite
         try:
-            step, factor = _solve_step(model, c, e, before, max_step, max_turn, kept)
-            kept = kept or factor if near else None
-            solves += 1
-            if not convex and (factor is None or factor.negative):
-                e = model.evaluate(c, tension, tangent=False, convex=True)
-                step, factor = _solve_step(model, c, e, before, max_step, max_turn)
-                solves += 1
+            step = walk.solve_step()
         except ConvergenceError:
             break
-        part = 1.0 if e.convex or near else SHORT
-        step = limit_step(limit_to_contact(model, e, step), part * max_step, part * max_turn)[0]
-        if before is not None and iteration >= undamped and _reverses(model, e, step, before):
-            step = step / 2
-        convex = residual > NEAR * force and not near
-        # a single crushed configuration may be passed through, but not when it went wrong before
-        for halvings in range(1 + MOST_HALVINGS):
-            step = step / 2 if halvings else step
-            trial = model.take_step(c, e.bases, _follow_springs(model, e, step))
-            trial_balance = model.evaluate(trial, tension, tangent=False, convex=convex)
-            crushed = not np.isfinite(trial_balance.energy)
-            lost = crushed and (near or restarts > 0 or not np.isfinite(e.energy))
-            lost |= upright and is_folded(model, trial)
-            if not lost:
-                break
-        if lost and not near and restarts < (MOST_RESTARTS if crushed else 1):
-            c, before, convex, restarts = start, None, True, restarts + 1
-            e = model.evaluate(c, tension, tangent=False, convex=convex)
-            max_step, max_turn = SMALLER * max_step, SMALLER * max_turn
-            continue
-        if lost and crushed:
+        if not (walk.go_along(walk.shorten(step)) or walk.start_anew() or walk.pass_through()):
             break
-        before, c, e = _predict(model, c, e, step, _travel(e, step)), trial, trial_balance
-    return MixedSteps(best, iteration, solves)
+    return MixedSteps(walk.best, taken, walk.solves)
 
 
-def _solve_step(
-    model: ShellModel,
-    c: Configuration,
-    e: Evaluation,
-    prediction: Prediction | None,
-    max_step: float,
-    max_turn: float,
-    near: Factor | None = None,
-) -> tuple[Array, Factor | None]:
-    """The step by the tangent with the predicted forces, and that tangent's factor."""
-    forces = None
-    if prediction is not None:
-        points = e.points.force.copy()
-        _, new, old = np.intersect1d(_keys(model, e.points), prediction.keys, return_indices=True)
-        points[new] = prediction.points[old]
-        forces = Forces(prediction.elements, points)
-    return descent_step(model, model.tangent(c, e, forces), e.reduced, max_step, max_turn, near)
+class _Walk:
+    """Where whole steps stand, what they know there, and the moves that they can make."""
+
+    def __init__(
+        self,
+        model: ShellModel,
+        tension: Array,
+        start: Configuration,
+        longest: tuple[float, float],
+        predicted: Prediction | None,
+    ) -> None:
+        self.model, self.tension, self.longest = model, tension, longest
+        self.near = predicted is not None
+        """Whether it follows an equilibrium that is known."""
+        self.start = self.c = self.best = start
+        self.predicted = predicted
+        """The forces at `c` to first order; None where no step has led there."""
+        self.e = self._evaluate(start, convex=not self.near)
+        self.factor: Factor | None = None
+        """Of a walk that is near, the last tangent that was factorised: it serves the next ones."""
+        self.solves = self.restarts = self.taken = self.circling = 0
+        self.least = self.least_residual = np.inf
+        self.met: list[float] = []
+        """J, the potentials of all places."""
+
+    def _evaluate(self, c: Configuration, convex: bool) -> Evaluation:
+        return self.model.evaluate(c, self.tension, tangent=False, convex=convex)
+
+    def note_place(self) -> None:
+        """Measure the place, and keep it where its energy is the least that was met."""
+        self.residual, self.force = residual_norm(self.model, self.e)
+        self.potential = self.model.potential(self.c, self.e.energy, self.tension)
+        self.upright = not is_folded(self.model, self.c)
+        nearer = self.residual < self.least_residual / 2
+        self.circling = 0 if nearer or not self._returns() else self.circling + 1
+        self.least_residual = min(self.least_residual, self.residual)
+        self.met.append(self.potential)
+        if self.potential < self.least and (self.upright or not self.taken):
+            self.least, self.best = self.potential, self.c
+
+    def _returns(self) -> bool:
+        """Whether the potential left that of one of the last steps and is back there."""
+        away = np.abs(np.array(self.met[-PERIOD:]) - self.potential) > AGAIN * abs(self.potential)
+        return bool(away.any() and not away[: away.nonzero()[0][-1]].all())
+
+    def has_arrived(self, tolerance: float) -> bool:
+        """Whether this is an equilibrium that a sheet can have."""
+        return self._is_close(tolerance) and self.upright and bool(np.isfinite(self.potential))
+
+    def is_over(self, tolerance: float) -> bool:
+        """Whether no step from here is worth while: it is an equilibrium that no sheet has, the
+        start is crushed, or the steps go round in a circle."""
+        crushed = not np.isfinite(self.residual) or (not self.taken and self.potential == np.inf)
+        return crushed or self._is_close(tolerance) or self.circling >= CIRCLES
+
+    def _is_close(self, tolerance: float) -> bool:
+        return self.residual <= tolerance * self.force
+
+    def solve_step(self) -> Array:
+        """The step by the tangent with the predicted forces: the consistent one where that is
+        positive definite.  Raises ConvergenceError for a singular tangent."""
+        step, factor = self._solve(self.factor)
+        if not self.e.convex and (factor is None or factor.negative):
+            self.e = self._evaluate(self.c, convex=True)
+            step, factor = self._solve()
+        if self.near and not isinstance(factor, Nearby):
+            self.factor = factor
+        return step
+
+    def _solve(self, near: Factor | None = None) -> tuple[Array, Factor | None]:
+        model, e, predicted, forces = self.model, self.e, self.predicted, None
+        if predicted is not None:
+            points, keys = e.points.force.copy(), _keys(model, e.points)
+            _, new, old = np.intersect1d(keys, predicted.keys, return_indices=True)
+            points[new] = predicted.points[old]
+            forces = Forces(predicted.elements, points)
+        tangent = model.tangent(self.c, e, forces)
+        out = descent_step(model, tangent, e.reduced, *self.longest, near)
+        self.solves += 1
+        return out
+
+    def shorten(self, step: Array) -> Array:
+        """The step no longer than allowed, and half of one that takes back what the last one opened
+        or closed."""
+        part = 1.0 if self.e.convex or self.near else SHORT
+        max_step, max_turn = self.longest
+        step = limit_to_contact(self.model, self.e, step)
+        step = limit_step(step, part * max_step, part * max_turn)[0]
+        before, undamped = self.predicted, 0 if self.near else UNDAMPED
+        if before is not None and self.taken >= undamped:
+            return step / 2 if _reverses(self.model, self.e, step, before) else step
+        return step
+
+    def go_along(self, step: Array) -> bool:
+        """Take the step, or the first of its halves that folds and crushes no element; where there
+        is none, False."""
+        model, convex = self.model, self.residual > NEAR * self.force and not self.near
+        for _ in range(1 + MOST_HALVINGS):
+            trial = model.take_step(self.c, self.e.bases, _follow_springs(model, self.e, step))
+            e = self._evaluate(trial, convex)
+            self.crushed = not np.isfinite(e.energy)
+            # it may be passed through once, but not when it went wrong before
+            lost = self.crushed and bool(
+                self.near or self.restarts or not np.isfinite(self.e.energy)
+            )
+            self.trial = step, trial, e
+            if not lost and not (self.upright and is_folded(model, trial)):
+                return self._move()
+            step = step / 2
+        return False
+
+    def start_anew(self) -> bool:
+        """Go back to the start with shorter steps, where that may help."""
+        if self.near or self.restarts >= (MOST_RESTARTS if self.crushed else 1):
+            return False
+        self.c, self.e, self.predicted = self.start, self._evaluate(self.start, True), None
+        self.longest = SMALLER * self.longest[0], SMALLER * self.longest[1]
+        self.restarts, self.taken, self.circling = self.restarts + 1, self.taken + 1, 0
+        return True
+
+    def pass_through(self) -> bool:
+        """Go where the last trial stands, folded as it may be, unless it is crushed for good."""
+        return not self.crushed and self._move()
+
+    def _move(self) -> bool:
+        step, trial, e = self.trial
+        self.predicted = _predict(self.model, self.c, self.e, step, _travel(self.e, step))
+        self.c, self.e, self.taken = trial, e, self.taken + 1
+        return True
 
 
 def predict_motion(

@@ -19,7 +19,7 @@ from fe_solver.solver.linear_algebra import (
     NotPositiveDefiniteError,
     has_mechanism,
 )
-from fe_solver.solver.mixed_steps import Prediction, take_mixed_steps
+from fe_solver.solver.mixed_steps import MixedSteps, Prediction, take_mixed_steps
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.solver.newton_step import (
     active_set_step,
@@ -218,70 +218,177 @@ def _solve(
     previous: Solution | None = None,
     forces: Prediction | None = None,
 ) -> Solution:
-    longest = options.max_step, options.max_turn
-    c, first, solves, met, kept = start, 0, 0, None, None
+    begun = MixedSteps(start, 0, 0)
     if not near or forces is not None:
-        limits = options.max_iterations, options.tolerance, *longest
-        c, first, solves, met, kept = take_mixed_steps(model, start, tension, *limits, forces)
-    convex, stuck, chord = not near and c is start, False, None if first else _chord_of(previous)
-    if kept is None and previous is not None:
-        kept = previous.factor
-    e = met if met and not met.convex else model.evaluate(c, tension, chord is None, convex)
-    data = e.data if chord is None else chord.data
-    stiffest = 0.0 if data is None else stiffest_entry(model, data)
-    if np.isinf(e.elements.energy):
-        raise _StuckError(f"the solve starts with the sheet crushed {_crushed_place(model, c)}")
-    for iteration in range(first, options.max_iterations + 1):
-        # done where the residual is small by the consistent tangent's rounding error too
-        residual, force = residual_norm(model, e)
-        limit = options.tolerance * force + rounding(c, stiffest)
-        if residual <= limit:
-            e, convex = _consistent(model, c, e, tension), False
-            assert e.data is not None
-            stiffest = stiffest_entry(model, e.data)
-            limit = options.tolerance * force + rounding(c, stiffest)
-            if residual <= limit:
-                return _checked(Solution(model, c, e, tension, iteration, solves, residual))
-        if iteration == options.max_iterations:
-            break
-        # a chord iteration: the old factor, while it lowers the residual fast enough
-        if chord is not None and not convex and chord.is_worthwhile(residual, limit):
-            solves += 1
-            chord_end = _chord_step(model, c, e, tension, chord.factor, options)
-            if chord_end is not None:
-                c, e = chord_end
-                chord = replace(chord, since=residual)
-                continue
-        # a Newton step with a new tangent, damped where parts of the sheet may be slack
-        e = model.with_tangent(c, e)
-        data = e.data
-        assert data is not None
-        stiffest = stiffest_entry(model, data)
-        step, factor = descent_step(model, data, e.reduced, *longest, kept)
-        if kept is not None and factor is not None and not isinstance(factor, Nearby):
-            kept = factor
-        # search along it; where nothing descends, try the other tangent once, then stop
-        trial, more = _descend(model, c, e, tension, step, options, kept)
-        solves += 1 + more
-        if trial is not None:
-            (c, e, convex), stuck = trial, False
-            # a new tangent's error is quadratic, so that its second use lowers it half as far
-            chord = _Chord(factor, data, residual / 2) if previous is not None and factor else None
-        elif stuck and residual <= STUCK * limit:
-            e = _consistent(model, c, e, tension)
-            return _checked(Solution(model, c, e, tension, iteration, solves, residual))
-        elif stuck:
-            break
-        else:
-            stuck, convex, chord = True, not convex, None
-            e = model.evaluate(c, tension, tangent=True, convex=convex)
-    _check_ropes(model, c)
-    raise _StuckError(
-        f"the hood did not reach equilibrium in {iteration} iterations: the residual is "
-        f"{residual:.2e} N against forces of {force:.2e} N, largest at {worst_place(model, c, e)}. "
-        f"{_advice(model, model.with_tangent(c, e))}",
-        residual / force,
+        limits = options.max_iterations, options.tolerance, options.max_step, options.max_turn
+        begun = take_mixed_steps(model, start, tension, *limits, forces)
+    search = _Search(
+        model, tension, options, previous, begun, not near and begun.configuration is start
     )
+    for iteration in range(begun.iterations, options.max_iterations + 1):
+        if search.is_balanced():
+            return search.solution(iteration)
+        if iteration == options.max_iterations or not (
+            search.take_chord() or search.take_newton_step() or search.take_other_tangent()
+        ):
+            break
+    if search.is_rounding:
+        return search.solution(iteration)
+    raise search.failure(iteration)
+
+
+class _Search:
+    """Newton's method on its way: where it stands, what it knows there, and its moves."""
+
+    def __init__(
+        self,
+        model: ShellModel,
+        tension: Array,
+        options: NewtonOptions,
+        previous: Solution | None,
+        begun: MixedSteps,
+        convex: bool,
+    ) -> None:
+        self.model, self.tension, self.options = model, tension, options
+        self.previous, self.c, self.solves = previous, begun.configuration, begun.solves
+        self.convex = convex
+        """Whether the tangent here is the convex one."""
+        self.stuck = self.given_up = False
+        """Whether no step descends by this tangent; by either."""
+        self.chord = None if begun.iterations else _chord_of(previous)
+        self.factor = begun.factor or (previous.factor if previous else None)
+        """Of a solution that follows a known one, a tangent near by: it serves where a
+        factorisation is dear."""
+        known = begun.evaluation
+        if known is None or known.convex:
+            known = model.evaluate(self.c, tension, self.chord is None, convex)
+        self.e = known
+        data = self.chord.data if self.chord else self.e.data
+        self.stiffest = 0.0 if data is None else stiffest_entry(model, data)
+        if np.isinf(self.e.elements.energy):
+            place = _crushed_place(model, self.c)
+            raise _StuckError(f"the solve starts with the sheet crushed {place}")
+
+    def is_balanced(self) -> bool:
+        """Whether the residual is small, by the consistent tangent's rounding error too."""
+        self._measure()
+        if self.residual > self.limit:
+            return False
+        self.e, self.convex = self._consistent(), False
+        assert self.e.data is not None
+        self.stiffest = stiffest_entry(self.model, self.e.data)
+        self._measure()
+        return self.residual <= self.limit
+
+    def _measure(self) -> None:
+        self.residual, self.force = residual_norm(self.model, self.e)
+        self.limit = self.options.tolerance * self.force + rounding(self.c, self.stiffest)
+
+    def _consistent(self) -> Evaluation:
+        """The evaluation with its consistent tangent."""
+        if self.e.convex:
+            return self.model.evaluate(self.c, self.tension, tangent=True)
+        return self.model.with_tangent(self.c, self.e)
+
+    def take_chord(self) -> bool:
+        """Take the whole step that an old tangent's factor gives, while such steps lower the
+        residual fast enough, if it is short and halves the residual."""
+        chord, model = self.chord, self.model
+        if chord is None or self.convex or not chord.is_worthwhile(self.residual, self.limit):
+            return False
+        self.solves += 1
+        step = np.zeros(model.pattern.size)
+        try:
+            step[model.free] = -chord.factor.solve(self.e.reduced[model.free])
+        except NotPositiveDefiniteError:
+            return False
+        if not limit_step(step, self.options.max_step, self.options.max_turn)[1] <= NEAR:
+            return False
+        trial = model.take_step(self.c, self.e.bases, step)
+        balance = model.evaluate(trial, self.tension, tangent=False)
+        if not _halves_residual(model, self.e, balance):
+            return False
+        self.c, self.e, self.chord = trial, balance, replace(chord, since=self.residual)
+        return True
+
+    def take_newton_step(self) -> bool:
+        """Take a step by a new tangent, damped where parts of the sheet may be slack, as far along
+        it as the energy falls."""
+        longest = self.options.max_step, self.options.max_turn
+        self.e = self.model.with_tangent(self.c, self.e)
+        data = self.e.data
+        assert data is not None
+        self.stiffest = stiffest_entry(self.model, data)
+        step, factor = descent_step(self.model, data, self.e.reduced, *longest, self.factor)
+        self.solves += 1
+        if self.factor is not None and factor is not None and not isinstance(factor, Nearby):
+            self.factor = factor
+        if not self.descend(step):
+            return False
+        # a new tangent's error is quadratic, so that its second use lowers it half as far
+        again = self.previous is not None and factor is not None
+        self.chord = _Chord(factor, data, self.residual / 2) if again and factor else None
+        self.stuck = False
+        return True
+
+    def descend(self, step: Array) -> bool:
+        """Go along the step: all of it, or a part of the step that predicts contacts, or of the
+        step as it is; where none descends, nowhere.  A search that follows an equilibrium presses
+        the nodes of the whole step."""
+        whole = step if self.factor is None else limit_to_contact(self.model, self.e, step)
+        moved, left = self._go_along(whole, 1)
+        if moved:
+            return True
+        way, solves = active_set_step(self.model, self.e, step, self.factor)
+        self.solves += solves
+        if solves:
+            return self._go_along(way, 4, convex=True)[0] or self._go_along(step, 7, left)[0]
+        moved, left = self._go_along(step, 3, left, convex=True)
+        return moved or self._go_along(step, 4, left)[0]
+
+    def _go_along(
+        self, step: Array, tries: int, first: float = 1.0, convex: bool = False
+    ) -> tuple[bool, float]:
+        """Go to the first of ever shorter steps, from `first` of it on, that descends; and the part
+        to go on from.  A long step's end has the `convex` tangent in any case."""
+        step, size = limit_step(step, self.options.max_step, self.options.max_turn)
+        convex = convex or size > NEAR
+        place = self.model, self.c, self.e, self.tension
+        reached, left = _line_search(*place, step, tries, convex, first)
+        if reached is not None:
+            (self.c, self.e), self.convex = reached, convex
+        return reached is not None, left
+
+    def take_other_tangent(self) -> bool:
+        """Where nothing descends, try the other tangent once, and then give up."""
+        if self.stuck:
+            self.given_up = True
+            return False
+        self.stuck, self.convex, self.chord = True, not self.convex, None
+        self.e = self.model.evaluate(self.c, self.tension, tangent=True, convex=self.convex)
+        return True
+
+    @property
+    def is_rounding(self) -> bool:
+        """Whether the residual that no step lowers is rounding error."""
+        return self.given_up and self.residual <= STUCK * self.limit
+
+    def solution(self, iterations: int) -> Solution:
+        """The equilibrium here.  Raises ConvergenceError for one that no sheet has."""
+        place = self.model, self.c, self._consistent(), self.tension
+        return _checked(Solution(*place, iterations, self.solves, self.residual))
+
+    def failure(self, iterations: int) -> ConvergenceError:
+        """What kept it from an equilibrium, in words.  Raises ConvergenceError for a tendon that is
+        drawn up to its eyelet."""
+        model, c, e = self.model, self.c, self.e
+        _check_ropes(model, c)
+        return _StuckError(
+            f"the hood did not reach equilibrium in {iterations} iterations: the residual is "
+            f"{self.residual:.2e} N against forces of {self.force:.2e} N, largest at "
+            f"{worst_place(model, c, e)}. {_advice(model, model.with_tangent(c, e))}",
+            self.residual / self.force,
+        )
 
 
 def _chord_of(previous: Solution | None) -> _Chord | None:
@@ -289,32 +396,6 @@ def _chord_of(previous: Solution | None) -> _Chord | None:
         return None
     assert previous.evaluation.data is not None
     return _Chord(previous.factor, previous.evaluation.data)
-
-
-def _consistent(model: ShellModel, c: Configuration, e: Evaluation, tension: Array) -> Evaluation:
-    """The evaluation with its consistent tangent."""
-    return model.evaluate(c, tension, tangent=True) if e.convex else model.with_tangent(c, e)
-
-
-def _chord_step(
-    model: ShellModel,
-    c: Configuration,
-    e: Evaluation,
-    tension: Array,
-    factor: Factor,
-    options: NewtonOptions,
-) -> tuple[Configuration, Evaluation] | None:
-    """The whole step that an old tangent's factor gives, if it is short and halves the residual."""
-    step = np.zeros(model.pattern.size)
-    try:
-        step[model.free] = -factor.solve(e.reduced[model.free])
-    except NotPositiveDefiniteError:
-        return None
-    if not limit_step(step, options.max_step, options.max_turn)[1] <= NEAR:
-        return None
-    trial = model.take_step(c, e.bases, step)
-    balance = model.evaluate(trial, tension, tangent=False)
-    return (trial, balance) if _halves_residual(model, e, balance) else None
 
 
 def _halves_residual(model: ShellModel, before: Evaluation, after: Evaluation) -> bool:
@@ -370,39 +451,6 @@ def _advice(model: ShellModel, e: Evaluation) -> str:
     if has_mechanism(e.data, model.pattern.slots):
         return f"The tangent stiffness is singular: {FREE}"
     return "Try smaller steps of posture or tension, a softer contact or a finer mesh."
-
-
-def _descend(
-    model: ShellModel,
-    c: Configuration,
-    e: Evaluation,
-    tension: Array,
-    step: Array,
-    options: NewtonOptions,
-    near: Factor | None,
-) -> tuple[tuple[Configuration, Evaluation, bool] | None, int]:
-    """The next configuration along the step, with its evaluation and whether that is the convex
-    one: the whole step, or a part of the step that predicts contacts; None where none descends.
-    Also the linear solves that the prediction took.  A solve that follows an equilibrium, as a
-    factor `near` says, presses the nodes of the whole step."""
-
-    def search(
-        way: Array, tries: int, first: float = 1.0, predicts: bool = False
-    ) -> tuple[tuple[Configuration, Evaluation, bool] | None, float]:
-        way, size = limit_step(way, options.max_step, options.max_turn)
-        convex = predicts or size > NEAR
-        reached, last = _line_search(model, c, e, tension, way, tries, convex, first)
-        return None if reached is None else (*reached, convex), last
-
-    reached, left = search(step if near is None else limit_to_contact(model, e, step), 1)
-    if reached:
-        return reached, 0
-    way, solves = active_set_step(model, e, step, near)
-    if solves:
-        reached = search(way, 4, predicts=True)[0]
-        return reached or search(step, 7, left)[0], solves
-    reached, left = search(step, 3, left, predicts=True)
-    return reached or search(step, 4, left)[0], 0
 
 
 def _line_search(
