@@ -164,6 +164,8 @@ def bench(
             check_file(json_file)
         if name == FILES and not files:
             raise InputError("bench files: name each file with --against")
+        if keep and not (ROOT / ".git").exists():
+            raise InputError("--keep: needs a checkout of the sources, not an installation")
         if len(versions) > 1:
             raise InputError("--against: one folder or commit at a time")
         records = [read_record(path) for path in files]
@@ -198,7 +200,8 @@ def _record(name: str, options: Options) -> BenchRecord:
 
 def _measure_in_turn(name: str, options: Options, other: str, repeats: int) -> list[BenchRecord]:
     """The records of another version and of this one."""
-    words = [name, "--spacing", options.spacing, "--most", str(options.most)]
+    place = str(Path(name).absolute()) if Path(name).is_file() else name
+    words = [place, "--spacing", options.spacing, "--most", str(options.most)]
     words += [word for setting in options.settings or () for word in ("--set", setting)]
     words += ["--models", str(options.models.absolute())] if options.models else []
     with source_folder(other) as root, stages("bench") as shown:

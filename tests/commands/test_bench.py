@@ -180,6 +180,20 @@ def test_figures_are_kept_over_commits_and_regressions_shown(monkeypatch, tmp_pa
     assert '<td>4</td><td class="worse">4.5</td>' in page
 
 
+def test_figures_are_kept_in_a_checkout_alone(monkeypatch, tmp_path):
+    fake(monkeypatch, "pulls", solves=4.0)
+    monkeypatch.setattr(bench, "HISTORY", tmp_path / "bench.csv")
+    monkeypatch.setattr(bench, "ROOT", tmp_path)
+    done = cosim("bench", "pulls", "--keep")
+    assert (done.exit_code, "needs a checkout" in done.stderr) == (2, True)
+    (tmp_path / ".git").touch()
+    for _ in range(2):
+        assert cosim("bench", "pulls", "--keep").exit_code == 0
+    head, *rows = (tmp_path / "bench.csv").read_text().splitlines()
+    assert head == ",".join(bench_history.COLUMNS)
+    assert [row.rpartition("pulls,")[2] for row in rows] == ["solves,4", "solves,4"]
+
+
 @pytest.mark.parametrize(
     ("name", "values", "worse"),
     [
