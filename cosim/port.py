@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -276,6 +276,28 @@ class Hood(Protocol):
     def with_tolerance(self, tolerance: float) -> Hood:
         """The same hood, free to leave a relative force residual of `tolerance`: for the first
         rounds of an iteration.  A hood in closed form is itself."""
+        ...
+
+
+@runtime_checkable
+class StorableHood(Hood, Protocol):
+    """A hood whose first answer can be kept from one process to the next."""
+
+    def first_key(self, state: State, motion: Motion, tension: Array) -> str | None:
+        """A key of all that determines the answer of `advance` from a state of `start`; None where
+        that cannot be said."""
+        ...
+
+    def to_arrays(self, state: State) -> dict[str, Array]:
+        """All that a state is made of, as arrays by name."""
+        ...
+
+    def from_arrays(self, arrays: Mapping[str, Array]) -> State:
+        """The state of `to_arrays`.  Raises InputError where the arrays are another hood's."""
+        ...
+
+    def response(self, state: State) -> Response:
+        """What a state that `advance` returned does to the bodies."""
         ...
 
 

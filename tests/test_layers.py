@@ -25,9 +25,15 @@ MODULES = {
 # What a module, or each of a package, may import of ours, at the top or inside a function.
 ALLOWED = {
     "cosim.port": (),
-    "cosim.coupling.equilibrium": ("cosim.port", "cosim.coupling.finger_equilibrium"),
+    "cosim.static_response": ("cosim.port", "cosim.array_cache"),
+    "cosim.coupling.equilibrium": (
+        *("cosim.port", "cosim.static_response"),
+        "cosim.coupling.finger_equilibrium",
+    ),
     "cosim.coupling.finger_equilibrium": ("cosim.port",),
     "cosim.files": ("cosim.port",),
+    "cosim.array_cache": ("cosim.files",),
+    "cosim.content_key": (),
     "cosim.processes": ("cosim.port",),
     "cosim.extras": (),
     "cosim.mesh_file": ("cosim.extras", "cosim.port"),
@@ -37,7 +43,10 @@ ALLOWED = {
     "cosim.checks": ("cosim.port",),
     "cosim.coupling.accelerators": ("cosim.port",),
     "cosim.coupling.state": ("cosim.port", "cosim.coupling.accelerators"),
-    "cosim.coupling.schemes": ("cosim.port", "cosim.coupling.accelerators", "cosim.coupling.state"),
+    "cosim.coupling.schemes": (
+        *("cosim.port", "cosim.static_response"),
+        *("cosim.coupling.accelerators", "cosim.coupling.state"),
+    ),
     "cosim.coupling.adaptive": ("cosim.port", "cosim.coupling.state", "cosim.coupling.schemes"),
     "cosim.coupling.excursion": ("cosim.port",),
     "cosim.coupling.motion": (
@@ -50,13 +59,15 @@ ALLOWED = {
     "cosim.coupling.one_way": ("cosim.port",),
     "cosim.coupling.fixed_point": (
         "cosim.port",
+        "cosim.static_response",
         "cosim.coupling.accelerators",
         "cosim.coupling.equilibrium",
         "cosim.coupling.finger_equilibrium",
     ),
     "fe_solver": (
         *("cosim.port", "cosim.files", "cosim.mesh_file", "cosim.processes", "cosim.checks"),
-        *("cosim.xml_tree", "cosim.kernels", "cosim.extras", "fe_solver"),
+        *("cosim.xml_tree", "cosim.kernels", "cosim.array_cache", "cosim.content_key"),
+        *("cosim.extras", "fe_solver"),
     ),
     "rigid": (
         *("cosim.port", "cosim.coupling.finger_equilibrium", "cosim.files", "cosim.checks"),
@@ -69,7 +80,8 @@ FLOORS = (
     {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels", "cosim.json_text"},
     {"cosim.port", "cosim.extras"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
-    {"cosim.processes", "cosim.xml_tree", "cosim.text_tables"},
+    {"cosim.array_cache", "cosim.content_key"},
+    {"cosim.processes", "cosim.xml_tree", "cosim.text_tables", "cosim.static_response"},
     {"cosim.tendons"},
     {"cosim.coupling"},
     {"cosim.fmu"},

@@ -7,11 +7,11 @@ import json
 import os
 from collections.abc import Iterator
 from functools import cache, lru_cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from cosim.case.schema import Case
+from cosim.content_key import LIBRARIES, ROOT, library_version, sources_key
 from cosim.errors import InputError
 from cosim.version import __version__
 
@@ -21,11 +21,9 @@ ABOUT_RESULTS = (
     *("cosim/commands/report.py", "cosim/commands/study.py"),
 )
 """What only shows results or says how runs are spread; it changes no number."""
-LIBRARIES = ("numpy", "scipy", "mujoco", "numba", "feral-solver", "pypardiso")
-"""What computes: the last four where they are installed."""
 CHOICES = ("FE_SOLVER_LINEAR", "FE_SOLVER_NO_NUMBA")
 """Variables of the environment that say by what."""
-NOT_CODE = (".pyc", ".css", ".js", ".j2", ".md", ".nbi", ".nbc")
+NOT_CODE = (".pyc", ".css", ".js", ".j2", ".md", ".nbi", ".nbc", ".lock")
 WORDS = ("title", "notes", "output")
 """Keys of a case that change no number."""
 
@@ -40,27 +38,16 @@ def code_version() -> str:
 
 @cache
 def _installed_version() -> str:
-    root = Path(__file__).parents[2]
-    digest = hashlib.sha256()
-    for package in PACKAGES:
-        for path in sorted((root / package).rglob("*")):
-            name = path.relative_to(root).as_posix()
-            if (
-                path.is_file()
-                and path.suffix not in NOT_CODE
-                and not name.startswith(ABOUT_RESULTS)
-            ):
-                digest.update(f"{name}\n".encode())
-                digest.update(hashlib.sha256(path.read_bytes()).digest())
-    libraries = " ".join(_library(name) for name in LIBRARIES)
-    return f"{__version__} {digest.hexdigest()[:16]} {libraries}"
-
-
-def _library(name: str) -> str:
-    try:
-        return f"{name} {version(name)}"
-    except PackageNotFoundError:
-        return f"{name} -"
+    files = (
+        path
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*")
+        if path.is_file()
+        and path.suffix not in NOT_CODE
+        and not path.relative_to(ROOT).as_posix().startswith(ABOUT_RESULTS)
+    )
+    libraries = " ".join(library_version(name) for name in LIBRARIES)
+    return f"{__version__} {sources_key(files)[:16]} {libraries}"
 
 
 def case_table(case: Case) -> dict[str, Any]:

@@ -15,9 +15,12 @@ import typer
 from rich import box
 from rich.table import Table
 
+from cosim.array_cache import OFF, ArrayCache, Contents, user_cache
+from cosim.array_cache import VARIABLE as VARIABLE_OF_CACHE
 from cosim.checks import Row, Study, select_studies
 from cosim.commands.terminal import console, exit_on_error, stages
 from cosim.extras import EXTRAS, install_command, is_installed
+from cosim.files import shown_path
 from cosim.version import __version__
 from fe_solver.elements import kernels
 from fe_solver.solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, backend_name
@@ -117,8 +120,16 @@ def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: boo
     raise typer.Exit(0 if all(row.passed for row in rows) else 1)
 
 
-def info() -> None:
-    """What is installed and in use, and what would be faster."""
+ClearCache = Annotated[
+    bool, typer.Option("--clear-cache", help="Empty the cache of arrays, and say what that freed.")
+]
+
+
+def info(clear_cache: ClearCache = False) -> None:
+    """What is installed and in use, what is kept in the user's cache, and what would be faster."""
+    if clear_cache:
+        typer.echo(_clear_cache())
+        return
     with exit_on_error():
         installed = dict(facts()) | dict(_for_purposes())
     wide = max(map(len, installed))
@@ -137,10 +148,33 @@ def facts() -> Iterator[tuple[str, str]]:
     )
     yield "kernels", f"{compiled}, {kernels.thread_count()} threads on large meshes"
     yield "linear solver", f"{backend_name()}, of {', '.join(available())}"
+    yield "cache of arrays", _cache_text(user_cache())
     order = list(BACKENDS)
     better = [name for name in order[: order.index(backend_name())] if name in FASTER]
     words = [f"{b} (set {VARIABLE})" if b in available() else FASTER[b] for b in better]
     yield "faster would be", "; ".join(words) or "nothing that is known"
+
+
+def _cache_text(cache: ArrayCache | None) -> str:
+    """Where arrays are kept and how much of each kind."""
+    if cache is None:
+        return f"turned off ({VARIABLE_OF_CACHE}={OFF})"
+    kinds = [f"{kind or 'of an older version'} {_size(n)}" for kind, n in cache.contents().items()]
+    most = f"at most {cache.most_bytes / 1e6:.0f} MB"
+    return f"{shown_path(cache.folder)}: {', '.join(kinds)}; {most}, see --clear-cache"
+
+
+def _size(contents: Contents) -> str:
+    return f"{contents.bytes / 1e6:.1f} MB in {contents.files} files"
+
+
+def _clear_cache() -> str:
+    cache = user_cache()
+    if cache is None:
+        return f"the cache of arrays is {_cache_text(cache)}: nothing was removed"
+    freed, left = cache.clear(), sum(n.files for n in cache.contents().values())
+    rest = f"; {left} files could not be removed" if left else ""
+    return f"freed {_size(freed)} in {shown_path(cache.folder)}{rest}"
 
 
 def _for_purposes() -> Iterator[tuple[str, str]]:

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import typer
 
+from cosim.array_cache import user_cache
 from cosim.case.file import load_case
 from cosim.commands.terminal import exit_on_error, stages
 from cosim.errors import InputError
@@ -16,7 +17,7 @@ from cosim.files import shown_path
 from cosim.kernels.kernel import compiled_kernels
 from cosim.models.build import build_any
 from cosim.pipeline import run_case
-from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
+from fe_solver.surfaces.spline_distance import SplineDistance
 
 
 class Warmup(NamedTuple):
@@ -96,5 +97,7 @@ def _bake_tetrahedron() -> None:
 
 
 def _bones_folder() -> str:
-    folder = cache_folder()
-    return f"in {shown_path(folder)}" if folder.is_dir() else "nowhere: no cache folder of the user"
+    cache = user_cache()
+    if cache is None or not cache.folder.is_dir():
+        return "nowhere: there is no cache folder of the user, or it is turned off"
+    return f"in {shown_path(cache.folder)}"

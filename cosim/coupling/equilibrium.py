@@ -29,6 +29,7 @@ from cosim.port import (
     State,
     Tensions,
 )
+from cosim.static_response import static_response
 
 LOOSE, NEAR = 1e-3, 0.1
 """The hood is solved to LOOSE until the interface's residual is below NEAR (an inexact Newton:
@@ -116,7 +117,7 @@ def equilibrium(
     for iteration in range(1, options.max_iterations + 1):
         motion = finger.motion(finger_state)
         solver = hood if exact else hood.with_tolerance(LOOSE)
-        response, first = first or solver.advance(state, motion, tensions.hood, STATIC), None
+        response, first = first or static_response(solver, state, motion, tensions.hood), None
         jacobian = solver.jacobian(response.state)
         balance = finger.balance(finger_state, response.load, tensions.finger)
         interface = np.nan if balance is None else balance.relative
@@ -161,7 +162,7 @@ def first_answer(pair: Pair, start: PairState, tension: Array) -> Response:
     """The hood's answer with which an `equilibrium` from `start` begins, which depends on nothing
     but the hood, the pose and the hood's tensions (nt,) N."""
     hood, motion = pair.hood.with_tolerance(LOOSE), pair.finger.motion(start.finger)
-    return hood.advance(start.hood, motion, tension, STATIC)
+    return static_response(hood, start.hood, motion, tension)
 
 
 def _is_at_rest(interface: float, turn: float, tolerance: float) -> bool:

@@ -13,7 +13,8 @@ from cosim.coupling.accelerators import Accelerator, accelerate, initial_history
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium
 from cosim.coupling.finger_equilibrium import MOST_TURN
 from cosim.errors import ConvergenceError, Progress, quiet
-from cosim.port import STATIC, Pair, PairState, Tensions
+from cosim.port import Pair, PairState, Tensions
+from cosim.static_response import static_response
 
 
 def fixed_point(
@@ -35,7 +36,7 @@ def fixed_point(
     held = np.zeros((n, n))
     for iteration in range(1, options.max_iterations + 1):
         motion = finger.motion(at)
-        response = hood.advance(state, motion, tensions.hood, STATIC)
+        response = static_response(hood, state, motion, tensions.hood)
         balance = finger.balance(at, response.load, tensions.finger)
         aim, finger_residual = finger.settle(
             at, response.load, held, tensions.finger, options.tolerance

@@ -40,7 +40,8 @@ from cosim.coupling.state import (
     interface_residual,
 )
 from cosim.errors import ConvergenceError
-from cosim.port import STATIC, Array, Hood, Motion, MovingFinger, State
+from cosim.port import Array, Hood, Motion, MovingFinger, Response, State
+from cosim.static_response import static_response
 
 LENGTH = 0.046
 """m, of a proximal phalanx (Buchner et al. 1988, J Biomech 21, table 2)."""
@@ -108,7 +109,9 @@ def begin(
 ) -> CoupledState:
     """A finger's `state` (from `finger.begin`) and a hood at static equilibrium on it."""
     motion = finger.motion(finger.angles(state))
-    answer = _ask_hood(scheme, hood, hood.start(motion), motion, tension(time)[0], STATIC)
+    pull = tension(time)[0]
+    first = static_response(hood, hood.start(motion), motion, pull)
+    answer = _answer(scheme, hood, motion, pull, first)
     nq = len(finger.joints)
     return CoupledState(
         state,
@@ -244,7 +247,12 @@ def _predict_angles(finger: MovingFinger, state: CoupledState, dt: float) -> Arr
 def _ask_hood(
     scheme: Scheme, hood: Hood, state: State, motion: Motion, tension: Array, dt: float
 ) -> HoodAnswer:
-    response = hood.advance(state, motion, tension, dt)
+    return _answer(scheme, hood, motion, tension, hood.advance(state, motion, tension, dt))
+
+
+def _answer(
+    scheme: Scheme, hood: Hood, motion: Motion, tension: Array, response: Response
+) -> HoodAnswer:
     wants_tangent = isinstance(scheme, (Newton, Linear))
     tangent = hood.jacobian(response.state) if wants_tangent else None
     return HoodAnswer(motion, tension, response, tangent)

@@ -8,6 +8,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
+from cosim.array_cache import user_cache
 from cosim.errors import InputError
 from cosim.hoods.cable.table import CableHoodConfig
 from cosim.hoods.kind import Site
@@ -19,7 +20,7 @@ from fe_solver.forces.contact import needed_distance
 from fe_solver.hood.build import ContactLaw, HoodSupports, TendonEnd
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.supports import SpringLaw, SpringSet, Tied
-from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
+from fe_solver.surfaces.spline_distance import SplineDistance
 from meshes.cable_net import CableNet
 from meshes.cover import Head, Joint, thinner
 from meshes.hood_mesh import Attachment, HoodMesh
@@ -182,6 +183,6 @@ class _frozen:
 @lru_cache(maxsize=32)
 def _pose_surface(body: str, vertices: _frozen, faces: _frozen, margin: float) -> SplineDistance:
     try:
-        return SplineDistance.bake(vertices.array, faces.array, margin=margin, cache=cache_folder())
+        return SplineDistance.bake(vertices.array, faces.array, margin=margin, cache=user_cache())
     except InputError as error:
         raise InputError(f"finger.bones.{body}.surface: {error}") from error

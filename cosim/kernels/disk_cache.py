@@ -12,11 +12,18 @@ import numba
 from numba.core import caching
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.registry import cpu_target
+from numba.core.runtime import rtsys
+
+from cosim.kernels.file_lock import FileLock
 
 _compile: Any = partial(
     numba.njit, nogil=True, error_model="numpy", boundscheck=False, no_cfunc_wrapper=True
 )
 """No wrapper for C: nobody calls kernels from there."""
+
+HASHING = b"_numba_hashsecret"
+"""How the names begin that code refers to which hashes texts, as sets and dicts of them do."""
 
 
 class _Part(JITCodeLibrary):
@@ -58,8 +65,22 @@ def compile_as_part(function: Callable[..., Any]) -> Any:
 def compile_and_keep(function: Callable[..., Any]) -> Any:
     """numba's dispatcher of a function, whose compiled code is kept on disk where one can."""
     dispatcher = _compile(function)
-    dispatcher._cache = KernelCache(function)  # as its enable_caching() would set numba's own
+    cache = dispatcher._cache = KernelCache(function)  # as enable_caching() would set numba's own
+    compile_signature = dispatcher.compile
+
+    def load_or_compile(sig: Any) -> Any:
+        try:
+            return compile_signature(sig)
+        finally:
+            cache.end_turn()
+
+    dispatcher.compile = load_or_compile
     return dispatcher
+
+
+def prepare() -> None:
+    """Make numba ready to load what was compiled."""
+    rtsys.initialize(cpu_target.target_context)
 
 
 class KernelCache(caching.NullCache):
@@ -68,11 +89,13 @@ class KernelCache(caching.NullCache):
 
     Code is looked for in NUMBA_CACHE_DIR where that is set, else beside the module, also where one
     may not write there, and then in the user's cache folder.  What is found nowhere is compiled,
-    and kept in the first of these that takes it."""
+    and kept in the first of these that takes it.  Of processes that need it at the same time one
+    compiles, and the others wait for it; where no file can be locked each compiles."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._places = list(_places(function))
         self._path: str | None = None
+        self._turn: FileLock | None = None
 
     @property
     def cache_path(self) -> str | None:
@@ -80,7 +103,30 @@ class KernelCache(caching.NullCache):
         return self._path
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The code for a signature, None where there is none that can be used."""
+        """The code for a signature, None where there is none that can be used: then it is this
+        process's turn to compile it, until `end_turn`."""
+        overload = self._load(sig, target_context)
+        if overload is None and self._take_turn():
+            overload = self._load(sig, target_context)  # of the process that was waited for
+        return overload
+
+    def end_turn(self) -> None:
+        """Let the next process have what this one compiled, or compile it where this one failed."""
+        if self._turn is not None:
+            self._turn.release()
+            self._turn = None
+
+    def _take_turn(self) -> bool:
+        """Wait until no other process compiles the function; False where none can be waited for."""
+        for place in self._places:
+            with suppress(OSError):
+                lock = FileLock(Path(place.cache_path) / f"{place.index_name}.lock")
+                if lock.acquire():
+                    self._turn = lock
+                    return True
+        return False
+
+    def _load(self, sig: Any, target_context: Any) -> Any:
         for place in self._places:
             with suppress(Exception):  # whatever a pickle or LLVM raises of a file that is no good
                 overload = place.load_overload(sig, target_context)
@@ -102,13 +148,36 @@ class KernelCache(caching.NullCache):
                     return
 
 
-def _places(function: Callable[..., Any]) -> Iterator[Any]:
+class _Place(caching.FunctionCache):
+    """numba's cache of a function in one folder."""
+
+    @property
+    def index_name(self) -> str:
+        """What the names of the function's files begin with."""
+        return str(self._impl.filename_base)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The code for a signature, None where there is none.
+
+        numba's own first imports all that it can compile, 200 of its modules; to load what was
+        compiled, its runtime is enough, and of those modules one that hashes."""
+        prepare()
+        data = self._cache_file.load(self._index_key(sig, target_context.codegen()))
+        if data is None:
+            return None
+        _, kind, code = data[0]
+        if any(HASHING in part for part in (code if kind == "object" else [code])):
+            target_context.refresh()
+        return self._impl.rebuild(target_context, data)
+
+
+def _places(function: Callable[..., Any]) -> Iterator[_Place]:
     """numba's caches of a function in each place where it may have been kept."""
     by_user, *others = caching.CompileResultCacheImpl._locator_classes[:3]
     config: Any = numba.config
     for locator in (by_user,) if config.CACHE_DIR else others:
         trusted = type(locator.__name__, (locator,), {"ensure_cache_path": lambda self: None})
         impl = type("Impl", (caching.CompileResultCacheImpl,), {"_locator_classes": [trusted]})
-        place = type("Place", (caching.FunctionCache,), {"_impl_class": impl})
+        place = type("Place", (_Place,), {"_impl_class": impl})
         with suppress(Exception):  # a module that lies in an archive has no file
             yield place(function)

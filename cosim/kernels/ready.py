@@ -3,7 +3,6 @@
 from cosim.kernels.kernel import HAS_NUMBA
 
 if HAS_NUMBA:
-    from numba.core.registry import cpu_target
+    from cosim.kernels.disk_cache import prepare
 
-    cpu_target.typing_context.refresh()
-    cpu_target.target_context.refresh()
+    prepare()

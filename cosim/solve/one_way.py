@@ -27,6 +27,7 @@ from cosim.port import (
 )
 from cosim.solve.session import Session
 from cosim.solve.states import States
+from cosim.static_response import static_response
 from cosim.tendons.muscles import MusclePull
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def hood_pass(case: Case, session: Session, progress: Progress) -> HoodPass:
     state, answers = models.hood.start(at), []
     for tensions_ in (resting, (hood, native)):
         progress(f"one way: hood solved in the posture, {tensions_[0].max(initial=0.0):.3g} N")
-        response = models.hood.advance(state, at, tensions_[0], STATIC)
+        response = static_response(models.hood, state, at, tensions_[0])
         by_tension = models.hood.jacobian(response.state).load_tension
         answers.append(PassAnswer(response, by_tension, *tensions_))
         state = response.state

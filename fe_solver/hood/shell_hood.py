@@ -9,8 +9,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.content_key import UnknownContentError, content_key
 from cosim.errors import ConvergenceError, InputError, say
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
+from fe_solver.hood.version import KNOWN, solver_version
 from fe_solver.sheet import Sheet
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import rope_travel, wrenches
@@ -37,6 +39,8 @@ MAX_TURN = 0.2
 posture (its central slip taut or not); which of them a long leap ends in is the mesh's whim."""
 ON_THE_WAY = 1e-3
 """Newton's tolerance in the postures on the way to one that is far."""
+ALIKE = 0.5
+"""Difference of two steps, or of what they missed by, over the last: to here they are alike."""
 MOST_HALVINGS = 4
 DETOUR_TENSION = 6.0
 """Added to every tension (N) on a detour: a sheet that folds in a joint when slack is then taut."""
@@ -65,6 +69,51 @@ class _Drift:
 
 
 @dataclass(frozen=True)
+class _Course:
+    """A step as the tangent predicts it, and by how much the last one like it missed."""
+
+    step: Array
+    """(free,) of the free degrees of freedom, to first order."""
+    end: Configuration
+    """To first order."""
+    miss: _Drift | None = None
+    """How far from there the hood comes to rest, in the square of the step's length; None where
+    no step before says it."""
+    steady: bool = False
+    """Whether the step before missed alike."""
+
+    def after(self, last: _Course | None) -> _Course:
+        """This step with what the last one, if it was alike, missed by."""
+        if last is None or last.miss is None or not (size := float(last.step @ last.step)):
+            return self
+        share = float(self.step @ last.step) / size
+        if share <= 0 or not _is_alike(self.step, share * last.step):
+            return self
+        miss = _Drift(share**2 * last.miss.x, share**2 * last.miss.d)
+        return replace(self, miss=miss, steady=last.steady)
+
+    def guess(self, model: ShellModel) -> Configuration:
+        """Where the hood comes to rest, to second order where that is known."""
+        if self.miss is None or not self.steady:
+            return self.end
+        end, held = self.end, np.concatenate([model.ties.node, model.guides.node])
+        x, d = end.x + self.miss.x, end.d + self.miss.d
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        x[held], d[held] = end.x[held], end.d[held]
+        return replace(end, x=x, d=d)
+
+    def ended(self, c: Configuration) -> _Course:
+        """The step when the hood has come to rest, with what it missed by."""
+        miss = _Drift.of(c, self.end)
+        steady = self.miss is not None and _is_alike(miss.x, self.miss.x)
+        return replace(self, miss=miss, steady=steady)
+
+
+def _is_alike(a: Array, b: Array) -> bool:
+    return float(np.linalg.norm(a - b)) <= ALIKE * float(np.linalg.norm(a))
+
+
+@dataclass(frozen=True)
 class HoodState:
     """A hood in equilibrium, or, before the first solve, carried there by its bones."""
 
@@ -75,8 +124,9 @@ class HoodState:
     iterations: int = 0
     """Newton iterations since the start."""
     attempt: str = ""
-    """Which attempt of `ShellHood` converged here; empty in a state that was not solved or was
-    read."""
+    """Which attempt of `ShellHood` converged here; empty in a state that was not solved."""
+    course: _Course | None = None
+    """The step that was predicted to here; None where none was, as after a large change."""
 
 
 @dataclass(frozen=True)
@@ -195,16 +245,32 @@ class ShellHood:
             -by_follow[nm:, nm:],
         )
 
+    def first_key(self, state: HoodState, motion: Motion, tension: Array) -> str | None:
+        """A key of all that determines `advance` from a state of `start`: this hood, the poses, the
+        tensions (nt,) N, the solver's code and the machine.  None for a state that was solved, for
+        augmented contact, whose states `to_arrays` does not hold, and for a user's own material."""
+        if self.augment is not None or state.solution is not None:
+            return None
+        try:
+            return content_key(
+                (solver_version(), self, state, motion, np.asarray(tension, dtype=float)), KNOWN
+            )
+        except UnknownContentError:
+            return None
+
     def to_arrays(self, state: HoodState) -> dict[str, Array]:
         """All that a state of a hood without augmented contact is made of."""
         out = {f"motion/{k}": v for k, v in _pose(state.motion.position, state.motion.rotation)}
         c = state.configuration
         out |= {"x": c.x, "d": c.d, **dict(_pose(c.position, c.rotation))}
-        out["iterations"] = np.array(state.iterations)
+        out |= {"iterations": np.array(state.iterations), "attempt": np.array(state.attempt)}
         if state.solution is not None:
             s = state.solution
             out |= {"tension": s.tension, "residual": np.array(s.residual)}
             out["counts"] = np.array([s.iterations, s.solves])
+        if (course := state.course) is not None and course.miss is not None:
+            out |= {"course/step": course.step, "course/steady": np.array(course.steady)}
+            out |= {"course/x": course.miss.x, "course/d": course.miss.d}
         return out
 
     def from_arrays(self, arrays: Mapping[str, Array]) -> HoodState:
@@ -223,7 +289,12 @@ class ShellHood:
             iterations, solves = (int(n) for n in arrays["counts"])
             residual = float(arrays["residual"])
             solution = Solution(self.model, c, evaluation, tension, iterations, solves, residual)
-        return HoodState(motion, c, solution, int(arrays["iterations"]))
+        spent, attempt = int(arrays["iterations"]), str(arrays.get("attempt", ""))
+        course = None
+        if "course/step" in arrays:
+            miss = _Drift(arrays["course/x"], arrays["course/d"])
+            course = _Course(arrays["course/step"], c, miss, bool(arrays["course/steady"]))
+        return HoodState(motion, c, solution, spent, attempt, course)
 
     def with_tolerance(self, tolerance: float) -> ShellHood:
         """Return the same shell, its Newton stopped at a relative residual of `tolerance`."""
@@ -256,9 +327,9 @@ class ShellHood:
 
     def _predict(
         self, state: HoodState, motion: Motion, tension: Array
-    ) -> tuple[Configuration, Prediction] | None:
-        """To first order, the hood at a nearby motion under other tensions and its forces there;
-        None where the change is too large for that."""
+    ) -> tuple[_Course, Prediction] | None:
+        """To first order, the step to a nearby motion under other tensions and the hood's forces
+        there; None where the change is too large for that."""
         s, twist = state.solution, state.motion.twist_to(motion)
         if s is None or np.abs(twist[:, 3:]).max() > SMALL_TURN:
             return None
@@ -270,7 +341,8 @@ class ShellHood:
         step[m.free] = s.sensitivity @ np.concatenate([twist.ravel(), tension - s.tension])
         moved = m.take_step(c, e.bases, step)
         moved = m.move_bodies(moved, motion.position, motion.rotation)
-        return predict_motion(m, c, e, step, twist, moved)
+        end, forces = predict_motion(m, c, e, step, twist, moved)
+        return _Course(step[m.free], end).after(state.course), forces
 
     def _reach(
         self,
@@ -350,8 +422,10 @@ class ShellHood:
     ) -> HoodState:
         near = self._predict(state, motion, tension)
         if near is not None:
-            s = self._equilibrium(state, near[0], tension, near[1])
-            return HoodState(motion, s.configuration, s, state.iterations + s.iterations)
+            course, forces = near
+            s = self._equilibrium(state, course.guess(self.model), tension, forces)
+            spent, course = state.iterations + s.iterations, course.ended(s.configuration)
+            return HoodState(motion, s.configuration, s, spent, course=course)
         guess, spent = self._start_on_soft_contact(
             self._carry(state.configuration, motion, drift), tension
         )

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.array_cache import user_cache
 from cosim.errors import InputError
 from cosim.port import Array, Ints
 from fe_solver.elements.mesh_geometry import node_areas, node_means
@@ -35,7 +36,7 @@ from fe_solver.supports import (
     ties_of,
 )
 from fe_solver.surfaces.closing import close_surface
-from fe_solver.surfaces.spline_distance import SplineDistance, Surface, cache_folder
+from fe_solver.surfaces.spline_distance import SplineDistance, Surface
 
 BEYOND = 1e-3
 """m past what contact needs that a baked distance reaches."""
@@ -274,7 +275,7 @@ def _surface(job: Job, pair: ContactPair, offset: float, options: JobOptions) ->
             triangles,
             options.spacing,
             needed_distance(offset, options.smoothing) + BEYOND,
-            cache_folder() if options.cached else None,
+            user_cache() if options.cached else None,
         )
     except InputError as error:
         raise InputError(

@@ -6,25 +6,22 @@ negative inside.  The exact shapes are in `fe_solver.surfaces.shapes`.
 
 from __future__ import annotations
 
-import hashlib
-import zipfile
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.array_cache import ArrayCache
+from cosim.content_key import content_key
 from cosim.errors import InputError
-from cosim.files import atomic_path
 from cosim.port import Array
 from fe_solver.elements import kernels
 from fe_solver.surfaces.shapes import Distance, Sphere, Surface, positive
 from fe_solver.surfaces.spline_kernel import spline_at
 from fe_solver.surfaces.triangle_distance import check_surface, distances_on_grid
 
-__all__ = ["Sphere", "SplineDistance", "Surface", "cache_folder"]
+__all__ = ["Sphere", "SplineDistance", "Surface"]
 
 
 VERSION = 3
@@ -120,26 +117,26 @@ class SplineDistance:
         faces: NDArray[np.integer],
         spacing: float = 0.5e-3,
         margin: float = 4e-3,
-        cache: Path | None = None,
+        cache: ArrayCache | None = None,
     ) -> SplineDistance:
         """The distance of a watertight triangle surface: vertices (nv, 3) m, faces (nf, 3).
 
-        The grid reaches `margin` beyond the surface.  `cache` is a folder for baked grids (see
-        `cache_folder`); None bakes afresh.  Raises InputError for a surface that is empty, not
-        watertight or not finite, and for a grid of more than MOST_NODES nodes.
+        The grid reaches `margin` beyond the surface.  `cache` keeps baked grids (see
+        `cosim.array_cache.user_cache`); None bakes afresh.  Raises InputError for a surface that is
+        empty, not watertight or not finite, and for a grid of more than MOST_NODES nodes.
         """
         positive(spacing, "grid spacing")
         positive(margin, "grid margin")
         vertices, faces = check_surface(vertices, faces)
         origin, shape = _grid(vertices, spacing, margin)
-        file = cache and Path(cache) / f"{_key(vertices, faces, spacing, margin)}.npz"
-        coefficients = _read(file, shape) if file else None
-        if coefficients is not None:
-            return cls(origin, spacing, coefficients, margin)
+        key = _key(vertices, faces, spacing, margin) if cache else ""
+        kept = cache.read("distances", key) if cache else None
+        if kept is not None:
+            return cls(origin, spacing, kept["coefficients"], margin)
         values = distances_on_grid(vertices, faces, origin, spacing, shape)
         baked = cls.from_grid(origin, spacing, values, margin)
-        if file:
-            _write(file, baked.coefficients)
+        if cache:
+            cache.write("distances", key, {"coefficients": baked.coefficients})
         return baked
 
     def plus(self, values: Callable[[Array], Array]) -> SplineDistance:
@@ -177,39 +174,6 @@ def _grid(vertices: Array, spacing: float, margin: float) -> tuple[Array, tuple[
     return origin, tuple(int(c) + 1 for c in cells)
 
 
-def cache_folder() -> Path:
-    """The user's folder for baked grids (may not exist yet)."""
-    from platformdirs import user_cache_path
-
-    return user_cache_path("cosim", appauthor=False)
-
-
 def _key(vertices: Array, faces: NDArray[np.integer], spacing: float, margin: float) -> str:
-    digest = hashlib.sha256(f"{VERSION} {spacing!r} {margin!r} {vertices.shape}".encode())
-    digest.update(np.ascontiguousarray(vertices, dtype="<f8").tobytes())
-    digest.update(np.ascontiguousarray(faces, dtype="<i8").tobytes())
-    return digest.hexdigest()
-
-
-def _digest(file: Path, coefficients: Array) -> str:
-    """What tells that these coefficients were written to this file, whose name is their key."""
-    digest = hashlib.sha256(f"{file.stem} {coefficients.dtype.str} {coefficients.shape}".encode())
-    digest.update(np.ascontiguousarray(coefficients).tobytes())
-    return digest.hexdigest()
-
-
-def _read(file: Path, shape: tuple[int, ...]) -> Array | None:
-    """Cached coefficients, or None where there are none that can be used."""
-    try:
-        with np.load(file, allow_pickle=False) as stored:
-            coefficients, digest = stored["coefficients"], str(stored["digest"])
-    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile):
-        return None
-    fits = coefficients.shape == tuple(n + 2 for n in shape) and coefficients.dtype == np.float64
-    return coefficients if fits and digest == _digest(file, coefficients) else None
-
-
-def _write(file: Path, coefficients: Array) -> None:
-    """Store for the next time; a folder that cannot be written to only costs that time."""
-    with suppress(OSError), atomic_path(file) as part, part.open("wb") as stream:
-        np.savez(stream, coefficients=coefficients, digest=_digest(file, coefficients))
+    corners = np.ascontiguousarray(vertices, dtype="<f8")
+    return content_key((VERSION, spacing, margin, corners, np.ascontiguousarray(faces, "<i8")))

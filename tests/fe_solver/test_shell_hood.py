@@ -21,6 +21,7 @@ from fe_solver.hood.build import ContactLaw, HoodSupports, TendonEnd, shell_hood
 from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood, _largest_turn
 from fe_solver.materials.linear import Isotropic
 from fe_solver.sheet import plate
+from fe_solver.solver import mixed_steps
 from fe_solver.solver.fields import contact_pressure, fields
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.supports import Tied
@@ -371,7 +372,8 @@ def test_a_prediction_misses_by_the_square_of_the_turn(hood, solved, motion):
     held = np.concatenate([m.ties.node, m.guides.node])
     alone = (count[m.springs.node] == 1) & ~np.isin(m.springs.node, held)
     for ahead in turns(motion, [2e-5, 4e-5]):
-        foreseen, forces = hood._predict(state, ahead, TENSION)
+        course, forces = hood._predict(state, ahead, TENSION)
+        foreseen = course.guess(m)
         end = hood.advance(state, ahead, TENSION, STATIC).state.configuration
         misses.append(np.abs(end.x - foreseen.x).max())
         pull = m.evaluate(foreseen, TENSION, tangent=False).points.force[: len(alone)][alone]
@@ -381,13 +383,66 @@ def test_a_prediction_misses_by_the_square_of_the_turn(hood, solved, motion):
     assert misses[1] == pytest.approx(4 * misses[0], rel=0.5)
 
 
+def miss(hood: ShellHood, state: HoodState, ahead: Motion) -> float:
+    """How far (m) from the guess the hood comes to rest."""
+    guess = hood._predict(state, ahead, TENSION)[0].guess(hood.model)
+    return float(
+        np.abs(hood.advance(state, ahead, TENSION, STATIC).state.configuration.x - guess.x).max()
+    )
+
+
+def test_a_steady_motion_is_foreseen_by_what_the_last_steps_missed(hood, solved, motion):
+    """The first two steps tell by how much the tangent misses; the third is foreseen, whatever its
+    length."""
+    state = walk(hood, solved, turns(motion, [5e-5, 10e-5, 15e-5]))
+    for ahead in (18e-5, 20e-5):
+        [there] = turns(motion, [ahead])
+        by_tangent = miss(hood, replace(state, course=None), there)
+        assert miss(hood, state, there) < by_tangent / 2
+
+
+@pytest.mark.parametrize(
+    ("sizes", "ahead"),
+    [([2e-5], 4e-5), ([2e-5, 4e-5, 6e-5], 4e-5), ([2e-5, 4e-5, 9e-5], 11e-5)],
+    ids=["one step before", "back again", "not steady"],
+)
+def test_a_step_unlike_those_before_is_foreseen_by_the_tangent_alone(
+    hood, solved, motion, sizes, ahead
+):
+    state, [there] = walk(hood, solved, turns(motion, sizes)), turns(motion, [ahead])
+    if len(sizes) > 1 and ahead > sizes[-1]:
+        state = replace(state, course=replace(state.course, steady=False))
+    course, _ = hood._predict(state, there, TENSION)
+    assert course.guess(hood.model) is course.end
+
+
 def test_arrays_hold_all_that_the_next_step_begins_from(hood, solved, motion):
-    first, second, third = turns(motion, [2e-5, 4e-5, 6e-5])
-    state = walk(hood, solved, [first, second])
+    first, second, third, fourth = turns(motion, [2e-5, 4e-5, 6e-5, 8e-5])
+    state = walk(hood, solved, [first, second, third])
+    assert state.course.steady
     again = hood.from_arrays(hood.to_arrays(state))
-    one, other = (hood.advance(s, third, TENSION, STATIC) for s in (state, again))
+    one, other = (hood.advance(s, fourth, TENSION, STATIC) for s in (state, again))
     assert np.array_equal(one.load.wrench, other.load.wrench)
     assert np.array_equal(one.state.configuration.x, other.state.configuration.x)
     assert one.state.iterations == other.state.iterations
     jacobians = hood.jacobian(state), hood.jacobian(again)
     assert np.array_equal(*(j.load_motion for j in jacobians))
+
+
+def test_steps_that_go_round_in_a_circle_leave_the_rest_to_the_search(monkeypatch):
+    """On a coarse sheet that a tendon pulls taut, three sets of taut springs follow on one another
+    for ever."""
+    models = build(load_case("isometric_edc", ["hood.mesh.quads=120"]))
+    hood, finger = models.hood, models.finger
+    posture = finger.motion(finger.start(models.posture))
+    pulled = np.where(np.array(hood.tendons) == "EDC", 5.0, 0.05)
+    rest = hood.advance(hood.start(posture), posture, np.full(len(pulled), 0.05), STATIC).state
+
+    def pull() -> HoodState:
+        return hood.advance(rest, posture, pulled, STATIC).state
+
+    left = pull()
+    monkeypatch.setattr(mixed_steps, "CIRCLES", mixed_steps.MOST_STEPS)
+    gone_round = pull()
+    assert left.iterations < gone_round.iterations
+    assert left.configuration.x == pytest.approx(gone_round.configuration.x, abs=1e-8)

@@ -194,3 +194,160 @@ def test_a_run_needs_no_folder_but_that_of_its_results(tmp_path):
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert (tmp_path / "runs" / "split_edc" / "picture.png").is_file()
+
+
+VARIOUS = """
+import math
+import numpy as np
+from cosim.kernels.kernel import compile_kernel
+
+@compile_kernel
+def words(n):
+    counts = {"one": 1}
+    for i in range(n):
+        counts["two" if i % 2 else "three"] = i
+    return counts["two"]
+
+@compile_kernel
+def algebra(n):
+    a = np.eye(n) * 2.0
+    a[0, 1] = math.erf(0.5) ** 0.3
+    return np.linalg.solve(a, np.ones(n)).sum()
+
+@compile_kernel
+def tuples(n):
+    if n < 0:
+        raise ValueError("negative")
+    return np.arange(n), (np.full((n, 2), 1.5), "text")
+
+@compile_kernel
+def drawn(n):
+    np.random.seed(n)
+    return np.random.normal()
+"""
+CALL_VARIOUS = """
+import sys
+import numpy as np
+import various
+from cosim.kernels.kernel import compiled_kernels
+heavy = "numba.np.linalg"
+print(repr(various.tuples(2)).replace(chr(10), ""), heavy in sys.modules)
+try:
+    various.tuples(-1)
+except ValueError as error:
+    print(error)
+print(various.algebra(3), various.drawn(3), various.words(4))
+print([(k.compiled, k.loaded) for k in compiled_kernels()])
+"""
+
+
+def test_a_loaded_kernel_finds_all_that_it_calls_and_loads_no_compiler(tmp_path):
+    """Arrays, tuples, texts, exceptions, linear algebra and random numbers are other code each; a
+    symbol that is missing would end the process."""
+    pytest.importorskip("scipy")
+    (tmp_path / "various.py").write_text(VARIOUS)
+    paths = os.pathsep.join([str(tmp_path), str(ROOT)])
+    env = {**os.environ, **NOWHERE, "PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    command = [sys.executable, "-c", CALL_VARIOUS]
+    first, second = (
+        subprocess.run(command, env=env, capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    )
+    assert first.splitlines()[1:3] == second.splitlines()[1:3]
+    assert first.splitlines()[3] == str([(1, 0)] * 4)
+    assert second.splitlines()[3] == str([(0, 1)] * 4)
+    assert [text.splitlines()[0].split()[-1] for text in (first, second)] == ["True", "False"]
+    assert first.splitlines()[0].rpartition(" ")[0] == second.splitlines()[0].rpartition(" ")[0]
+
+
+SLOWLY = """
+import os, sys, time
+from cosim.kernels import disk_cache
+from numba.core.dispatcher import _FunctionCompiler
+wait, compile_function = {wait}, _FunctionCompiler.compile
+def slowly(self, *arguments):
+    print("compiling", flush=True)
+    time.sleep(wait)
+    return compile_function(self, *arguments)
+_FunctionCompiler.compile = slowly
+"""
+
+
+def begin(installation: Path, wait: float, before: str = "") -> subprocess.Popen[str]:
+    """A process that calls the kernel, and compiles it in no less than `wait` s."""
+    paths = os.pathsep.join([str(installation), str(ROOT)])
+    given = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    return subprocess.Popen(
+        [sys.executable, "-c", SLOWLY.format(wait=wait) + before + CALL.format(times=1)],
+        env={**given, "PYTHONPATH": paths, **NOWHERE},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def end(process: subprocess.Popen[str]) -> tuple[int, int]:
+    """How often it compiled the kernel, and loaded it."""
+    out = process.communicate()[0]
+    assert process.returncode == 0
+    compiled, loaded = out.splitlines()[-1].split()[:2]
+    return int(compiled), int(loaded)
+
+
+def test_of_processes_that_need_a_kernel_one_compiles_it(installation):
+    at_work = [begin(installation, 2.0) for _ in range(3)]
+    assert sorted(end(process) for process in at_work) == [(0, 1), (0, 1), (1, 0)]
+
+
+def test_one_that_dies_while_it_compiles_stops_nobody(installation):
+    killed = begin(installation, 600.0)
+    assert killed.stdout.readline() == "compiling\n"
+    waiting = begin(installation, 0.0)
+    with pytest.raises(subprocess.TimeoutExpired):
+        waiting.wait(2.0)
+    killed.kill()
+    killed.wait()
+    killed.stdout.close()
+    assert end(waiting) == (1, 0)
+
+
+def test_one_that_fails_to_compile_stops_nobody(installation):
+    (installation / "loops.py").write_text(MODULE.replace("double(double(x))", "double(x).none"))
+    fails = """
+from loops import quadruple
+try:
+    quadruple(1.5)
+except Exception as error:
+    assert "none" in str(error), error
+from pathlib import Path
+from cosim.kernels.file_lock import FileLock
+(path,) = Path({folder!r}).glob("*.lock")
+print("released", subprocess.run([sys.executable, "-c", {take!r}, str(path)]).returncode)
+raise SystemExit
+"""
+    take = (
+        "import sys; from pathlib import Path; from cosim.kernels.file_lock import FileLock\n"
+        "raise SystemExit(not FileLock(Path(sys.argv[1])).acquire(0.0))"
+    )
+    before = "import subprocess\n" + fails.format(
+        folder=str(installation / "__pycache__"), take=take
+    )
+    process = begin(installation, 0.0, before)
+    assert process.communicate()[0].splitlines()[-1] == "released 0"
+
+
+@pytest.mark.parametrize("fault", ["no locks", "not in time"])
+def test_where_no_turn_can_be_had_each_compiles(installation, fault):
+    if fault == "no locks":
+        before = """
+from cosim.kernels import file_lock
+def none(handle): raise OSError(37, "No locks available")
+file_lock._try_lock = none
+"""
+    else:
+        before = """
+from cosim.kernels import file_lock
+file_lock._try_lock = lambda handle: False
+file_lock.FileLock.acquire.__defaults__ = (0.1,)
+"""
+    assert end(begin(installation, 0.0, before)) == (1, 0)
+    assert call(installation) == [(0, 1, str(installation / "__pycache__"))]

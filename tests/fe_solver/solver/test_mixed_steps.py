@@ -190,3 +190,24 @@ def test_a_step_back_is_seen(model):
     opened = before._replace(acting=np.setdiff1d(keys, keys[i]))
     assert _reverses(model, e, step, opened)
     assert not _reverses(model, e, step, before)
+
+
+@pytest.mark.parametrize(
+    ("potentials", "circles"),
+    [
+        ([24.20, 25.10, 24.30, 24.19, 25.09, 24.29, 24.18, 25.08, 24.28, 24.18], True),
+        ([400.0, 35.0, 90.0, 36.0, 9.0, 7.0, 6.0, 9.0, 4.0, 3.0], False),
+        ([1.0, 0.9, 0.85, 0.851, 0.8502, 0.8501, 0.85, 0.85, 0.85, 0.85], False),
+    ],
+    ids=["back at each third step", "downhill by ups and downs", "slowly to rest"],
+)
+def test_only_steps_that_leave_a_potential_and_come_back_to_it_go_in_a_circle(
+    model, potentials, circles
+):
+    walk = mixed_steps._Walk(model, TENSION, at_rest(model), LONGEST, None)
+    returns = []
+    for potential in potentials:
+        walk.potential = potential
+        returns.append(walk._returns())
+        walk.met.append(potential)
+    assert all(returns[-mixed_steps.CIRCLES :]) is circles

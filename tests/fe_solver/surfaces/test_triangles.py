@@ -1,11 +1,14 @@
 """Closed surfaces of triangles: exact distances, what is refused, and the cache of baked ones."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
+from cosim.array_cache import ArrayCache
 from cosim.errors import InputError
 from fe_solver.elements import kernels
 from fe_solver.surfaces import spline_distance as surfaces
@@ -144,19 +147,24 @@ def test_loose_triangles_are_welded():
 
 
 def bake_cube(folder, **options):
-    return SplineDistance.bake(CUBE, CUBE_FACES, margin=1e-3, cache=folder, **options)
+    return SplineDistance.bake(CUBE, CUBE_FACES, margin=1e-3, cache=ArrayCache(folder), **options)
+
+
+def baked(folder: Path) -> list[Path]:
+    """The files of baked distances in a cache."""
+    return list((folder / "distances").iterdir())
 
 
 def test_cache_gives_the_same_bits_and_keeps_cases_apart(tmp_path):
     first = bake_cube(tmp_path / "new")
-    (file,) = (tmp_path / "new").iterdir()
-    stamp = file.stat().st_mtime_ns
+    (file,) = baked(tmp_path / "new")
+    number = file.stat().st_ino
     second = bake_cube(tmp_path / "new")
     assert np.array_equal(first.coefficients, second.coefficients)
     assert np.array_equal(first.origin, second.origin)
-    assert file.stat().st_mtime_ns == stamp
+    assert file.stat().st_ino == number  # it was not written anew
     bake_cube(tmp_path / "new", spacing=0.4e-3)
-    assert len(list((tmp_path / "new").iterdir())) == 2
+    assert len(baked(tmp_path / "new")) == 2
 
 
 def test_a_whole_cache_is_read_and_nothing_is_baked(tmp_path, monkeypatch):
@@ -178,7 +186,7 @@ def test_a_whole_cache_is_read_and_nothing_is_baked(tmp_path, monkeypatch):
 )
 def test_a_cached_grid_that_is_not_what_was_written_is_baked_again(tmp_path, change, keeps_digest):
     first = bake_cube(tmp_path)
-    (file,) = tmp_path.iterdir()
+    (file,) = baked(tmp_path)
     with np.load(file) as stored:
         content = dict(stored)
     content["coefficients"] = change(content["coefficients"])
@@ -192,8 +200,8 @@ def test_a_cached_grid_that_is_not_what_was_written_is_baked_again(tmp_path, cha
 
 def test_a_cached_grid_under_the_name_of_another_is_baked_again(tmp_path):
     first = bake_cube(tmp_path / "one")
-    SplineDistance.bake(0.99 * CUBE, CUBE_FACES, margin=1e-3, cache=tmp_path / "two")
-    (own,), (other,) = (list((tmp_path / name).iterdir()) for name in ("one", "two"))
+    SplineDistance.bake(0.99 * CUBE, CUBE_FACES, margin=1e-3, cache=ArrayCache(tmp_path / "two"))
+    (own,), (other,) = (baked(tmp_path / name) for name in ("one", "two"))
     own.write_bytes(other.read_bytes())
     assert np.array_equal(bake_cube(tmp_path / "one").coefficients, first.coefficients)
     assert own.read_bytes() != other.read_bytes()
@@ -202,7 +210,7 @@ def test_a_cached_grid_under_the_name_of_another_is_baked_again(tmp_path):
 @pytest.mark.parametrize("content", [b"", b"not a zip", None])
 def test_corrupt_cache_is_baked_again(tmp_path, content):
     first = bake_cube(tmp_path)
-    (file,) = tmp_path.iterdir()
+    (file,) = baked(tmp_path)
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 2] if content is None else content)
     assert np.array_equal(bake_cube(tmp_path).coefficients, first.coefficients)

@@ -1,0 +1,144 @@
+"""Arrays that took long to compute, kept in the user's cache folder for later processes.
+
+Each entry is an .npz file of plain arrays under a key that names all that determines them
+(`cosim.content_key`), with a digest of the arrays.  A file that is cut off, damaged or another
+one's is not used, and the next writer replaces it.  No failure of the disk fails a run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from cosim.files import atomic_path
+
+VARIABLE = "COSIM_CACHE_DIR"
+"""Variable of the environment that names the folder, or says `OFF`."""
+OFF = "off"
+MOST_BYTES = 1_000_000_000
+DIGEST = "digest"
+Kind = Literal["distances", "equilibria"]
+FOLDERS: tuple[str, ...] = ("distances", "equilibria", "")
+"""Of the kinds; the last is where versions before this one kept distances."""
+OURS = re.compile(r"[0-9a-f]{64}\.npz|\.[0-9a-f]{40}\.\d+\.[0-9a-f]{8}\.part")
+"""Names of the files that the cache writes; it removes no others."""
+
+
+class Contents(NamedTuple):
+    """How much lies in a cache."""
+
+    files: int
+    bytes: int
+
+
+@dataclass(frozen=True)
+class ArrayCache:
+    """A folder of entries by kind and key, of at most `most_bytes` together.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     cache, key = ArrayCache(Path(folder)), 64 * "0"
+    ...     cache.write("distances", key, {"x": np.arange(3.0)})
+    ...     cache.read("distances", key)
+    ...     cache.clear().files
+    {'x': array([0., 1., 2.])}
+    1
+    """
+
+    folder: Path
+    """It may not exist yet."""
+    most_bytes: int = MOST_BYTES
+
+    def read(self, kind: Kind, key: str) -> dict[str, Any] | None:
+        """The arrays by name that were written under a key (64 hexadecimal digits), None where none
+        can be used.  They are marked as used last."""
+        file = self._file(kind, key)
+        with suppress(Exception):  # whatever zipfile, zlib and numpy raise of a spoilt file
+            with np.load(file, allow_pickle=False) as stored:
+                arrays = {name: stored[name] for name in stored.files}
+            if str(arrays.pop(DIGEST)) == _digest(kind, key, arrays):
+                with suppress(OSError):
+                    os.utime(file)
+                return arrays
+        return None
+
+    def write(self, kind: Kind, key: str, arrays: Mapping[str, Any]) -> None:
+        """Keep arrays under a key, and remove what was used longest ago where there is too much.  A
+        folder that cannot be written to only costs the time to compute them again."""
+        file = self._file(kind, key)
+        with suppress(OSError):
+            with atomic_path(file) as part, part.open("wb") as stream:
+                digest = np.array(_digest(kind, key, arrays))
+                np.savez(stream, **{**arrays, DIGEST: digest})
+            self._shrink(file)
+
+    def contents(self) -> dict[str, Contents]:
+        """How much there is of each kind; the key "" counts what an older version left."""
+        found: dict[str, Contents] = {}
+        for folder in FOLDERS:
+            sizes = [stat.st_size for _, stat in self._entries(folder)]
+            if sizes or folder:
+                found[folder] = Contents(len(sizes), sum(sizes))
+        return found
+
+    def clear(self) -> Contents:
+        """Remove all entries, and say how much was removed."""
+        count = size = 0
+        for folder in FOLDERS:
+            for path, stat in self._entries(folder):
+                with suppress(OSError):
+                    path.unlink()
+                    count, size = count + 1, size + stat.st_size
+        return Contents(count, size)
+
+    def _file(self, kind: Kind, key: str) -> Path:
+        return self.folder / kind / f"{key}.npz"
+
+    def _entries(self, folder: str) -> Iterator[tuple[Path, os.stat_result]]:
+        with suppress(OSError):
+            for path in list((self.folder / folder).iterdir()):
+                if OURS.fullmatch(path.name):
+                    with suppress(OSError):  # another process has removed it
+                        yield path, path.stat()
+
+    def _shrink(self, newest: Path) -> None:
+        """Remove what was used longest ago, but never `newest`, until the rest is small enough."""
+        entries = [entry for folder in FOLDERS for entry in self._entries(folder)]
+        size = sum(stat.st_size for _, stat in entries)
+        for path, stat in sorted(entries, key=lambda entry: entry[1].st_mtime_ns):
+            if size <= self.most_bytes:
+                return
+            if path != newest:
+                size -= stat.st_size
+                with suppress(OSError):
+                    path.unlink()
+
+
+def user_cache() -> ArrayCache | None:
+    """The user's cache, None where `VARIABLE` turns it off."""
+    named = os.environ.get(VARIABLE)
+    if named == OFF:
+        return None
+    if named:
+        return ArrayCache(Path(named))
+    from platformdirs import user_cache_path
+
+    return ArrayCache(user_cache_path("cosim", appauthor=False))
+
+
+def _digest(kind: str, key: str, arrays: Mapping[str, Any]) -> str:
+    """What tells that these arrays were written under this key."""
+    digest = hashlib.sha256(f"{kind} {key}".encode())
+    for name in sorted(arrays):
+        array = np.asarray(arrays[name])
+        digest.update(f"\n{name} {array.dtype.str} {array.shape}\n".encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()
