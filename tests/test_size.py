@@ -40,7 +40,7 @@ CEILINGS = {
     "fe_solver/job": 1581,
     "fe_solver/materials": 1738,
     "fe_solver/q4ans": 1416,
-    "fe_solver/solver": 2869,
+    "fe_solver/solver": 2876,
     "fe_solver/surfaces": 1148,
     "fe_solver/verification": 4518,
     "meshes": 2920,

@@ -24,12 +24,13 @@ from cosim.errors import ConvergenceError
 from cosim.port import Array, Ints
 from fe_solver.forces.springs import PointForces
 from fe_solver.solver.body_coupling import dependent_motion
-from fe_solver.solver.linear_algebra import Factor, Nearby
+from fe_solver.solver.linear_algebra import Factor
 from fe_solver.solver.model import Configuration, Evaluation, Forces, ShellModel
 from fe_solver.solver.newton_step import (
     approach,
     descent_step,
     displacements,
+    last_factorised,
     limit_step,
     limit_to_contact,
     move_nodes,
@@ -183,8 +184,8 @@ class _Walk:
         if not self.e.convex and (factor is None or factor.negative):
             self.e = self._evaluate(self.c, convex=True)
             step, factor = self._solve()
-        if self.near and not isinstance(factor, Nearby):
-            self.factor = factor
+        if self.near:
+            self.factor = last_factorised(factor, self.factor)
         return step
 
     def _solve(self, near: Factor | None = None) -> tuple[Array, Factor | None]:

@@ -15,7 +15,6 @@ from fe_solver.solver.body_coupling import common_twist, coupling, rigid_motion
 from fe_solver.solver.linear_algebra import (
     FREE,
     Factor,
-    Nearby,
     NotPositiveDefiniteError,
     has_mechanism,
 )
@@ -25,6 +24,7 @@ from fe_solver.solver.newton_step import (
     active_set_step,
     descent_step,
     factorise,
+    last_factorised,
     limit_step,
     limit_to_contact,
 )
@@ -321,8 +321,8 @@ class _Search:
         self.stiffest = stiffest_entry(self.model, data)
         step, factor = descent_step(self.model, data, self.e.reduced, *longest, self.factor)
         self.solves += 1
-        if self.factor is not None and factor is not None and not isinstance(factor, Nearby):
-            self.factor = factor
+        if self.factor is not None:
+            self.factor = last_factorised(factor, self.factor)
         if not self.descend(step):
             return False
         # a new tangent's error is quadratic, so that its second use lowers it half as far

@@ -97,6 +97,12 @@ def descent_step(
     return step, factor
 
 
+def last_factorised(factor: Factor | None, kept: Factor | None) -> Factor | None:
+    """Of a step's factor and the one that was kept for steps near by, the one that was made last: a
+    damped tangent's is no use again, and a `Nearby` one is the kept one."""
+    return kept if factor is None or isinstance(factor, Nearby) else factor
+
+
 def _analysis(model: ShellModel) -> Analysis:
     return model.pattern.analysis if model.pressure is None else model.pattern.general
 
