@@ -401,11 +401,12 @@ def run_study(
 
     Raises InputError."""
     from cosim.study.engine import in_this_process, local
-    from cosim.study.execute import execute_study
+    from cosim.study.execute import check_libraries, execute_study
     from cosim.study.files import write_study
     from cosim.study.plan import read_plan
     from cosim.study.store import Store
 
+    check_libraries()
     workers = whole_number("workers", workers, 1, MOST_WORKERS)
     out = path_from("out", out)
     plan = read_plan(path_from("study", study))

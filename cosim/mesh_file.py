@@ -1,4 +1,4 @@
-"""Reading a mesh file: .vtu by VTK, any other format by meshio."""
+"""Reading a mesh file: by meshio, and by VTK a .vtu that meshio did not write."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import signal
 import subprocess
 import sys
 import tempfile
-from contextlib import redirect_stdout
+import zlib
+from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from itertools import count, pairwise
 from pathlib import Path
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.extras import require
 
 if TYPE_CHECKING:
     from meshio import Mesh
@@ -33,6 +35,10 @@ NAMELESS = "cosim nameless "
 """What the set of the elements of each card of an Abaqus file is called for a while."""
 ELEMENT_CARD = re.compile(r"^\*ELEMENT *,[^\r\n]*", re.MULTILINE | re.IGNORECASE)
 ELSET = re.compile(r", *ELSET *=([^,\r\n]*)", re.IGNORECASE)
+BY_MESHIO = b"<!--This file was created by meshio v"
+"""What meshio writes into the head of a .vtu."""
+HEAD = 500
+"""Bytes of a file in which that stands."""
 PATIENCE = 120.0
 """s that VTK may take for a file."""
 
@@ -50,7 +56,23 @@ def read_mesh_file(path: Path) -> Mesh:
     Raises InputError where it cannot be read."""
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
-    return _read_vtu(path) if path.suffix.lower() == ".vtu" else _read_by_meshio(path)
+    if path.suffix.lower() == ".vtu" and not _is_by_meshio(path):
+        return _read_vtu(path)
+    mesh = _read_by_meshio(path)
+    for block in mesh.cells:
+        if not _are_nodes(block.data, len(mesh.points)):
+            raise InputError(f"{path}: a cell names nodes that are not there")
+    return mesh
+
+
+def _is_by_meshio(path: Path) -> bool:
+    """Whether meshio wrote a .vtu, as all that the program writes."""
+    with path.open("rb") as file:
+        return BY_MESHIO in file.read(HEAD)
+
+
+def _are_nodes(nodes: Ints, count: int) -> bool:
+    return bool(((nodes >= 0) & (nodes < count)).all())
 
 
 def _read_by_meshio(path: Path) -> Mesh:
@@ -58,13 +80,15 @@ def _read_by_meshio(path: Path) -> Mesh:
     import meshio
 
     try:
-        with np.errstate(all="ignore"), redirect_stdout(StringIO()):  # it prints empty lines
-            return _read_inp(path) if path.suffix.lower() == ".inp" else meshio.read(path)
+        readers = {".inp": _read_inp, ".vtu": meshio.vtu.read}
+        # it prints empty lines and warnings
+        with np.errstate(all="ignore"), redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+            return readers.get(path.suffix.lower(), meshio.read)(path)
     except SystemExit as end:
         raise InputError(f"{path}: meshio knows no format for it, or finds it broken") from end
     except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError) as error:
         raise InputError(f"{path}: meshio cannot read it: {error!r}") from error
-    except (OSError, RuntimeError, ValueError, meshio.ReadError) as error:
+    except (OSError, RuntimeError, SyntaxError, ValueError, meshio.ReadError, zlib.error) as error:
         text = str(error) or type(error).__name__
         raise InputError(f"{path}: meshio cannot read it: {text}") from error
 
@@ -93,6 +117,7 @@ def _read_inp(path: Path) -> Mesh:
 def _read_vtu(path: Path) -> Mesh:
     """meshio mixes up arrays of appended raw data.  Pixels, and polygons of three or four corners,
     are quads and triangles; cells of one type that follow each other are one block."""
+    require(f"{path}: reading a .vtu of another program", "pyvista")
     import meshio
 
     arrays = _arrays_of_vtu(path)
@@ -126,7 +151,7 @@ def _is_whole(types: Ints, sizes: Ints, nodes: Ints, count: int) -> bool:
     return bool(
         (sizes >= 0).all()
         and sizes.sum() == len(nodes)
-        and ((nodes >= 0) & (nodes < count)).all()
+        and _are_nodes(nodes, count)
         and (sizes[types == PIXEL] == 4).all()
     )
 

@@ -97,6 +97,15 @@ class Level:
             slope[nearer] = gradient[nearer] @ self.rotation[i].T
         return best, slope
 
+    def clearance(self, points: Array) -> Array:
+        """Smallest clearance (n,) m of points (n, 3) in the world frame."""
+        best = np.full(len(points), np.inf)
+        for i, body in enumerate(BODIES):
+            local = (points - self.position[i]) @ self.rotation[i]
+            distance, _, _ = self.surfaces[body].distance(local)
+            np.minimum(best, distance - self.offset[body], out=best)
+        return best
+
     def push_out(self, points: Array, clearance: float | Array) -> Array:
         """Points (n, 3) moved along the gradient until each has its `clearance` (m, or (n,) m)."""
         points = points.copy()
@@ -151,9 +160,8 @@ def hull_radius(
     radius = np.linspace(1.5e-3, 15e-3 + 0.5e-3 * more, 28 + more)
     point, axes = chain.frames(s)
     ray = np.cos(phi)[:, None] * axes[:, None, :, 2] + np.sin(phi)[:, None] * axes[:, None, :, 1]
-    points = point[:, None, None] + radius[:, None] * ray[:, :, None]
-    value = level.value(points.reshape(-1, 3))[0].reshape(points.shape[:3])
-    rho = _outermost_crossing(value, radius)
+    start = np.repeat(point, len(phi), axis=0)
+    rho = _outermost_crossing(level, start, ray.reshape(-1, 3), radius).reshape(ray.shape[:2])
     for _ in range(3):  # Newton along the rays
         there = (point[:, None] + rho[..., None] * ray).reshape(-1, 3)
         clearance, gradient = level.value(there)
@@ -164,17 +172,24 @@ def hull_radius(
     return s, phi, gaussian_filter(maximum_filter(rho, (3, 3)), (2.0, 1.0), mode="nearest")
 
 
-def _outermost_crossing(value: Array, radius: Array) -> Array:
-    """The radius (ns, na) beyond which a ray stays outside; the inmost radius where it never was
-    in."""
-    inside = value < 0
-    last = value.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=2)
-    last = np.clip(last, 0, len(radius) - 2)
-    v0 = np.take_along_axis(value, last[..., None], 2)[..., 0]
-    v1 = np.take_along_axis(value, last[..., None] + 1, 2)[..., 0]
-    crosses = inside.any(axis=2)
-    share = v0 / np.where(crosses, v0 - v1, 1.0)
-    return np.where(crosses, radius[last] + (radius[1] - radius[0]) * share, radius[0])
+def _outermost_crossing(level: Level, start: Array, ray: Array, radius: Array) -> Array:
+    """The radius (n,) beyond which each ray (n, 3) from its start (n, 3) stays outside the level;
+    the inmost radius where it never was in.  A ray is followed inwards from the outermost radius
+    until it is in."""
+    out = np.full(len(ray), radius[0])
+    rest = np.arange(len(ray))
+    outer = level.clearance(start + radius[-1] * ray)
+    is_in = outer < 0
+    for inner_radius in radius[-2::-1]:
+        inner = level.clearance(start[rest] + inner_radius * ray[rest])
+        is_in |= inner < 0
+        v0, v1 = inner[is_in], outer[is_in]
+        out[rest[is_in]] = inner_radius + (radius[1] - radius[0]) * (v0 / (v0 - v1))
+        rest, outer = rest[~is_in], inner[~is_in]
+        is_in = is_in[~is_in]
+        if not len(rest):
+            break
+    return out
 
 
 def _bridge(rho: Array, reach: int) -> Array:

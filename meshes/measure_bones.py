@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.extras import require
 from cosim.port import Array
 from meshes.bones import Bone, parse_table
 from meshes.skeleton import index_finger
@@ -136,6 +137,7 @@ def fit_error(triangles: Array, bone: Bone) -> Array:
 
 def main() -> None:
     """Measure the bones of a folder, as the module says."""
+    require("the distance of measured surfaces", "pyvista")
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="folder of the four STL files")
     folder = parser.parse_args().folder

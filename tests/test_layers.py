@@ -35,7 +35,8 @@ ALLOWED = {
     "cosim.array_cache": ("cosim.files",),
     "cosim.content_key": (),
     "cosim.processes": ("cosim.port",),
-    "cosim.mesh_file": ("cosim.port",),
+    "cosim.extras": (),
+    "cosim.mesh_file": ("cosim.extras", "cosim.port"),
     "cosim.xml_tree": ("cosim.port",),
     "cosim.vtu_child": (),
     "cosim.kernels": ("cosim.kernels",),
@@ -65,18 +66,19 @@ ALLOWED = {
     ),
     "fe_solver": (
         *("cosim.port", "cosim.files", "cosim.mesh_file", "cosim.processes", "cosim.checks"),
-        *("cosim.xml_tree", "cosim.kernels", "cosim.array_cache", "cosim.content_key", "fe_solver"),
+        *("cosim.xml_tree", "cosim.kernels", "cosim.array_cache", "cosim.content_key"),
+        *("cosim.extras", "fe_solver"),
     ),
     "rigid": (
         *("cosim.port", "cosim.coupling.finger_equilibrium", "cosim.files", "cosim.checks"),
         *("cosim.xml_tree", "cosim.kernels", "meshes.skeleton", "rigid"),
     ),
-    "meshes": ("cosim.port", "cosim.files", "cosim.mesh_file", "meshes"),
+    "meshes": ("cosim.port", "cosim.extras", "cosim.files", "cosim.mesh_file", "meshes"),
 }
 # The rooms of cosim from the ground up: each may import its own modules and those of floors below.
 FLOORS = (
     {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels", "cosim.json_text"},
-    {"cosim.port"},
+    {"cosim.port", "cosim.extras"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
     {"cosim.array_cache", "cosim.content_key"},
     {"cosim.processes", "cosim.xml_tree", "cosim.text_tables", "cosim.static_response"},

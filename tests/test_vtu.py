@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import re
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ from cosim.errors import InputError
 from cosim.mesh_file import read_mesh_file
 from cosim.models.build import hood_mesh
 from meshes.imported.raw import RawMesh, read_raw
+from meshes.imported.write import write_vtu
 from tests.helpers.own_anatomy import user_hood
 
 COMPRESSORS = ("None", "ZLib", "LZ4", "LZMA")
@@ -146,6 +149,25 @@ def test_arrays_of_any_type_and_length_are_read_as_vtk_reads_them(
         assert [len(part) for part in parts] == [len(block) for block in read.cells]
 
 
+def test_a_file_that_meshio_wrote_is_read_without_vtk_and_is_the_same(
+    own: RawMesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "own.vtu"
+    write_vtu(replace(own, fields={"fibre": np.eye(3)[np.arange(len(own.quads)) % 3]}), path)
+    theirs = mesh_file._read_vtu(path)
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    ours = read_mesh_file(path)
+    np.testing.assert_array_equal(ours.points, theirs.points)
+    assert [block.type for block in ours.cells] == [block.type for block in theirs.cells]
+    pairs = [(a.data, b.data) for a, b in zip(ours.cells, theirs.cells, strict=True)]
+    for found, wanted in ((ours.point_data, theirs.point_data), (ours.cell_data, theirs.cell_data)):
+        assert found.keys() == wanted.keys()
+        pairs += [(a, b) for name in found for a, b in zip(found[name], wanted[name], strict=True)]
+    for a, b in pairs:
+        assert a.dtype.kind == b.dtype.kind
+        np.testing.assert_array_equal(a, b)
+
+
 @pytest.mark.parametrize(("quad", "order"), [(PIXEL, (0, 1, 3, 2)), (POLYGON, (0, 1, 2, 3))])
 def test_pixels_and_polygons_are_quads(
     own: RawMesh, tmp_path: Path, quad: int, order: tuple[int, ...]
@@ -259,6 +281,33 @@ def check_spoilt(path: Path, content: bytes) -> None:
         assert "\n" not in str(error)
     else:
         assert all(((b.data >= 0) & (b.data < len(mesh.points))).all() for b in mesh.cells)
+
+
+def test_a_file_of_meshio_that_is_spoilt_anywhere(
+    own: RawMesh, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "own.vtu"
+    write_vtu(own, path)
+    content, rng = path.read_bytes(), np.random.default_rng(1)
+    for end in range(0, len(content), len(content) // 15):
+        check_spoilt(path, content[:end])
+    for _ in range(100):
+        spoilt = bytearray(content)
+        for at in rng.integers(0, len(content), 3):
+            spoilt[at] = rng.integers(0, 256)
+        check_spoilt(path, bytes(spoilt))
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("wrong", [-1, 10**6])
+def test_a_file_of_meshio_whose_cells_name_no_nodes_is_one_fault(
+    own: RawMesh, tmp_path: Path, wrong: int
+) -> None:
+    path, quads = tmp_path / "own.vtu", own.quads.copy()
+    quads[7, 2] = wrong
+    write_vtu(replace(own, quads=quads), path)
+    with pytest.raises(InputError, match=r"own\.vtu: a cell names nodes that are not there"):
+        read_mesh_file(path)
 
 
 @pytest.mark.slow

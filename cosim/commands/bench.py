@@ -22,14 +22,22 @@ from cosim.commands.bench_files import (
     write_record,
 )
 from cosim.commands.bench_growth import bench_growth
+from cosim.commands.bench_history import (
+    append_record,
+    read_history,
+    regressions,
+    write_history_page,
+)
+from cosim.commands.bench_pairs import ROOT, measure_pair, source_folder
 from cosim.commands.bench_pulls import bench_pulls
 from cosim.commands.febio import bench_fe, bench_febio
 from cosim.commands.finger import bench_fingers, bench_opensim, bench_robotic_finger
 from cosim.commands.options import Settings
-from cosim.commands.study import bench_studies
+from cosim.commands.study import bench_loads, bench_studies
 from cosim.commands.terminal import exit_on_error, stages
 from cosim.errors import InputError, nearest_names
-from cosim.files import check_file
+from cosim.files import check_file, shown_path
+from cosim.study.execute import check_libraries
 
 MOST, MOST_OF_ALL = 2400, 1350
 """Largest mesh of `growth`, alone and among all benches, in quads."""
@@ -68,6 +76,10 @@ BENCHES = {
     "growth": Bench(
         "iterations, time and memory on ever finer meshes (--most)", lambda o: bench_growth(o.most)
     ),
+    "loads": Bench(
+        "500 combined loads of one hood, the same bytes by one and by two workers; half an hour",
+        lambda o: bench_loads(),
+    ),
     "motion": Bench(
         "a coupled step of a motion against one assembly and factorisation",
         lambda o: bench_one_case(MOTION, FIRST_STEPS),
@@ -89,10 +101,13 @@ OF_ALL: dict[str, Callable[[], Ratios]] = {
     "studies": lambda: bench_studies(RUNS_OF_ALL),
 }
 """The benches that need no files or programs from outside, of a size to take minutes."""
-ALL, FILES = "all", "files"
+ALL, FILES, PAGE = "all", "files", "page"
+HISTORY = ROOT / "cases" / "bench.csv"
+"""The figures that a checkout keeps."""
 LINES = {name: bench.line for name, bench in BENCHES.items()} | {
     ALL: f"{', '.join(OF_ALL)}, one after the other (--json, --against)",
     FILES: "the ratios of files that --json wrote, side by side (--against each)",
+    PAGE: "the figures that --keep added, over commits, with regressions (--out)",
 }
 
 
@@ -121,25 +136,76 @@ def bench(
         Path | None, typer.Option("--json", metavar="FILE", help="Write the ratios to this file.")
     ] = None,
     against: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", help="Show the ratios beside those of this file; repeatable."),
+        list[str] | None,
+        typer.Option(
+            metavar="FILE|FOLDER|COMMIT",
+            help="Show the ratios beside those of this file; repeatable. Or measure in turn with "
+            "the version in this folder, or of this commit.",
+        ),
     ] = None,
+    repeats: Annotated[
+        int, typer.Option(min=1, max=100, help="Of a folder or commit: how often each is measured.")
+    ] = 2,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Add the ratios to cases/bench.csv of the checkout.")
+    ] = False,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Of page: the file to write.")] = Path(
+        "bench.html"
+    ),
 ) -> None:
     """Measure speed, as ratios and counts that depend little on the machine."""
     with exit_on_error():
+        if name == PAGE:
+            _write_page(out)
+            return
+        files = [Path(word) for word in against or () if name == FILES or Path(word).is_file()]
+        versions = [word for word in against or () if Path(word) not in files]
         if json_file is not None:
             check_file(json_file)
-        if name == FILES and not against:
+        if name == FILES and not files:
             raise InputError("bench files: name each file with --against")
-        records = [read_record(path) for path in against or ()]
+        if keep and not (ROOT / ".git").exists():
+            raise InputError("--keep: needs a checkout of the sources, not an installation")
+        if len(versions) > 1:
+            raise InputError("--against: one folder or commit at a time")
+        records = [read_record(path) for path in files]
         if name != FILES:
-            ratios = _measure(name, Options(settings, models, spacing, most))
-            record = BenchRecord(source_version(), time_stamp(), describe_machine(), ratios)
-            records.append(record)
+            options = Options(settings, models, spacing, most)
+            measured = (
+                _measure_in_turn(name, options, versions[0], repeats)
+                if versions
+                else [_record(name, options)]
+            )
+            records += measured
             if json_file is not None:
-                write_record(json_file, record)
+                write_record(json_file, measured[-1])
+            if keep:
+                append_record(HISTORY, measured[-1])
         if against:
             print_side_by_side(records)
+
+
+def _write_page(out: Path) -> None:
+    histories = read_history(HISTORY)
+    write_history_page(histories, out)
+    for line in regressions(histories):
+        typer.echo(f"worse: {line}")
+    typer.echo(f"page in {shown_path(out)}")
+
+
+def _record(name: str, options: Options) -> BenchRecord:
+    ratios = _measure(name, options)
+    return BenchRecord(source_version(), time_stamp(), describe_machine(), ratios)
+
+
+def _measure_in_turn(name: str, options: Options, other: str, repeats: int) -> list[BenchRecord]:
+    """The records of another version and of this one."""
+    place = str(Path(name).absolute()) if Path(name).is_file() else name
+    words = [place, "--spacing", options.spacing, "--most", str(options.most)]
+    words += [word for setting in options.settings or () for word in ("--set", setting)]
+    words += ["--models", str(options.models.absolute())] if options.models else []
+    with source_folder(other) as root, stages("bench") as shown:
+        return list(measure_pair(words, root, other, repeats, shown.say))
 
 
 def _measure(name: str, options: Options) -> dict[str, Ratios]:
@@ -148,6 +214,7 @@ def _measure(name: str, options: Options) -> dict[str, Ratios]:
         return {name: BENCHES[name].measure(options)}
     if name != ALL:
         return {name: bench_one_case(name, options.settings)}
+    check_libraries()
     ratios = {}
     for one, measure in OF_ALL.items():
         typer.echo(f"\n{one}")

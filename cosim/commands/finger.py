@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,7 +19,7 @@ from cosim.analyses.moment_arms import (
 from cosim.case.file import load_case
 from cosim.commands.options import CaseName, Settings
 from cosim.commands.terminal import exit_on_error, print_table, stages
-from cosim.errors import InputError
+from cosim.extras import require
 from cosim.files import check_file, output_file
 from cosim.fingers.kinds import joint_ranges
 from cosim.models.build import build, mjcf_of, tensions
@@ -130,9 +129,7 @@ def bench_fingers() -> dict[str, float]:
 def bench_opensim() -> dict[str, float]:
     """Print what the finger's motion costs here and in OpenSim; their ratio.  Raises InputError
     where OpenSim is not installed."""
-    if find_spec("opensim") is None:
-        raise InputError("OpenSim is not installed here: pip install '.[opensim]'")
-
+    require("the bench beside OpenSim", "opensim")
     with stages("bench") as shown:
         shown.say("moving the finger here and in OpenSim")
         return _print_figures(measure(), "OpenSim / ours")

@@ -16,9 +16,9 @@ from cosim.commands.terminal import console, exit_on_error, print_table
 from cosim.errors import InputError, span
 from cosim.results.compare import number
 from cosim.study import engine
-from cosim.study.bench import PER_HOUR, PLAN, RUNS, SECONDS, figures
+from cosim.study.bench import PER_HOUR, PLAN, RUNS, SECONDS, figures, load_figures
 from cosim.study.engine import Solve
-from cosim.study.execute import StudyOutcome, execute_study
+from cosim.study.execute import StudyOutcome, check_libraries, execute_study
 from cosim.study.files import write_study
 from cosim.study.plan import StudyPlan, read_plan
 from cosim.study.progress import notes, progress, state_text
@@ -59,6 +59,7 @@ def study(
     that was cut off continues where it was; a finished run is never repeated.  Exit code 1 where a
     run has no answer."""
     with exit_on_error():
+        check_libraries(scheduler is not None)
         plan = read_plan(file, case, tuple(settings or ()))
         if workers == 0 and scheduler is None and plan.most_seconds is not None:
             raise InputError("limits.time needs a process that can be ended: --workers 1 or more")
@@ -155,3 +156,12 @@ def bench_studies(runs: int | None = None) -> dict[str, float]:
     typer.echo(PLAN)
     times = (SECONDS, PER_HOUR)
     return {name: value for name, value in measured.items() if not name.startswith(times)}
+
+
+def bench_loads() -> dict[str, float]:
+    """Print what the packaged study of combined loads costs by one and by two workers; the ratios
+    by name.  Raises CosimError where the two tables differ."""
+    measured = dict(load_figures(lambda text: typer.echo(text, err=True)))
+    for name, value in measured.items():
+        typer.echo(f"{name:<58} {value:.4g}")
+    return {name: value for name, value in measured.items() if not name.startswith(SECONDS)}

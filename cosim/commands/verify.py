@@ -7,7 +7,7 @@ import math
 import platform
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pkgutil import resolve_name
 from typing import Annotated, Any
 
@@ -19,6 +19,7 @@ from cosim.array_cache import OFF, ArrayCache, Contents, user_cache
 from cosim.array_cache import VARIABLE as VARIABLE_OF_CACHE
 from cosim.checks import Row, Study, select_studies
 from cosim.commands.terminal import console, exit_on_error, stages
+from cosim.extras import EXTRAS, install_command, is_installed
 from cosim.files import shown_path
 from cosim.version import __version__
 from fe_solver.elements import kernels
@@ -41,12 +42,14 @@ Slow = Annotated[bool, typer.Option("--slow", help="Run the slow studies too.")]
 
 PURPOSES = {
     "files": ("meshio", "lxml", "h5netcdf"),
-    "pictures, pages": ("matplotlib", "plotly", "jinja2", "pyvista"),
-    "studies": ("dask", "distributed", "SALib", "pyarrow"),
+    "pictures, pages": ("matplotlib", "plotly", "jinja2"),
+    "windows, .vtu of others": EXTRAS["view"],
+    "studies": EXTRAS["study"],
     "estimates": ("daqp",),
     "your own bones": ("trimesh",),
-    "FMUs": ("fmpy", "pythonfmu", "pythonfmu3"),
-    "notebooks": ("jupytext", "nbconvert"),
+    "FMUs": ("fmpy", *EXTRAS["fmu"]),
+    "checks by OpenSim": EXTRAS["opensim"],
+    "notebooks": EXTRAS["notebooks"],
 }
 """Libraries that serve one purpose; they are imported when it is asked for."""
 
@@ -176,14 +179,12 @@ def _clear_cache() -> str:
 
 def _for_purposes() -> Iterator[tuple[str, str]]:
     for purpose, names in PURPOSES.items():
-        yield f"for {purpose}", ", ".join(map(_version_of, names))
-
-
-def _version_of(name: str) -> str:
-    try:
-        return f"{name} {version(name)}"
-    except PackageNotFoundError:
-        return f"{name} (absent)"
+        absent = [name for name in names if not is_installed(name)]
+        words = [f"{name} {version(name)}" for name in names if name not in absent]
+        for command in dict.fromkeys(map(install_command, absent)):
+            of_one = (name for name in absent if install_command(name) == command)
+            words.append(f"{', '.join(of_one)} (absent: {command})")
+        yield f"for {purpose}", ", ".join(words)
 
 
 def _print(rows: Sequence[Row], as_json: bool) -> None:

@@ -16,6 +16,7 @@ from cosim.commands.options import Settings
 from cosim.commands.run import load_cases
 from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
+from cosim.extras import require
 from cosim.files import check_file, shown_path
 from cosim.fingers.kinds import skeleton_of
 from cosim.models.build import hood_mesh
@@ -38,7 +39,7 @@ def view(
             instead = f"the picture is {picture}" if picture.is_file() else "nor was a picture made"
             typer.echo(f"there is no display here; {instead}")
             return
-
+        require("a window in space", "pyvista")
         cosim.open_run(folder).view().show()
 
 

@@ -13,7 +13,6 @@ import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
 from importlib.metadata import distribution
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import indent, tostring
@@ -23,10 +22,9 @@ from pydantic import BaseModel
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.errors import InputError
+from cosim.extras import require
 from cosim.files import output_file
 from cosim.fmu.unit_format import ABOUT, LOADED, SCRIPT
-from cosim.fmu_export.fmi2 import CosimFmu2
-from cosim.fmu_export.fmi3 import CosimFmu3
 from cosim.fmu_export.run import CASE
 from cosim.version import FMU_FORMAT, __version__
 
@@ -47,8 +45,7 @@ def write_fmu(case: Case, part: str, fmi: int, out: Path, *, tangent: bool = Tru
 
     Raises InputError for what cannot be put into an FMU or written."""
     tool = {2: "pythonfmu", 3: "pythonfmu3"}[fmi]
-    if find_spec(tool) is None:
-        raise InputError(f'{tool} is not installed: pip install "cosim-hand[fmu]"')
+    require(f"writing an FMU of FMI {fmi}", tool)
     with tempfile.TemporaryDirectory() as folder:
         resources = Path(folder)
         _lay_out(case, {"part": part, "tangent": tangent}, fmi, resources)
@@ -109,8 +106,12 @@ def _describe(fmi: int, resources: Path) -> tuple[str, bytes]:
     """The unit's identifier and description, of an instance of it."""
     slave: Any
     if fmi == 2:
+        from cosim.fmu_export.fmi2 import CosimFmu2
+
         slave = CosimFmu2(instance_name="description", resources=str(resources))
     else:
+        from cosim.fmu_export.fmi3 import CosimFmu3
+
         slave = CosimFmu3(instance_name="description", resources=str(resources))
     root = slave.to_xml()
     indent(root)

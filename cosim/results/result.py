@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from cosim.case.file import load_case
 from cosim.errors import InputError
+from cosim.extras import require
 from cosim.files import output_file
 from cosim.results.audit import Audit
 from cosim.results.compare import Comparison, numbers_of, unit_of
@@ -171,7 +172,8 @@ class Result(CaseParts):
     def view(self) -> Plotter:
         """A pyvista window's plotter with the hood coloured by strain, bones, tendons and the force
         of the fingertip, metres; `.show()` opens it, `.screenshot(file)` needs no display with
-        `off_screen`."""
+        `off_screen`.  Raises InputError where pyvista is not installed."""
+        require("a window in space", "pyvista")
         return plotter_of(self._whole_scene, self.title)
 
     @cached_property

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cosim.extras import require
 from cosim.port import Array
 from cosim.study.sampling import block, problem
 
@@ -80,6 +81,7 @@ def indices(values: Array, dimensions: int, second_order: bool) -> Indices | str
 
 
 def _indices(kept: Array, planned: int, dimensions: int, second_order: bool) -> Indices:
+    require("Sobol's indices", "SALib")
     from SALib.analyze.sobol import analyze
 
     sobol = analyze(

@@ -12,13 +12,14 @@ from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cosim.errors import Progress
+from cosim.errors import CosimError, Progress
 from cosim.processes import WorkerProcess, do_with_memory
 from cosim.study import process as apart
 from cosim.study.engine import Solve, local
-from cosim.study.execute import execute_study
+from cosim.study.execute import check_libraries, execute_study
 from cosim.study.plan import read_plan
 from cosim.study.store import Store
+from cosim.study.table import table_of, write_table
 from cosim.study.task import Task, Verdict
 
 RUNS = 64
@@ -32,6 +33,8 @@ count = {runs}
 tip_force = "fingertip_magnitude_N"
 """
 """A study of the shell hood."""
+LOADS = "superposition"
+"""The packaged study of 500 combined loads."""
 HOUR, MANY = 3600, 128
 """s; workers for whom a rate is planned and not measured."""
 SECONDS, PER_HOUR = "seconds", "runs per hour"
@@ -67,13 +70,19 @@ def time_study(engine: Engine, workers: int, text: str) -> StudyTiming:
     with TemporaryDirectory() as place:
         file = Path(place) / "bench.toml"
         file.write_text(text, encoding="utf-8")
-        plan, store = read_plan(file), Store(Path(place) / "store").open()
-        with engine(workers) as solve:
-            done = execute_study(plan, store, solve, False, lambda count: None)
-        taken = sorted(_run_ends(store), key=lambda end: end[1])
-        seconds = {row.key: row.seconds for row in store.rows(done.keys.values())}
-        counted = [seconds[key] for key, _ in taken[workers:]]
-        return StudyTiming(taken[-1][1] - taken[workers - 1][1], sum(counted), len(counted))
+        return _time_study(engine, workers, file, Path(place))
+
+
+def _time_study(engine: Engine, workers: int, study: str | Path, folder: Path) -> StudyTiming:
+    """Solve a study whose store and table go to a folder.  Raises InputError."""
+    plan, store = read_plan(study), Store(folder / "store").open()
+    with engine(workers) as solve:
+        done = execute_study(plan, store, solve, False, lambda count: None)
+    write_table(table_of(plan, done, store), folder)
+    taken = sorted(_run_ends(store), key=lambda end: end[1])
+    seconds = {row.key: row.seconds for row in store.rows(done.keys.values())}
+    counted = [seconds[key] for key, _ in taken[workers:]]
+    return StudyTiming(taken[-1][1] - taken[workers - 1][1], sum(counted), len(counted))
 
 
 def _run_ends(store: Store) -> Iterator[tuple[str, float]]:
@@ -112,7 +121,8 @@ def planned_rate(one: StudyTiming, workers: int) -> float:
 
 
 def figures(tell: Progress, runs: int = RUNS) -> Iterator[tuple[str, float]]:
-    """Name and value of every figure; studies of so many runs."""
+    """Name and value of every figure; studies of so many runs.  Raises InputError."""
+    check_libraries()
     text = STUDY.format(runs=runs)
     tell(f"{runs} runs of the shell by one worker")
     one = time_study(local, 1, text)
@@ -131,3 +141,22 @@ def figures(tell: Progress, runs: int = RUNS) -> Iterator[tuple[str, float]]:
     planned = planned_rate(one, MANY)
     yield f"{PER_HOUR}, {MANY} workers (planned)", HOUR * planned
     yield f"runs per second, {MANY} workers over one (planned)", planned / one.rate
+
+
+def load_figures(tell: Progress, study: str | Path = LOADS) -> Iterator[tuple[str, float]]:
+    """Name and value of every figure of a study by one and by two workers.  Raises CosimError where
+    their tables are not the same to the byte, and InputError."""
+    check_libraries()
+    tables, timings = [], []
+    for workers in (1, 2):
+        tell(f"{study} by {workers} of 2 workers")
+        with TemporaryDirectory() as place:
+            folder = Path(place)
+            timings.append(_time_study(local, workers, study, folder))
+            tables.append((folder / "table.csv").read_bytes())
+    if tables[0] != tables[1]:
+        raise CosimError(f"{study}: one worker and two leave different tables")
+    one, two = timings
+    yield f"{SECONDS} of a run, one worker", one.solving / one.runs
+    yield "runs per second, two workers over one", two.rate / one.rate
+    yield "time of a run by two workers over one", two.solving / two.runs * one.runs / one.solving

@@ -10,6 +10,7 @@ from typing import Any
 from cosim.case.cache_key import address, case_table, code_version
 from cosim.case.file import load_case
 from cosim.errors import InputError, nearest_names
+from cosim.extras import require
 from cosim.results.compare import numbers_of, value_of
 from cosim.study.engine import Solve
 from cosim.study.plan import Point, StudyPlan
@@ -20,6 +21,14 @@ PACK = 5000
 """Runs solved, after which the store is packed."""
 NEAREST = 3
 """Names that are shown in place of one that is not there."""
+
+
+def check_libraries(by_scheduler: bool = False) -> None:
+    """Check, before a study begins, that what it samples, keeps and, `by_scheduler`, hands out its
+    runs with is installed.  Raises InputError."""
+    require("a study", "pyarrow", "SALib")
+    if by_scheduler:
+        require("--scheduler", "distributed")
 
 
 @dataclass

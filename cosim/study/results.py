@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.extras import require
 from cosim.port import Array
 from cosim.study import answers
 from cosim.study.answers import Band, Indices, ResponseSurface, Slopes
@@ -42,6 +43,7 @@ class StudyResults:
     @cached_property
     def table(self) -> pd.DataFrame:
         """A row for each run, in the study's order."""
+        require("reading a study's table", "pyarrow")
         import pandas as pd
 
         return pd.read_parquet(self.folder / "table.parquet")

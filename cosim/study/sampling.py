@@ -8,6 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.extras import require
 from cosim.port import Array
 from cosim.study.distributions import Law, Word, is_axis
 
@@ -46,6 +47,7 @@ def _points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bool) 
         return np.asarray(qmc.LatinHypercube(dimensions, seed=seed).random(n))
     if kind == "sobol":
         return np.asarray(qmc.Sobol(dimensions, seed=seed).random(n))
+    require(f"sampling.kind = {kind!r}", "SALib")
     from SALib.sample.sobol import sample
 
     sampled = sample(problem(dimensions), n, calc_second_order=second_order, seed=seed)

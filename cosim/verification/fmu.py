@@ -6,7 +6,6 @@ import json
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.checks import Row, Study
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
+from cosim.extras import EXTRAS, is_installed
 from cosim.fmu.finger import FmuFinger, FmuMovingFinger
 from cosim.fmu.hood import FmuHood
 from cosim.fmu_export.run import PARTS
@@ -47,7 +47,7 @@ MOTION = (
 
 def _studies() -> tuple[Study, ...]:
     """The studies; one without rows, which says why, where FMUs cannot be written."""
-    if lacking := [name for name in ("pythonfmu", "pythonfmu3") if find_spec(name) is None]:
+    if lacking := [name for name in EXTRAS["fmu"] if not is_installed(name)]:
         return (Study(f"FMU: none, as {' and '.join(lacking)} is not installed", lambda: iter(())),)
     return (
         Study("FMU, cables", lambda: rows("pulley_edc", ())),

@@ -22,12 +22,13 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from cosim.errors import ConvergenceError, InputError
+from cosim.extras import install_command
 from cosim.port import Array, Ints
 
 BACKENDS = {"pardiso": "pypardiso", "feral": "feral", "superlu": "scipy"}
 """Name and module, in the order in which they are taken.  Times of one factorisation over that of
 SuperLU: PARDISO 0.3, feral 0.55."""
-FASTER = {"pardiso": "PARDISO (factorises in a third of the time): pip install 'cosim-hand[mkl]'"}
+FASTER = {"pardiso": f"PARDISO (factorises in a third of the time): {install_command('pypardiso')}"}
 VARIABLE = "FE_SOLVER_LINEAR"
 MOST_PRODUCTS = 10
 """Iterations of conjugate gradients with a nearby factor; more cost what a factorisation does."""

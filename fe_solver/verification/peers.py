@@ -10,12 +10,12 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from cosim import extras
 from cosim.checks import Row
 from cosim.errors import ConvergenceError, CosimError
 from cosim.port import Array
@@ -191,8 +191,8 @@ PROGRAMS: dict[str, Callable[[int, int], Answer]] = {"ours": ours, "kratos": kra
 
 
 def is_installed() -> bool:
-    """Whether the peer is."""
-    return find_spec("KratosMultiphysics") is not None
+    """Whether the peer is installed."""
+    return extras.is_installed("KratosMultiphysics")
 
 
 def title() -> str:

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import app
-from cosim.commands import bench, bench_files
+from cosim.commands import bench, bench_files, bench_history, bench_pairs
 from cosim.commands.bench import BENCHES, OF_ALL, Bench
-from cosim.study.bench import StudyTiming, planned_rate
+from cosim.commands.bench_files import BenchRecord
+from cosim.errors import CosimError
+from cosim.study import bench as study_bench
+from cosim.study.bench import StudyTiming, load_figures, planned_rate
 from cosim.version import __version__
+from tests.helpers.folders import ROOT
 
 
 def cosim(*words: str):
@@ -84,6 +89,137 @@ def test_files_to_compare_must_be_named_and_be_there(tmp_path):
     assert (done.exit_code, "--against" in done.stderr) == (2, True)
     done = cosim("bench", "files", "--against", str(tmp_path / "none.json"))
     assert (done.exit_code, "cannot be read" in done.stderr) == (2, True)
+
+
+def record(source: str, day: int, **ratios: float) -> BenchRecord:
+    machine = {"processor": "an old one, slow", "cores": "2", "linear solver": "feral"}
+    return BenchRecord(source, f"2026-01-{day:02}T12:00:00+00:00", machine, {"pulls": ratios})
+
+
+def test_two_versions_are_measured_in_turn(monkeypatch, tmp_path):
+    measured = []
+    of = {
+        tmp_path: [(4.0, 9.0), (6.0, 3.0), (5.0, 4.0)],
+        bench_pairs.ROOT: [(2.0, 7.0), (1.0, 2.0), (9.0, 1.5)],
+    }
+
+    def measure(words, root, name):
+        assert words == ["pulls", "--most", "250"]
+        measured.append(root)
+        ratio, cpu = of[root][measured.count(root) - 1]
+        return record("x", 1, solves=ratio), cpu
+
+    monkeypatch.setattr(bench_pairs, "_measure", measure)
+    words = ["pulls", "--most", "250"]
+    theirs, ours = bench_pairs.measure_pair(words, tmp_path, "old", 3, lambda text: None)
+    assert measured == [tmp_path, bench_pairs.ROOT] * 3
+    assert theirs.source == "old"
+    assert theirs.ratios == {"pulls": {"solves": 5.0}, "pair": {bench_pairs.CPU: 1.0}}
+    assert ours.ratios == {"pulls": {"solves": 2.0}, "pair": {bench_pairs.CPU: 0.5}}
+
+
+def test_another_version_is_a_folder_or_a_commit(tmp_path):
+    with bench_pairs.source_folder(str(ROOT)) as folder:
+        assert folder == ROOT
+    done = cosim("bench", "fingers", "--against", str(tmp_path / "nothing"))
+    assert done.exit_code == 2
+    assert "no folder of sources, and no commit" in done.stderr
+    done = cosim("bench", "fingers", "--against", "a", "--against", "b")
+    assert (done.exit_code, "one folder or commit at a time" in done.stderr) == (2, True)
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="needs git and a checkout")
+def test_the_files_of_a_commit_are_there_until_the_end():
+    with bench_pairs.source_folder("HEAD") as folder:
+        assert (folder / "cosim" / "cli.py").is_file()
+        assert folder != ROOT
+    assert not folder.exists()
+
+
+def test_a_version_that_fails_is_an_error_with_its_last_words(tmp_path):
+    package = tmp_path / "cosim"
+    package.mkdir()
+    for name in ("__init__.py", "cli.py"):
+        (package / name).touch()
+    (package / "__main__.py").write_text("raise SystemExit('no such bench here')")
+    done = cosim("bench", "fingers", "--against", str(tmp_path))
+    assert done.exit_code == 2
+    assert done.stderr.endswith(
+        "cosim bench fingers --spacing 0.25 mm --most 2400: no such bench here\n"
+    )
+
+
+@pytest.mark.slow
+def test_a_version_beside_itself_does_the_same(tmp_path):
+    file = tmp_path / "now.json"
+    done = cosim("bench", "pulls", "--against", str(ROOT), "--repeats", "1", "--json", str(file))
+    assert done.exit_code == 0
+    assert "pulls: linear solves each" in done.stdout
+    assert json.loads(file.read_text())["ratios"]["pair"]
+
+
+def test_figures_are_kept_over_commits_and_regressions_shown(monkeypatch, tmp_path):
+    history = tmp_path / "bench.csv"
+    monkeypatch.setattr(bench, "HISTORY", history)
+    assert "--keep adds them" in cosim("bench", "page").stderr
+    new = {"solves": 4.5, "runs per second, two over one": 1.9, "failed": 1.0, "only now": 1.0}
+    for made in (
+        record("aaa", 1, **{"solves": 4.0, "runs per second, two over one": 1.5, "failed": 0.0}),
+        record("bbb", 2, **new),
+    ):
+        bench_history.append_record(history, made)
+    (found,) = bench_history.read_history(history)
+    assert found.bench == "pulls"
+    assert found.machine == "an old one, slow, feral"
+    assert found.sources == ("aaa, 2026-01-01", "bbb, 2026-01-02")
+    assert found.regressions == ("solves", "failed")
+    done = cosim("bench", "page", "--out", str(tmp_path / "a.html"))
+    assert "worse: pulls: solves: 4 to 4.5 (an old one, slow, feral)" in done.stdout
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert page.count('class="worse"') == 2
+    assert '<td>4</td><td class="worse">4.5</td>' in page
+
+
+def test_figures_are_kept_in_a_checkout_alone(monkeypatch, tmp_path):
+    fake(monkeypatch, "pulls", solves=4.0)
+    monkeypatch.setattr(bench, "HISTORY", tmp_path / "bench.csv")
+    monkeypatch.setattr(bench, "ROOT", tmp_path)
+    done = cosim("bench", "pulls", "--keep")
+    assert (done.exit_code, "needs a checkout" in done.stderr) == (2, True)
+    (tmp_path / ".git").touch()
+    for _ in range(2):
+        assert cosim("bench", "pulls", "--keep").exit_code == 0
+    head, *rows = (tmp_path / "bench.csv").read_text().splitlines()
+    assert head == ",".join(bench_history.COLUMNS)
+    assert [row.rpartition("pulls,")[2] for row in rows] == ["solves,4", "solves,4"]
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "worse"),
+    [
+        ("ratio", (1.0, 1.09, 1.3), (False, False, True)),
+        ("ratio", (1.0, None, 1.2), (False, False, True)),
+        ("ratio", (1.0, 0.5, None), (False, False, False)),
+        ("runs per second, two over one", (2.0, 3.0, 2.5), (False, False, True)),
+    ],
+)
+def test_a_figure_is_worse_than_the_one_before(name, values, worse):
+    assert bench_history.FigureLine(name, values).worse == worse
+
+
+def test_combined_loads_leave_the_same_table_by_one_and_two_workers(tmp_path, monkeypatch):
+    file = tmp_path / "loads.toml"
+    file.write_text(
+        'case = "split_edc"\n[parameters."tendons.EDC.tension"]\nfrom = "1 N"\nto = "4 N"\n'
+        'count = 6\n[outputs]\ntip = "fingertip_magnitude_N"\n'
+    )
+    found = dict(load_figures(lambda text: None, file))
+    assert all(value > 0 for value in found.values())
+    contents = iter((b"a", b"b"))
+    monkeypatch.setattr(Path, "read_bytes", lambda path: next(contents))
+    monkeypatch.setattr(study_bench, "_time_study", lambda *_: StudyTiming(1.0, 1.0, 1))
+    with pytest.raises(CosimError, match="leave different tables"):
+        list(load_figures(lambda text: None, file))
 
 
 def test_a_file_that_cannot_be_written_is_told_before_anything_is_measured(monkeypatch, tmp_path):

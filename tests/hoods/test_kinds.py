@@ -68,8 +68,7 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of cosim with one kind of hood more: a file, its import, and a line in the table and
     in the union."""
     root = tmp_path_factory.mktemp("house")
-    kept = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(ROOT / "cosim", root / "cosim", ignore=kept)
+    shutil.copytree(ROOT / "cosim", root / "cosim")  # with what Python compiled
     toy = ROOT / "tests" / "helpers" / "elastic_string.py"
     shutil.copyfile(toy, root / "cosim" / "hoods" / "string.py")
     kinds = root / "cosim" / "hoods" / "kinds.py"
