@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from cosim.errors import InputError
 from cosim.port import Array
 from fe_solver.forces.contact_points import ElementPoints
+from fe_solver.forces.friction import Friction, join_friction
 from fe_solver.forces.ramp import inverse_ramp, ramp
 from fe_solver.forces.springs import PointForces
 from fe_solver.surfaces.shapes import Surface
@@ -153,24 +154,9 @@ class Contact:
         return self.surface.distance(self.local(x, position, rotation)).value - self.offset
 
 
-def friction_forces(contact: Contact, grip: Grip, local: Array) -> tuple[Array, Array, Array]:
-    """Energy (k,), gradient (k, 3) and Hessian (k, 3, 3) of friction by places (k, 3), body frame.
-
-    Coulomb's law as an incremental potential with the normal force of the last round: elastic up to
-    the limit, then of constant force (Huber's function of the slip since the anchor); convex, with
-    a symmetric tangent (Laursen and Simo 1993, Int J Numer Meth Eng 36:3451, for the augmented
-    treatment with a limit that follows)."""
-    n, stick, limit = grip.normal, contact.stick, grip.limit
-    away = local - grip.anchor
-    slip = away - np.einsum("ki,ki->k", away, n)[:, None] * n
-    size = np.linalg.norm(slip, axis=1)
-    slides = stick * size > limit
-    ratio = np.divide(limit, size, out=stick.copy(), where=slides)
-    lost = np.divide(limit**2, 2 * stick, out=np.zeros_like(size), where=stick > 0)
-    energy = np.where(slides, limit * size - lost, stick * size**2 / 2)
-    along = np.divide(slip, size[:, None], out=np.zeros_like(slip), where=slides[:, None])
-    plane = np.eye(3) - n[:, :, None] * n[:, None, :] - along[:, :, None] * along[:, None, :]
-    return energy, ratio[:, None] * slip, ratio[:, None, None] * plane
+def friction_of(contact: Contact, grip: Grip, local: Array) -> Friction:
+    """The friction of points at places (k, 3), body frame, with the limits of the last round."""
+    return Friction.of(local - grip.anchor, grip.normal, contact.stick, grip.limit)
 
 
 def contact_forces(
@@ -209,12 +195,13 @@ def contact_forces(
         along = np.where(contact.pin[near] > 0, contact.pin[near], along)
     pushed = scale * force
     # energy and gradient, with friction's where there is a grip
-    energy, pull, dragged = float(scale @ work), -pushed[:, None] * normal, None
+    energy, pull = float(scale @ work), -pushed[:, None] * normal
+    friction = dragged = None
     if contact.grip is not None:
-        held, drag, slopes = friction_forces(contact, contact.grip, local)
-        energy += float(held.sum())
-        pull += drag[near] @ R.T
-        dragged = slopes[near]
+        friction = friction_of(contact, contact.grip, local).take(near).turned(R)
+        energy += float(friction.energy().sum())
+        drag, dragged = friction.linear(friction.sliding())
+        pull += drag
     # the forces by node: points within elements act through their shape functions
     curved = bend[near] if curvature else None
     k, one = contact.within, np.ones(len(near))
@@ -236,6 +223,7 @@ def contact_forces(
         scale,
         contact.smoothing * one,
         np.inf * one,
+        friction,
     )
 
 
@@ -248,25 +236,27 @@ def _hessian(
     pushed: Array,
 ) -> Array:
     """The stiffness (k, 3, 3) of `along` (k,) the normals (k, 3); of forces `pushed` (k,) N on what
-    is `curved` (k, 3, 3) 1/m and of friction `dragged` (k, 3, 3) N/m, both in the body's frame."""
+    is `curved` (k, 3, 3) 1/m, in the body's frame; and of friction `dragged` (k, 3, 3) N/m."""
     # stiffness along the normal, then the surface's curvature, then friction
     out = along[:, None, None] * normal[:, :, None] * normal[:, None, :]
     if curved is not None:
         on = np.flatnonzero(pushed)
         out[on] -= pushed[on, None, None] * (R @ curved[on] @ R.T)
     if dragged is not None:
-        out += R @ dragged @ R.T
+        out += dragged
     return out
 
 
 def join_point_forces(parts: list[PointForces]) -> PointForces:
     """All point forces as one."""
-    names = [f.name for f in fields(PointForces) if f.name not in ("energy", "bend")]
-    parts = _as_wide(parts)
+    other = ("energy", "bend", "friction")
+    names = [f.name for f in fields(PointForces) if f.name not in other]
+    parts, friction = _as_wide(parts), None
+    if any(p.friction is not None for p in parts):
+        friction = join_friction([p.friction or Friction.none(len(p.force)) for p in parts])
     columns = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
-    return PointForces(
-        energy=sum(p.energy for p in parts), bend=partial(_hessians, parts), **columns
-    )
+    energy = sum(p.energy for p in parts)
+    return PointForces(energy=energy, bend=partial(_hessians, parts), friction=friction, **columns)
 
 
 def _as_wide(parts: list[PointForces]) -> list[PointForces]:
@@ -317,7 +307,8 @@ def contact_state(contact: Contact, x: Array, position: Array, rotation: Array) 
     drag = np.zeros((len(gap), 3))
     if contact.grip is not None:
         local = contact.local(x, position, rotation)
-        drag = -friction_forces(contact, contact.grip, local)[1] @ rotation[contact.body].T
+        friction = friction_of(contact, contact.grip, local)
+        drag = -friction.linear(friction.sliding())[0] @ rotation[contact.body].T
         holds = np.linalg.norm(drag, axis=1) < (1 - 1e-9) * contact.grip.limit
         status[(pressure > 0) & holds] = Status.STICKING
     return ContactState(gap, pressure, drag, status)

@@ -13,6 +13,7 @@ from scipy.interpolate import PchipInterpolator, PPoly
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints
+from fe_solver.forces.friction import Friction
 from fe_solver.forces.guides import Ropes
 from fe_solver.forces.ramp import ramp
 from fe_solver.vectors import sum_at_nodes
@@ -230,6 +231,8 @@ class PointForces:
     """(k,) m of depth about zero over which the force is smoothed."""
     length: Array
     """(k,) m of the spring, inf of a contact."""
+    friction: Friction | None = None
+    """World frame; None where no point has any."""
 
     @property
     def node(self) -> Ints:

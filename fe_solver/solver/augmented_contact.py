@@ -2,13 +2,16 @@
 
 Each round solves the smooth problem of `fe_solver.solver.newton` with the multipliers, the limits
 of friction and their normals held, then takes from its answer new ones (Uzawa's update; Simo and
-Laursen 1992, Comput Struct 42:97).  Where it ends every pressed node is at its contact level.
+Laursen 1992, Comput Struct 42:97).  Whole steps from afar take new ones as they go, once they are
+almost there.  No round is solved more exactly than its own update is right.  Where it ends every
+pressed node is at its contact level.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,9 +21,17 @@ from fe_solver.forces.contact import Contact, Grip
 from fe_solver.forces.ramp import inverse_ramp, ramp
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from fe_solver.solver.residual import residual_norm
 
 LOOSE = 1e-3
 """Residual over the largest force to which the first rounds are solved."""
+ROUND = 0.1
+"""Share of its first residual to which a round is solved, other than the last: the next update
+changes about as much."""
+NEAR = 0.1
+"""Residual over the largest force up to which the second solution searches from where the first one
+ended, as all later ones do: whole steps go round in circles where points stick after one and slide
+after the next."""
 ENOUGH = 0.25
 """What a round should leave of the penetration; a contact that leaves more is made stiffer."""
 STIFFER = 10.0
@@ -68,9 +79,12 @@ def solve_augmented(
     augment = augment or AugmentOptions()
     model = model.with_changes(contacts=tuple([_initialise(k, start) for k in model.contacts]))
     tolerance = max(LOOSE, options.tolerance)
-    solution = solve(model, start, tension, replace(options, tolerance=tolerance))
+    settle = partial(_settle, augment)
+    loose = replace(options, tolerance=tolerance)
+    solution = solve(model, start, tension, loose, settle=settle)
     iterations, solves, raises, last_error = solution.iterations, solution.solves, 0, np.inf
     for done in range(augment.max_rounds):
+        model = solution.model
         looks = [_update_of(k, solution.configuration) for k in model.contacts]
         error = max((look.error.max(initial=0.0) for look in looks), default=0.0)
         left = max(error / augment.penetration, _limit_change(looks) / augment.friction)
@@ -81,10 +95,12 @@ def solve_augmented(
             contacts, raises = [_stiffer(k) for k in contacts], raises + 1
         last_error = error
         model = model.with_changes(contacts=tuple(contacts))
-        # no round is solved more exactly than the next one's multipliers and limits deserve
-        tolerance = max(min(LOOSE, options.tolerance * left), options.tolerance)
-        loose, near = replace(options, tolerance=tolerance), done > 0
-        solution = solve(model, solution.configuration, tension, loose, near)
+        e = model.evaluate(solution.configuration, tension, tangent=False)
+        first = np.divide(*residual_norm(model, e))
+        share = ROUND * first if left > 1 else 0.0
+        tolerance = max(min(LOOSE, share), options.tolerance)
+        loose, near = replace(options, tolerance=tolerance), done > 0 or first <= NEAR
+        solution = solve(model, solution.configuration, tension, loose, near, settle=settle)
         iterations, solves = iterations + solution.iterations, solves + solution.solves
     raise ConvergenceError(_stall_message(model, solution.configuration, looks, augment))
 
@@ -150,6 +166,14 @@ def _limit_change(looks: Sequence[_ContactUpdate]) -> float:
     largest = max((look.limit.max(initial=0.0) for look in looks), default=0.0)
     change = max((look.change.max(initial=0.0) for look in looks), default=0.0)
     return float(change / largest) if change > 0 else 0.0
+
+
+def _settle(augment: AugmentOptions, model: ShellModel, c: Configuration) -> ShellModel:
+    """The model with the multipliers and limits of a configuration that is almost balanced."""
+    looks = [_update_of(k, c) for k in model.contacts]
+    error = max((look.error.max(initial=0.0) for look in looks), default=0.0)
+    contacts = [look.apply(error > augment.penetration) for look in looks]
+    return model.with_changes(contacts=tuple(contacts))
 
 
 def _initialise(contact: Contact, start: Configuration) -> Contact:

@@ -9,11 +9,14 @@ Mech Eng 313:986); residual and equilibrium stay the same.  After each step spri
 and contacts the depth, that it predicted.  Nothing is searched along a step, so that these steps
 may go astray: they begin a solution, and `fe_solver.solver.newton` ends it.
 
-Near an equilibrium that is known the first forces are predicted from it (`predict_motion`).
+Near an equilibrium that is known the first forces are predicted from it (`predict_motion`).  What
+an outer loop holds, as the multipliers of contacts and the limits of friction, follows the steps
+once they are almost there (`Settle`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -55,16 +58,23 @@ UNDAMPED = 6
 """Steps from afar after which one that takes back what the last one closed or opened is halved."""
 ALMOST = 0.03
 """Residual over the largest force: where the consistent tangent's step leads from below that to
-above NEAR, what it meets is too crooked for whole steps, and the search goes on from below."""
+above NEAR, what it meets is too crooked for whole steps, and the search goes on from below.  Below
+it the model settles."""
 PERIOD, AGAIN, CIRCLES = 4, 1e-2, 6
 """So many steps in turn that come back to the potential of one of the PERIOD before, but for that
 share of it, from another, and do not halve the least residual, go round in a circle: one slackens
 what the next but one draws taut again."""
 
 
+Settle = Callable[[ShellModel, Configuration], ShellModel]
+"""The model with what an outer loop holds as the configuration has it."""
+
+
 class MixedSteps(NamedTuple):
     """Where the steps led."""
 
+    model: ShellModel
+    """As it has settled."""
     configuration: Configuration
     """To go on from."""
     iterations: int
@@ -99,18 +109,22 @@ def take_mixed_steps(
     max_step: float,
     max_turn: float,
     before: Prediction | None = None,
+    settle: Settle | None = None,
 ) -> MixedSteps:
     """Take up to `most` steps (MOST_STEPS) from `start` under `tension` (nt,) N, none longer than
     `max_step` (m) or turning a director by more than `max_turn` (rad), to a residual of `tolerance`
     (at least CLOSE) of the largest force.  `before`: the forces that a known equilibrium nearby
     predicts at the start.  Where the steps do not lead there, the configuration is the one of least
-    energy that they met, the start included, with no element folded or crushed."""
+    energy that they met, the start included, with no element folded or crushed; with `settle`, met
+    since the model settled last."""
     walk = _Walk(model, tension, start, (max_step, max_turn), before)
     most, tolerance = min(most, FEW_STEPS if walk.near else MOST_STEPS), max(tolerance, CLOSE)
     for taken in range(most + 1):
         walk.note_place()
+        if settle is not None and walk.is_almost_there():
+            walk.settle(settle)
         if walk.has_arrived(tolerance):
-            return MixedSteps(walk.c, taken, walk.solves, walk.e, walk.factor)
+            return MixedSteps(walk.model, walk.c, taken, walk.solves, walk.e, walk.factor)
         if taken == most or walk.is_over(tolerance):
             break
         try:
@@ -119,7 +133,7 @@ def take_mixed_steps(
             break
         if not (walk.go_along(walk.shorten(step)) or walk.start_anew() or walk.pass_through()):
             break
-    return MixedSteps(walk.best, taken, walk.solves)
+    return MixedSteps(walk.model, walk.best, taken, walk.solves)
 
 
 class _Walk:
@@ -142,11 +156,26 @@ class _Walk:
         self.e = self._evaluate(start, convex=not self.near)
         self.factor: Factor | None = None
         """Of a walk that is near, the last tangent that was factorised: it serves the next ones."""
-        self.solves = self.restarts = self.taken = self.circling = 0
-        self.was_almost = False
+        self.solves = self.restarts = self.taken = 0
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin anew with what is known of the places that were met."""
+        self.circling, self.was_almost = 0, False
         self.least = self.least_residual = np.inf
         self.met: list[float] = []
         """J, the potentials of all places."""
+
+    def is_almost_there(self) -> bool:
+        """Whether the model is to settle here."""
+        return self.taken > 0 and self.upright and self.residual <= ALMOST * self.force
+
+    def settle(self, settle: Settle) -> None:
+        """Settle the model, which changes the energy."""
+        self.model = settle(self.model, self.c)
+        self.e = self._evaluate(self.c, self.e.convex)
+        self._forget()
+        self.note_place()
 
     def _evaluate(self, c: Configuration, convex: bool) -> Evaluation:
         return self.model.evaluate(c, self.tension, tangent=False, convex=convex)

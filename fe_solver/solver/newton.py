@@ -18,7 +18,7 @@ from fe_solver.solver.linear_algebra import (
     NotPositiveDefiniteError,
     has_mechanism,
 )
-from fe_solver.solver.mixed_steps import MixedSteps, Prediction, take_mixed_steps
+from fe_solver.solver.mixed_steps import MixedSteps, Prediction, Settle, take_mixed_steps
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.solver.newton_step import (
     active_set_step,
@@ -166,6 +166,7 @@ def solve(
     near: bool = False,
     before: Solution | None = None,
     forces: Prediction | None = None,
+    settle: Settle | None = None,
 ) -> Solution:
     """Solve for an equilibrium near `start` under `tension` (nt,) N at the poses of `start`, and
     return it with its residual.
@@ -176,7 +177,8 @@ def solve(
     equilibrium of the same model close by, a factor serves again (a chord iteration) while it
     lowers the residual fast, and that of `before` serves first; the residual then ends nearer to
     the tolerance than Newton's own iterations leave it.  With the `forces` that `before` predicts
-    at `start` (`predict_motion`) it begins with a few whole steps from these.
+    at `start` (`predict_motion`) it begins with a few whole steps from these.  In whole steps the
+    model may `settle`; the solution has the one that it became.
 
     Where a sheet without compression comes near one only, it is sought with tension fields that are
     smoother at first (`SMOOTHER`).
@@ -195,7 +197,7 @@ def solve(
     '0.197 mm'
     """
     try:
-        return _solve(model, start, tension, options, near, before, forces)
+        return _solve(model, start, tension, options, near, before, forces, settle)
     except _StuckError as stuck:
         wanted = model.section.smoothing
         if wanted is None or wanted >= SMOOTHER[0] or stuck.share > NEARLY:
@@ -217,14 +219,13 @@ def _solve(
     near: bool = False,
     previous: Solution | None = None,
     forces: Prediction | None = None,
+    settle: Settle | None = None,
 ) -> Solution:
-    begun = MixedSteps(start, 0, 0)
+    begun = MixedSteps(model, start, 0, 0)
     if not near or forces is not None:
         limits = options.max_iterations, options.tolerance, options.max_step, options.max_turn
-        begun = take_mixed_steps(model, start, tension, *limits, forces)
-    search = _Search(
-        model, tension, options, previous, begun, not near and begun.configuration is start
-    )
+        begun = take_mixed_steps(model, start, tension, *limits, forces, settle)
+    search = _Search(tension, options, previous, begun, not near and begun.configuration is start)
     for iteration in range(begun.iterations, options.max_iterations + 1):
         if search.is_balanced():
             return search.solution(iteration)
@@ -242,13 +243,13 @@ class _Search:
 
     def __init__(
         self,
-        model: ShellModel,
         tension: Array,
         options: NewtonOptions,
         previous: Solution | None,
         begun: MixedSteps,
         convex: bool,
     ) -> None:
+        model = begun.model
         self.model, self.tension, self.options = model, tension, options
         self.previous, self.c, self.solves = previous, begun.configuration, begun.solves
         self.convex = convex

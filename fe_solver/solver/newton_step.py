@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
 from cosim.port import Array, Ints
+from fe_solver.forces.friction import Sliding
 from fe_solver.forces.ramp import inverse_ramp, ramp
 from fe_solver.forces.springs import PointForces
 from fe_solver.solver.assembly import DOFS
@@ -112,17 +113,24 @@ def active_set_step(
 ) -> tuple[Array, int]:
     """The Newton step once more, with the one-sided springs that `step` would close or open closed
     or opened beforehand (a primal-dual active set: Hintermueller, Ito and Kunisch 2002, SIAM J
-    Optim 13:865), or the line search would stop at the first node that meets a bone.  Also the
-    linear solves it took; `near` as in `newton_step`."""
-    p = e.points
+    Optim 13:865), or the line search would stop at the first node that meets a bone; so, too, with
+    the points that it would make slide or stick.  Also the linear solves it took; `near` as in
+    `newton_step`."""
+    p, friction = e.points, e.points.friction
     flipped = np.zeros(len(p.depth), dtype=bool)
+    sliding = None if friction is None else friction.sliding()
     for solves in range(MOST_FLIPS):
-        moved = p.depth + approach(p, e.bases, step)
+        travel = p.at_points(displacements(e.bases, step)[0])
+        moved = p.depth + np.einsum("kj,kj->k", p.direction, travel)
         now = ((moved > 0) != (p.depth > 0)) & (np.abs(p.depth) > SMOOTH * p.ramp)
-        if np.array_equal(now, flipped):
-            return step, solves
+        same = np.array_equal(now, flipped)
         flipped = now
-        step = newton_step(model, *_with_flips(model, e, flipped), near)[0]
+        if friction is not None and sliding is not None:
+            before, sliding = sliding, friction.after(sliding, travel)
+            same = same and np.array_equal(before.slides, sliding.slides)
+        if same:
+            return step, solves
+        step = newton_step(model, *_with_flips(model, e, flipped, sliding), near)[0]
     return step, MOST_FLIPS
 
 
@@ -142,19 +150,25 @@ def approach(p: PointForces, bases: tuple[Array, Array], step: Array) -> Array:
 
 
 def _with_flips(
-    model: ShellModel, e: Evaluation, flipped: NDArray[np.bool_]
+    model: ShellModel, e: Evaluation, flipped: NDArray[np.bool_], sliding: Sliding | None
 ) -> tuple[Array, Array]:
-    """Tangent data and gradient with the flipped one-sided springs closed or opened."""
+    """Tangent data and gradient with the flipped one-sided springs closed or opened, and with
+    points `sliding`."""
     assert e.data is not None
     p, A, gradient = e.points, e.bases[0], e.reduced.copy()
     stiffness = np.where(flipped, np.where(p.depth > 0, -1.0, 1.0) * p.stiffness, 0.0)
     hessian = stiffness[:, None, None] * p.direction[:, :, None] * p.direction[:, None, :]
+    depth = np.where(flipped, p.depth, 0.0)
+    force = (stiffness * depth)[:, None] * p.direction
+    if p.friction is not None and sliding is not None:
+        pull, slope = p.friction.linear(sliding)
+        pull_now, slope_now = p.friction.linear(p.friction.sliding())
+        force, hessian = force + pull - pull_now, hessian + slope - slope_now
     size = DOFS * model.quads.shape[1]
     blocks, nodal = np.zeros((len(model.quads), size, size)), np.zeros((len(A), DOFS, DOFS))
     model.add_points(blocks, nodal, p, hessian, A)
     data = e.data + model.pattern.assemble(blocks, nodal, np.zeros((len(model.pairs), 3, 3)))
-    depth = np.where(flipped, p.depth, 0.0)
-    more = p.on_nodes((stiffness * depth)[:, None] * p.direction, len(A))
+    more = p.on_nodes(force, len(A))
     gradient.reshape(-1, DOFS)[:, :3] += np.einsum("nij,ni->nj", A, more)
     return data, gradient
 

@@ -21,13 +21,15 @@ from fe_solver.forces.contact import (
     contact_fields,
     contact_forces,
     contact_state,
-    friction_forces,
+    friction_of,
     inverse_ramp,
     join_point_forces,
     partition,
     ramp,
 )
+from fe_solver.forces.friction import Friction
 from fe_solver.forces.springs import PointForces, Springs, spring_forces
+from fe_solver.solver import augmented_contact
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.fields import contact_pressure
@@ -258,7 +260,8 @@ def test_friction_by_hand():
     floor = HalfSpace(np.zeros(3), np.array([0.0, 0, 1]))
     area = np.full(n, 1e-6)
     contact = Contact(0, floor, np.arange(n), none, area, 1e9, 1e-6, friction=0.4, shear=1e12)
-    energy, gradient, _ = friction_forces(contact, grip, local)
+    friction = friction_of(contact, grip, local)
+    energy, gradient = friction.energy(), friction.linear(friction.sliding())[0]
     assert energy == pytest.approx([0, 0.5e-6, 2e-6, 2e-6, 4e-6], rel=1e-5)
     assert gradient == pytest.approx(np.outer([0, 1, 2, 2, 2], [0.6, 0.8, 0]), rel=1e-5)
 
@@ -325,10 +328,74 @@ def test_the_last_round_is_solved_to_the_tolerance(tolerance):
 
 
 def test_a_stiffer_contact_sticks_as_before():
-    solution = contact_rows.wrap_strap(0.3, (0.3e-3,), 48)
-    began, ended = contact_rows.strip(48, 1e11, 0.3).contacts[0], solution.model.contacts[0]
+    model = press_sheet(0.4, stiffness=1e7)
+    solution = drag_sheet(model, at_rest(model), 0.1e-3)
+    began, ended = model.contacts[0], solution.model.contacts[0]
     assert ended.stiffness > began.stiffness
     assert ended.stick == pytest.approx(began.stick)
+
+
+def test_multipliers_and_limits_follow_the_whole_steps(monkeypatch):
+    """Held until the sheet is at rest, they then change by more, and the contact is stiffened."""
+    after = contact_rows.wrap_strap(0.3, (0.3e-3,), 48)
+    monkeypatch.setattr(augmented_contact, "_settle", lambda augment, model, c: model)
+    held = contact_rows.wrap_strap(0.3, (0.3e-3,), 48)
+    assert after.solves < 0.9 * held.solves
+    assert after.model.contacts[0].stiffness < held.model.contacts[0].stiffness
+    tensions = [contact_rows.far_tension(s) for s in (after, held)]
+    assert tensions[0] == pytest.approx(tensions[1], rel=1e-3)
+
+
+def test_whole_steps_circle_near_a_block_that_turns_back(monkeypatch):
+    """From where it slid, the limits of friction as they were but for rounding."""
+    solves = []
+    for near in (augmented_contact.NEAR, 0.0):
+        monkeypatch.setattr(augmented_contact, "NEAR", near)
+        model = press_sheet(0.1, shear=1e13)
+        c = at_rest(model)
+        for by in (0.02e-3, 0.1e-3, 0.2e-3, 0.19e-3):
+            solution = drag_sheet(model, c, by)
+            c, model = solution.configuration, next_increment(solution)
+        solves.append(solution.solves)
+    assert solves[0] < 0.75 * solves[1]
+
+
+@pytest.mark.parametrize("by", [0.02e-3, -0.02e-3])
+def test_a_block_that_turns_back_is_predicted_to_stick(monkeypatch, by):
+    """Near its anchor, drawn by 9 N/mm there: with nothing predicted its steps slide it to and
+    fro."""
+    model = press_sheet(0.4, shear=1e13)
+    slid = drag_sheet(model, at_rest(model), 0.1e-3)
+    contacts = tuple(replace(k, pin=None) for k in slid.model.contacts)
+    model, c = slid.model.with_changes(contacts=contacts), slid.configuration
+    position = c.position.copy()
+    position[1, 0] = by
+    c, solves = model.move_bodies(c, position, c.rotation), []
+    for _ in range(2):
+        found = solve(model, c, NO_TENSION, TIGHT, near=True)
+        at = found.configuration
+        state = contact_state(model.contacts[0], at.x, at.position, at.rotation)
+        assert state.drag[:, 0].sum() == pytest.approx(-9e3 * by, rel=1e-3)
+        assert (state.status == Status.STICKING).all()
+        solves.append(found.solves)
+        monkeypatch.setattr(Friction, "after", lambda self, before, travel: before)
+    assert solves[0] < solves[1] / 2
+
+
+def test_points_that_turn_back_stick_before_they_slide():
+    """By hand, with a limit of 2 N and 1 N/m: of two that slid 5 m, one turns back to 1 m from its
+    anchor and one beyond; one that stuck goes on by 3 m along y."""
+    slip = np.array([[5.0, 0, 0], [5.0, 0, 0], [1.0, 0, 0]])
+    up = np.tile([0.0, 0, 1], (3, 1))
+    friction = Friction.of(slip, up, np.ones(3), np.full(3, 2.0))
+    travel = np.array([[-4.0, 0, 7], [-9.0, 0, 0], [-1.0, 3, 0]])
+    then = friction.after(friction.sliding(), travel)
+    assert then.slides.tolist() == [False, False, True]
+    assert then.along == pytest.approx(np.array([[0.0, 0, 0], [0, 0, 0], [0, 1, 0]]))
+    gradient, hessian = friction.linear(then)
+    assert gradient[:2] == pytest.approx(slip[:2])
+    end = gradient[2] + hessian[2] @ travel[2]
+    assert end == pytest.approx(np.array([0.0, 2, 0]))
 
 
 def test_a_loop_that_cannot_end_says_where():
