@@ -21,7 +21,6 @@ from fe_solver.hood.build import ContactLaw, HoodSupports, TendonEnd, shell_hood
 from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood, _largest_turn
 from fe_solver.materials.linear import Isotropic
 from fe_solver.sheet import plate
-from fe_solver.solver import mixed_steps
 from fe_solver.solver.fields import contact_pressure, fields
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.supports import Tied
@@ -427,22 +426,3 @@ def test_arrays_hold_all_that_the_next_step_begins_from(hood, solved, motion):
     assert one.state.iterations == other.state.iterations
     jacobians = hood.jacobian(state), hood.jacobian(again)
     assert np.array_equal(*(j.load_motion for j in jacobians))
-
-
-def test_steps_that_go_round_in_a_circle_leave_the_rest_to_the_search(monkeypatch):
-    """On a coarse sheet that a tendon pulls taut, three sets of taut springs follow on one another
-    for ever."""
-    models = build(load_case("isometric_edc", ["hood.mesh.quads=120"]))
-    hood, finger = models.hood, models.finger
-    posture = finger.motion(finger.start(models.posture))
-    pulled = np.where(np.array(hood.tendons) == "EDC", 5.0, 0.05)
-    rest = hood.advance(hood.start(posture), posture, np.full(len(pulled), 0.05), STATIC).state
-
-    def pull() -> HoodState:
-        return hood.advance(rest, posture, pulled, STATIC).state
-
-    left = pull()
-    monkeypatch.setattr(mixed_steps, "CIRCLES", mixed_steps.MOST_STEPS)
-    gone_round = pull()
-    assert left.iterations < gone_round.iterations
-    assert left.configuration.x == pytest.approx(gone_round.configuration.x, abs=1e-8)
