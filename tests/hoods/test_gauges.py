@@ -312,10 +312,10 @@ def test_a_modulus_is_fitted_to_the_strains_of_a_grid(listed, tmp_path):
     ]
     targets, free = tmp_path / "measured.csv", tmp_path / "free.toml"
     targets.write_text("quantity,value,sd\n" + "\n".join(rows))
-    key = "hood.regions.central_band.c5={value}"
+    key = "hood.regions.central_band.modulus_along={value}"
     free.write_text(f'[E]\nlow = 60\nhigh = 180\nstart = 90\nunit = "MPa"\nsettings = ["{key}"]\n')
     fit = cosim.identify(path, targets, free, most=6)
-    truth = cosim.load(path).hood.regions["central_band"].c5
+    truth = cosim.load(path).hood.regions["central_band"].modulus_along
     assert 1e6 * fit.values["E"] == pytest.approx(truth, rel=2e-2)
 
 
