@@ -196,6 +196,8 @@ class _Walk:
 
     def _returns(self) -> bool:
         """Whether the potential left that of one of the last steps and is back there."""
+        if not np.isfinite(self.potential):
+            return False
         away = np.abs(np.array(self.met[-PERIOD:]) - self.potential) > AGAIN * abs(self.potential)
         return bool(away.any() and not away[: away.nonzero()[0][-1]].all())
 

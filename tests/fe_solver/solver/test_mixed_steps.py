@@ -197,9 +197,10 @@ def test_a_step_back_is_seen(model):
     [
         ([24.20, 25.10, 24.30, 24.19, 25.09, 24.29, 24.18, 25.08, 24.28, 24.18], True),
         ([400.0, 35.0, 90.0, 36.0, 9.0, 7.0, 6.0, 9.0, 4.0, 3.0], False),
+        ([5.0, np.inf, np.inf, 6.0, np.inf, np.inf, 4.0, np.inf, np.inf, np.inf], False),
         ([1.0, 0.9, 0.85, 0.851, 0.8502, 0.8501, 0.85, 0.85, 0.85, 0.85], False),
     ],
-    ids=["back at each third step", "downhill by ups and downs", "slowly to rest"],
+    ids=["back at each third step", "downhill by ups and downs", "crushed again", "slowly to rest"],
 )
 def test_only_steps_that_leave_a_potential_and_come_back_to_it_go_in_a_circle(
     model, potentials, circles
