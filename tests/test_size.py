@@ -16,7 +16,7 @@ CEILINGS = {
     "cosim/analyses": 6427,
     "cosim/anatomy": 850,
     "cosim/case": 961,
-    "cosim/commands": 4242,
+    "cosim/commands": 4255,
     "cosim/coupling": 2155,
     "cosim/fingers": 1144,
     "cosim/fmu": 1514,
@@ -24,11 +24,11 @@ CEILINGS = {
     "cosim/hoods": 4096,
     "cosim/kernels": 362,
     "cosim/models": 684,
-    "cosim/report": 2311,
-    "cosim/results": 4075,
+    "cosim/report": 2257,
+    "cosim/results": 4191,
     "cosim/schema": 566,
     "cosim/solve": 740,
-    "cosim/study": 2838,
+    "cosim/study": 2905,
     "cosim/tendons": 534,
     "cosim/validation": 1899,
     "cosim/verification": 990,
@@ -56,7 +56,7 @@ CEILINGS = {
     "rigid/opensim": 1789,
     "rigid/papers": 3398,
     "rigid/verification": 2498,
-    "tests": 42314,
+    "tests": 42434,
 }
 
 
