@@ -28,7 +28,7 @@ from rigid.opensim.functions import Quartic, quartic, read_function
 from rigid.opensim.losses import Loss, change_of, drop, report, unread
 from rigid.opensim.mjcf import Coupling, MjcfSite, mjcf_xml
 from rigid.opensim.paths import UnusablePathError, Way, read_way
-from rigid.opensim.plain_points import Postures, as_plain
+from rigid.opensim.plain_points import Postures, as_plain, jumps
 from rigid.opensim.skeleton import OsimSkeleton, read_skeleton
 from rigid.opensim.xml import OsimTag, read_xml
 
@@ -106,6 +106,7 @@ def import_osim(path: Path, tolerance: float = TOLERANCE) -> Imported:
     parts.of_kind("Ground")
     skeleton = read_skeleton(parts)
     muscles, ways, count, losses = _muscles(parts, skeleton, tolerance)
+    losses += _drop_jumping(parts, skeleton, muscles, ways)
     limits, springs, more = _passive(parts, skeleton)
     couplings, tied = _couplings(parts, skeleton)
     markers, lost = _markers(parts, skeleton)
@@ -192,6 +193,21 @@ def _muscles(
         ways[tag.name] = way
         losses += [change_of(*change) for change in way.changes]
     return muscles, ways, count, losses + _wrap_losses(ways)
+
+
+def _drop_jumping(
+    model: Components, skeleton: OsimSkeleton, muscles: dict[str, Muscle], ways: dict[str, Way]
+) -> list[Loss]:
+    """Take out the muscles whose length jumps, which OpenSim's may not; what is lost."""
+    wrapping = {name: way for name, way in ways.items() if any(way.wraps)}
+    jumping = jumps(skeleton, wrapping) if wrapping else {}
+    out = []
+    for name, size in jumping.items():
+        del muscles[name], ways[name]
+        (tag, *_) = (t for t in model.by_name[name] if t.used)
+        why = f"over a surface its length in MuJoCo jumps by {1e3 * size:.2g} mm to another side"
+        out.append(drop(tag, f"{why}; OpenSim keeps a path to its quadrant otherwise"))
+    return out
 
 
 def _wrap_losses(ways: Mapping[str, Way]) -> list[Loss]:

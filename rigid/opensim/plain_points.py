@@ -8,8 +8,9 @@ over the coordinates' ranges.  The lengths compared are those of straight lines 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import mujoco
 import numpy as np
@@ -24,15 +25,19 @@ RANDOM, SWEEP = 60, 41
 """Postures within all ranges, and along each coordinate that a point depends on."""
 MOST_CHOICES = 6
 """Points that come and go, of which every choice is tried; of more all or none."""
+STEEP, LEAST_JUMP = 4.0, 1e-3
+"""A step of a sweep that is so many times as long as those beside it, and so many m more."""
+MOST_RANGE = 2 * np.pi
+"""rad or m; a wider range is none of motion: there every path winds up."""
 SEED = 1
 
 
 class Postures:
-    """Where the bodies of a skeleton stand at sampled coordinates."""
+    """Where the bodies of a skeleton stand at sampled coordinates, and how long tendons are."""
 
-    def __init__(self, skeleton: OsimSkeleton) -> None:
+    def __init__(self, skeleton: OsimSkeleton, ways: Mapping[str, Way] = MappingProxyType({})):
         self.skeleton = skeleton
-        self.model = mujoco.MjModel.from_xml_string(mjcf_xml("s", (0, 0, 0), skeleton, {}, ()))
+        self.model = mujoco.MjModel.from_xml_string(mjcf_xml("s", (0, 0, 0), skeleton, ways, ()))
         self.data = mujoco.MjData(self.model)
         self.rng = np.random.default_rng(SEED)
 
@@ -53,8 +58,23 @@ class Postures:
         ]
         return [*random, *sweeps]
 
+    def lengths(self, values: Mapping[str, float]) -> Array:
+        """The lengths (m) of the tendons."""
+        self._pose(values)
+        mujoco.mj_tendon(self.model, self.data)
+        return self.data.ten_length.copy()
+
     def place(self, values: dict[str, float], points: Sequence[Point]) -> Array:
         """The points (n, 3) m in the world; those that move where they are then."""
+        self._pose(values)
+        out = []
+        for point in points:
+            name = self.skeleton.bodies[point.body].tag.name if point.body != GROUND else "world"
+            body = self.data.body(name)
+            out.append(body.xpos + body.xmat.reshape(3, 3) @ point.at(values))
+        return np.array(out)
+
+    def _pose(self, values: Mapping[str, float]) -> None:
         for name, value in values.items():
             if name in self.skeleton.moving:
                 self.data.joint(name).qpos[0] = value
@@ -62,12 +82,26 @@ class Postures:
             assert screw.curve is not None
             self.data.joint(screw.name).qpos[0] = screw.curve(values[screw.coordinate])
         mujoco.mj_kinematics(self.model, self.data)
-        out = []
-        for point in points:
-            name = self.skeleton.bodies[point.body].tag.name if point.body != GROUND else "world"
-            body = self.data.body(name)
-            out.append(body.xpos + body.xmat.reshape(3, 3) @ point.at(values))
-        return np.array(out)
+
+
+def jumps(skeleton: OsimSkeleton, ways: Mapping[str, Way]) -> dict[str, float]:
+    """By how much (m) the length of a tendon jumps, of those that do as one coordinate moves
+    through its range: where a path changes the side on which it passes a surface."""
+    postures = Postures(skeleton, ways)
+    found: dict[str, float] = {}
+    for name in skeleton.moving:
+        low, high = skeleton.coordinates[name].range
+        if high - low > MOST_RANGE:
+            continue
+        sweep = postures.sample([name])[RANDOM:]
+        steps = np.diff([postures.lengths(values) for values in sweep], axis=0)
+        beside = np.pad(np.abs(steps), ((1, 1), (0, 0)), mode="reflect")
+        much = np.abs(steps) - STEEP * np.maximum(beside[:-2], beside[2:])
+        for tendon, most in zip(ways, much.max(axis=0), strict=True):
+            if most > LEAST_JUMP:
+                at = np.abs(steps[:, list(ways).index(tendon)]).max()
+                found[tendon] = max(float(at), found.get(tendon, 0.0))
+    return found
 
 
 def as_plain(way: Way, postures: Postures) -> tuple[Way, float]:

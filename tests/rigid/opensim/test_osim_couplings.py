@@ -240,3 +240,26 @@ def test_inertia_of_no_solid_is_balanced_and_told(share: float, tmp_path: Path) 
     principal = np.sort(mujoco.MjModel.from_xml_string(made.xml).body("b").inertia)
     assert principal[0] + principal[1] >= principal[2] * (1 - 1e-9)
     assert PLAIN.startswith("<mass>1</mass>")
+
+
+def test_a_muscle_whose_length_jumps_is_left_out_with_the_size(tmp_path: Path) -> None:
+    """It passes a cylinder on the side of its quadrant until it lies beyond."""
+    wrap = (
+        '<WrapObjectSet name="wrapobjectset"><objects><WrapCylinder name="head"><radius>0.3'
+        "</radius><length>4</length><quadrant>-x</quadrant></WrapCylinder></objects>"
+        "</WrapObjectSet>"
+    )
+    use = '<PathWrap name="pw"><wrap_object>head</wrap_object></PathWrap>'
+    ends = point("a", "/ground", "0.1 1 0") + point("z", "/bodyset/b", "0 -1 0")
+
+    def made(span: str) -> Imported:
+        inside = f"<range>{span}</range>"
+        joints = joint("p", "/ground", "/bodyset/b", coordinate("q", inside))
+        ground = f'<Ground name="ground">{wrap}</Ground>'
+        text = model(joints=joints, forces=muscle("mus", ends, use))
+        return import_text(tmp_path, text.replace('<Ground name="ground"/>', ground))
+
+    assert list(made("-0.5 0.1").muscles) == ["mus"]
+    jumping = made("-0.5 2.9")
+    assert not jumping.muscles
+    assert "mm to another side" in reasons(jumping, "mus")
