@@ -197,7 +197,7 @@ class Result(CaseParts):
     def scenes(self) -> tuple[Scene, ...]:
         """What there is to see in each of `frames`, m: hood, bones, tendons and the fingertip with
         its force.  Raises InputError where the finger is in an FMU."""
-        return scenes_of(self.frames, self._checked_case())
+        return scenes_of(self.frames, self.arrays, self._checked_case())
 
     def _checked_case(self) -> Case:
         """The case that was run.  Raises InputError where it cannot be built again."""
@@ -212,8 +212,9 @@ class Result(CaseParts):
         if self.folder is None or self.scene.bones:
             return self.scene
         angles, force = (self.arrays.variables[name].values[-1] for name in ("angle", "tip_force"))
+        end = Frame("", -1, None, angles, force, self.hood)
         try:
-            return scenes_of([Frame("", None, angles, force, self.hood)], self._checked_case())[0]
+            return scenes_of([end], self.arrays, self._checked_case())[0]
         except InputError as error:
             warnings.warn(f"bones and tendons are not shown: {error}", stacklevel=3)
             return self.scene

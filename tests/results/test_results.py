@@ -9,6 +9,7 @@ import pytest
 import xarray
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 
 from cosim.case.file import load_case, resolved_toml
@@ -18,6 +19,7 @@ from cosim.hoods.view import STRAIN, HoodField
 from cosim.results.arrays import Arrays
 from cosim.results.audit import describe_misses
 from cosim.results.conventions import FRAME, by_axis
+from cosim.results.looks import BONE
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.picture import as_plain_text
 from cosim.results.result import Result
@@ -145,11 +147,12 @@ def test_what_is_nearer_is_drawn_over_what_lies_behind(result, palmar, hidden):
     turned = hood.points * (np.array([1, 1, -1]) if palmar else 1)
     scene = replace(result.scene, hood=replace(hood, points=turned), tendons=(), tip=None)
     corners, colour = polygons(scene, view=1)
-    middle = np.array([-20.5, 0.3])
+    middle = np.array([20.5, -0.3])
     low, high = corners.min(axis=1), corners.max(axis=1)
     (over,) = np.nonzero(((low <= middle) & (middle <= high)).all(axis=1))
     top = colour[over[-1]]
-    is_bone = abs(top[0] / top[2] - 0.93 / 0.80) < 1e-6
+    bone = to_rgb(BONE)
+    is_bone = abs(top[0] / top[2] - bone[0] / bone[2]) < 1e-6
     assert is_bone == hidden
 
 
@@ -166,8 +169,11 @@ def test_colours_are_strain_in_per_cent_about_zero(result):
 
 
 def test_the_force_is_named_with_its_magnitude(result):
-    texts = [text.get_text() for text in draw(result.scene, "x").axes[0].texts]
-    assert "arrow: fingertip force 0.22 N" in texts
+    assert "force of the fingertip on the world, 0.22 N" in legend_of(draw(result.scene, "x"))
+
+
+def legend_of(figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 def test_a_large_surface_is_thinned_to_the_same_shape():
