@@ -10,6 +10,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -45,7 +47,7 @@ def as_plain_text(figure: Figure) -> Figure:
 
 
 def write_figure(
-    figure: Figure, target: Path | IO[bytes], dpi: int, form: str = "png", **options: Any
+    figure: Figure, target: Path | IO[bytes], dpi: float, form: str = "png", **options: Any
 ) -> None:
     """Write a figure in a format of matplotlib's, whatever backend the environment names.
 
@@ -61,11 +63,21 @@ def write_figure(
     FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 3})
 
 
-def as_png(figure: Figure, dpi: int) -> bytes:
+def as_png(figure: Figure, dpi: float) -> bytes:
     """Return a figure as the content of a PNG file."""
     out = BytesIO()
     write_figure(figure, out, dpi)
     return out.getvalue()
+
+
+def as_pixels(figure: Figure, dpi: float) -> np.ndarray:
+    """Return a figure as pixels (rows, columns, 3) of red, green and blue, 0 to 255."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure.set_dpi(dpi)
+    canvas = FigureCanvasAgg(as_plain_text(figure))
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3]
 
 
 def data_address(content: bytes, kind: str = "image/png") -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -16,6 +16,7 @@ from cosim.files import output_file
 from cosim.results.audit import Audit
 from cosim.results.compare import Comparison, numbers_of, unit_of
 from cosim.results.conventions import COMPONENTS, by_axis
+from cosim.results.film import FPS, WIDTH, Film, film_of
 from cosim.results.frames import Frame, frames_of, read_shapes
 from cosim.results.history_plot import draw_history
 from cosim.results.html import html_of
@@ -171,6 +172,32 @@ class Result(CaseParts):
         kinds = ["scene", *(["ledger"] * bool(self.rows)), *(["history"] * (self.axis == "time"))]
         raise InputError(f"plot: this run has no {kind!r}; it has {', '.join(kinds)}")
 
+    def animate(
+        self,
+        path: str | Path | None = None,
+        *,
+        fps: float = FPS,
+        speed: float | None = None,
+        width: int = WIDTH,
+    ) -> Film:
+        """Return a film of the run's frames, which a notebook plays, and write it to `path` (.gif,
+        or .mp4 with the extra `film`) where one is given: `fps` pictures a second, a motion `speed`
+        times as fast as it was (without: each stored frame once), `width` pixels wide.
+
+        Raises InputError for a run of one frame and for what cannot be written."""
+        scenes = self.scenes
+        if any(scene.hood is None for scene in scenes) and self.hood is not None:
+            warnings.warn(
+                "the film is without the hood: its shape was stored at the end only "
+                "(output.frames = 0)",
+                stacklevel=2,
+            )
+            scenes = tuple(replace(scene, hood=None) for scene in scenes)
+        film = film_of(self.title, self.frames, scenes, fps, speed, width)
+        if path is not None:
+            film.write(Path(path))
+        return film
+
     def view(self) -> Plotter:
         """A pyvista window's plotter with the hood coloured by strain, bones, tendons and the force
         of the fingertip, metres; `.show()` opens it, `.screenshot(file)` needs no display with
@@ -196,8 +223,13 @@ class Result(CaseParts):
     @cached_property
     def scenes(self) -> tuple[Scene, ...]:
         """What there is to see in each of `frames`, m: hood, bones, tendons and the fingertip with
-        its force.  Raises InputError where the finger is in an FMU."""
-        return scenes_of(self.frames, self.arrays, self._checked_case())
+        its force.  Where the case cannot be built again here, as of a finger in an FMU, a warning
+        says so and the hood stands alone."""
+        try:
+            return scenes_of(self.frames, self.arrays, self._checked_case())
+        except InputError as error:
+            warnings.warn(f"bones and tendons are not shown: {error}", stacklevel=3)
+            return tuple(Scene(frame.hood, (), ()) for frame in self.frames)
 
     def _checked_case(self) -> Case:
         """The case that was run.  Raises InputError where it cannot be built again."""

@@ -18,6 +18,7 @@ from cosim.results.arrays import Arrays
 from cosim.results.frames import Frame
 from cosim.results.parts import Scene
 
+MOST_TRIANGLES = 2500
 PULLED = 1e-3
 """Share of the resting tension beyond which a tendon is pulled."""
 
@@ -30,7 +31,8 @@ def scene(models: Models, e: Equilibrium, view: HoodView | None) -> Scene:
     tip = (models.finger.tip(e.finger_state), models.finger.tip_force(e.finger_state))
     hood = None if view is None else hood_field(view)
     joints = joint_centres(e.motion, models.finger.joints)
-    return Scene(hood, bones_in_world(models.bones, e.motion), tendons, tip, joints=joints)
+    bones = bones_in_world(coarse_bones(models.bones), e.motion)
+    return Scene(hood, bones, tendons, tip, joints=joints)
 
 
 def with_measures(scene: Scene, arrays: Arrays, k: int, case: Case) -> Scene:
@@ -61,6 +63,12 @@ def joint_centres(motion: Motion, joints: Sequence[str]) -> tuple[tuple[str, Arr
     if len(names) != len(motion.bodies) - 1:
         return ()
     return tuple(zip(names, motion.position[1:], strict=True))
+
+
+def coarse_bones(bones: Mapping[str, Triangles]) -> Mapping[str, Triangles]:
+    """Return surfaces of the bones in their frames with MOST_TRIANGLES each at most, so that
+    a bone looks the same in every posture."""
+    return {body: decimate(*surface) for body, surface in bones.items()}
 
 
 def bones_in_world(
@@ -101,7 +109,11 @@ def rebuild_finger(case: Case, angles: Array) -> RebuiltFinger:
         for motion, state in zip(motions, states, strict=True)
     ]
     return RebuiltFinger(
-        bone_surfaces(case), motions, tendons, [*map(finger.tip, states)], finger.joints
+        coarse_bones(bone_surfaces(case)),
+        motions,
+        tendons,
+        [*map(finger.tip, states)],
+        finger.joints,
     )
 
 
@@ -124,3 +136,21 @@ def scenes_of(frames: Sequence[Frame], arrays: Arrays, case: Case) -> tuple[Scen
         )
         for frame, motion, tendons, tip in every
     )
+
+
+def decimate(vertices: Array, faces: np.ndarray, most: int = MOST_TRIANGLES) -> tuple:
+    """A coarser surface of `most` triangles or fewer: vertices within a cell become one.
+
+    vertices (n, 3), faces (m, 3) -> the same of fewer."""
+    vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces)
+    edges = vertices[faces[:, 1:]] - vertices[faces[:, :1]]
+    area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum()
+    size = np.sqrt(2.5 * area / most)  # a surface meets some 1.25 area/size**2 cells
+    while len(faces) > most:
+        cell = np.round((vertices - vertices.min(axis=0)) / size).astype(np.int64)
+        number = np.ravel_multi_index(tuple(cell.T), tuple(cell.max(axis=0) + 1))
+        _, owner, count = np.unique(number, return_inverse=True, return_counts=True)
+        vertices = np.stack([np.bincount(owner, x) / count for x in vertices.T], axis=1)
+        faces, size = owner[faces], 1.15 * size
+        faces = faces[(np.diff(np.sort(faces, axis=1), axis=1) > 0).all(axis=1)]
+    return vertices, faces

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
-MOST_TRIANGLES = 2500
 TENDON_WIDTH, RESTING_WIDTH, CABLE_WIDTH, STROKE_WIDTH = 0.9, 0.45, 0.7, 0.16  # mm
 ARROW_LENGTH = 15.0  # mm, of the largest fingertip force
 HOOD_LIFT = 1.0  # mm towards the viewer, so that bone triangles larger than quads do not cut in
@@ -54,6 +53,8 @@ SMALL = 9
 GAUGE = "#000000"
 BONE_LINE = "bones"
 """The name of the line through the bodies of a finger in an FMU."""
+BEYOND = 1.25
+"""Of the way from a joint to the middle of its bone: where the bone's name stands."""
 PROXIMAL = 1e-3
 """m, of a hood's proximal end: where its tendons are said to pull on it."""
 
@@ -105,17 +106,26 @@ class Stage:
     """(2, 3) m, the least and the greatest coordinates of all that is drawn."""
     limits: tuple[float, float] | None
     """The ends of the colour scale; None of a hood without a field."""
-    newtons: float
-    """The largest force of the fingertip, N: its arrow is ARROW_LENGTH long."""
-    is_pulled: bool
-    """Whether a tendon is pulled at some time, so that there is room for labels."""
+    whole: Scene
+    """The last of the scenes, with the largest tension of each tendon and the largest force of the
+    fingertip: what there is room for, and what the legend names."""
+    is_film: bool
+
+    @property
+    def newtons(self) -> float:
+        """The largest force of the fingertip, N: its arrow is ARROW_LENGTH long."""
+        return _newtons(self.whole)
 
 
 def stage_of(scenes: Sequence[Scene]) -> Stage:
     """Return what pictures of these scenes have in common: bounds, colour scale and the scale of
     the force."""
-    newtons = max((float(np.linalg.norm(s.tip[1])) for s in scenes if s.tip is not None), default=0)
-    parts = [np.reshape(part, (-1, 3)) for s in scenes for part in _drawn_points(s, newtons)]
+    largest = max(scenes, key=_newtons)
+    names = dict.fromkeys(name for s in scenes for name in s.pulled)
+    pulled = {name: max(s.pulled.get(name, 0.0) for s in scenes) for name in names}
+    whole = replace(scenes[-1], pulled=pulled, tip=largest.tip)
+    every = [part for s in scenes for part in _drawn_points(s, _newtons(largest))]
+    parts = [np.reshape(part, (-1, 3)) for part in every]
     points = np.concatenate(parts) if parts else np.zeros((1, 3))
     hoods = [s.hood for s in scenes if s.hood is not None]
     limits = None
@@ -123,7 +133,11 @@ def stage_of(scenes: Sequence[Scene]) -> Stage:
         values = [shown[0].values(hood) for hood in hoods]
         limits = colour_limits(np.concatenate(values), shown[0].is_signed)
     box = np.stack([points.min(axis=0), points.max(axis=0)])
-    return Stage(box, limits, newtons, any(s.pulled for s in scenes))
+    return Stage(box, limits, whole, len(scenes) > 1)
+
+
+def _newtons(scene: Scene) -> float:
+    return 0.0 if scene.tip is None else float(np.linalg.norm(scene.tip[1]))
 
 
 def _drawn_points(scene: Scene, newtons: float) -> Iterator[Array]:
@@ -150,19 +164,18 @@ def draw(scene: Scene, title: str, stage: Stage | None = None, moment: str = "")
     from matplotlib.figure import Figure
 
     stage = stage_of([scene]) if stage is None else stage
-    legend = _legend(scene)
+    legend = _legend(stage)
     rows = -(-len(legend) // COLUMNS)
     low, high = 1e3 * stage.box[0] - ROOM, 1e3 * stage.box[1] + ROOM
     across, heights = (high - low)[0], (high - low)[[2, 1]]
-    longest = max((len(_pull(*pull)) for pull in scene.pulled.items()), default=12)
-    beside = LETTER * longest + 0.2 if stage.is_pulled else 0.0
+    longest = max((len(_pull(*pull)) for pull in stage.whole.pulled.items()), default=0)
+    beside = LETTER * longest + 0.2 if longest else 0.0
     scale = min((WIDE - beside) / across, TALLEST / heights.sum())  # inches in a mm
     views, below = scale * heights, BELOW + rows * ROW
     width = LEFT + scale * across + beside + (RIGHT if stage.limits is not None else 0.3)
     above = ABOVE + 0.2 * bool(moment)
     height = above + views.sum() + BETWEEN + below
     figure = Figure(figsize=(width, height))
-    bones = [(name, *decimate(vertices, faces)) for name, vertices, faces in scene.bones]
     colours = _colours(scene, stage)
     floors = (below + views[1] + BETWEEN, below)
     for view, floor, tall, axis in zip(VIEWS, floors, views, (2, 1), strict=True):
@@ -170,11 +183,11 @@ def draw(scene: Scene, title: str, stage: Stage | None = None, moment: str = "")
         axes = figure.add_axes(panel)
         ends = (low[axis], high[axis])[:: view.sign[1]]
         axes.set(xlim=(high[0], low[0] - beside / scale), ylim=ends, ylabel=view.label[1])
-        _draw_view(axes, scene, bones, view, colours, stage)
+        _draw_view(axes, scene, view, colours, stage)
     first, last = figure.axes
     first.tick_params(labelbottom=False)
     last.set_xlabel(VIEWS[1].label[0])
-    _write_names(first, scene, bones, VIEWS[0], LINE / scale)
+    _write_names(first, scene, VIEWS[0], LINE / scale)
     if colours is not None and scene.hood is not None:
         tall = views.sum() + BETWEEN
         place = ((width - RIGHT + 0.15) / width, below / height, 0.16 / width, tall / height)
@@ -201,12 +214,13 @@ def _pull(name: str, tension: float) -> str:
     return f"{name} {tension:.2f} N"
 
 
-def _legend(scene: Scene) -> list[Artist]:
+def _legend(stage: Stage) -> list[Artist]:
     """An entry for each kind of thing that the views draw."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     out: list[Artist] = []
+    scene = stage.whole
     if scene.bones:
         out.append(Patch(fc=BONE, ec="0.6", label="bones"))
     kinds = {_is_pulled(scene, name) for name, _ in scene.tendons if name != BONE_LINE}
@@ -238,10 +252,9 @@ def _legend(scene: Scene) -> list[Artist]:
     if scene.joints:
         dot = {"ls": "", "marker": "+", "mec": "black", "ms": 7, "mew": 1.4}
         out.append(Line2D([], [], label="centres of the joints", **dot))
-    if scene.tip is not None and np.any(scene.tip[1]):
-        size = float(np.linalg.norm(scene.tip[1]))
+    if size := _newtons(scene):
         dot = {"ls": "-", "lw": 2, "marker": "<", "markevery": [0], "color": FORCE, "ms": 6}
-        words = f"force of the fingertip on the world, {size:.2f} N"
+        words = f"force of the fingertip on the world, {'up to ' * stage.is_film}{size:.2f} N"
         out.append(Line2D([0, 1], [0, 0], label=words, **dot))
     return out
 
@@ -266,14 +279,13 @@ def _colours(scene: Scene, stage: Stage) -> ScalarMappable | None:
 def _draw_view(
     ax: Axes,
     scene: Scene,
-    bones: Sequence[tuple[str, Array, np.ndarray]],
     view: PlotView,
     colours: ScalarMappable | None,
     stage: Stage,
 ) -> None:
     from matplotlib.collections import PolyCollection
 
-    parts = [_bone(view, vertices, faces) for _, vertices, faces in bones]
+    parts = [_bone(view, vertices, faces) for _, vertices, faces in scene.bones]
     parts += [_ribbon(view, points, *_tendon(scene, name)) for name, points in scene.tendons]
     if scene.hood is not None:
         parts.append(_hood(view, scene, colours))
@@ -288,7 +300,7 @@ def _draw_view(
         polygons.set_rasterized(True)  # as vectors they would make files of many megabytes
         polygons.set_facecolor(inks[0])
         polygons.set_edgecolor(inks[1])
-        ax.add_collection(polygons)
+        ax.add_collection(polygons, autolim=False)
     _draw_points(ax, scene, view)
     if (arrow := _arrow(scene, stage.newtons)) is not None:
         tail, head = view.place(arrow)
@@ -330,19 +342,21 @@ def _halo(size: float) -> dict[str, Any]:
 def _write_names(
     ax: Axes,
     scene: Scene,
-    bones: Sequence[tuple[str, Array, np.ndarray]],
     view: PlotView,
     line: float,
 ) -> None:
     """Names of bones and joints at their places, and of the tendons that pull in a column beside
     the finger, with lines to where they are pulled; `line`: mm that a line of text takes."""
     middle: Any = {"ha": "center", "va": "center"}
-    for name, vertices, _ in bones:
+    for k, (name, vertices, _) in enumerate(scene.bones):
         at = view.place(vertices)
         _, _, axes = np.linalg.svd(at - at.mean(axis=0), full_matrices=False)
         along = axes[0] * view.sign
         turn = (np.degrees(np.arctan2(along[1], along[0])) + 90) % 180 - 90
         place = (at.min(axis=0) + at.max(axis=0)) / 2
+        if k and len(scene.joints) == len(scene.bones) - 1:  # beside the name of its joint
+            joint = view.place(scene.joints[k - 1][1])
+            place = joint + BEYOND * (place - joint)
         words = name.replace("_", " ")
         looks = {**middle, **_halo(SMALL), "rotation": turn, "style": "italic"}
         ax.text(place[0], place[1], words, zorder=6, **looks)
@@ -490,21 +504,3 @@ def _shade(colour: Array, corners: Array, ambient: float) -> Array:
     light = np.array([-0.3, 0.5, 0.81])
     bright = ambient + (1 - ambient) * np.abs(normal / length @ light)
     return np.hstack([colour * bright[:, None], np.ones((len(corners), 1))])
-
-
-def decimate(vertices: Array, faces: np.ndarray, most: int = MOST_TRIANGLES) -> tuple:
-    """A coarser surface of `most` triangles or fewer: vertices within a cell become one.
-
-    vertices (n, 3), faces (m, 3) -> the same of fewer."""
-    vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces)
-    edges = vertices[faces[:, 1:]] - vertices[faces[:, :1]]
-    area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum()
-    size = np.sqrt(2.5 * area / most)  # a surface meets some 1.25 area/size**2 cells
-    while len(faces) > most:
-        cell = np.round((vertices - vertices.min(axis=0)) / size).astype(np.int64)
-        number = np.ravel_multi_index(tuple(cell.T), tuple(cell.max(axis=0) + 1))
-        _, owner, count = np.unique(number, return_inverse=True, return_counts=True)
-        vertices = np.stack([np.bincount(owner, x) / count for x in vertices.T], axis=1)
-        faces, size = owner[faces], 1.15 * size
-        faces = faces[(np.diff(np.sort(faces, axis=1), axis=1) > 0).all(axis=1)]
-    return vertices, faces

@@ -23,7 +23,8 @@ from cosim.results.looks import BONE
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.picture import as_plain_text
 from cosim.results.result import Result
-from cosim.results.scene_plot import MOST_TRIANGLES, VIEWS, decimate, draw
+from cosim.results.scene import MOST_TRIANGLES, decimate
+from cosim.results.scene_plot import VIEWS, draw
 from cosim.results.write import with_nan
 
 
