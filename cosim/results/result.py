@@ -22,7 +22,13 @@ from cosim.results.history_plot import draw_history
 from cosim.results.html import html_of
 from cosim.results.ledger_plot import draw_ledger
 from cosim.results.parts import CaseParts, Scene
-from cosim.results.picture import as_plain_text, as_png, load_matplotlib, write_figure
+from cosim.results.picture import (
+    as_plain_text,
+    as_png,
+    load_matplotlib,
+    show_in_notebooks,
+    write_figure,
+)
 from cosim.results.quantities import meaning_of
 from cosim.results.scene import scenes_of
 from cosim.results.scene_plot import draw
@@ -163,6 +169,7 @@ class Result(CaseParts):
 
     def _figure(self, kind: Plot) -> Figure:
         load_matplotlib()
+        show_in_notebooks()
         if kind == "scene":
             return draw(self._whole_scene, self.title)
         if kind == "ledger" and self.rows:
