@@ -24,7 +24,13 @@ from cosim.results.joint_limits import is_in_range, joints_ever_at_limit, limits
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
-from cosim.results.scene import bones_in_world, coarse_bones, joint_centres, with_measures
+from cosim.results.scene import (
+    bones_in_world,
+    coarse_bones,
+    joint_centres,
+    origins_of,
+    with_measures,
+)
 from cosim.solve.motion import SolvedMotion
 from cosim.version import __version__
 
@@ -317,4 +323,5 @@ def _scene(t: MovingModels, kept: MotionHistory) -> Scene:
     )
     joints = joint_centres(motion, finger.joints)
     bones = bones_in_world(coarse_bones(t.bones), motion)
-    return Scene(hood, bones, tuple(lines.items()), force, frames, joints)
+    paths = tuple(lines.items())
+    return Scene(hood, bones, paths, force, frames, origins_of(motion), joints)

@@ -38,6 +38,8 @@ class Scene:
     """The fingertip point (3,) and the force of the fingertip on the world (3,) N."""
     frames: tuple[tuple[float, HoodField], ...] = ()
     """The hood over a motion, with the times in s."""
+    origins: Mapping[str, Array] = field(default_factory=dict)
+    """The origin (3,) of each body, about which its moments are."""
     joints: tuple[tuple[str, Array], ...] = ()
     """The name and the centre (3,) of each joint that bends."""
     pulled: Mapping[str, float] = field(default_factory=dict)

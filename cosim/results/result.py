@@ -173,7 +173,7 @@ class Result(CaseParts):
         if kind == "scene":
             return draw(self._whole_scene, self.title)
         if kind == "ledger" and self.rows:
-            return draw_ledger(self.rows, self.title)
+            return draw_ledger(self.rows, self.title, self._whole_scene)
         if kind == "history" and self.axis == "time":
             return draw_history(self.data, self.title)
         kinds = ["scene", *(["ledger"] * bool(self.rows)), *(["history"] * (self.axis == "time"))]

@@ -32,7 +32,7 @@ def scene(models: Models, e: Equilibrium, view: HoodView | None) -> Scene:
     hood = None if view is None else hood_field(view)
     joints = joint_centres(e.motion, models.finger.joints)
     bones = bones_in_world(coarse_bones(models.bones), e.motion)
-    return Scene(hood, bones, tendons, tip, joints=joints)
+    return Scene(hood, bones, tendons, tip, origins=origins_of(e.motion), joints=joints)
 
 
 def with_measures(scene: Scene, arrays: Arrays, k: int, case: Case) -> Scene:
@@ -54,6 +54,11 @@ def with_measures(scene: Scene, arrays: Arrays, k: int, case: Case) -> Scene:
     gauges = getattr(case.hood, "gauges", {}) if points else {}
     pulled = {name: value for name, value in tensions.items() if value > least}
     return replace(scene, pulled=pulled, points=points, gauges=gauges)
+
+
+def origins_of(motion: Motion) -> dict[str, Array]:
+    """Return the origin (3,) m of each body."""
+    return dict(zip(motion.bodies, motion.position, strict=True))
 
 
 def joint_centres(motion: Motion, joints: Sequence[str]) -> tuple[tuple[str, Array], ...]:
@@ -130,6 +135,7 @@ def scenes_of(frames: Sequence[Frame], arrays: Arrays, case: Case) -> tuple[Scen
                 bones_in_world(rebuilt.bones, motion),
                 tuple({**({} if frame.hood is None else frame.hood.lines), **tendons}.items()),
                 (tip, frame.force),
+                origins=origins_of(motion),
                 joints=joint_centres(motion, rebuilt.joints),
             ),
             *(arrays, frame.step, case),

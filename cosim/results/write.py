@@ -127,7 +127,7 @@ def _draw_scene(path: Path, run: CaseParts) -> None:
 def _draw_ledger(path: Path, run: CaseParts) -> None:
     from cosim.results.ledger_plot import draw_ledger
 
-    write_figure(draw_ledger(run.rows, run.title), path, 130)
+    write_figure(draw_ledger(run.rows, run.title, run.scene), path, 130)
 
 
 def _draw_history(path: Path, run: CaseParts) -> None:

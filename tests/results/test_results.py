@@ -187,21 +187,6 @@ def test_a_large_surface_is_thinned_to_the_same_shape():
     np.testing.assert_allclose(radius, 5e-3, atol=3e-4)
 
 
-def test_the_ledger_s_plot_shows_states_as_bars_and_times_as_lines():
-    from cosim.results.ledger_plot import draw_ledger
-
-    def row(state: str, source: str, force: float) -> LedgerRow:
-        return LedgerRow(state, "distal", source, np.array([force, 0, 0]), np.zeros(3))
-
-    still = draw_ledger([row("loaded", "contact", 2.0), row("loaded", "joint", 1.0)], "still")
-    assert [patch.get_height() for patch in still.axes[0].patches] == [2.0, 1.0]
-    times = [row(f"{t:g} s", "joint", 1.0 + t) for t in (0.0, 0.1, 0.2, 0.3)]
-    faint = [row("0 s", "faint", 1e-3)]
-    moving = draw_ledger([*times, *faint], "moving")
-    (line,) = moving.axes[0].lines
-    assert line.get_ydata() == pytest.approx([1.0, 1.1, 1.2, 1.3])
-
-
 def test_numbers_that_are_none_are_null_and_are_read_back(tmp_path: Path, result):
     summary = {
         **result.summary,
