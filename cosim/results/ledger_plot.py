@@ -104,7 +104,7 @@ def acting_on(rows: Sequence[LedgerRow]) -> list[Acting]:
     largest are summed up in the last, so that all add up to what the rows do."""
     size = np.array([[np.linalg.norm(row.force), np.linalg.norm(row.moment)] for row in rows])
     share = (size / np.maximum(size.max(axis=0), 1e-300)).max(axis=1)
-    order = np.argsort(-share, kind="stable")
+    order = np.argsort(-share.round(6), kind="stable")
     shown = [k for k in order if share[k] >= TELLING]
     little = [k for k in order if share[k] < TELLING]
     out = []

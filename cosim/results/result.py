@@ -192,25 +192,33 @@ class Result(CaseParts):
         times as fast as it was (without: each stored frame once), `width` pixels wide.
 
         Raises InputError for a run of one frame and for what cannot be written."""
-        scenes = self.scenes
-        if any(scene.hood is None for scene in scenes) and self.hood is not None:
-            warnings.warn(
-                "the film is without the hood: its shape was stored at the end only "
-                "(output.frames = 0)",
-                stacklevel=2,
-            )
-            scenes = tuple(replace(scene, hood=None) for scene in scenes)
-        film = film_of(self.title, self.frames, scenes, fps, speed, width)
+        film = film_of(self.title, self.frames, self._film_scenes(), fps, speed, width)
         if path is not None:
             film.write(Path(path))
         return film
 
     def view(self) -> Plotter:
-        """A pyvista window's plotter with the hood coloured by strain, bones, tendons and the force
-        of the fingertip, metres; `.show()` opens it, `.screenshot(file)` needs no display with
-        `off_screen`.  Raises InputError where pyvista is not installed."""
+        """Return a pyvista window's plotter with hood, bones, tendons and the force of the
+        fingertip, metres, at the last frame; `.show()` opens it, with a slider over the frames, and
+        plays a motion; `.screenshot(file)` needs no display with `off_screen`.  Raises InputError
+        where pyvista is not installed."""
         require("a window in space", "pyvista")
-        return plotter_of(self._whole_scene, self.title)
+        if self.axis == "time":
+            return plotter_of(self._film_scenes(), [f.label for f in self.frames], self.title)
+        scenes = [*self.scenes[:-1], self._whole_scene]
+        return plotter_of(scenes, [frame.label for frame in self.frames], self.title)
+
+    def _film_scenes(self) -> tuple[Scene, ...]:
+        """`scenes`, without a hood whose shape was stored at the end only, of which a warning
+        tells."""
+        scenes = self.scenes
+        if self.hood is None or all(scene.hood is not None for scene in scenes):
+            return scenes
+        warnings.warn(
+            "the hood is not shown: its shape was stored at the end only (output.frames = 0)",
+            stacklevel=3,
+        )
+        return tuple(replace(scene, hood=None) for scene in scenes)
 
     @cached_property
     def frames(self) -> tuple[Frame, ...]:

@@ -61,6 +61,12 @@ def origins_of(motion: Motion) -> dict[str, Array]:
     return dict(zip(motion.bodies, motion.position, strict=True))
 
 
+def tension_of(scene: Scene, line: str) -> float:
+    """Return the tension (N) of the tendon that a line is of, where that is pulled, else zero: the
+    line is named NAME, NAME 2 of a tendon that parts, or "NAME cable"."""
+    return scene.pulled.get(line, scene.pulled.get(line.rpartition(" ")[0], 0.0))
+
+
 def joint_centres(motion: Motion, joints: Sequence[str]) -> tuple[tuple[str, Array], ...]:
     """Return the name and the centre (3,) m of each joint that bends: the origin of the bone distal
     of it.  Empty where the joints that bend are not one to each body but the first."""

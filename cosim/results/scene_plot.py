@@ -28,6 +28,7 @@ from cosim.results.looks import (
     colour_map,
 )
 from cosim.results.parts import Scene
+from cosim.results.scene import tension_of
 from cosim.results.strokes import families_of, stroke_cells, strokes
 
 if TYPE_CHECKING:
@@ -114,17 +115,17 @@ class Stage:
     @property
     def newtons(self) -> float:
         """The largest force of the fingertip, N: its arrow is ARROW_LENGTH long."""
-        return _newtons(self.whole)
+        return newtons_of(self.whole)
 
 
 def stage_of(scenes: Sequence[Scene]) -> Stage:
     """Return what pictures of these scenes have in common: bounds, colour scale and the scale of
     the force."""
-    largest = max(scenes, key=_newtons)
+    largest = max(scenes, key=newtons_of)
     names = dict.fromkeys(name for s in scenes for name in s.pulled)
     pulled = {name: max(s.pulled.get(name, 0.0) for s in scenes) for name in names}
     whole = replace(scenes[-1], pulled=pulled, tip=largest.tip)
-    every = [part for s in scenes for part in _drawn_points(s, _newtons(largest))]
+    every = [part for s in scenes for part in _drawn_points(s, newtons_of(largest))]
     parts = [np.reshape(part, (-1, 3)) for part in every]
     points = np.concatenate(parts) if parts else np.zeros((1, 3))
     hoods = [s.hood for s in scenes if s.hood is not None]
@@ -136,7 +137,7 @@ def stage_of(scenes: Sequence[Scene]) -> Stage:
     return Stage(box, limits, whole, len(scenes) > 1)
 
 
-def _newtons(scene: Scene) -> float:
+def newtons_of(scene: Scene) -> float:
     return 0.0 if scene.tip is None else float(np.linalg.norm(scene.tip[1]))
 
 
@@ -146,11 +147,11 @@ def _drawn_points(scene: Scene, newtons: float) -> Iterator[Array]:
     yield from (points for _, points in scene.tendons)
     if scene.hood is not None:
         yield scene.hood.points
-    if (arrow := _arrow(scene, newtons)) is not None:
+    if (arrow := arrow_of(scene, newtons)) is not None:
         yield arrow
 
 
-def _arrow(scene: Scene, newtons: float) -> Array | None:
+def arrow_of(scene: Scene, newtons: float) -> Array | None:
     """Tail and head (2, 3) m of the fingertip's force; None where there is none."""
     if scene.tip is None or not np.any(scene.tip[1]):
         return None
@@ -223,7 +224,7 @@ def _legend(stage: Stage) -> list[Artist]:
     scene = stage.whole
     if scene.bones:
         out.append(Patch(fc=BONE, ec="0.6", label="bones"))
-    kinds = {_is_pulled(scene, name) for name, _ in scene.tendons if name != BONE_LINE}
+    kinds = {tension_of(scene, name) > 0 for name, _ in scene.tendons if name != BONE_LINE}
     if any(_pulled_end(scene, name) is not None for name in scene.pulled):
         out.append(Line2D([], [], color=TENDON, lw=3, label="tendons that pull, with tension"))
     if False in kinds:
@@ -252,17 +253,11 @@ def _legend(stage: Stage) -> list[Artist]:
     if scene.joints:
         dot = {"ls": "", "marker": "+", "mec": "black", "ms": 7, "mew": 1.4}
         out.append(Line2D([], [], label="centres of the joints", **dot))
-    if size := _newtons(scene):
+    if size := newtons_of(scene):
         dot = {"ls": "-", "lw": 2, "marker": "<", "markevery": [0], "color": FORCE, "ms": 6}
         words = f"force of the fingertip on the world, {'up to ' * stage.is_film}{size:.2f} N"
         out.append(Line2D([0, 1], [0, 0], label=words, **dot))
     return out
-
-
-def _is_pulled(scene: Scene, line: str) -> bool:
-    """Whether a line is of a tendon that bears more than the resting tension: NAME, NAME 2, or
-    "NAME cable"."""
-    return line in scene.pulled or line.rpartition(" ")[0] in scene.pulled
 
 
 def _colours(scene: Scene, stage: Stage) -> ScalarMappable | None:
@@ -302,7 +297,7 @@ def _draw_view(
         polygons.set_edgecolor(inks[1])
         ax.add_collection(polygons, autolim=False)
     _draw_points(ax, scene, view)
-    if (arrow := _arrow(scene, stage.newtons)) is not None:
+    if (arrow := arrow_of(scene, stage.newtons)) is not None:
         tail, head = view.place(arrow)
         style = {"arrowstyle": "-|>", "lw": 2.2, "color": FORCE, "shrinkA": 0, "shrinkB": 0}
         ax.annotate("", tuple(head), tuple(tail), arrowprops=style, zorder=5)
@@ -315,7 +310,7 @@ def _tendon(scene: Scene, name: str) -> tuple[float, str]:
     """Width, mm, and colour of a line."""
     if name == BONE_LINE:
         return TENDON_WIDTH, BONE
-    return (TENDON_WIDTH, TENDON) if _is_pulled(scene, name) else (RESTING_WIDTH, RESTING_TENDON)
+    return (TENDON_WIDTH, TENDON) if tension_of(scene, name) else (RESTING_WIDTH, RESTING_TENDON)
 
 
 def _draw_points(ax: Axes, scene: Scene, view: PlotView) -> None:

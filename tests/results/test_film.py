@@ -15,7 +15,7 @@ from cosim.errors import InputError
 from cosim.face import load, run
 from cosim.results.film import HOLD, STATE, Film, _paced, film_of
 from cosim.results.result import Result
-from cosim.results.scene_plot import ARROW_LENGTH, _arrow, draw
+from cosim.results.scene_plot import ARROW_LENGTH, arrow_of, draw
 from tests.helpers.motions import FREE, PLAIN
 
 MOVING = (PLAIN, *FREE, 'forward={duration="0.02 s",must_rest=false}', "output.frames=4")
@@ -86,7 +86,7 @@ def bounds(film: Film) -> set[tuple]:
 def test_bounds_legend_and_the_scale_of_the_force_are_those_of_all_frames(rested):
     film = rested.animate(width=300)
     assert len(bounds(film)) == 1
-    lengths = [_arrow(scene, film.stage.newtons) for scene, _, _ in film.shown]
+    lengths = [arrow_of(scene, film.stage.newtons) for scene, _, _ in film.shown]
     sizes = [1e3 * np.linalg.norm(np.diff(ends, axis=0)) for ends in lengths]
     forces = [np.linalg.norm(scene.tip[1]) for scene, _, _ in film.shown]
     assert max(sizes) == pytest.approx(ARROW_LENGTH)
