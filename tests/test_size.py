@@ -12,11 +12,11 @@ from tests.helpers.folders import ROOT
 
 CEILINGS = {
     "cases": 3068,
-    "cosim": 3924,
+    "cosim": 4453,
     "cosim/analyses": 6465,
-    "cosim/anatomy": 850,
+    "cosim/anatomy": 854,
     "cosim/case": 961,
-    "cosim/commands": 4303,
+    "cosim/commands": 4304,
     "cosim/coupling": 2155,
     "cosim/fingers": 1144,
     "cosim/fmu": 1514,
@@ -44,7 +44,7 @@ CEILINGS = {
     "fe_solver/surfaces": 1148,
     "fe_solver/verification": 4518,
     "meshes": 2920,
-    "meshes/imported": 1205,
+    "meshes/imported": 1173,
     "rigid": 185,
     "rigid/air": 537,
     "rigid/chain": 1156,
@@ -56,7 +56,7 @@ CEILINGS = {
     "rigid/opensim": 1789,
     "rigid/papers": 3398,
     "rigid/verification": 2498,
-    "tests": 43133,
+    "tests": 43359,
 }
 
 
