@@ -11,7 +11,7 @@ from pathlib import Path
 from tests.helpers.folders import ROOT
 
 CEILINGS = {
-    "cases": 3068,
+    "cases": 3070,
     "cosim": 4453,
     "cosim/analyses": 6465,
     "cosim/anatomy": 854,
@@ -25,7 +25,7 @@ CEILINGS = {
     "cosim/kernels": 362,
     "cosim/models": 684,
     "cosim/report": 2295,
-    "cosim/results": 5286,
+    "cosim/results": 5311,
     "cosim/schema": 566,
     "cosim/solve": 740,
     "cosim/study": 2920,

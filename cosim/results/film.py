@@ -14,9 +14,8 @@ from cosim.errors import InputError
 from cosim.extras import require
 from cosim.files import output_file
 from cosim.results.frames import Frame
-from cosim.results.looks import INKS, TENDON
 from cosim.results.parts import Scene
-from cosim.results.picture import as_pixels, data_address, load_matplotlib
+from cosim.results.picture import as_pixels, data_address, load_matplotlib, palette_of
 from cosim.results.scene_plot import Stage, draw, stage_of
 
 if TYPE_CHECKING:
@@ -27,8 +26,8 @@ WIDTH, WIDTHS = 800, (200, 2400)
 """Pixels, and between what they may lie."""
 STATE, HOLD = 1.5, 1.0
 """s that a state at rest is shown, and the last picture of a motion longer than the others."""
-COLOURS = 250
-"""Of a gif, beside those of fibres and tendons, which are too few pixels to be chosen."""
+COLOURS = 256
+"""Of a gif."""
 
 
 @dataclass(frozen=True)
@@ -61,16 +60,11 @@ class Film:
 
     def gif(self) -> bytes:
         """The film as the content of a GIF file, which plays again and again."""
-        from matplotlib.colors import to_rgb
         from PIL import Image
 
         every = list(self.images())
-        samples = np.concatenate([np.array(every[k]) for k in (0, len(every) // 2, -1)])
-        palette = Image.fromarray(samples).quantize(COLOURS).getpalette() or []
-        rare = [round(255 * part) for ink in (*INKS, TENDON) for part in to_rgb(ink)]
-        colours = Image.new("P", (1, 1))
-        colours.putpalette([*palette[: 3 * COLOURS], *rare])
-        first, *others = (i.quantize(palette=colours, dither=Image.Dither.NONE) for i in every)
+        palette = palette_of([every[k] for k in (0, len(every) // 2, -1)], COLOURS)
+        first, *others = (i.quantize(palette=palette, dither=Image.Dither.NONE) for i in every)
         out = BytesIO()
         durations = [round(1000 * seconds) for _, _, seconds in self.shown]
         about: dict[str, Any] = {"duration": durations, "loop": 0, "optimize": False}

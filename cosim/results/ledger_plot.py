@@ -37,7 +37,8 @@ NEAR = 0.03
 SQUARE = 2.1
 """Inches, the sides of the polygon of forces."""
 SIDE = VIEWS[0]
-SMALL = 8
+SMALL, CELL = 8, 9
+"""Size of letters, points, and how many a number of the table takes."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def _at_rest(rows: Sequence[LedgerRow], title: str, scene: Scene | None) -> Figu
         _draw_bone(panel(0.25, 0.42, 2.2, PICTURE), body, acting[body], scene)
         _draw_polygon(panel(3.0, 0.42, SQUARE, SQUARE), acting[body])
         _draw_moments(panel(5.45, 0.42, 1.3, SQUARE), acting[body])
-        _write_table(panel(0.25, 0.55 + PICTURE, wide - 0.45, ROW * lines), acting[body], lines)
+        _write_table(figure, (left + 0.25, top - 0.55 - PICTURE), acting[body])
     text = (
         "Left: each force on its line of action in the sagittal plane, seen from the radial side. "
         "Middle and right: the same forces, and the moments about the radial axis, head to tail: "
@@ -232,28 +233,35 @@ def _write_letter(ax: Axes, acting: Acting, at: tuple[float, ...], along: Array)
     ax.annotate(acting.letter, (at[0], at[1]), **side, **looks, color=acting.colour, zorder=5)
 
 
-def _write_table(ax: Axes, acting: Sequence[Acting], lines: int) -> None:
-    """Letter, source and components of each force and moment, and their sums."""
-    ax.set_axis_off()
-    ax.set(xlim=(0, 1), ylim=(lines, 0))
-    columns = np.linspace(0.5, 1.0, 6)
+def _write_table(figure: Figure, place: tuple[float, float], acting: Sequence[Acting]) -> None:
+    """Letter, source and components of each force and moment, and their sums, at inches from the
+    left and from below; the numbers of a row are one text, which is drawn faster than its cells."""
+    from matplotlib.lines import Line2D
 
-    def write(line: float, words: str, numbers: Sequence[str], **looks: Any) -> None:
-        ax.text(0.035, line + 0.5, words, va="center", fontsize=SMALL, **looks)
-        for x, number in zip(columns, numbers, strict=True):
-            ax.text(x, line + 0.5, number, va="center", ha="right", fontsize=SMALL, **looks)
+    (left, top), (across, down) = place, figure.get_size_inches()
+    right = left + BLOCK[0] - 0.45
 
-    ax.text(columns[1], 0.5, "force, N", va="center", ha="center", fontsize=SMALL, color="0.3")
-    ax.text(columns[4], 0.5, "moment, N mm", va="center", ha="center", fontsize=SMALL, color="0.3")
-    write(1, "on the bone from", [*AXES, *AXES], color="0.3")
-    ax.axhline(2, color="0.5", lw=0.8)
-    for i, a in enumerate(acting):
-        ax.text(0, i + 2.5, a.letter, va="center", fontsize=SMALL, weight="bold", color=a.colour)
-        write(i + 2, a.words, [*map(_number, a.force), *map(_number, 1e3 * a.moment)])
+    def write(x: float, row: int, words: str, **looks: Any) -> None:
+        looks = {"va": "center", "fontsize": SMALL, **looks}
+        figure.text(x / across, (top - (row + 0.5) * ROW) / down, words, **looks)
+
+    def write_row(row: int, words: str, cells: Sequence[str], **looks: Any) -> None:
+        write(left + 0.22, row, words, **looks)
+        numbers = "".join(f"{cell:>{CELL}}" for cell in cells)
+        write(right, row, numbers, ha="right", family="monospace", **looks)
+
     total = [sum((getattr(a, part) for a in acting), np.zeros(3)) for part in ("force", "moment")]
-    ax.axhline(len(acting) + 2, color="0.5", lw=0.8)
+    titles = "".join(f"{title:^{3 * CELL}}" for title in ("force, N", "moment, N mm"))
+    write(right, 0, titles, ha="right", family="monospace", color="0.3")
+    write_row(1, "on the bone from", [*AXES, *AXES], color="0.3")
+    for i, a in enumerate(acting):
+        write(left, i + 2, a.letter, weight="bold", color=a.colour)
+        write_row(i + 2, a.words, [*map(_number, a.force), *map(_number, 1e3 * a.moment)])
     sums = [*map(_number, total[0]), *map(_number, 1e3 * total[1])]
-    write(len(acting) + 2, "sum", sums, weight="bold")
+    write_row(len(acting) + 2, "sum", sums, weight="bold")
+    for row in (2, len(acting) + 2):
+        ends, y = [left / across, right / across], (top - row * ROW) / down
+        figure.add_artist(Line2D(ends, [y, y], color="0.5", lw=0.8))
 
 
 def _number(value: float) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from base64 import b64encode
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from io import BytesIO
@@ -13,8 +14,11 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from cosim.results.looks import INKS, TENDON
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
 
 def load_matplotlib() -> None:
@@ -94,6 +98,20 @@ def as_pixels(figure: Figure, dpi: float) -> np.ndarray:
     canvas = FigureCanvasAgg(as_plain_text(figure))
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3]
+
+
+def palette_of(images: Sequence[Image], count: int) -> Image:
+    """Return an image whose palette has at most `count` colours for pictures of one width: those of
+    fibres and tendons, which cover too few pixels to be chosen, and the most telling others."""
+    from matplotlib.colors import to_rgb
+    from PIL import Image
+
+    rare = [round(255 * part) for ink in (*INKS, TENDON, "#ffffff") for part in to_rgb(ink)]
+    pixels = np.concatenate([np.array(image) for image in images])
+    chosen = Image.fromarray(pixels).quantize(count - len(rare) // 3).getpalette() or []
+    out = Image.new("P", (1, 1))
+    out.putpalette([*chosen[: 3 * count - len(rare)], *rare])
+    return out
 
 
 def data_address(content: bytes, kind: str = "image/png") -> str:

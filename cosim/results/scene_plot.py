@@ -358,7 +358,12 @@ def _write_names(
     for name, centre in scene.joints:
         at = view.place(centre)
         ax.plot(*at, "+", color="black", ms=7, mew=1.4, zorder=6)
-        offset: Any = {"xytext": (7, -7), "textcoords": "offset points", "va": "top"}
+        offset: Any = {
+            "xytext": (2, -6),
+            "textcoords": "offset points",
+            "va": "top",
+            "ha": "center",
+        }
         ax.annotate(name.replace("_", " "), tuple(at), **offset, **_halo(SMALL), zorder=6)
     ends = {}
     for name, tension in scene.pulled.items():

@@ -59,15 +59,15 @@ def test_a_force_stands_on_its_line_of_action(distal, dorsal, moment):
 
 def test_the_plot_names_sources_in_words_with_their_components(result):
     figure = draw_ledger(result.rows, "x", result.scene)
-    texts = [t.get_text() for axes in figure.axes for t in axes.texts]
+    texts = [word for text in figure.texts for word in (text.get_text(), *text.get_text().split())]
     assert {"central slip (hood)", "terminal slip (hood)", "joint contact"} <= set(texts)
     assert not [text for text in texts if "_" in text]
-    assert texts.count("sum") == 4
+    assert [text.get_text() for text in figure.texts].count("sum") == 4
     slip = next(row for row in on(result, "distal") if row.source == "hood terminal_slip")
     for value in slip.force:
         assert f"{value:.3f}".replace("-", "\u2212") in texts
     figure.draw_without_rendering()
-    for text in (t for axes in figure.axes for t in axes.texts):
+    for text in (*figure.texts, *(t for axes in figure.axes for t in axes.texts)):
         shown = text.get_window_extent()
         assert 0 <= shown.x0 <= shown.x1 <= figure.bbox.x1, text.get_text()
     assert draw_ledger(result.rows, "without bones").axes
