@@ -15,8 +15,8 @@ from cosim.extras import require
 from cosim.files import output_file
 from cosim.results.frames import Frame
 from cosim.results.parts import Scene
-from cosim.results.picture import as_pixels, data_address, load_matplotlib, palette_of
-from cosim.results.scene_plot import Stage, draw, stage_of
+from cosim.results.picture import data_address, load_matplotlib, palette_of
+from cosim.results.scene_plot import Stage, draw_pixels, stage_of
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -52,9 +52,8 @@ class Film:
         from PIL import Image
 
         load_matplotlib()
-        for scene, moment, _ in self.shown:
-            figure = draw(scene, self.title, self.stage, moment)
-            pixels = as_pixels(figure, self.width / figure.get_figwidth())
+        moments = ((scene, moment) for scene, moment, _ in self.shown)
+        for pixels in draw_pixels(moments, self.title, self.stage, self.width):
             tall, wide = (n - n % 2 for n in pixels.shape[:2])
             yield Image.fromarray(pixels[:tall, :wide])
 

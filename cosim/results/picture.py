@@ -90,16 +90,6 @@ def as_png(figure: Figure, dpi: float) -> bytes:
     return out.getvalue()
 
 
-def as_pixels(figure: Figure, dpi: float) -> np.ndarray:
-    """Return a figure as pixels (rows, columns, 3) of red, green and blue, 0 to 255."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    figure.set_dpi(dpi)
-    canvas = FigureCanvasAgg(as_plain_text(figure))
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3]
-
-
 def palette_of(images: Sequence[Image], count: int) -> Image:
     """Return an image whose palette has at most `count` colours for pictures of one width: those of
     fibres and tendons, which cover too few pixels to be chosen, and the most telling others."""

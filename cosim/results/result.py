@@ -210,8 +210,13 @@ class Result(CaseParts):
 
     def _film_scenes(self) -> tuple[Scene, ...]:
         """`scenes`, without a hood whose shape was stored at the end only, of which a warning
-        tells."""
+        tells.  Raises InputError where nothing is left to show."""
         scenes = self.scenes
+        if not any(scene.bones or scene.hood for scene in scenes):
+            raise InputError(
+                "there is nothing to show over time: the case cannot be built again here, and its "
+                "hood has no shape"
+            )
         if self.hood is None or all(scene.hood is not None for scene in scenes):
             return scenes
         warnings.warn(

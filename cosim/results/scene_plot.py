@@ -8,7 +8,7 @@ Needs no display and no OpenGL.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -28,6 +28,7 @@ from cosim.results.looks import (
     colour_map,
 )
 from cosim.results.parts import Scene
+from cosim.results.picture import as_plain_text
 from cosim.results.scene import tension_of
 from cosim.results.strokes import families_of, stroke_cells, strokes
 
@@ -162,9 +163,38 @@ def arrow_of(scene: Scene, newtons: float) -> Array | None:
 def draw(scene: Scene, title: str, stage: Stage | None = None, moment: str = "") -> Figure:
     """Return the two views, one above the other, with a legend of all that is drawn; `moment` says
     when.  The pictures of a film share a `stage`."""
+    stage = stage_of([scene]) if stage is None else stage
+    figure = _lay_out(title, stage)
+    _fill(figure, scene, stage, moment)
+    return figure
+
+
+def draw_pixels(
+    shown: Iterable[tuple[Scene, str]], title: str, stage: Stage, width: int
+) -> Iterator[np.ndarray]:
+    """Yield the picture of each scene and moment as pixels (rows, `width`, 3); what is the same in
+    all of them is drawn once."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure = _lay_out(title, stage)
+    figure.set_dpi(width / figure.get_figwidth())
+    canvas = FigureCanvasAgg(as_plain_text(figure))
+    canvas.draw()
+    ground = canvas.copy_from_bbox(figure.bbox)
+    for scene, moment in shown:
+        canvas.restore_region(ground)
+        added = _fill(figure, scene, stage, moment)
+        for artist in sorted(added, key=lambda artist: artist.get_zorder()):
+            artist.draw(canvas.get_renderer())
+        yield np.array(canvas.buffer_rgba())[..., :3]
+        for artist in added:
+            artist.remove()
+
+
+def _lay_out(title: str, stage: Stage) -> Figure:
+    """The views without what moves, with legend, colour bar and title."""
     from matplotlib.figure import Figure
 
-    stage = stage_of([scene]) if stage is None else stage
     legend = _legend(stage)
     rows = -(-len(legend) // COLUMNS)
     low, high = 1e3 * stage.box[0] - ROOM, 1e3 * stage.box[1] + ROOM
@@ -174,26 +204,27 @@ def draw(scene: Scene, title: str, stage: Stage | None = None, moment: str = "")
     scale = min((WIDE - beside) / across, TALLEST / heights.sum())  # inches in a mm
     views, below = scale * heights, BELOW + rows * ROW
     width = LEFT + scale * across + beside + (RIGHT if stage.limits is not None else 0.3)
-    above = ABOVE + 0.2 * bool(moment)
-    height = above + views.sum() + BETWEEN + below
+    height = ABOVE + 0.2 * stage.is_film + views.sum() + BETWEEN + below
     figure = Figure(figsize=(width, height))
-    colours = _colours(scene, stage)
     floors = (below + views[1] + BETWEEN, below)
     for view, floor, tall, axis in zip(VIEWS, floors, views, (2, 1), strict=True):
         panel = (LEFT / width, floor / height, (scale * across + beside) / width, tall / height)
-        axes = figure.add_axes(panel)
+        ax = figure.add_axes(panel)
         ends = (low[axis], high[axis])[:: view.sign[1]]
-        axes.set(xlim=(high[0], low[0] - beside / scale), ylim=ends, ylabel=view.label[1])
-        _draw_view(axes, scene, view, colours, stage)
+        ax.set(xlim=(high[0], low[0] - beside / scale), ylim=ends, ylabel=view.label[1])
+        looks: Any = {"va": "bottom", "fontsize": SMALL, "color": "0.35"}
+        ax.text(0, 1.0, view.title, transform=ax.transAxes, **looks)
+        ax.tick_params(labelsize=SMALL)
+        ax.spines[["top", "right"]].set_visible(False)
     first, last = figure.axes
     first.tick_params(labelbottom=False)
     last.set_xlabel(VIEWS[1].label[0])
-    _write_names(first, scene, VIEWS[0], LINE / scale)
-    if colours is not None and scene.hood is not None:
+    hood = stage.whole.hood
+    if hood is not None and (colours := _colours(stage)) is not None:
         tall = views.sum() + BETWEEN
         place = ((width - RIGHT + 0.15) / width, below / height, 0.16 / width, tall / height)
         bar = figure.colorbar(colours, cax=figure.add_axes(place), extend="both")
-        label = wrap(colours_of(scene.hood)[0].words, max(int(tall / LETTER), 12))
+        label = wrap(colours_of(hood)[0].words, max(int(tall / LETTER), 12))
         bar.set_label("\n".join(label), fontsize=SMALL)
         bar.ax.tick_params(labelsize=SMALL)
     figure.legend(
@@ -206,9 +237,29 @@ def draw(scene: Scene, title: str, stage: Stage | None = None, moment: str = "")
         borderaxespad=0.0,
         columnspacing=1.4,
     )
-    heading = f"{title}\n{moment}" if moment else title
-    figure.text(LEFT / width, 1 - 0.1 / height, heading, va="top", fontsize=12)
+    figure.text(LEFT / width, 1 - 0.1 / height, title, va="top", fontsize=12)
     return figure
+
+
+def _fill(figure: Figure, scene: Scene, stage: Stage, moment: str) -> list[Artist]:
+    """Add to the views what moves; return it."""
+    first, last, *_ = figure.axes
+    before = {*first.get_children(), *last.get_children()}
+    colours = _colours(stage)
+    for axes, view in zip((first, last), VIEWS, strict=True):
+        _draw_view(axes, scene, view, colours, stage)
+    inches = first.get_position().height * figure.get_figheight()
+    _write_names(first, scene, VIEWS[0], LINE * np.ptp(first.get_ylim()) / inches)
+    added = [a for axes in (first, last) for a in axes.get_children() if a not in before]
+    if moment:
+        height = figure.get_figheight()
+        place = first.get_position().x0, 1 - 0.32 / height
+        added.append(figure.text(*place, moment, va="top", fontsize=11))
+    from matplotlib.text import Text
+
+    for text in (text for artist in added for text in artist.findobj(Text)):
+        text.set_parse_math(False)
+    return added
 
 
 def _pull(name: str, tension: float) -> str:
@@ -260,14 +311,15 @@ def _legend(stage: Stage) -> list[Artist]:
     return out
 
 
-def _colours(scene: Scene, stage: Stage) -> ScalarMappable | None:
+def _colours(stage: Stage) -> ScalarMappable | None:
     """The scale of what colours the hood; None of a hood without a field."""
-    if scene.hood is None or stage.limits is None:
+    hood = stage.whole.hood
+    if hood is None or stage.limits is None:
         return None
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import ListedColormap, Normalize
 
-    colours = ListedColormap(colour_map(colours_of(scene.hood)[0].is_signed))
+    colours = ListedColormap(colour_map(colours_of(hood)[0].is_signed))
     return ScalarMappable(Normalize(*stage.limits), colours)
 
 
@@ -301,9 +353,6 @@ def _draw_view(
         tail, head = view.place(arrow)
         style = {"arrowstyle": "-|>", "lw": 2.2, "color": FORCE, "shrinkA": 0, "shrinkB": 0}
         ax.annotate("", tuple(head), tuple(tail), arrowprops=style, zorder=5)
-    ax.text(0, 1.0, view.title, transform=ax.transAxes, va="bottom", fontsize=SMALL, color="0.35")
-    ax.tick_params(labelsize=SMALL)
-    ax.spines[["top", "right"]].set_visible(False)
 
 
 def _tendon(scene: Scene, name: str) -> tuple[float, str]:

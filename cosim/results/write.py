@@ -112,9 +112,9 @@ def _further_files(run: CaseParts) -> Iterator[tuple[str, Callable[[Path], objec
         yield "hood.vtu", lambda path: _write_hood(path, hood)
     if run.scene.frames:
         yield "hood.pvd", lambda path: _write_frames(path, run.scene.frames, _write_hood)
-    if run.scene.bones and run.axis == "time":
+    if run.scene.bones and run.scene.frames:
         yield "finger.pvd", lambda path: _write_frames(path, _scenes_over_time(run), _write_finger)
-    elif run.scene.bones:
+    elif run.scene.bones and run.axis == "state":
         yield "finger.vtu", lambda path: _write_finger(path, run.scene)
     if not run.case_table.get("output", {}).get("picture", True):
         return

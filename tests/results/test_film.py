@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -109,6 +111,37 @@ def test_what_makes_no_film_says_why(rested, tmp_path):
     done = CliRunner().invoke(app, ["film", str(folder), "-o", str(tmp_path / "a.avi")])
     assert done.exit_code == 2
     assert "a film is a .gif or a .mp4" in done.stderr
+
+
+def test_a_film_draws_each_frame_as_a_picture_of_it_alone(rested):
+    """What is drawn once for all frames is under each; nothing of one is left in the next."""
+    film = rested.animate(width=400)
+    both = list(film.images())
+    for k in (0, 1):
+        (alone,) = replace(film, shown=film.shown[k : k + 1]).images()
+        np.testing.assert_array_equal(np.array(alone), np.array(both[k]))
+    scene, moment, _ = film.shown[1]
+    figure = draw(scene, film.title, film.stage, moment)
+    canvas = FigureCanvasAgg(figure)
+    figure.set_dpi(400 / figure.get_figwidth())
+    canvas.draw()
+    drawn = np.asarray(canvas.buffer_rgba())[..., :3].astype(int)
+    wide, tall = both[1].size
+    apart = np.abs(drawn[:tall, :wide] - np.array(both[1]))
+    assert (apart.max(axis=2) > 60).mean() < 0.002  # lines over the axes in place of below them
+
+
+def test_a_run_with_nothing_to_show_says_so(rested, monkeypatch):
+    def fail(*_: object) -> None:
+        raise InputError("its finger is in an FMU")
+
+    monkeypatch.setattr("cosim.results.result.scenes_of", fail)
+    bare = replace(rested)
+    with (
+        pytest.warns(UserWarning, match="bones and tendons are not shown"),
+        pytest.raises(InputError, match="nothing to show over time"),
+    ):
+        bare.animate()
 
 
 def test_the_command_writes_a_film(rested, tmp_path):
