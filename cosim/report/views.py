@@ -18,8 +18,7 @@ from cosim.port import Array
 from cosim.report.flat import flatten_sheet
 from cosim.results.looks import INKS, colour_limits
 from cosim.results.result import Result
-from cosim.results.scene import rebuild_finger
-from cosim.results.scene_plot import decimate
+from cosim.results.scene import decimate, rebuild_finger
 from cosim.results.strokes import carry, families_of, stroke_cells, strokes
 from meshes.hood_mesh import REGIONS
 
