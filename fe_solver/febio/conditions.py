@@ -7,6 +7,7 @@ import numpy as np
 from cosim.port import Array, Ints
 from fe_solver.febio.bodies import AXES, Model, read_curve
 from fe_solver.febio.xml import FebTag
+from fe_solver.job.curves import Curve, Drive
 from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement, Pressure
 from fe_solver.supports import SpringLaw, SpringSet, Tied
 
@@ -123,11 +124,17 @@ def read_forces(model: Model, tags: list[FebTag]) -> tuple[NodalForce, ...]:
             if t.flag(name):
                 raise t.fault(f"<{name}> other than 0 is not read")
         value = t.needed("value", "three components")
-        force = np.array(value.numbers(SIZE_OF_FORCE)) * model.units.force
+        drives = model.drives(value, model.units.force, SIZE_OF_FORCE)
         on_sheet = _on_sheet(model, t, nodes, "the force")
         if len(on_sheet):
-            out.append(NodalForce(on_sheet, force, model.curve(value)))
+            out += [NodalForce(on_sheet, force, curve) for force, curve in _by_curve(drives)]
     return tuple(out)
+
+
+def _by_curve(drives: list[Drive]) -> list[tuple[Array, Curve | None]]:
+    """The components (3,) that share a curve, with it; components that are zero go with any."""
+    curves = list(dict.fromkeys(d.curve for d in drives if d.value)) or [drives[0].curve]
+    return [(np.array([d.value * (d.curve == c) for d in drives]), c) for c in curves]
 
 
 def match_facets(model: Model, quads: Ints, tag: FebTag, facets: Ints) -> tuple[Ints, Ints]:
@@ -211,7 +218,7 @@ def _spring_law(model: Model, t: FebTag) -> SpringLaw:
     force, scale = t.needed("force"), t.value("scale", 1.0) * units.force
     if force.attributes.get("type") == "point":
         return SpringLaw(0.0, False, read_curve(force, units.length, scale))
-    curve = model.curve(force)
+    curve = model.points(force)
     if curve is None:
         raise force.fault("expected a force of type point, or a load curve lc")
     scale *= force.numbers(1)[0]

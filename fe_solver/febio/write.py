@@ -14,7 +14,7 @@ from cosim.files import output_file
 from cosim.port import Array, Ints
 from fe_solver.febio.bodies import Units
 from fe_solver.febio.laws import law_tag, needs_fibre
-from fe_solver.febio.write_conditions import SAME_POINT, Conditions, curve_tags
+from fe_solver.febio.write_conditions import SAME_POINT, Conditions, controller_tag
 from fe_solver.febio.xml import Element, tag, write_xml
 from fe_solver.job.job import Job
 from fe_solver.materials.linear import Law
@@ -80,10 +80,7 @@ def _document(w: Conditions) -> Element:
         steps = [tag("step", c, id=i + 1, name=names[i]) for i, c in enumerate(controls)]
         controls, steps = [], [tag("Step", *steps)]
     variables = [tag("var", type=variable) for variable in PLOTTED]
-    curves = [
-        tag("load_controller", *curve_tags(c), id=number, type="loadcurve")
-        for c, number in w.curves.items()
-    ]
+    curves = [controller_tag(c, number) for c, number in w.curves.items()]
     return tag(
         "febio_spec",
         tag("Module", type="solid"),

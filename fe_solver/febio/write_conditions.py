@@ -12,7 +12,7 @@ from cosim.port import Array, Ints
 from fe_solver.febio.bodies import AXES, DOFS, Units
 from fe_solver.febio.xml import Element, tag
 from fe_solver.forces.ramp import ramp
-from fe_solver.job.curves import Drive, Extension, LoadCurve
+from fe_solver.job.curves import Curve, Drive, Extension, FormulaCurve, LoadCurve
 from fe_solver.job.job import Job
 from fe_solver.supports import SpringLaw, SpringSet
 
@@ -32,7 +32,7 @@ class Conditions:
     points: Array
     """(n, 3) m, the nodes on the face that FEBio puts them on."""
     units: Units
-    curves: dict[LoadCurve, int] = field(default_factory=dict)
+    curves: dict[Curve, int] = field(default_factory=dict)
     """Number of each load curve."""
     sets: list[Element] = field(default_factory=list)
     extra: list[tuple[int, Array]] = field(default_factory=list)
@@ -54,7 +54,7 @@ class Conditions:
             discrete,
         ]
 
-    def _scaled(self, kind: str, value: object, curve: LoadCurve | None) -> Element:
+    def _scaled(self, kind: str, value: object, curve: Curve | None) -> Element:
         """A value that a load curve, where there is one, scales."""
         if curve is None:
             return tag(kind, value)
@@ -232,6 +232,23 @@ def _toe_table(stiffness: float, toe: float) -> LoadCurve:
     stretch = toe * np.concatenate([[-2.0], np.linspace(-1.0, 1.0, TOE_POINTS), [2.0]])
     times, values = tuple(stretch.tolist()), tuple((stiffness * ramp(stretch, toe)[1]).tolist())
     return LoadCurve(times, values, extension=Extension.EXTRAPOLATE)
+
+
+def controller_tag(curve: Curve, number: int) -> Element:
+    """A curve as a load controller.  Raises InputError for a product, which FEBio cannot say."""
+    if isinstance(curve, LoadCurve):
+        return tag("load_controller", *curve_tags(curve), id=number, type="loadcurve")
+    if not isinstance(curve, FormulaCurve):
+        raise InputError(
+            "FEBio has no load curve that is a product of two, as of a load that ends with its "
+            "step; give its points"
+        )
+    formula = tag("math", curve.text)
+    if curve.interval is None:
+        return tag("load_controller", formula, id=number, type="math")
+    ends = (tag("left_extend", curve.before), tag("right_extend", curve.after))
+    inner = (tag("interval", curve.interval), *ends, formula)
+    return tag("load_controller", *inner, id=number, type="math-interval")
 
 
 def curve_tags(c: LoadCurve, across: float = 1.0, along: float = 1.0) -> list[Element]:

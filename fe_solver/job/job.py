@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.port import Array, Ints
-from fe_solver.job.curves import Drive, LoadCurve
+from fe_solver.job.curves import Curve, Drive
 from fe_solver.sheet import Sheet
 from fe_solver.supports import WALL, ZERO, Body, ContactPair, SpringSet, Tied
 
@@ -46,7 +46,7 @@ class NodalForce:
     """(k,)."""
     force: Array
     """(3,) N on each of the nodes."""
-    curve: LoadCurve | None = None
+    curve: Curve | None = None
     """Its factor over time; None leaves it as it is at all times."""
 
     def __post_init__(self) -> None:

@@ -74,9 +74,9 @@ STRANGE: dict[str, tuple[Sections, str]] = {
         change_section("Material", "<E>100", "<viscosity>1</viscosity><E>100"),
         "viscosity.*may change",
     ),
-    "curve from a formula": (
-        change_section("LoadData", '"loadcurve"', '"math"'),
-        "'math' is not read",
+    "curve from a controller": (
+        change_section("LoadData", '"loadcurve"', '"PID"'),
+        "'PID' is not read",
     ),
     "row with two attributes": (
         change_section("Mesh", '<elem id="2">', '<elem id="2" mat="1">'),
