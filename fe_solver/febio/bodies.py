@@ -11,6 +11,7 @@ from cosim.port import Array, Ints
 from fe_solver.febio.materials import Material, find_material
 from fe_solver.febio.mesh import SHELLS, FebMesh, rows_of
 from fe_solver.febio.parts import Parts
+from fe_solver.febio.units import Units
 from fe_solver.febio.xml import FebTag
 from fe_solver.job.curves import (
     Curve,
@@ -26,19 +27,6 @@ from fe_solver.supports import Body
 
 AXES = "xyz"
 GROUND = "ground"
-
-
-@dataclass(frozen=True)
-class Units:
-    """One metre (m) and one newton (N) in the file's units."""
-
-    length: float
-    force: float
-
-    @property
-    def stress(self) -> float:
-        """1 Pa in the file's units."""
-        return self.force / self.length**2
 
 
 class Dof(NamedTuple):
@@ -224,7 +212,7 @@ def owners(
     for t in boundary:
         if t.attribute("type") == "rigid":
             m = find_material(t, materials, t.word("rb", ""))
-            nodes = mesh.nodes_of(t, t.attribute("node_set"))
+            nodes = mesh.held_nodes_of(t, t.attribute("node_set"))
             if m.name in model_rigid:
                 out[nodes[~shell[nodes] & (out[nodes] < 0)]] = model_rigid.index(m.name)
     return out
@@ -245,7 +233,7 @@ def read_bodies(
     motion = _motions(model, tags)
     bodies, vertices = [], []
     for i, name in enumerate(model.rigid):
-        shells = [b.quads for b in parts.rigid[name] if b.kind in SHELLS]
+        shells = [b.pieces for b in parts.rigid[name] if b.kind in SHELLS]
         facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *shells, *touched.get(i, [])])
         nodes = np.unique(facets)
         own_facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *shells])

@@ -6,6 +6,8 @@ import numpy as np
 
 from cosim.port import Array, Ints
 from fe_solver.febio.bodies import AXES, Model, read_curve
+from fe_solver.febio.mesh import Facets
+from fe_solver.febio.parts import Parts
 from fe_solver.febio.xml import FebTag
 from fe_solver.job.curves import Curve, Drive
 from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement, Pressure
@@ -31,7 +33,7 @@ def read_ties(model: Model, tags: list[FebTag]) -> tuple[Tied, ...]:
     out = []
     for t in _conditions(tags, "rigid"):
         body = model.body_of(t, t.word("rb", ""))
-        nodes = model.shell[model.mesh.nodes_of(t, t.attribute("node_set"))]
+        nodes = model.shell[model.mesh.held_nodes_of(t, t.attribute("node_set"))]
         if (nodes >= 0).any():
             out.append(Tied(nodes[nodes >= 0], body, t.value("clamp_shells", 1.0) != 0))
     shared = (model.shell >= 0) & (model.body >= 0)
@@ -49,7 +51,7 @@ def nodes_at_rest(model: Model, tags: list[FebTag]) -> Ints:
     """Mesh nodes of which all three displacements are zero."""
     held = np.zeros((3, len(model.shell)), dtype=bool)
     for t in _conditions(tags, "zero displacement"):
-        nodes = model.mesh.nodes_of(t, t.attribute("node_set"))
+        nodes = model.mesh.held_nodes_of(t, t.attribute("node_set"))
         for i, axis in enumerate(AXES):
             held[i, nodes] |= t.flag(f"{axis}_dof")
     return np.flatnonzero(held.all(axis=0))
@@ -85,7 +87,9 @@ def read_displacements(
 
 def _free(model: Model, t: FebTag, taken: Ints) -> Ints:
     """Nodes of a condition on the sheet that are not tied to a body."""
-    nodes = _on_sheet(model, t, model.mesh.nodes_of(t, t.attribute("node_set")), "this condition")
+    nodes = _on_sheet(
+        model, t, model.mesh.held_nodes_of(t, t.attribute("node_set")), "this condition"
+    )
     twice = np.isin(nodes, taken)
     if twice.any():
         model.notes.append(
@@ -137,23 +141,26 @@ def _by_curve(drives: list[Drive]) -> list[tuple[Array, Curve | None]]:
     return [(np.array([d.value * (d.curve == c) for d in drives]), c) for c in curves]
 
 
-def match_facets(model: Model, quads: Ints, tag: FebTag, facets: Ints) -> tuple[Ints, Ints]:
-    """The one (k,) of the sheet's quads (ne, 4) that each facet (k, 4) is, both of mesh nodes; and
-    1 where it is wound alike, else -1.  Raises InputError for a facet that is none."""
-    both = np.concatenate([quads, facets])
+def match_facets(model: Model, parts: Parts, tag: FebTag, facets: Facets) -> tuple[Ints, Ints]:
+    """The elements (k,) of the sheet that the facets are; and 1 where the facet is wound alike,
+    else -1.  Raises InputError for a facet that is none."""
+    quads, wanted = parts.corners, facets.corners
+    both = np.concatenate([quads, wanted])
     both[both[:, 2] == both[:, 3], 3] = -1
     both.sort(axis=1)
     _, number = np.unique(both, axis=0, return_inverse=True)
     number = number.reshape(-1)
     order = np.argsort(number[: len(quads)], kind="stable")
-    wanted = number[len(quads) :]
-    at = np.searchsorted(number[: len(quads)], wanted, sorter=order)
+    sought = number[len(quads) :]
+    at = np.searchsorted(number[: len(quads)], sought, sorter=order)
     quad = order[np.minimum(at, len(order) - 1)]
-    wrong = np.flatnonzero(number[quad] != wanted)
+    wrong = np.flatnonzero(number[quad] != sought)
     if len(wrong):
-        ids = model.mesh.node_ids[facets[wrong[0]]]
+        ids = model.mesh.node_ids[wanted[wrong[0]]]
         raise tag.fault(f"the facet with nodes {ids.tolist()} is no element of the shell")
-    return quad, np.where(_turn(model, facets, quads[quad]) > 0, 1, -1)
+    sign = np.where(_turn(model, wanted, quads[quad]) > 0, 1, -1)
+    elements, which = parts.elements_of(quad)
+    return elements, sign[which]
 
 
 def _turn(model: Model, a: Ints, b: Ints) -> Array:
@@ -163,7 +170,7 @@ def _turn(model: Model, a: Ints, b: Ints) -> Array:
     return np.asarray(np.einsum("ki,ki->k", *normals))
 
 
-def read_pressures(model: Model, sheet_quads: Ints, tags: list[FebTag]) -> tuple[Pressure, ...]:
+def read_pressures(model: Model, parts: Parts, tags: list[FebTag]) -> tuple[Pressure, ...]:
     """FEBio's positive pressure pushes against the normal of the facets.
 
     Raises InputError for a load that is not read."""
@@ -176,7 +183,7 @@ def read_pressures(model: Model, sheet_quads: Ints, tags: list[FebTag]) -> tuple
             raise t.fault("<shell_bottom> other than 0 is not read")
         t.all("symmetric_stiffness")
         facets = model.mesh.surface_of(t, t.attribute("surface"))
-        quads, sign = match_facets(model, sheet_quads, t, facets)
+        quads, sign = match_facets(model, parts, t, facets)
         drive = model.drive(value, model.units.stress)
         out.append(Pressure(quads, sign, drive, t.flag("linear")))
     return tuple(out)

@@ -17,7 +17,6 @@ from cosim.port import Ints
 from fe_solver.febio.bodies import (
     GROUND,
     Model,
-    Units,
     owners,
     read_bodies,
     read_curves,
@@ -36,6 +35,7 @@ from fe_solver.febio.materials import read_materials
 from fe_solver.febio.mesh import FebMesh, read_mesh_section
 from fe_solver.febio.notes import collect_notes
 from fe_solver.febio.parts import Parts, read_parts
+from fe_solver.febio.units import Units
 from fe_solver.febio.xml import FebTag, read_xml
 from fe_solver.job.checks import check_mesh, within
 from fe_solver.job.job import Job, Step
@@ -74,9 +74,9 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     notes: list[str] = []
     units = Units(length_unit, force_unit)
     mesh = read_mesh_section(sections.one("Mesh"))
-    materials = read_materials(sections.one("Material"), units.stress)
+    materials = read_materials(sections.one("Material"))
     data = root.one("MeshData")
-    parts = read_parts(sections.one("MeshDomains"), data, mesh, materials, length_unit, notes)
+    parts = read_parts(sections.one("MeshDomains"), data, mesh, materials, units, notes)
     sheet = parts.sheet
     with within(str(path)):
         check_mesh(sheet.points, sheet.quads, sheet.node, sheet.element)
@@ -153,8 +153,7 @@ def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
         nodes_at_rest(model, boundary),
     )
     pairs = _contact_tags(model.mesh, sections.all("Contact", "contact"))
-    quads = parts.nodes[parts.sheet.quads]
-    sides = [_sides(model, quads, t, pair) for t, pair in pairs]
+    sides = [_sides(model, parts, t, pair) for t, pair in pairs]
     touched: dict[int, list[Ints]] = {}
     for _, _, body, facets in sides:
         touched.setdefault(body, []).append(facets)
@@ -172,7 +171,7 @@ def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
         held_directors=directors,
         springs=springs,
         forces=read_forces(model, sections.all("Loads", "nodal_load")),
-        pressures=read_pressures(model, quads, sections.all("Loads", "surface_load")),
+        pressures=read_pressures(model, parts, sections.all("Loads", "surface_load")),
         contacts=contacts,
         bodies=bodies,
         steps=_steps(sections),
@@ -215,17 +214,17 @@ def _contact_tags(mesh: FebMesh, tags: list[FebTag]) -> list[tuple[FebTag, tuple
 
 
 def _sides(
-    model: Model, quads: Ints, t: FebTag, pair: tuple[str, str]
+    model: Model, parts: Parts, t: FebTag, pair: tuple[str, str]
 ) -> tuple[Ints, Ints, int, Ints]:
-    """The elements (k,) on one side of a pair, of the sheet's `quads` (ne, 4) of mesh nodes, and
-    how their facets are wound; the body, and the facets (nt, 4) on its side."""
+    """The elements (k,) of the sheet on one side of a pair, and how their facets are wound; the
+    body, and the facets (nt, 4) on its side."""
     first, second = (model.mesh.surface_of(t, name) for name in pair)
-    if (model.body[first] >= 0).all():
+    if (model.body[first.nodes] >= 0).all():
         first, second = second, first
-    owner = np.unique(np.where(model.shell[second] >= 0, -1, model.body[second]))
+    owner = np.unique(np.where(model.shell[second.nodes] >= 0, -1, model.body[second.nodes]))
     if len(owner) != 1 or owner[0] < 0:
         raise t.fault("contact is read between the shell and one rigid body only")
-    return *match_facets(model, quads, t, first), int(owner[0]), second
+    return *match_facets(model, parts, t, first), int(owner[0]), second.pieces
 
 
 def _contact(model: Model, t: FebTag, quads: Ints, triangles: Ints, body: int) -> ContactPair:

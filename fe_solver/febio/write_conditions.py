@@ -9,7 +9,9 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints
-from fe_solver.febio.bodies import AXES, DOFS, Units
+from fe_solver.elements.mitc9 import IN_TURN
+from fe_solver.febio.bodies import AXES, DOFS
+from fe_solver.febio.units import Units
 from fe_solver.febio.xml import Element, tag
 from fe_solver.forces.ramp import ramp
 from fe_solver.job.curves import Curve, Drive, Extension, FormulaCurve, LoadCurve
@@ -18,6 +20,8 @@ from fe_solver.supports import SpringLaw, SpringSet
 
 TOE_POINTS = 21
 """Of the table that a spring's toe becomes."""
+TURNED = [3, 2, 1, 0, 7, 5, 6, 4, 8]
+"""Our nine nodes as FEBio's of a facet that is wound the other way."""
 SAME_POINT = 1e-12
 """m: an anchor that near a vertex of its body is that vertex."""
 SAME_LENGTH = 1e-12
@@ -65,7 +69,7 @@ class Conditions:
 
     def _surface(self, name: str, facets: Iterable[tuple[int, ...]]) -> None:
         rows = [
-            tag("tri3" if len(facet) == 3 else "quad4", facet, id=i)
+            tag({3: "tri3", 4: "quad4", 9: "quad9"}[len(facet)], facet, id=i)
             for i, facet in enumerate(facets, 1)
         ]
         self.sets.append(tag("Surface", *rows, name=name))
@@ -73,8 +77,11 @@ class Conditions:
     def _facets(self, quads: Ints, sign: Ints) -> Iterator[tuple[int, ...]]:
         for i, s in zip(quads, sign, strict=True):
             facet = tuple(self.job.sheet.node_ids[self.job.sheet.quads[i]].tolist())
-            facet = facet[:3] if facet[2] == facet[3] else facet
-            yield facet if s > 0 else facet[::-1]
+            if len(facet) == 9:
+                yield tuple(facet[j] for j in (IN_TURN if s > 0 else TURNED))
+            else:
+                facet = facet[:3] if facet[2] == facet[3] else facet
+                yield facet if s > 0 else facet[::-1]
 
     def _on_nodes(
         self, kind: str, name: str, ids: Iterable[int], how: str, *content: Element

@@ -30,7 +30,7 @@ class FebTag(xml_tree.Tag):
     __slots__ = ()
     SEPARATORS: ClassVar[str] = ","
     ROWS: ClassVar[frozenset[str]] = frozenset(
-        {"node", "elem", "e", "n", "delem", "pt", "point", "face", "quad4", "tri3"}
+        ("node elem e n delem pt point face quad4 tri3 tri6 quad8 quad9 line2 line3 edge").split()
     )
 
     @property

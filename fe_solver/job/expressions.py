@@ -21,6 +21,8 @@ from cosim.errors import InputError
 
 Number = float | NDArray[np.float64]
 MOST_LETTERS = 1000
+NUMBER = re.compile(r"(?<![\w.])[\d.][\w.]*")
+PLAIN = re.compile(r"(\d+\.?\d*|\.\d+)([eE]\d*)?")
 CONSTANTS = {"pi": math.pi, "e": math.e, "gamma": 0.5772156649015329}
 ONE: dict[str, Callable[[Any], Any]] = {
     "sin": np.sin,
@@ -151,8 +153,8 @@ def split_formulas(text: str) -> list[str]:
 
 @lru_cache(maxsize=256)
 def _parsed(text: str) -> ast.expr:
-    """The tree of a formula, numbers as their text says: without `_`, base prefixes or `j`."""
-    if re.search(r"_|\d[jJxXoObB]|\*\*\s*\*", text) or "\0" in text:
+    """The tree of a formula, its numbers plain: without `_`, base prefixes or `j`."""
+    if not all(map(PLAIN.fullmatch, NUMBER.findall(text))):
         raise ValueError(text)
     return ast.parse(" ".join(text.split()).replace("^", "**"), mode="eval").body
 

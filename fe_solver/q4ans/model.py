@@ -60,6 +60,9 @@ def _obstacles(job: Job) -> Iterator[str]:
         reason = law_obstacle(part.law)
         if reason is not None:
             yield f"part {part.name!r}: the law {type(part.law).__name__} {reason}"
+    if job.sheet.quads.shape[1] != 4:
+        yield "its elements have nine nodes"
+        return
     off = np.abs(2 * np.abs(job.sheet.height) - job.sheet.thickness) > ON_FACE * job.sheet.thickness
     off |= job.sheet.height * job.sheet.height[0, 0] <= 0
     if off.any():
