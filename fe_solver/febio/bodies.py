@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -67,8 +68,8 @@ class Model:
     curves: dict[str, Curve | FebTag]
     """The load curves by number; controllers of other kinds as their tags."""
     notes: list[str]
-    windows: tuple[tuple[FebTag, LoadCurve], ...] = ()
-    """Of several steps, the tag of each and what is 1 while it lasts."""
+    windows: Mapping[int, LoadCurve] = field(default_factory=dict)
+    """By the `id` of a load's tag in one of several steps, what is 1 while it lasts."""
 
     def drive(self, tag: FebTag, unit: float) -> Drive:
         """A number or a formula of the time, times a load curve."""
@@ -87,11 +88,11 @@ class Model:
         return out
 
     def window(self, tag: FebTag) -> LoadCurve | None:
-        """What is 1 while the tag's step lasts; None where it lasts at all times."""
-        step = tag
-        while step.parent is not None and step.name != "step":
-            step = step.parent
-        return next((w for s, w in self.windows if s is step), None)
+        """What is 1 while the load that the tag is of lasts; None where that is at all times."""
+        load: FebTag | None = tag
+        while load is not None and id(load) not in self.windows:
+            load = load.parent
+        return None if load is None else self.windows[id(load)]
 
     def points(self, tag: FebTag) -> LoadCurve | None:
         """The points of the load curve that a tag's `lc` names.  Raises InputError for a

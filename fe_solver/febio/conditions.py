@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cosim.port import Array, Ints
+from fe_solver.elements.mesh_geometry import element_areas, node_means
 from fe_solver.febio.bodies import AXES, Model, read_curve
 from fe_solver.febio.mesh import Facets
 from fe_solver.febio.parts import Parts
 from fe_solver.febio.xml import FebTag
 from fe_solver.job.curves import Curve, Drive
-from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement, Pressure
+from fe_solver.job.job import BodyForce, HeldDirector, NodalForce, PrescribedDisplacement, Pressure
+from fe_solver.sheet import Sheet
 from fe_solver.supports import SpringLaw, SpringSet, Tied
 
 SIZE_OF_FORCE = 3
+BODY_LOADS = ("const", "body force", "non-const")
+SAME_AREA = 1e-6
+"""Share of an element's area: the areas of its faces that differ by less are alike."""
 SPRINGS = ("linear spring", "tension-only linear spring", "nonlinear spring")
 
 
@@ -110,8 +117,10 @@ def _read_director_supports(
                 front = [h.nodes for h in held if h.component == i]
                 if not np.isin(nodes, np.concatenate(front) if front else []).all():
                     raise t.fault(
-                        f"s{axis} of the back face is held where {axis} of the nodes is not: only "
-                        "both together, which hold the director, are read"
+                        f"the back face is held along {axis} (s{axis}_dof) where the front face is "
+                        f"free ({axis}_dof): the solver's shell has a director for its back face, "
+                        "so that both are held together or neither; set "
+                        f"{axis}_dof to 1 too, or s{axis}_dof to 0"
                     )
                 out.append(HeldDirector(nodes, i))
     return tuple(out)
@@ -179,13 +188,62 @@ def read_pressures(model: Model, parts: Parts, tags: list[FebTag]) -> tuple[Pres
         kind, value = t.attribute("type"), t.one("pressure")
         if kind != "pressure" or value is None:
             raise t.fault(f"the surface load {kind!r} is not read, only pressure with <pressure>")
-        if t.flag("shell_bottom"):
-            raise t.fault("<shell_bottom> other than 0 is not read")
         t.all("symmetric_stiffness")
         facets = model.mesh.surface_of(t, t.attribute("surface"))
         quads, sign = match_facets(model, parts, t, facets)
         drive = model.drive(value, model.units.stress)
+        if t.flag("shell_bottom"):
+            sign = -sign
+            _tell_back_face(model, parts.sheet, quads, t)
         out.append(Pressure(quads, sign, drive, t.flag("linear")))
+    return tuple(out)
+
+
+def _tell_back_face(model: Model, sheet: Sheet, quads: Ints, t: FebTag) -> None:
+    """Note by how much the area of the back faces of quads (k,) differs from that of the nodes,
+    where it does."""
+    back = (
+        sheet.points
+        + 2 * node_means(sheet.height, sheet.quads, len(sheet.points))[:, None] * sheet.directors
+    )
+    front, behind = (element_areas(x, sheet.quads[quads]) for x in (sheet.points, back))
+    off = float(np.abs(behind / front - 1).max(initial=0.0))
+    if off > SAME_AREA:
+        model.notes.append(
+            f"{t.path} (line {t.line}): the pressure on the back face acts on the nodes' face, "
+            f"whose area differs by up to {100 * off:.2g} %"
+        )
+
+
+def read_body_forces(model: Model, parts: Parts, tags: list[FebTag]) -> tuple[BodyForce, ...]:
+    """The forces on the mass of the sheet's elements: FEBio's is the material's density times the
+    body load, *against* it (FEBioMech/FEElasticShellDomain.cpp takes it off the residual as it
+    does the internal forces, NIKE3D's convention), although its user manual (3.13, Body Loads)
+    writes the balance with the opposite sign.
+
+    Raises InputError for a load that is not read, and where a density is not told."""
+    out = []
+    for t in tags:
+        kind = t.kind_of("body load", BODY_LOADS)
+        if kind == "body force":
+            drives = model.drives(t.needed("force", "three components"), model.units.length, 3)
+        else:
+            children = [t.one(axis) for axis in AXES]
+            drives = [
+                Drive() if c is None else model.drive(c, model.units.length) for c in children
+            ]
+        quads = np.arange(len(parts.density))
+        if "elem_set" in t.attributes:
+            chosen = model.mesh.elements_of(t, t.attributes["elem_set"])
+            quads = np.flatnonzero(np.isin(parts.sheet.element_ids, chosen))
+        density = parts.density[quads] * model.units.density
+        if not (np.isfinite(density) & (density >= 0)).all():
+            raise t.fault(
+                "a mixture of several densities, or a negative one, has no weight that is read; "
+                "give one density to the material"
+            )
+        x, y, z = (replace(d, value=-d.value) for d in drives)
+        out.append(BodyForce(quads, density, (x, y, z)))
     return tuple(out)
 
 

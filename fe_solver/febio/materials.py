@@ -44,8 +44,8 @@ class ShellMaterial:
     holder: FebTag
     """The tag in which its (first) fibre is said."""
     in_situ_stretch: float
-    density: Real
-    """In the file's units; a mixture's is the sum of its solids'."""
+    density: Real | None
+    """In the file's units; None where the tags within say more than one."""
 
 
 def shell_material(m: Material, stress: float, place: Place) -> ShellMaterial:
@@ -53,11 +53,12 @@ def shell_material(m: Material, stress: float, place: Place) -> ShellMaterial:
 
     Raises InputError for a material or a parameter that is not known, or not allowed."""
     law, holder, stretch = read_law(m.tag, stress, place)
-    inner = m.tag.one("elastic") or m.tag
-    solids = m.tag.all("solid") or [inner]
-    own = [place.value(s.one("density"), DENSITY) for s in solids]
-    density = np.sum(np.broadcast_arrays(*own), axis=0)
-    return ShellMaterial(m.tag, law, holder, stretch, density)
+    inner = m.tag.one("elastic")
+    given = [t.one("density") for t in (m.tag, *m.tag.all("solid"), *([inner] if inner else []))]
+    told = [t for t in given if t is not None]
+    density = place.value(told[0] if told else None, DENSITY)
+    alone = not m.tag.all("solid") and len({t.text.strip() for t in told}) <= 1
+    return ShellMaterial(m.tag, law, holder, stretch, density if alone else None)
 
 
 def read_materials(section: FebTag) -> list[Material]:

@@ -36,7 +36,7 @@ class Parts:
     """(k + 1,) the sheet's element that each of these is or begins with: a quadratic one may be
     several flat ones."""
     density: Array
-    """(ne,) in the file's units, of the sheet's elements."""
+    """(ne,) in the file's units, of the sheet's elements; nan where it is not told."""
     rigid: dict[str, list[Block]]
     """Blocks of each rigid material."""
 
@@ -156,7 +156,8 @@ def _parts(
         made = shell_material(m, units.stress, place)
         fibre = fibre_directions(made, mesh.points[block.corners], block.ids, special, maps)
         thickness = _thickness(t, block, special["shell thickness"], maps)
-        density = np.broadcast_to(np.mean(np.atleast_2d(made.density), axis=1), len(ids))
+        density = np.nan if made.density is None else made.density
+        density = np.broadcast_to(np.mean(np.atleast_2d(density), axis=1), len(ids))
         columns.append(
             _Columns(
                 nodes,

@@ -59,6 +59,8 @@ def _check_names(job: Job) -> None:
             f"{job.name}: the body {shapes[0]!r} has a surface that is not of triangles, which "
             "FEBio's format has no word for; give it vertices and triangles"
         )
+    if job.body_forces:
+        raise InputError(f"{job.name}: a force on the mass of elements is not written for FEBio")
     if not job.steps:
         raise InputError(f"{job.name}: it has no time steps to write")
 

@@ -69,6 +69,18 @@ class Pressure:
 
 
 @dataclass(frozen=True)
+class BodyForce:
+    """A force on the mass of elements, in the world frame, as gravity is."""
+
+    quads: Ints
+    """(k,) the elements."""
+    density: Array
+    """(k,) kg/m3, as laid."""
+    acceleration: tuple[Drive, Drive, Drive]
+    """m/s2 along x, y, z: the force on a mass of 1 kg."""
+
+
+@dataclass(frozen=True)
 class Step:
     """A stretch of time."""
 
@@ -100,6 +112,8 @@ class Job:
     """Dead loads on nodes."""
     pressures: Sequence[Pressure] = ()
     """Pressures that follow the elements."""
+    body_forces: Sequence[BodyForce] = ()
+    """Forces on the mass of the elements."""
     contacts: Sequence[ContactPair] = ()
     """Faces of the sheet that touch a body."""
     bodies: Sequence[Body] = ()
@@ -122,6 +136,6 @@ class Job:
             object.__setattr__(self, name, value)
         for name in (
             *("held", "held_directors", "springs", "forces"),
-            *("pressures", "contacts", "steps", "notes"),
+            *("pressures", "body_forces", "contacts", "steps", "notes"),
         ):
             object.__setattr__(self, name, tuple(getattr(self, name)))

@@ -55,8 +55,8 @@ STRANGE: dict[str, tuple[Sections, str]] = {
     ),
     "prestrain": ({"Initial": '<Initial><ic type="prestrain"/></Initial>'}, "'prestrain' is not"),
     "body force": (
-        change_section("Loads", "<Loads>", '<Loads><body_load type="body force"/>'),
-        "body_load.*may change",
+        change_section("Loads", "<Loads>", '<Loads><body_load type="moving frame"/>'),
+        "'moving frame' is not read",
     ),
     "contact switched off": (
         change_section("Contact", '<contact name="c"', '<contact name="c" active="0"'),
