@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.json_text import json_text
 from cosim.report import drawings, words
 from cosim.report.tables import SUM, Cell, ReportTable, last_ledger, last_state
 from cosim.report.templates import report_file, template
-from cosim.report.views import View, difference_view, floats, limits, pack_views, view_of
+from cosim.report.packing import floats, packed, packed_json
+from cosim.report.views import View, difference_view, limits, pack_views, view_of
 from cosim.results.compare import VERDICT_SHAPES, number
 from cosim.results.looks import look
 from cosim.results.picture import data_address
@@ -63,7 +63,7 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         bars={run.name: _bars(run) for run in every},
         last_state=last_state,
         cases=[(run, data_address(run.case_text.encode(), "text/plain")) for run in every],
-        data=script_of(
+        data=packed_json(
             {
                 **pack_views(views, scales),
                 "history": histories,
@@ -71,7 +71,7 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
             }
         ),
         script=report_file("scene.js") + report_file("page.js"),
-        plotly=get_plotlyjs(),
+        plotly=packed(get_plotlyjs()),
     )
     size = len(text.encode("utf-8"))
     if size > MOST_BYTES:
@@ -92,12 +92,6 @@ def _views(runs: Sequence[Result], against: Result | None) -> tuple[list[View], 
     if against is not None:
         gaps = [g for v in views[:-1] if (g := difference_view(v, views[-1])) is not None]
     return [*views, *gaps], [limits(views)] * len(views) + [limits(gaps)] * len(gaps)
-
-
-def script_of(content: Any) -> str:
-    """JSON that can stand in a script element."""
-    text = json_text(content, None, ensure_ascii=True, separators=(",", ":"))
-    return text.replace("<", "\\u003c")
 
 
 def _picture(run: Result, name: str) -> str | None:

@@ -17,7 +17,7 @@ const CosimScene = (() => {
   function numbers(packed) { // a flat array of what views.floats or views.integers packed
     if (!unpacked.has(packed)) {
       const raw = Uint8Array.from(atob(packed.b), (c) => c.charCodeAt(0)).buffer;
-      unpacked.set(packed, packed.i ? new Uint32Array(raw) : new Float32Array(raw));
+      unpacked.set(packed, packed.i === 2 ? new Uint16Array(raw) : packed.i === 4 ? new Uint32Array(raw) : new Float32Array(raw));
     }
     return unpacked.get(packed);
   }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -16,6 +15,7 @@ from cosim.hoods.kinds import KINDS
 from cosim.hoods.view import Colour, HoodField
 from cosim.port import Array
 from cosim.report.flat import flatten_sheet
+from cosim.report.packing import floats, integers
 from cosim.results.result import Result
 from cosim.results.scene import rebuild_finger
 from cosim.results.scene_plot import decimate
@@ -399,17 +399,3 @@ def _pack_sheet(sheet: Sheet, scale: Mapping[str, tuple[float, float]]) -> Any:
             for ink, ends in zip(INKS, sheet.fibres, strict=False)
         ],
     }
-
-
-def floats(values: Array) -> dict[str, Any]:
-    """Single precision, little endian, in base64, with the shape."""
-    return {"s": np.shape(values), "b": _base64(np.asarray(values, dtype="<f4"))}
-
-
-def integers(values: np.ndarray) -> dict[str, Any]:
-    """32 bits without sign, as `floats`."""
-    return {"s": np.shape(values), "i": 1, "b": _base64(np.asarray(values, dtype="<u4"))}
-
-
-def _base64(values: np.ndarray) -> str:
-    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")
