@@ -11,9 +11,10 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.report import drawings, words
+from cosim.report.histories import pack_charts
+from cosim.report.packing import packed, packed_json
 from cosim.report.tables import SUM, Cell, ReportTable, last_ledger, last_state
 from cosim.report.templates import report_file, template
-from cosim.report.packing import floats, packed, packed_json
 from cosim.report.views import View, difference_view, limits, pack_views, view_of
 from cosim.results.compare import VERDICT_SHAPES, number
 from cosim.results.looks import look
@@ -21,8 +22,6 @@ from cosim.results.picture import data_address
 from cosim.results.result import Result
 
 MOST_BYTES = 8_000_000
-MOST_MOMENTS = 400
-CURVES = ("angles", "force", "tensions")
 CURVE = 1.8
 """Width of a curve over time, px."""
 TELLING = 0.02
@@ -47,7 +46,12 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
     every = [*runs, against] if against is not None else [*runs]
     views, scales = _views(runs, against)
     arrows = drawings.arrows_of(every)
-    histories = _histories(every)
+    pairs = zip(every, views, strict=False)  # views of differences stand last
+    histories = [
+        {"view": i, "name": run.name, "charts": charts}
+        for i, (run, view) in enumerate(pairs)
+        if (charts := pack_charts(run, view))
+    ]
     text = template("cosim.report", filters={"cell": cell, "spoken": name_in_words}).render(
         words=words,
         drawings=drawings,
@@ -57,6 +61,10 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         against=against,
         tables={table.key: table for table in tables},
         views=views,
+        moves=any(view.times for view in views),
+        charts=bool(histories),
+        sheets=any(view.sheet for view in views),
+        dots=any(table.key.startswith("dots_") for table in tables),
         pictures=[(run, name, _picture(run, name)) for run in every for name in PICTURES],
         arrows=arrows,
         plane=drawings.plane(arrows) if arrows else "",
@@ -141,15 +149,9 @@ def _direction(wrench: np.ndarray) -> float | None:
     return float(np.rad2deg(np.arctan2(dorsal, distal)))
 
 
-def _histories(runs: Sequence[Result]) -> list[Any]:
-    """The curves of every motion: time s, change of the joint angles deg, fingertip force N,
-    tensions N."""
-    return [_history(run) for run in runs if run.axis == "time"]
-
-
 def _line_looks(histories: Sequence[Any]) -> list[Any]:
-    """For plotly the look of each curve of a diagram, of as many as the fullest has."""
-    count = max((len(h[key]) for h in histories for key in CURVES), default=0)
+    """For plotly the look of each curve of a chart, of as many as the fullest has."""
+    count = max((len(c["curves"]) for h in histories for c in h["charts"]), default=0)
     return [
         {
             "color": one.colour,
@@ -158,34 +160,6 @@ def _line_looks(histories: Sequence[Any]) -> list[Any]:
         }
         for one in map(look, range(count))
     ]
-
-
-def _history(run: Result) -> Any:
-    count = run.data.sizes["time"]
-    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_MOMENTS)).round().astype(int))
-    data = run.data.isel(time=chosen).transpose("time", ...)
-    angle = np.rad2deg(data.angle.values)
-    tensions = {
-        str(name): floats(data[variable].values[:, i])
-        for variable, dim in (("tension", "tendon"), ("own_tension", "muscle"))
-        if variable in data and data.sizes[dim]
-        for i, name in enumerate(data[dim].values)
-    }
-    return {
-        "name": run.name,
-        "time": floats(data.time.values),
-        "angles": {
-            f"{joint.replace('_', ' ')} (from {angle[0, i]:.0f}°)": floats(
-                angle[:, i] - angle[0, i]
-            )
-            for i, joint in enumerate(map(str, data.joint.values))
-        },
-        "force": {
-            axis: floats(column)
-            for axis, column in zip(data.axis.values.tolist(), data.tip_force.values.T, strict=True)
-        },
-        "tensions": tensions,
-    }
 
 
 def cell(value: Cell, digits: int = 4) -> str:
