@@ -8,6 +8,7 @@ from cosim.errors import InputError
 
 EXTRAS = {
     "view": ("pyvista",),
+    "film": ("imageio_ffmpeg",),
     "study": ("pyarrow", "SALib", "dask", "distributed"),
     "fmu": ("pythonfmu", "pythonfmu3"),
     "opensim": ("opensim",),

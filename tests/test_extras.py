@@ -26,6 +26,7 @@ HIDDEN = sorted(MODULES | {"vtkmodules", "vtk"})
 VTU = '<VTKFile type="UnstructuredGrid"/>'
 NEEDS = [
     ("pyvista", "view", "view run", "a window in space"),
+    ("imageio_ffmpeg", "film", "film run -o a.mp4", "a film as .mp4 (a .gif needs no more)"),
     ("pyvista", "view", "new mine --hood a.vtu", "a.vtu: reading a .vtu of another program"),
     ("pyarrow", "study", "study network_saltelli", "a study"),
     ("SALib", "study", "study network_saltelli --workers 0", "a study"),

@@ -44,6 +44,7 @@ PURPOSES = {
     "files": ("meshio", "lxml", "h5netcdf"),
     "pictures, pages": ("matplotlib", "plotly", "jinja2"),
     "windows, .vtu of others": EXTRAS["view"],
+    "films as .mp4": EXTRAS["film"],
     "studies": EXTRAS["study"],
     "estimates": ("daqp",),
     "your own bones": ("trimesh",),
