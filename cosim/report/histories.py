@@ -10,10 +10,9 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers.kinds import live_finger
-from cosim.hoods.lesion import SLIPS
 from cosim.port import Array
 from cosim.report.packing import floats
-from cosim.report.views import View
+from cosim.report.views import View, slip_forces
 from cosim.results.result import Result
 
 MOST_MOMENTS = 400
@@ -101,16 +100,7 @@ def _states(run: Result) -> Iterator[Chart]:
 
 
 def _slips(run: Result) -> Iterator[Chart]:
-    """The force that each slip puts on the bone which it ends at."""
-    if "hood_force" not in run.arrays.variables:
-        return
-    sources = [str(name) for name in run.arrays.coordinates["source"].values]
-    force = np.linalg.norm(_at(run, "hood_force"), axis=-1)
-    slips = {
-        name.replace("_", " "): force[:, :, sources.index(name)].sum(axis=1)
-        for name in SLIPS
-        if name in sources
-    }
+    slips = {name: force[_moments(run)] for name, force in slip_forces(run.arrays).items()}
     if slips:
         yield Chart("Slips", "force on the bone, N", _time(run), slips)
 

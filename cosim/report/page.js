@@ -124,6 +124,7 @@
   function tell(panel, v, k) {
     const c = v.force[k], s = shape(v, k), f = field(v, now.field), size = Math.hypot(...c);
     const rows = size > 5e-4 ? [["fingertip force", `${said(size)} N`], ["distal, radial, dorsal", `${c.map((x) => fixed(x)).join(", ")} N`]] : [["fingertip", "pushes on nothing"]];
+    rows.push(...Object.entries(v.slips[k]).map(([slip, x]) => [slip, `${said(x)} N`]));
     rows.push(...v.joints.map((joint, i) => [joint, `${fixed(v.angles[k][i])}°`]));
     if (s >= 0 && f) rows.push(["the colour's values", `${extremes(frame(f.values, s)).map((x) => said(x)).join(" to ")} ${f.unit}`]);
     panel.readout.replaceChildren(...rows.map(([head, text]) => {
@@ -288,7 +289,7 @@
     $("slider").addEventListener("input", () => { stop(); go(Number($("slider").value)); });
     if ($("play")) $("play").addEventListener("click", play);
     for (const button of document.querySelectorAll("[data-look]")) button.addEventListener("click", () => look(CAMERAS[button.dataset.look], null));
-    const details = [...document.querySelectorAll("details")];
+    const details = [...document.querySelectorAll("details:not(.long)")];
     window.addEventListener("beforeprint", () => details.forEach((d) => { d.open = true; }));
     await Promise.all([draw(), ...layCharts()]);
   }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.report import drawings, words
 from cosim.report.histories import pack_charts
-from cosim.report.packing import packed, packed_json
+from cosim.report.packing import packed, packed_json, packed_picture
 from cosim.report.tables import SUM, Cell, ReportTable, last_ledger, last_state
 from cosim.report.templates import report_file, template
 from cosim.report.views import View, difference_view, limits, pack_views, view_of
@@ -108,15 +107,10 @@ def _picture(run: Result, name: str) -> str | None:
     content = run.picture(name)
     if content is None:
         return None
-    from PIL import Image, UnidentifiedImageError
-
     try:
-        image = Image.open(io.BytesIO(content)).convert("RGB")
-    except (UnidentifiedImageError, OSError) as error:
+        return packed_picture(content)
+    except OSError as error:
         raise InputError(f"{run.folder}/{name}.png: is no picture ({error})") from error
-    out = io.BytesIO()
-    image.save(out, "WEBP", lossless=True)
-    return data_address(out.getvalue(), "image/webp")
 
 
 def _bars(run: Result) -> list[tuple[str, list[Bar], str]]:

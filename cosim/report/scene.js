@@ -128,7 +128,7 @@ const CosimScene = (() => {
     const paths = k ? v.dots.names.map((name, i) => line(before.map((p) => of(p, i)), DOT, 2, `path of ${name}`)) : [];
     const gauges = v.dots.gauges.map(({ name, ends, words }) => line(ends.map((i) => of(now, i)), DOT, 5, words || `gauge ${name}`));
     return [...paths, ...gauges, { type: "scatter3d", mode: "markers", x: column(now, 0), y: column(now, 1), z: column(now, 2), text: v.dots.words,
-      hovertemplate: "%{text}<extra></extra>", marker: { color: "#fff", size: 5, line: { color: DOT, width: 2 } } }];
+      hovertemplate: "%{text}<extra></extra>", marker: { color: "#fff", size: v.dots.names.length > 12 ? 3 : 5, line: { color: DOT, width: 2 } } }];
   }
   function names(data, v, k) { // of the bones, above their middles
     const middle = v.bones.map((bone) => place(data, bone, k).map((values) => extremes(values))).map((box) => [(box[0][0] + box[0][1]) / 2, box[1][1], box[2][0]]);
@@ -184,14 +184,15 @@ const CosimScene = (() => {
   // --- layout: true to scale, and as large as a room of width x height px allows
   function aspect(range, width, height) {
     const length = range.map(([low, high]) => high - low);
-    const fill = Math.min((1.75 * width) / Math.max(height, 1), 3.3) / Math.max(...length, 2.2 * length[2]);
+    const room = Math.max(width - 110, 100) / Math.max(height, 1); // beside what stands at the axes
+    const fill = Math.min((1.85 * room) / Math.max(...length), 1.6 / length[2]);
     return { x: fill * length[0], y: fill * length[1], z: fill * length[2] };
   }
   // One box for several views, so that they are drawn to one scale.
   const commonBox = (views) => views.map((v) => v.box).filter(Boolean).reduce((a, b) => a.map(([low, high], i) => [Math.min(low, b[i][0]), Math.max(high, b[i][1])]));
   function layout(range, width, height, camera = CAMERAS.oblique) { // one range for all frames, so that nothing jumps
     const axis = (i, name) => ({ range: range[i], title: { text: name, font: FONT }, showbackground: false, gridcolor: "#e6eaed", zeroline: false,
-      tickfont: { ...FONT, size: 11 }, nticks: i === 1 ? 3 : 6, showspikes: false });
+      tickfont: { ...FONT, size: 11 }, nticks: i === 1 ? 3 : 6, showspikes: false, showticklabels: i !== 1 || width >= 600 });
     return { margin: { l: 0, r: 0, t: 0, b: 0 }, showlegend: false, paper_bgcolor: "#fff", font: FONT, uirevision: "same", hoverlabel: { font: FONT },
       scene: { xaxis: axis(0, "distal, mm"), yaxis: axis(1, "radial, mm"), zaxis: axis(2, "dorsal, mm"), aspectmode: "manual",
         aspectratio: aspect(range, width, height), camera, uirevision: "same" } };

@@ -11,12 +11,14 @@ import numpy as np
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.hoods.kinds import colours_of
+from cosim.hoods.lesion import SLIPS
 from cosim.hoods.shell.gauges import place_gauges
 from cosim.hoods.view import HoodField
 from cosim.port import Array
 from cosim.report.dots import dots_in_words
 from cosim.report.flat import flatten_sheet
 from cosim.report.packing import floats, integers
+from cosim.results.arrays import Arrays
 from cosim.results.frames import Frame
 from cosim.results.looks import FORCE, INKS, RESTING_TENDON, TENDON, colour_limits, colour_map
 from cosim.results.result import Result
@@ -24,7 +26,7 @@ from cosim.results.scene import decimate, rebuild_finger
 from cosim.results.strokes import LIFT, families_of, stroke_cells, strokes
 from meshes.hood_mesh import REGIONS
 
-MOST_TRIANGLES = 2200
+MOST_TRIANGLES = 1800
 """Triangles of a bone in the view, at most."""
 NO_HOOD = "This run has no deformable hood: there is no strain to show."
 AT_END = "The hood is shown at its end only: this motion stored no shapes of it."
@@ -119,6 +121,8 @@ class View:
     """For each frame the points (k, 3) of every path."""
     tension: tuple[Mapping[str, float], ...]
     """For each frame N by tendon."""
+    slips: tuple[Mapping[str, float], ...]
+    """For each frame N by slip, of `slip_forces`."""
     tip: Array
     """(nf, 3); empty where the finger could not be rebuilt."""
     force: Array
@@ -145,6 +149,7 @@ def view_of(run: Result) -> View:
     frames = run.frames
     steps = [frame.step for frame in frames]
     sheet, net, notes = _hood(run, frames)
+    slips = slip_forces(run.arrays)
     view = View(
         name=run.name,
         frames=tuple(frame.label for frame in frames),
@@ -152,6 +157,7 @@ def view_of(run: Result) -> View:
         bones=(),
         tendons=tuple({} if f.hood is None else f.hood.lines for f in frames),
         tension=tuple(_tensions(run, step) for step in steps),
+        slips=tuple({n: float(f[k]) for n, f in slips.items()} for k in steps),
         tip=np.zeros((0, 3)),
         force=np.array([frame.force for frame in frames]),
         joints=tuple(map(str, run.arrays.coordinates["joint"].values)),
@@ -179,6 +185,20 @@ def _tensions(run: Result, step: int) -> dict[str, float]:
             run.arrays.variables[variable].values[step],
             strict=True,
         )
+    }
+
+
+def slip_forces(arrays: Arrays) -> dict[str, Array]:
+    """The force (n,) N that each slip puts on the bone at its end, in every state or time; none of
+    a hood without slips."""
+    if "hood_force" not in arrays.variables:
+        return {}
+    sources = [str(name) for name in arrays.coordinates["source"].values]
+    size = np.linalg.norm(arrays.variables["hood_force"].values, axis=-1)
+    return {
+        name.replace("_", " "): size[:, :, sources.index(name)].sum(axis=1)
+        for name in SLIPS
+        if name in sources
     }
 
 
@@ -394,6 +414,7 @@ def _pack_view(
         "tip": floats(1e3 * view.tip),
         "arrow": floats(1e3 * arrow_ends(view)),
         "force": view.force.tolist(),
+        "slips": view.slips,
         "notes": view.notes,
         "joints": [joint.replace("_", " ") for joint in view.joints],
         "angles": np.rad2deg(view.angles).tolist(),

@@ -136,6 +136,14 @@ def test_runs_of_one_name_are_told_apart(tmp_path, hood):
     assert len(set(names)) == 2
 
 
+def test_runs_of_one_name_in_folders_of_one_name_are_told_apart(tmp_path, hood):
+    folders = [tmp_path / above / "runs" / hood.name for above in ("before", "after")]
+    for folder in folders:
+        shutil.copytree(hood, folder)
+    names = [run.name for run in read_runs(folders)]
+    assert names == [f"{above}/runs/{hood.name}" for above in ("before", "after")]
+
+
 def test_the_tables_say_what_the_summary_says(hood):
     run = read(hood)
     tables = {table.key: table for table in tables_of([run], None)}
@@ -211,6 +219,8 @@ def test_frames_hold_bones_tendons_and_hood(hood):
     stored = run.data.position.sel(body="middle").values
     assert middle.position == pytest.approx(stored, abs=1e-12)
     assert view.notes == ()
+    carried = run.summary["slip_force_N"]
+    assert view.slips[-1]["central slip"] == pytest.approx(carried["central"], rel=1e-6)
     along = view.sheet.fields[0].values[-1]
     assert along == pytest.approx(100 * run.data.strain.values[-1, :, 0])
     by_key = {field.key: field.values[-1] for field in view.sheet.fields}
