@@ -25,7 +25,7 @@ CEILINGS = {
     "cosim/kernels": 362,
     "cosim/models": 684,
     "cosim/report": 2295,
-    "cosim/results": 5354,
+    "cosim/results": 5355,
     "cosim/schema": 566,
     "cosim/solve": 740,
     "cosim/study": 2920,
