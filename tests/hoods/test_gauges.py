@@ -157,6 +157,13 @@ def test_points_are_read_from_a_table(tmp_path):
     assert read_points(path)["c"] == pytest.approx((0.004, -2e-5, 0.009))
 
 
+def test_further_columns_of_points_are_left_out_and_told(tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_text("name,distal [mm],radial_mm,dorsal_mm,strain\na,1,2,3,0.1\n")
+    with pytest.warns(ReadingWarning, match="line 1: left out: strain"):
+        assert read_points(path) == {"a": pytest.approx((1e-3, 2e-3, 3e-3))}
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
