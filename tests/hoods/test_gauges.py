@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cosim
+from cosim.errors import ReadingWarning
 from cosim.hoods.shell.gauges import _lay_grid, _nearest_points, place_gauges, strain_between
 from cosim.hoods.shell.point_table import GridConfig, read_points
 
