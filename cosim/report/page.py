@@ -66,12 +66,11 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         data=script_of(
             {
                 **pack_views(views, scales),
-                "colours": colours(),
                 "history": histories,
                 "looks": _line_looks(histories),
             }
         ),
-        script=report_file("page.js"),
+        script=report_file("scene.js") + report_file("page.js"),
         plotly=get_plotlyjs(),
     )
     size = len(text.encode("utf-8"))
@@ -99,14 +98,6 @@ def script_of(content: Any) -> str:
     """JSON that can stand in a script element."""
     text = json_text(content, None, ensure_ascii=True, separators=(",", ":"))
     return text.replace("<", "\\u003c")
-
-
-def colours() -> list[str]:
-    """Viridis, made for colour-blind readers and for print without colour."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
-    return [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 1, 256))]
 
 
 def _picture(run: Result, name: str) -> str | None:

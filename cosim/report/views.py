@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.case.file import load_case
+from cosim.case.file import case_of, load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.hoods.kinds import KINDS
@@ -49,6 +49,8 @@ class SheetField:
     unit: str
     on_quads: bool
     values: Array
+    is_signed: bool = False
+    """Whether its colours are centred on zero."""
 
 
 @dataclass(frozen=True)
@@ -119,12 +121,18 @@ def view_of(run: Result) -> View:
         sheet,
         notes,
     )
-    assert run.folder is not None  # of a run that was read
     try:
-        return _with_finger(view, load_case(run.folder / "case.toml"))
+        return _with_finger(view, _case_of(run))
     except InputError as error:
         note = f"Bones and tendons are not shown: the case cannot be built again here ({error})"
         return replace(view, notes=(*notes, note))
+
+
+def _case_of(run: Result) -> Case:
+    """The case of a run, in memory or read.  Raises InputError."""
+    if run.folder is not None:
+        return load_case(run.folder / "case.toml")
+    return case_of(run.case_table, run.case)
 
 
 def _choose(count: int) -> np.ndarray:
@@ -211,7 +219,7 @@ def _field_over_frames(
     on_quads = "point" not in stored.dims
     if on_quads:
         values = np.repeat(values, len(hood.quads) // values.shape[1], axis=1)
-    return SheetField(colour.key, colour.label, colour.unit, on_quads, colour.factor * values)
+    return _field_of(colour, on_quads, colour.factor * values)
 
 
 def _field_at_end(hood: HoodField, colour: Colour) -> SheetField | None:
@@ -220,8 +228,12 @@ def _field_at_end(hood: HoodField, colour: Colour) -> SheetField | None:
     stored = (hood.cell_data if on_quads else hood.point_data).get(colour.on_mesh)
     if stored is None:
         return None
-    values = colour.mesh_factor * np.asarray(stored)[None]
-    return SheetField(colour.key, colour.label, colour.unit, on_quads, values)
+    return _field_of(colour, on_quads, colour.mesh_factor * np.asarray(stored)[None])
+
+
+def _field_of(colour: Colour, on_quads: bool, values: Array) -> SheetField:
+    is_signed = colour.unit == "%"
+    return SheetField(colour.key, colour.label, colour.unit, on_quads, values, is_signed)
 
 
 def _fibres(hood: HoodField, points: Array) -> tuple[Array, ...]:
@@ -253,6 +265,7 @@ def difference_view(one: View, other: View) -> View | None:
         replace(
             f,
             label=f"{f.label}, difference",
+            is_signed=True,
             values=f.values[mine] - theirs_by_key[f.key].values[its],
         )
         for f in a.fields
@@ -291,21 +304,38 @@ def box(view: View) -> Array | None:
 def limits(views: Sequence[View]) -> dict[str, tuple[float, float]]:
     """A colour scale for each field that all views share; a few extreme quads do not set it."""
     by_field: dict[str, list[Array]] = {}
+    signed = set()
     for field in (f for view in views if view.sheet is not None for f in view.sheet.fields):
         by_field.setdefault(field.key, []).append(field.values.ravel())
-    return {key: _limits(np.concatenate(values)) for key, values in by_field.items()}
+        signed |= {field.key} if field.is_signed else set()
+    return {key: _limits(np.concatenate(v), key in signed) for key, v in by_field.items()}
 
 
-def _limits(values: Array) -> tuple[float, float]:
+def _limits(values: Array, is_signed: bool) -> tuple[float, float]:
     low, high = (float(v) for v in np.percentile(values, SPREAD))
+    if is_signed:
+        most = max(-low, high, 1e-9)
+        return -most, most
     return (low, high) if high > low else (low - 0.5, low + 0.5)
 
 
 def pack_views(views: Sequence[View], scales: Sequence[Mapping[str, tuple[float, float]]]) -> Any:
-    """The views for the page's script: mm, N, degrees; surfaces that views share are sent once."""
+    """The views for scene.js: mm, N, degrees; surfaces that views share are sent once."""
     surfaces: dict[str, Any] = {}
     shown = [_pack_view(view, scale, surfaces) for view, scale in zip(views, scales, strict=True)]
-    return {"views": shown, "surfaces": list(surfaces.values())}
+    return {"views": shown, "surfaces": list(surfaces.values()), "maps": _colour_maps()}
+
+
+def _colour_maps() -> dict[str, list[str]]:
+    """The colours of what has a sign and of what has none, from the least to the greatest."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    maps = {"signed": "RdBu_r", "plain": "viridis"}
+    return {
+        key: [to_hex(colour) for colour in colormaps[name](np.linspace(0, 1, 256))]
+        for key, name in maps.items()
+    }
 
 
 def _pack_view(
@@ -317,7 +347,8 @@ def _pack_view(
         surfaces.setdefault(surface["v"]["b"] + surface["f"]["b"], surface)
         which = list(surfaces).index(surface["v"]["b"] + surface["f"]["b"])
         pose = np.concatenate([1e3 * bone.position[..., None], bone.rotation], axis=2)
-        bones.append({"name": bone.name, "surface": which, "pose": floats(pose)})
+        label = f"{bone.name} {'phalanx' if bone.name != 'metacarpal' else ''}".strip()
+        bones.append({"name": bone.name, "label": label, "surface": which, "pose": floats(pose)})
     lines = [np.concatenate([*paths.values()]) for paths in view.tendons if paths]
     counts = [[len(points) for points in paths.values()] for paths in view.tendons]
     room = box(view)
@@ -328,7 +359,7 @@ def _pack_view(
         "tendons": {
             "points": floats(1e3 * np.concatenate(lines)) if lines else None,
             "counts": counts,
-            "names": list(dict.fromkeys(name for paths in view.tendons for name in paths)),
+            "names": [list(paths) for paths in view.tendons],
         },
         "box": None if room is None else (1e3 * room).tolist(),
         "tip": floats(1e3 * view.tip),
@@ -350,6 +381,7 @@ def _pack_sheet(sheet: Sheet, scale: Mapping[str, tuple[float, float]]) -> Any:
             "unit": field.unit,
             "onQuads": field.on_quads,
             "limits": scale[field.key],
+            "map": "signed" if scale[field.key][0] == -scale[field.key][1] else "plain",
             "values": floats(field.values),
         }
         for field in sheet.fields

@@ -15,8 +15,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import InputError
+from cosim.pipeline import run_case
 from cosim.report.drawings import Arrow, arrows_of, plane, sagittal
 from cosim.report.flat import flatten_sheet
 from cosim.report.tables import last_ledger, tables_of
@@ -402,3 +404,10 @@ def test_rows_of_the_runs_own_file_come_first(tmp_path, hood, data):
     write_json(tmp_path / "run" / "comparison.json", run.comparison[2:3])
     again = read_run(tmp_path / "run", read_targets(data))
     assert again.comparison == (run.comparison[2], *run.comparison)
+
+
+def test_a_run_in_memory_is_drawn_as_the_same_run_read(tmp_path):
+    fresh = run_case(load_case("isometric_edc", ("hood.mesh.quads=120", QUICK)))
+    kept = read_run(fresh.save(tmp_path))
+    one, other = (pack_views([v], [limits([v])]) for v in map(view_of, (fresh, kept)))
+    assert json.dumps(one) == json.dumps(other)
