@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import RLock
+from typing import Any
 
 import numpy as np
 
@@ -72,18 +74,24 @@ class Session:
     checkpoints until it has ended, in NAME.unfinished; None: it keeps none.  `warm`: an equilibrium
     begins at the last one of a hood whose mesh has as many nodes, which takes a third of the time; its
     last digits, and of a hood with several equilibria which one is found, depend on what was solved
-    before.
+    before.  `watch` is called now and then with the case of a motion on its way and what is solved
+    of it (a `SolvedMotion`).
 
     Threads may share a session: their cases are solved one after the other.
 
     Raises InputError."""
 
     def __init__(
-        self, most: int = 4, checkpoints: str | Path | None = None, warm: bool = False
+        self,
+        most: int = 4,
+        checkpoints: str | Path | None = None,
+        warm: bool = False,
+        watch: Callable[[Case, Any], None] | None = None,
     ) -> None:
         if most < 1:
             raise InputError(f"Session: most must be 1 or more settings, got {most}")
         self.checkpoints = None if checkpoints is None else Path(checkpoints)
+        self.watch = watch
         self.lock = RLock()
         self._most, self._warm = most, warm
         self._last: _LastSolved | None = None
