@@ -25,9 +25,11 @@ from cosim.models.fit import check_fit
 from cosim.outcome import outcome_of
 from cosim.port import AXES, Array
 from cosim.processes import process_pool
+from cosim.report.templates import template
 from cosim.results.compare import number
 from cosim.results.conventions import vector_of
 from cosim.results.looks import Look, look
+from cosim.results.picture import as_png, data_address
 from cosim.results.static import observe_static
 from cosim.solve.solvers import solve
 from cosim.solve.states import States
@@ -146,6 +148,12 @@ def _tension(e: Equilibrium) -> Array:
 JOINTS = ("MCP", "PIP", "DIP")
 EXTENSOR = "EDC"
 """Whose moment arms are shown."""
+TOLD = {
+    "tip force N": "Fingertip force",
+    "central slip N": "Force in the central slip",
+    "terminal slip N": "Force in the terminal slip",
+}
+"""The figures that a page begins with, in words."""
 Figures = dict[str, float | None]
 
 
@@ -161,7 +169,7 @@ def figures(rung: Rung) -> Figures:
     central, terminal = rung.slips.get("central"), rung.slips.get("terminal")
     out |= {"central slip N": central, "terminal slip N": terminal}
     out["terminal / central"] = terminal / central if terminal is not None and central else None
-    out |= {f"excursion {name} mm": value for name, value in rung.excursions.items()}
+    out |= {f"excursion {name} from rest mm": value for name, value in rung.excursions.items()}
     arms = rung.summary.get("moment_arm_mm", {}).get(EXTENSOR, {})
     out |= {f"arm {EXTENSOR} {joint} mm": arms.get(joint) for joint in JOINTS}
     out["wall s"] = rung.wall
@@ -170,7 +178,18 @@ def figures(rung: Rung) -> Figures:
 
 def heading(rung: Rung) -> str:
     """The rung's name over its column, with a star for the case's own."""
-    return f"{rung.name} *" if rung.is_own else rung.name
+    name = rung.name.replace("_", " ")
+    return f"{name} *" if rung.is_own else name
+
+
+def spread(rungs: Sequence[Rung]) -> Iterator[str]:
+    """A sentence for each of the first figures: from which hood to which it goes."""
+    shown = [(rung, figures(rung)) for rung in rungs if rung.status == "converged"]
+    for name, words in TOLD.items():
+        known = [(value, rung.name) for rung, each in shown if (value := each[name]) is not None]
+        if len(known) > 1:
+            (low, least), (high, most) = min(known), max(known)
+            yield f"{words}: {number(low, 3)} N ({least}) to {number(high, 3)} N ({most})."
 
 
 def side_by_side(rungs: Sequence[Rung]) -> list[tuple[str, ...]]:
@@ -194,7 +213,10 @@ def _audits(rung: Rung) -> str:
 
 def reasons(rungs: Sequence[Rung]) -> Iterator[str]:
     """What a reader must know beside the figures."""
-    yield "tip force on the world and slips: loaded; *: the case's own hood"
+    yield (
+        "tip force on the world and slips: loaded; excursion: loaded less the same finger at rest, "
+        "every tendon at its resting tension; *: the case's own hood"
+    )
     for rung in rungs:
         if rung.reason:
             yield f"{rung.name}: {rung.status}: {rung.reason}"
@@ -233,6 +255,22 @@ def _line(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |"
 
 
+def to_html(rungs: Sequence[Rung], title: str) -> str:
+    """A page that needs nothing else: what differs, picture, table and reasons."""
+    header, rows = ("", *map(heading, rungs)), side_by_side(rungs)
+    picture = data_address(as_png(draw_ladder(rungs, title), DPI))
+    return template("cosim.report", "ladder.html.j2").render(
+        title=title,
+        rungs=rungs,
+        spread=list(spread(rungs)),
+        reasons=list(reasons(rungs)),
+        header=header,
+        rows=rows,
+        picture=picture,
+    )
+
+
+DPI = 120
 SLIPS = ("central slip N", "terminal slip N")
 ARMS = tuple(f"arm {EXTENSOR} {joint} mm" for joint in JOINTS)
 

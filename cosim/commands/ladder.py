@@ -17,6 +17,7 @@ from cosim.analyses.ladder import (
     side_by_side,
     solve_rungs,
     to_csv,
+    to_html,
     to_json,
     to_markdown,
 )
@@ -34,7 +35,8 @@ def ladder(
     case: CaseName,
     settings: Settings = None,
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder for tables and picture.")
+        Path,
+        typer.Option("--out", "-o", metavar="FOLDER", help="Folder for page and tables."),
     ] = Path("ladder"),
     workers: Workers = 1,
 ) -> None:
@@ -59,7 +61,7 @@ def ladder(
         with output_folder(target, MARK) as folder:
             _write(folder, rungs, checked.title)
     _show(rungs, checked.title)
-    typer.echo(f"tables and picture in {target}")
+    typer.echo(f"page, tables and picture in {target}")
     raise typer.Exit(1 if any(rung.status == "failed" for rung in rungs) else 0)
 
 
@@ -68,6 +70,7 @@ def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
         (MARK, to_json(rungs)),
         ("ladder.csv", to_csv(rungs)),
         ("ladder.md", to_markdown(rungs, title)),
+        ("index.html", to_html(rungs, title)),
     ):
         (folder / name).write_text(text, encoding="utf-8")
     write_figure(draw_ladder(rungs, title), folder / "ladder.png", 140)

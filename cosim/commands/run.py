@@ -40,6 +40,7 @@ from cosim.models.fit import check_fit
 from cosim.outcome import Outcome, outcome_of
 from cosim.pipeline import run_case, run_cases
 from cosim.processes import process_context
+from cosim.results.answer import answer, doubts, trust
 from cosim.results.audit import describe_misses
 from cosim.results.result import Result
 from cosim.results.summary_tables import batch_table, tables
@@ -130,7 +131,9 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1) -
     if voice == "plain" and len(cases) > 1:
         console().print(batch_table([case.name for case in cases], summaries))
         typer.echo(f"results in {shown_path(out)}")
-    warn({n: [*(s or {}).get("warnings", ()), *lacking[n]] for n, s in summaries.items()})
+    told = voice == "plain" and len(cases) == 1  # before the tables
+    warnings = {n: () if told else (s or {}).get("warnings", ()) for n, s in summaries.items()}
+    warn({name: [*texts, *lacking[name]] for name, texts in warnings.items()})
     missed = warn_of_audits({n: list(describe_misses(s or {})) for n, s in summaries.items()})
     raise typer.Exit(failed or missed or (INCOMPLETE if any(lacking.values()) else 0))
 
@@ -271,7 +274,11 @@ def _progress(name: str, voice: Voice) -> Iterator[Progress]:
 
 def _show(case: Case, summary: Mapping[str, Any]) -> None:
     printer = console()
-    printer.print(f"\n{case.name}: {case.title}")
+    printer.print(f"\n{case.name}: {case.title}\n")
+    printer.print(" ".join([*answer(summary), trust(summary)]))
+    for doubt in doubts(summary):
+        printer.print(f"▲ {doubt}")
+    warn({case.name: list(summary.get("warnings", ()))})
     for table in tables(summary):
         printer.print(table)
 

@@ -12,7 +12,7 @@ from rich import box
 from rich.table import Table
 
 from cosim.commands.options import Settings
-from cosim.commands.terminal import console, exit_on_error, print_table
+from cosim.commands.terminal import console, exit_on_error, print_table, warn
 from cosim.errors import InputError, span
 from cosim.results.compare import number
 from cosim.study import engine
@@ -96,6 +96,12 @@ def _show(plan: StudyPlan, done: StudyOutcome, results: StudyResults, folder: Pa
     if rows:
         print_table(f"{plan.title}: {len(plan.points)} runs", header, rows)
     _show_fits(results)
+    warn(
+        {
+            name: [f"too few runs: {text}" for text in results.too_few(name)]
+            for name in results.outputs
+        }
+    )
     count = done.count
     for reason, times in count.reasons.most_common(REASONS):
         typer.echo(f"{times} without an answer: {reason}")

@@ -27,7 +27,11 @@ MESH = "hood.mesh"
 
 def validate(
     only: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only the trials whose name contains this.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Only the group of this name, or the trials whose name contains it.",
+        ),
     ] = None,
     out: Annotated[
         Path, typer.Option("--out", "-o", help="Folder for the runs and the page.")
@@ -108,7 +112,7 @@ def _progress(text: str) -> None:
 
 def _list(groups: list[TrialGroup]) -> None:
     for group in groups:
-        typer.echo(f"{group.name} ({group.kind}{', variant' if group.variant else ''})")
+        typer.echo(group.listed)
         for trial in group.trials:
             typer.echo(f"  {trial.name}")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -10,11 +9,9 @@ import numpy as np
 
 from cosim.fingers.kinds import FINGERS
 from cosim.hoods.kinds import KINDS
-from cosim.port import AXES
 from cosim.report.tables import last_ledger
-from cosim.results.compare import Comparison, number, tally, value_of
-from cosim.results.conventions import OPPOSITE
-from cosim.results.joint_limits import describe_limits
+from cosim.results import answer as answers
+from cosim.results.compare import Comparison, number, tally
 from cosim.results.load_and_rest import describe_rest
 from cosim.results.result import Result
 
@@ -33,7 +30,6 @@ SCHEMES = {
     "jacobi": "side by side in every step",
     "one_way": "one way: the hood is solved once and its forces handed to the finger once",
 }
-OTHER_WAY = {axis: way for way, axis in OPPOSITE.items()}
 PULLS = {"activation", "tension", "excursion", "signal"}
 """What a case says of a tendon that it pulls."""
 
@@ -107,44 +103,8 @@ def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 
 
 def answer(run: Result) -> str:
-    """What came out, in a sentence or three."""
-    has_rest = "unloaded" in run.summary
-    force = [value_of(run.summary, f"fingertip_force_N.{axis}") for axis in AXES]
-    parts = []
-    if None not in force:
-        size = math.sqrt(sum(f * f for f in force if f is not None))
-        named = zip(AXES, force, strict=True)
-        split = ", ".join(
-            f"{abs(f):.2f} {axis if f >= 0 else OTHER_WAY[axis]}"
-            for axis, f in named
-            if f is not None
-        )
-        when = "Under load" if has_rest else "At the end"
-        if size > 5e-4:
-            rest = _at_rest(run, "fingertip_magnitude_N")
-            parts.append(f"{when}, the fingertip pushes with {size:.2f} N ({split}){rest}.")
-        else:
-            parts.append("The fingertip pushes on nothing.")
-    slips = run.summary.get("slip_force_N", {})
-    if slips:
-        carried = "; ".join(
-            f"the {slip} slip carries {value:.2f} N{_at_rest(run, f'slip_force_N.{slip}')}"
-            for slip, value in slips.items()
-        )
-        parts.append(carried[0].upper() + carried[1:] + ".")
-    strain = run.summary.get("strain_percent", {}).get("longitudinal")
-    if strain:
-        parts.append(
-            f"Longitudinal strain of the central region: {strain['min']:.2f} to "
-            f"{strain['max']:.2f} %, mean {strain['mean']:.2f} %."
-        )
-    return " ".join(parts).replace("-", "−")
-
-
-def _at_rest(run: Result, quantity: str) -> str:
-    """A force of the unloaded state in words, to follow that of the loaded one."""
-    value = value_of(run.summary, f"unloaded.{quantity}")
-    return "" if value is None else f", {value:.2f} N at rest"
+    """What came out, in a few sentences."""
+    return " ".join(answers.answer(run.summary))
 
 
 def rest(run: Result) -> list[str]:
@@ -155,14 +115,7 @@ def rest(run: Result) -> list[str]:
 
 def trust(run: Result) -> str:
     """What the audit found."""
-    missed = run.summary.get("audit_missed")
-    if missed is None:
-        return "This run kept no audit."
-    if missed:
-        names = ", ".join(name.replace("_", " ") for name in missed)
-        return f"The audit was missed in: {names}."
-    count = len(run.summary.get("audit", {}))
-    return f"All {count} checks of the audit were kept." if count > 1 else "The audit was kept."
+    return answers.trust(run.summary)
 
 
 def closure(run: Result) -> str:
@@ -181,14 +134,7 @@ def closure(run: Result) -> str:
 
 def doubts(run: Result) -> Iterator[str]:
     """What a reader must know before believing a number."""
-    if run.summary.get("came_to_rest") is False:
-        yield "The finger was still moving at the end."
-    for text in describe_limits(run.summary):
-        yield f"{text}.".replace("-", "−")
-    if twice := run.summary.get("double_counted"):
-        yield f"Counted twice: {'; '.join(map(str, twice))}."
-    if run.summary.get("audit_missed"):
-        yield trust(run)
+    return answers.doubts(run.summary)
 
 
 def warnings(runs: Sequence[Result]) -> Iterator[str]:

@@ -6,13 +6,18 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
+from cosim.results.answer import answer, doubts, trust
 from cosim.results.picture import data_address
 from cosim.results.summary_tables import rows_of
 
 
-def html_of(title: str, verdict: str, summary: Mapping[str, Any], png: bytes) -> str:
-    """The title, the audit's verdict, the tables of the terminal and the picture."""
-    parts = [f"<h4>{escape(title)}</h4><p>{escape(verdict)}</p>"]
+def html_of(title: str, summary: Mapping[str, Any], png: bytes) -> str:
+    """The title, the answer with its doubts and warnings, the tables of the terminal and the
+    picture."""
+    said = " ".join([*answer(summary), trust(summary)])
+    parts = [f"<h4>{escape(title)}</h4><p>{escape(said)}</p>"]
+    for doubt in (*doubts(summary), *summary.get("warnings", ())):
+        parts.append(f"<p><b>▲ {escape(doubt)}</b></p>")
     for header, rows in rows_of(summary):
         head = "".join(f"<th>{escape(cell)}</th>" for cell in header) if any(header) else ""
         body = "".join(

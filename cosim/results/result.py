@@ -213,7 +213,7 @@ class Result(CaseParts):
         png = self.picture("picture")
         if png is None:
             png = as_png(self.plot(), 72)
-        return html_of(self.title, str(self.audit), self.summary, png)
+        return html_of(self.title, self.summary, png)
 
     def __repr__(self) -> str:
         force = ", ".join(f"{axis} {value:.3g}" for axis, value in self.tip_force.items())

@@ -10,7 +10,6 @@ from rich.table import Table
 
 from cosim.port import AXES
 from cosim.results.compare import unit_of, value_of
-from cosim.results.joint_limits import describe_limits
 from cosim.results.load_and_rest import describe_rest
 from cosim.results.quantities import key_quantities
 
@@ -31,7 +30,7 @@ def tables(summary: Mapping[str, Any]) -> list[Table]:
 def rows_of(summary: Mapping[str, Any]) -> list[tuple[Row, list[Row]]]:
     """Header and rows of three tables: the states side by side, the tendons, and the checks."""
     state = ("", "loaded", "at rest")
-    arms = [f"arm {joint} mm" for joint in _joints(summary)]
+    arms = [f"arm {joint.replace('_', ' ')} mm" for joint in _joints(summary)]
     tendon = ("tendon", "tension N", "excursion mm", *arms)
     blocks = [
         (state, [row for row in _states(summary) if any(row[1:])]),
@@ -126,8 +125,6 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     if any(abs(value) > LEAST_MOMENT for value in moment.values()):
         parts = (f"{axis} {_number(value)}" for axis, value in moment.items())
         yield "fingertip moment N mm", ", ".join(parts)
-    for text in describe_limits(summary):
-        yield "joint at its limit", text
     yield from describe_rest(summary)
     for name, muscle in (_at(summary, "muscle") or {}).items():
         loaded, then = (

@@ -4,6 +4,7 @@ Pure functions of arrays: rows are runs, columns parameters."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import NamedTuple
@@ -22,6 +23,12 @@ MOST_LOST = 0.1
 """The part of Saltelli's blocks that may have a failed run. Where more have one there are no
 indices: what fails is hardly a sample of what there is."""
 LEAST_BLOCKS = 8
+WIDE = 0.1
+"""Half width of an interval of an index, or of a slope in SDs, beyond which the runs are too few to
+say more than the order of the strongest."""
+RUNS_BEYOND = 119
+"""The least runs of which, with 95 % confidence, one lies beyond each end of the middle 95 %:
+1 - 0.975^n."""
 FOLDS = 10
 SEED = 1
 """Seed of the bootstrap and the folds; not 0, which SALib takes for none."""
@@ -127,6 +134,45 @@ def slopes(inputs: Array, values: Array) -> Slopes | None:
     error = np.sqrt(left / (n - d - 1) * np.diag(np.linalg.inv(x.T @ x)))
     r2 = 1 - left / float((y**2).sum())
     return Slopes(coefficients, error, r2, sd * float(np.sqrt(left / n)))
+
+
+def too_few_for_indices(indices: Indices, names: Sequence[str]) -> str:
+    """Say which of Sobol's indices is known least, where its interval is wide; else nothing."""
+    widths = np.maximum(indices.first_conf, indices.total_conf)
+    i = int(np.nanargmax(widths)) if np.isfinite(widths).any() else 0
+    if not widths[i] > WIDE:
+        return ""
+    return (
+        f"Sobol's indices: that of {names[i]} is known within ±{widths[i]:.2g} by {indices.blocks} "
+        f"blocks of runs; some {_needed(indices.blocks, widths[i])} would bring it to ±{WIDE:g}"
+    )
+
+
+def too_few_for_slopes(slopes: Slopes, runs: int, names: Sequence[str]) -> str:
+    """Say which slope is known least, where two standard errors are wide; else nothing."""
+    widths = 2 * slopes.error
+    i = int(widths.argmax())
+    if not widths[i] > WIDE:
+        return ""
+    return (
+        f"slopes: that of {names[i]} is known within ±{widths[i]:.2g} SD by {runs} runs; some "
+        f"{_needed(runs, widths[i])} would bring it to ±{WIDE:g}"
+    )
+
+
+def too_few_for_ends(runs: int) -> str:
+    """Say that the ends of the middle 95 % are those of the sample; nothing with enough runs."""
+    if runs >= RUNS_BEYOND:
+        return ""
+    return (
+        f"middle 95 %: its ends are hardly known by {runs} runs, of which none may lie beyond the "
+        f"true ones; it takes {RUNS_BEYOND}"
+    )
+
+
+def _needed(count: int, width: float) -> int:
+    """How many bring an interval, which narrows as the square root, to WIDE; two digits."""
+    return int(float(f"{count * (width / WIDE) ** 2:.2g}"))
 
 
 def _significant(inputs: Array, values: Array) -> tuple[Array, Array]:

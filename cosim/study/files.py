@@ -68,6 +68,7 @@ def _answers(study: StudyResults, output: str) -> dict[str, Any]:
     return {
         "unit": study.units[output],
         "band": None if band is None else band._asdict(),
+        "too_few": study.too_few(output),
         "sobol": indices if isinstance(indices, str) else _indices(study, indices),
         "slopes": None
         if slopes is None
@@ -101,11 +102,11 @@ def _index_lines(study: StudyResults) -> Iterator[str]:
     """What there is not is empty."""
     yield "output,parameter,slope,first,first_conf,total,total_conf"
     for output in study.outputs:
-        indices, slopes = study.indices(output), study.slopes(output)
+        indices, slopes = study.sobol(output), study.slopes(output)
         each = {} if slopes is None else dict(zip(study.numeric, slopes.slope, strict=True))
         for i, name in enumerate(study.parameters):
             parts = [""] * 4
-            if isinstance(indices, Indices):
+            if indices is not None:
                 four = (indices.first, indices.first_conf, indices.total, indices.total_conf)
                 parts = [repr(float(column[i])) for column in four]
             slope = repr(float(each[name])) if name in each else ""

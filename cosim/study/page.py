@@ -100,6 +100,7 @@ def _output(study: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
         "path": plan.outputs[name],
         "unit": "" if study.units[name] == "1" else study.units[name],
         "band": band,
+        "too_few": study.too_few(name),
         "numbers": {} if band is None else _numbers(band),
         "targets": [_target(t, band) for t in targets],
         "why_not": indices if isinstance(indices, str) and _wants_indices(plan) else "",

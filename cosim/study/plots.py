@@ -71,12 +71,11 @@ def draw_influence(study: StudyResults, output: str) -> Figure | None:
     """Tornado of the slopes, and Sobol's indices with their intervals where there are any."""
     from matplotlib.figure import Figure
 
-    slopes, indices = study.slopes(output), study.indices(output)
-    has_indices = isinstance(indices, Indices)
-    if slopes is None and not has_indices:
+    slopes, indices = study.slopes(output), study.sobol(output)
+    if slopes is None and indices is None:
         return None
     names = strongest(study, output)
-    panels = (slopes is not None) + has_indices
+    panels = (slopes is not None) + (indices is not None)
     size = (4.6 * panels + 1.6, 1.3 + 0.34 * len(names))
     figure = Figure(figsize=size, layout="constrained")
     every = list(np.atleast_1d(figure.subplots(1, panels, sharey=True)))
@@ -84,7 +83,7 @@ def draw_influence(study: StudyResults, output: str) -> Figure | None:
     every[0].set_ylim(len(names) - 0.4, -0.6)
     if slopes is not None:
         _draw_slopes(every[0], study, slopes, names)
-    if isinstance(indices, Indices):
+    if indices is not None:
         _draw_indices(every[-1], study, indices, names)
     for axes in every:
         axes.grid(axis="x", alpha=0.3)
@@ -94,8 +93,8 @@ def draw_influence(study: StudyResults, output: str) -> Figure | None:
 
 def strongest(study: StudyResults, output: str) -> list[str]:
     """The numeric parameters, the strongest first: by total index, else by slope."""
-    indices, slopes = study.indices(output), study.slopes(output)
-    if isinstance(indices, Indices):
+    indices, slopes = study.sobol(output), study.slopes(output)
+    if indices is not None:
         weight = dict(zip(study.parameters, indices.total, strict=True))
     elif slopes is not None:
         weight = dict(zip(study.numeric, np.abs(slopes.slope), strict=True))

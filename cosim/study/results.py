@@ -94,6 +94,11 @@ class StudyResults:
         """Sobol's indices of the parameters in their order, or why there are none."""
         return self._answers(output).indices
 
+    def sobol(self, output: str) -> Indices | None:
+        """Sobol's indices where there are any."""
+        indices = self.indices(output)
+        return None if isinstance(indices, str) else indices
+
     def slopes(self, output: str) -> Slopes | None:
         """Standardised regression coefficients of the `numeric` parameters."""
         return self._answers(output).slopes
@@ -101,6 +106,21 @@ class StudyResults:
     def surface(self, output: str) -> ResponseSurface | None:
         """A quadratic in the `numeric` parameters."""
         return self._answers(output).surface
+
+    def too_few(self, output: str) -> list[str]:
+        """What the runs are too few to say of an output, by its intervals, a sentence for each;
+        none of a grid, which is no sample."""
+        if self.facts["sampling"] is None:
+            return []
+        band, indices, slopes = self.band(output), self.sobol(output), self.slopes(output)
+        found = [] if band is None else [answers.too_few_for_ends(band.runs)]
+        if indices is not None:
+            labels = [self.label(name) for name in self.parameters]
+            found.append(answers.too_few_for_indices(indices, labels))
+        if band is not None and slopes is not None:
+            labels = [self.label(name) for name in self.numeric]
+            found.append(answers.too_few_for_slopes(slopes, band.runs, labels))
+        return [text for text in found if text]
 
     def pairs(self, output: str) -> dict[tuple[str, str], float]:
         """`ResponseSurface.pairs` by the parameters' names; empty without a surface."""

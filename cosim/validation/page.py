@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cosim.files import output_file
 from cosim.report.templates import template
@@ -16,9 +16,16 @@ from cosim.results.compare import (
     number,
     reference_text,
 )
+from cosim.results.picture import as_png, data_address
 from cosim.validation import mesh as validation_mesh
 from cosim.validation.mesh import Change
+from cosim.validation.plots import draw_kind, draw_rows
 from cosim.validation.run import Board, by_kind
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DPI = 110
 
 
 def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = ()) -> None:
@@ -33,6 +40,7 @@ def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = 
             "nulls": _nulls(board),
             "by_hand": board.hand_lines,
             "failures": board.failures,
+            "picture": _picture(draw_rows(board)),
             "rows": [_cells(row) for row in misses_first(board.rows)],
         }
         for board in boards
@@ -40,13 +48,23 @@ def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = 
     text = template("cosim.validation").render(
         boards=shown,
         kinds=[
-            {"group": b.group, "headline": b.headline, "nulls": _nulls(b)} for b in by_kind(boards)
+            {
+                "group": b.group,
+                "headline": b.headline,
+                "nulls": _nulls(b),
+                "picture": _picture(draw_kind(b)),
+            }
+            for b in by_kind(boards)
         ],
         changes=[_changes(c) for c in changes],
         mesh_tally=validation_mesh.tally(changes),
     )
     with output_file(path) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def _picture(figure: Figure | None) -> str:
+    return "" if figure is None else data_address(as_png(figure, DPI))
 
 
 def _nulls(board: Board) -> list[dict[str, str]]:

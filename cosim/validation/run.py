@@ -105,23 +105,27 @@ def by_kind(boards: Sequence[Board]) -> list[Board]:
 
 
 def choose_groups(only: str | None, published: Path | None = None) -> list[TrialGroup]:
-    """The groups, or of each the trials whose name holds `only`; with the `published` hood's file
-    those on it as well.  Raises InputError for none."""
+    """The groups, or that of the name `only`, as `cosim validate --list` prints it, or of each the
+    trials whose name holds `only`; with the `published` hood's file those on it as well.  Raises
+    InputError for none."""
     every = groups(published)
     if only is None:
         return list(every)
     kept = []
     for group in every:
-        trials = tuple(t for t in group.trials if only in t.name)
+        is_named = only.strip() in (group.name, group.listed)
+        trials = tuple(t for t in group.trials if is_named or only.strip() in t.name)
         names = {t.name for t in trials}
         if trials:
             targets = tuple(t for t in group.targets if t.case in names)
             kept.append(replace(group, trials=trials, targets=targets))
     if not kept:
-        names = {t.name for group in every for t in group.trials}
+        names = {n for group in every for n in (group.name, *(t.name for t in group.trials))}
         near = nearest_names(only, sorted({*names, *" ".join(names).split()}), most=3)
         hint = f"; did you mean {' or '.join(near)}?" if near else "."
-        raise InputError(f"{only!r}: no trial has this name{hint} `cosim validate --list` has all")
+        raise InputError(
+            f"{only!r}: no group or trial has this name{hint} `cosim validate --list` has all"
+        )
     return kept
 
 

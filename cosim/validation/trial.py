@@ -53,3 +53,8 @@ class TrialGroup:
     """What was measured hand by hand."""
     derived: Callable[[Summaries], Iterator[Comparison]] | None = None
     """Rows that take more than one trial."""
+
+    @property
+    def listed(self) -> str:
+        """The group's name and kind, as a list of all names it."""
+        return f"{self.name} ({self.kind}{', variant' if self.variant else ''})"

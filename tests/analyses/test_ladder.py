@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.analyses import ladder
-from cosim.analyses.ladder import side_by_side, to_csv, to_markdown
+from cosim.analyses.ladder import side_by_side, to_csv, to_html, to_markdown
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import InputError
@@ -83,6 +83,10 @@ def test_tables_hold_every_rung(rungs):
     assert [row["rung"] for row in told] == [*QUICK]
     assert float(told[0]["terminal / central"]) == pytest.approx(1)
     assert "| network * |" in to_markdown(rungs, "it")
+    page = to_html(rungs, "it & more")
+    assert all(f"<td>{row[0]}</td>" in page for row in side_by_side(rungs))
+    assert "it &amp; more" in page
+    assert "Fingertip force: " in page
 
 
 def test_a_rung_that_does_not_apply_is_no_failure(quick, tmp_path):

@@ -8,7 +8,19 @@ import numpy as np
 import pytest
 
 from cosim.errors import InputError
-from cosim.study.answers import MOST_LOST, Indices, band, indices, slopes, surface
+from cosim.study.answers import (
+    MOST_LOST,
+    RUNS_BEYOND,
+    WIDE,
+    Indices,
+    band,
+    indices,
+    slopes,
+    surface,
+    too_few_for_ends,
+    too_few_for_indices,
+    too_few_for_slopes,
+)
 from cosim.study.distributions import (
     GridAxis,
     Lognormal,
@@ -214,3 +226,31 @@ def test_a_band_is_of_what_there_is():
     assert (found.runs, found.mean, found.sd) == (3, 2.0, 1.0)
     assert found.quantiles[2] == 2.0
     assert band(np.array([1.0, np.nan])) is None
+
+
+def test_wide_intervals_of_indices_say_how_many_blocks_would_do():
+    names = ["one", "two", "three"]
+    coarse, fine = (indices(ishigami(n, False), 3, False) for n in (32, 4096))
+    assert isinstance(coarse, Indices)
+    assert isinstance(fine, Indices)
+    said = too_few_for_indices(coarse, names)
+    widest = max(coarse.first_conf.max(), coarse.total_conf.max())
+    assert f"±{widest:.2g} by 32 blocks" in said
+    assert f"some {float(f'{32 * (widest / WIDE) ** 2:.2g}'):.0f} would bring it" in said
+    assert not too_few_for_indices(fine, names)
+
+
+def test_a_slope_is_known_by_many_runs_and_not_by_few():
+    x = unit_points("sobol", 2, 1024, 1, False)
+    y = x[:, 0] + np.random.default_rng(0).normal(size=1024)
+    few, many = slopes(x[:64], y[:64]), slopes(x, y)
+    assert few is not None
+    assert many is not None
+    assert too_few_for_slopes(few, 64, "ab").endswith("would bring it to ±0.1")
+    assert not too_few_for_slopes(many, 1024, "ab")
+
+
+def test_the_ends_of_the_middle_are_known_from_as_many_runs_as_the_binomial_law_asks():
+    assert 1 - 0.975**RUNS_BEYOND >= 0.95 > 1 - 0.975 ** (RUNS_BEYOND - 1)
+    assert "by 118 runs" in too_few_for_ends(RUNS_BEYOND - 1)
+    assert not too_few_for_ends(RUNS_BEYOND)

@@ -365,7 +365,7 @@ def test_a_difference_on_the_board_is_that_of_the_numbers_beside_it(reference, h
 
 
 def test_unknown_trials_and_half_a_scoreboard_are_refused(tmp_path: Path):
-    with pytest.raises(InputError, match="no trial has this name"):
+    with pytest.raises(InputError, match="no group or trial has this name"):
         choose_groups("toe")
     run = CliRunner().invoke(app, ["validate", "--only", "toe", "--out", str(tmp_path / "v")])
     assert run.exit_code == 2
@@ -384,6 +384,16 @@ def test_the_command_lists_trials_and_runs_none(tmp_path: Path):
     assert not (tmp_path / "v").exists()
 
 
+def test_only_takes_every_line_that_the_list_prints():
+    every = choose_groups(None)
+    for group in every:
+        for words in (group.name, group.listed):
+            (chosen,) = choose_groups(words)
+            assert (chosen.name, chosen.trials) == (group.name, group.trials)
+        for trial in group.trials:
+            assert trial in (t for g in choose_groups(f"  {trial.name}") for t in g.trials)
+
+
 def test_the_command_runs_trials_and_leaves_runs_page_and_board(tmp_path: Path):
     words = ["validate", "--only", "force split E", "--out", str(tmp_path), "--workers", "1"]
     done = CliRunner().invoke(app, words)
@@ -392,7 +402,7 @@ def test_the_command_runs_trials_and_leaves_runs_page_and_board(tmp_path: Path):
     assert "0 of 0" not in done.stderr
     board = json.loads((tmp_path / "scoreboard.json").read_text(encoding="utf-8"))
     rows = board["groups"]["two models: fixed split"]
-    page = (tmp_path / "scoreboard.html").read_text(encoding="utf-8")
+    page = (tmp_path / "scoreboard.html").read_text(encoding="utf-8").partition("<main>")[2]
     assert page.index("By kind of reference") < page.index("two models: fixed split")
     assert board["judged"]["two models: fixed split"]["headline"].split(" [")[0] in page
     assert all(row["name"] in page and row["name"].split(":")[0] in done.stdout for row in rows)

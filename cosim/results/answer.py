@@ -1,0 +1,114 @@
+"""What came out of a run, in sentences: terminal, notebook and page begin with them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from cosim.port import AXES
+from cosim.results.audit import audit_figures
+from cosim.results.compare import value_of
+from cosim.results.conventions import OPPOSITE
+from cosim.results.joint_limits import describe_limits
+
+LEAST_FORCE = 5e-4
+"""N, below which a fingertip pushes on nothing."""
+LEAST_TURN = 0.05
+"""deg, below which an abduction is none to tell."""
+OTHER_WAY = {axis: way for way, axis in OPPOSITE.items()}
+WAYS = ("flexed", "extended"), ("radial", "ulnar")
+"""Which way a joint is turned by a positive and by a negative angle: flexion, and abduction."""
+Summary = Mapping[str, Any]
+
+
+def answer(summary: Summary) -> list[str]:
+    """Return the sentences of fingertip force, slips, strain and posture; what a run lacks is left
+    out."""
+    sentences = (_force(summary), _slips(summary), _strain(summary), _posture(summary))
+    return [sentence.replace("-", "−") for sentence in sentences if sentence]
+
+
+def doubts(summary: Summary) -> Iterator[str]:
+    """Say what a reader must know before believing a number: motion at the end, joints at limits,
+    forces counted twice, an audit that was missed."""
+    if summary.get("came_to_rest") is False:
+        yield "The finger was still moving at the end."
+    for text in describe_limits(summary):
+        yield f"{text}.".replace("-", "−")
+    if twice := summary.get("double_counted"):
+        yield f"Counted twice: {'; '.join(map(str, twice))}."
+    if summary.get("audit_missed"):
+        yield trust(summary)
+
+
+def trust(summary: Summary) -> str:
+    """Say what the audit found."""
+    missed = summary.get("audit_missed")
+    if missed is None:
+        return "This run kept no audit."
+    if missed:
+        return f"The audit was missed in: {', '.join(name.replace('_', ' ') for name in missed)}."
+    count = len(audit_figures(summary))
+    return f"All {count} checks of the audit were kept." if count > 1 else "The audit was kept."
+
+
+def _force(summary: Summary) -> str:
+    force = [value_of(summary, f"fingertip_force_N.{axis}") for axis in AXES]
+    values = [f for f in force if f is not None]
+    if len(values) < len(AXES):
+        return ""
+    size = math.hypot(*values)
+    if size <= LEAST_FORCE:
+        return "The fingertip pushes on nothing."
+    split = ", ".join(
+        f"{abs(f):.2f} {axis if f >= 0 else OTHER_WAY[axis]}"
+        for axis, f in zip(AXES, values, strict=True)
+    )
+    when = "Under load" if "unloaded" in summary else "At the end"
+    rest = _at_rest(summary, "fingertip_magnitude_N")
+    return f"{when}, the fingertip pushes with {size:.2f} N ({split}){rest}."
+
+
+def _slips(summary: Summary) -> str:
+    carried = "; ".join(
+        f"the {slip} slip carries {value:.2f} N{_at_rest(summary, f'slip_force_N.{slip}')}"
+        for slip, value in summary.get("slip_force_N", {}).items()
+    )
+    return f"{carried[0].upper()}{carried[1:]}." if carried else ""
+
+
+def _strain(summary: Summary) -> str:
+    strain = summary.get("strain_percent", {}).get("longitudinal")
+    if not strain:
+        return ""
+    return (
+        f"Longitudinal strain of the central region: {strain['min']:.2f} to {strain['max']:.2f} %, "
+        f"mean {strain['mean']:.2f} %."
+    )
+
+
+def _posture(summary: Summary) -> str:
+    angles = {joint: float(angle) for joint, angle in summary.get("posture_deg", {}).items()}
+    if not angles:
+        return ""
+    parts = [
+        _turned(j, q) for j, q in angles.items() if not _is_abduction(j) or abs(q) >= LEAST_TURN
+    ]
+    return f"The finger stands at {', '.join(parts)}."
+
+
+def _turned(joint: str, angle: float) -> str:
+    ways = WAYS[_is_abduction(joint)]
+    name = joint.replace("_abduction", "").replace("_", " ")
+    return f"{name} {abs(angle):.1f}° {ways[angle < 0]}"
+
+
+def _is_abduction(joint: str) -> bool:
+    return joint.endswith("abduction")
+
+
+def _at_rest(summary: Summary, quantity: str) -> str:
+    """A force of the unloaded state in words, to follow that of the loaded one."""
+    value = value_of(summary, f"unloaded.{quantity}")
+    return "" if value is None else f", {value:.2f} N at rest"
