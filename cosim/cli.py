@@ -49,6 +49,11 @@ COMMANDS = {
         "view": Command(
             "view.view", "Show a run's hood in a window.", "cosim view runs/isometric_edc"
         ),
+        "ui": Command(
+            "ui.ui",
+            "Work on a case in a page of your browser.",
+            "cosim ui isometric_edc",
+        ),
         "lesion": Command(
             "lesion.lesion",
             "A case without its lesion and with it, side by side.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import floor, isfinite, log10
@@ -96,14 +97,34 @@ def changed_case(case: Case, changes: Mapping[str, str]) -> Case:
     """The case with texts by the keys of its controls in place of what it states.
 
     Raises InputError that lists every fault with its place."""
-    stated = [f"{key}={text}" for key, text in changes.items() if not _is_special(key)]
-    if MODULI in changes:
-        stated = [*_scaled(case, changes[MODULI]), *stated]
-    lesion = _lesion_table({**_lesion_texts(case), **changes})
-    layers = layers_of(stated)
-    if lesion:
+    layers = layers_of(_plain_settings(case, changes))
+    if lesion := _lesion_table({**_lesion_texts(case), **changes}):
         layers.append(("the page", {"lesion": lesion}))
     return case.model_copy(update={"lesion": None}).with_layers(layers)
+
+
+def settings_of(case: Case, changes: Mapping[str, str]) -> list[str] | None:
+    """The changes as texts KEY=VALUE, as --set takes them; None where such texts cannot say them: a
+    lesion of the case that is another one or gone."""
+    lesion = _lesion_table({**_lesion_texts(case), **changes})
+    if not any(key.startswith("lesion.") for key in changes):
+        return _plain_settings(case, changes)
+    if case.lesion is not None:
+        return None
+    lists = [f"lesion.{key}={json.dumps(of)}" for key, of in lesion.items() if isinstance(of, list)]
+    lengths = [
+        f"lesion.{key}.{part}={amount}"
+        for key, of in lesion.items()
+        if isinstance(of, dict)
+        for part, amount in of.items()
+    ]
+    return [*_plain_settings(case, changes), *lists, *lengths]
+
+
+def _plain_settings(case: Case, changes: Mapping[str, str]) -> list[str]:
+    """Texts KEY=VALUE of all changes but those of the lesion."""
+    stated = [f"{key}={text}" for key, text in changes.items() if not _is_special(key)]
+    return [*_scaled(case, changes[MODULI]), *stated] if MODULI in changes else stated
 
 
 def control_at_fault(place: str, controls: Sequence[Control]) -> str:
