@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import time
+import signal
 from pathlib import Path
+from threading import Event
 from typing import Annotated
 
 import typer
@@ -53,13 +54,17 @@ def ui(
         lean = None if reduced is None else load_case(reduced)
         desk = Desk(begun, out, lean)
         with serving(desk, port, browser, lambda text: typer.echo(text, err=True)):
-            wait_for_ctrl_c()
+            wait_for_end()
 
 
-def wait_for_ctrl_c() -> None:
-    """Return when the user presses Ctrl-C."""
+def wait_for_end() -> None:
+    """Return when the user presses Ctrl-C, or the program is asked to end (SIGTERM)."""
+    ended = Event()
+    before = signal.signal(signal.SIGTERM, lambda *_: ended.set())
     try:
-        while True:
-            time.sleep(3600)
+        while not ended.wait(1.0):  # a longer wait would not see a signal on Windows
+            pass
     except KeyboardInterrupt:
-        return
+        pass
+    finally:
+        signal.signal(signal.SIGTERM, before)

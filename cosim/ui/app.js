@@ -197,6 +197,7 @@
       pane.append(make("h3"), make("div", "", { class: "room", role: "img", "aria-label": "Bones, tendons and hood in three dimensions; drag to turn, scroll to come nearer" }), make("p", "", { class: "quiet" }));
       at.append(pane);
     }
+    at.classList.toggle("pair", count > 1);
     return [...at.children];
   }
   async function draw() {
@@ -213,6 +214,7 @@
     }));
     const k = frameOf(primary());
     $("frame").value = k;
+    $("axis").textContent = state.isMotion ? "Time" : "State";
     $("label").textContent = primary().frames[k];
     document.documentElement.dataset.drawn = drawn.picture;
   }

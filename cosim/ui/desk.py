@@ -64,6 +64,8 @@ class Request:
 
     number: int
     case: Case
+    label: str = ""
+    """The case, and what was changed in it."""
     start: Start = "nearby"
     is_drag: bool = False
     """While a slider moves."""
@@ -198,7 +200,7 @@ class Desk:
         with self._lock:
             if self._shown is None:
                 raise InputError("there is no result yet to pin")
-            self._pin = Pin(self._label(self._shown.request), self._shown.answer)
+            self._pin = Pin(self._shown.request.label, self._shown.answer)
             self._picture += 1
             self._publish()
 
@@ -268,7 +270,7 @@ class Desk:
     def show(self, found: Answer) -> None:
         """Show the result of the run that is watched."""
         with self._lock:
-            request = Request(self._number, self._base, "from rest")
+            request = Request(self._number, self._base, self._base.name, "from rest")
             self._take(request, found)
 
     def fail(self, error: CosimError) -> None:
@@ -329,7 +331,7 @@ class Desk:
                     "isReduced": shown.request.is_reduced,
                     "isChecked": shown.is_checked,
                     "note": shown.note,
-                    "label": self._label(shown.request),
+                    "label": shown.request.label,
                     "words": answer_in_words(summary),
                     "seconds": summary.get("wall_s"),
                 },
@@ -422,7 +424,7 @@ class Desk:
                 self._interrupt(self._running)
             self._tell("waiting")
             return
-        request = Request(self._number, case, is_drag=is_drag)
+        request = Request(self._number, case, self._label(), is_drag=is_drag)
         self._put(self._with_reduced_hood(request) if is_drag else request)
 
     def _with_reduced_hood(self, request: Request) -> Request:
@@ -583,12 +585,12 @@ class Desk:
         else:
             self._other_faults.append(f"{place}: {message}" if place else message)
 
-    def _label(self, request: Request) -> str:
-        """The case of a request, and what was changed in it."""
+    def _label(self) -> str:
+        """The case, and what is changed in it."""
         changes = [f"{c.label} {t}" for c in self._controls if (t := self._changes.get(c.key))]
         words = [self._rung_word(), *changes] if self._base is not self._stated else changes
         more = f", {len(words) - 2} more" if len(words) > 2 else ""
-        return f"{request.case.name}: {', '.join(words[:2]) or 'as it is'}{more}"
+        return f"{self._base.name}: {', '.join(words[:2]) or 'as it is'}{more}"
 
     def _rung_word(self) -> str:
         return next((r["label"] for r in self._rungs if r["name"] == self._rung), self._rung)

@@ -11,6 +11,7 @@ import asyncio
 import json
 import secrets
 import socket
+import sys
 import webbrowser
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -264,6 +265,8 @@ async def _states(desk: Desk) -> AsyncIterator[str]:
 def listening(port: int) -> Iterator[socket.socket]:
     """A socket at a port of this machine (0: a free one).  Raises InputError where it is taken."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as at:
+        if sys.platform != "win32":  # where it would let two servers share a port
+            at.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             at.bind((HERE, port))
         except OSError as error:

@@ -43,6 +43,10 @@ class Tab:
         metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
         self.call("Emulation.setDeviceMetricsOverride", **metrics)
 
+    def bring_to_front(self) -> None:
+        """Show this page: one that is hidden draws nothing."""
+        self.call("Page.bringToFront")
+
     def open(self, address: str) -> None:
         """Go to an address."""
         self.call("Page.navigate", url=address)
