@@ -504,7 +504,7 @@ def _listen(pipe: Connection, calls: SimpleQueue[bytes]) -> None:
 
 
 def _answer(content: bytes) -> bytes:
-    """"done" or "failed", and the result or error of a call, pickled."""
+    """ "done" or "failed", and the result or error of a call, pickled."""
     try:
         function, args = pickle.loads(content)
         _CALLER.is_served = True

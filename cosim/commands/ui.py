@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
-from threading import Event
 from typing import Annotated
 
 import typer
@@ -15,7 +13,7 @@ from cosim.commands.terminal import exit_on_error
 from cosim.extras import require
 from cosim.processes import process_context
 from cosim.ui.desk import Desk
-from cosim.ui.server import serving
+from cosim.ui.server import serving, wait_for_end
 
 FIRST_CASE = "isometric_edc"
 Port = Annotated[
@@ -55,16 +53,3 @@ def ui(
         desk = Desk(begun, out, lean)
         with serving(desk, port, browser, lambda text: typer.echo(text, err=True)):
             wait_for_end()
-
-
-def wait_for_end() -> None:
-    """Return when the user presses Ctrl-C, or the program is asked to end (SIGTERM)."""
-    ended = Event()
-    before = signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    try:
-        while not ended.wait(1.0):  # a longer wait would not see a signal on Windows
-            pass
-    except KeyboardInterrupt:
-        pass
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -111,7 +111,8 @@ def quantity(
     def pattern() -> str:
         return units.pattern(kind) + (f"|^{word}$" if word else "")
 
-    return Text(read, write, (("title", form), ("examples", (kind.example,))), pattern, kind, above or least, most)
+    schema = ("title", form), ("examples", (kind.example,))
+    return Text(read, write, schema, pattern, kind, above or least, most)
 
 
 def name_of(what: str, names: tuple[str, ...], also: tuple[str, ...] = ()) -> Text:

@@ -72,10 +72,10 @@ class Session:
 
     `most`: settings kept at once.  `checkpoints`: the folder where a coupled motion keeps its
     checkpoints until it has ended, in NAME.unfinished; None: it keeps none.  `warm`: an equilibrium
-    begins at the last one of a hood whose mesh has as many nodes, which takes a third of the time; its
-    last digits, and of a hood with several equilibria which one is found, depend on what was solved
-    before.  `watch` is called now and then with the case of a motion on its way and what is solved
-    of it (a `SolvedMotion`).
+    begins at the last one of a hood whose mesh has as many nodes, which takes a third of the time;
+    its last digits, and of a hood with several equilibria which one is found, depend on what was
+    solved before.  `watch` is called now and then with the case of a motion on its way and what is
+    solved of it (a `SolvedMotion`).
 
     Threads may share a session: their cases are solved one after the other.
 

@@ -58,8 +58,8 @@ def _loaded_from_nearby(
 def _loaded_equilibrium(
     case: Case, models: Models, unloaded: Equilibrium, start: PairState, progress: Progress
 ) -> tuple[Equilibrium, MusclePull]:
-    """The equilibrium, reached from the states `start`, in which every muscle pulls as its fibre does
-    at that length, and every tendon whose excursion is stated has it."""
+    """The equilibrium, reached from the states `start`, in which every muscle pulls as its fibre
+    does at that length, and every tendon whose excursion is stated has it."""
     names = (*models.hood.tendons, *models.finger.tendons)
     of_muscles = np.array([names.index(name) for name in models.muscles.names], dtype=int)
     prescribed = _prescribed_excursions(case, names)

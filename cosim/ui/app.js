@@ -114,21 +114,21 @@
     at.replaceChildren(...texts.map((text) => make("li", text)));
     at.hidden = !texts.length;
   }
-  function residuals() { // a line for each state, from 1 down to 1e-10
+  function residuals() { // a line for each state, from 1 down to 1e-12
     const at = $("residuals"), points = state.residuals.slice(-120);
     at.replaceChildren();
     if (points.length < 2) return;
-    const LOW = -10, x = (n) => 40 + (270 * n) / Math.max(points.length - 1, 1), y = (v) => 6 + (44 * Math.min(0, Math.log10(v))) / LOW;
+    const LOW = -12, x = (n) => 40 + (270 * n) / Math.max(points.length - 1, 1), y = (v) => 6 + (44 * Math.log10(Math.min(1, Math.max(v, 10 ** LOW)))) / LOW;
     const words = (px, py, text, anchor) => { svg("text", { x: px, y: py, "font-size": 9, "text-anchor": anchor, fill: "#59646d" }, at).textContent = text; };
-    for (const power of [0, -5, LOW]) {
+    for (const power of [0, -6, LOW]) {
       svg("line", { x1: 38, x2: 312, y1: y(10 ** power), y2: y(10 ** power), stroke: "#d9dee2", "stroke-width": 1 }, at);
       words(34, y(10 ** power) + 3, power ? `1e${power}`.replace("-", "−") : "1", "end");
     }
     for (const [name, ink, dash] of [["unloaded", "#7a5195", "4 2"], ["loaded", "#00446b", ""], ["", "#00446b", ""]]) {
       const mine = points.map(([of, v], n) => [of, n, v]).filter(([of]) => of === name);
       if (!mine.length) continue;
-      svg("polyline", { points: mine.map(([, n, v]) => `${x(n).toFixed(1)},${y(Math.min(1, Math.max(v, 1e-16))).toFixed(1)}`).join(" "), fill: "none", stroke: ink, "stroke-width": 1.6, "stroke-dasharray": dash }, at);
-      for (const [, n, v] of mine) svg("circle", { cx: x(n), cy: y(Math.min(1, Math.max(v, 1e-16))), r: 2, fill: ink }, at);
+      svg("polyline", { points: mine.map(([, n, v]) => `${x(n).toFixed(1)},${y(v).toFixed(1)}`).join(" "), fill: "none", stroke: ink, "stroke-width": 1.6, "stroke-dasharray": dash }, at);
+      for (const [, n, v] of mine) svg("circle", { cx: x(n), cy: y(v), r: 2, fill: ink }, at);
       if (name) words(x(mine[0][1]), 62, name === "loaded" ? "loaded" : "at rest", "start");
     }
     words(312, 62, "relative residual", "end");
@@ -205,11 +205,13 @@
     const all = panes(drawn.views.length), box = CosimScene.commonBox(drawn.views);
     await Promise.all(drawn.views.map((v, n) => {
       const room = all[n].querySelector(".room"), k = frameOf(v), isPinned = n > 0;
-      all[n].querySelector("h3").textContent = drawn.views.length < 2 ? "" : isPinned ? `Pinned: ${state.pin || ""}` : `Now: ${state.answer ? state.answer.label : ""}`;
+      const title = all[n].querySelector("h3");
+      title.textContent = title.title = drawn.views.length < 2 ? "" : isPinned ? `Pinned: ${state.pin || ""}` : `Now: ${state.answer ? state.answer.label : ""}`;
       const angles = v.joints.map((joint, i) => `${joint.replaceAll("_", " ")} ${fixed(v.angles[k][i], 1)}°`).join(", ");
       all[n].querySelector("p").textContent = [angles, ...(v.notes || [])].join(". ");
       const traces = CosimScene.traces(drawn, v, k, now.field, [...now.parts]);
-      const layout = CosimScene.layout(box, room.clientWidth, room.clientHeight, now.camera);
+      const [width, height] = [room.clientWidth, room.clientHeight];
+      const layout = { ...CosimScene.layout(box, width, height, now.camera), width, height };
       return Plotly.react(room, traces, layout, CONFIG).then(() => { if (!room.dataset.heard) follow(room); });
     }));
     const k = frameOf(primary());

@@ -21,7 +21,7 @@ from cosim.schema.fields import Text
 
 Form = Literal["slider", "switch", "choice", "text"]
 POSTURE, TENDONS, HOOD, LESION = "Posture", "Tendons", "Hood", "Lesion or repair"
-MATERIAL, OF_REGIONS = "Material, by region", "regions: "
+MATERIAL, SUPPORTS = "Material, by region", "Springs and contact"
 MODULI = "moduli"
 """The key of the factor on all moduli, which is no key of a case."""
 CUT, ADHERE, LENGTH = "lesion.cut", "lesion.adhere", "lesion.length"
@@ -32,6 +32,8 @@ WIDE, NARROW = 250.0, 8.0
 """A slider has the schema's range where that is at most so wide, or so many times the value."""
 MOST_CHANGE = 5.0
 """mm by which a part is shortened or lengthened at most."""
+LIMIT = f"(length with its unit: at most {MOST_CHANGE:g} mm)"
+CUT_SAYS = "A slip comes off its bone, a band lets go, any other part is cut across its fibres."
 LEAST_PULL = 20.0
 """N, to which a tension's slider goes at least."""
 STEPS = 200
@@ -78,19 +80,30 @@ class Control:
 
 def controls_of(case: Case) -> tuple[Control, ...]:
     """The controls of a case, in the order of the page."""
-    posture, of_hood = getattr(case.finger, "posture", None), [*_walk(case.hood, "hood", HOOD)]
+    posture = getattr(case.finger, "posture", None)
+    of_hood = sorted(map(_in_group, _walk(case.hood, "hood", HOOD)), key=lambda c: bool(c.part))
     return (
         *(() if posture is None else _walk(posture, "finger.posture", POSTURE)),
         *_tendons(case),
         *_moduli(case),
-        *(c for c in of_hood if not c.part.startswith(OF_REGIONS)),
+        *(c for c in of_hood if c.group == HOOD),
         *_lesion(case),
-        *(
-            replace(c, group=MATERIAL, part=c.part.removeprefix(OF_REGIONS))
-            for c in of_hood
-            if c.part.startswith(OF_REGIONS)
-        ),
+        *(c for c in of_hood if c.group == MATERIAL),
+        *(c for c in of_hood if c.group == SUPPORTS),
     )
+
+
+def _in_group(control: Control) -> Control:
+    """A control of the hood in the group of its own that its table has."""
+    table, _, rest = control.part.partition(": ")
+    match table:
+        case "regions":
+            return replace(control, group=MATERIAL, part=rest)
+        case "springs":
+            return replace(control, group=SUPPORTS, part=rest)
+        case "contact":
+            return replace(control, group=SUPPORTS)
+    return control
 
 
 def changed_case(case: Case, changes: Mapping[str, str]) -> Case:
@@ -165,9 +178,10 @@ def _walk(table: BaseModel, place: str, group: str, part: str = "") -> Iterator[
         value, key = getattr(table, name), f"{place}.{name}"
         meaning = " ".join((field.description or "").split())
         below = part or _words(name)
+        beneath = f"{part}: {_words(name)}" if part else below
         match value:
             case BaseModel():
-                yield from _walk(value, key, group, below if part == "" else f"{part}: {_words(name)}")
+                yield from _walk(value, key, group, beneath)
             case dict():
                 for inner_name, inner in value.items():
                     at, named = f"{key}.{inner_name}", f"{below}: {_words(inner_name)}"
@@ -191,11 +205,11 @@ def _leaf(
             text = "true" if value else "false"
             yield Control(key, group, part, label, meaning, "switch", text)
         case int() | float():
-            text = next(_find(hints, Text), None)
-            if text is None:
+            stated: Text | None = next(_find(hints, Text), None)
+            if stated is None:
                 yield _plain(key, group, part, label, meaning, value, hints)
-            elif text.kind is not None:  # else it may be a list too
-                yield _quantity(key, group, part, label, meaning, value, text)
+            elif stated.kind is not None:  # else it may be a list too
+                yield _quantity(key, group, part, label, meaning, value, stated)
         case str():
             words = next((get_args(h) for h in _literals(hints)), ())
             if len(words) > 1 and name != "kind":
@@ -332,18 +346,16 @@ def _lesion(case: Case) -> Iterator[Control]:
     if parts is None:
         return
     kinds = (
-        (CUT, "Cut", parts.cut, "A slip comes off its bone, a band lets go, any other part is cut across its fibres."),
+        (CUT, "Cut", parts.cut, CUT_SAYS),
         (ADHERE, "Grown onto the bone", parts.adhere, "The part is held where it was laid."),
     )  # fmt: skip
     for kind, title, names, says in kinds:
         for name in names:
             key = f"{kind}.{name}"
-            yield Control(
-                key, LESION, title, _words(name), says, "switch", texts.get(key, "false")
-            )
+            yield Control(key, LESION, title, _words(name), says, "switch", texts.get(key, "false"))
     for name in parts.lengths:
         key = f"{LENGTH}.{name}"
-        says = f"How much longer the part is than the case says; shorter below zero, at most {MOST_CHANGE:g} mm."
+        says = f"How much longer the part is than the case lays it; below zero shorter. {LIMIT}"
         yield Control(
             key, LESION, "Longer or shorter", _words(name), says, "slider",
             texts.get(key, "0 mm"), "mm", -MOST_CHANGE, MOST_CHANGE, 0.1,
@@ -354,12 +366,15 @@ def _lesion_texts(case: Case) -> dict[str, str]:
     """What a case states of its lesion, by the keys of the controls."""
     if case.lesion is None:
         return {}
-    longer = {name: change for name, change in case.lesion.lengthen.items()}
+    longer = case.lesion.lengthen
     shorter = {name: -change for name, change in case.lesion.shorten.items()}
     return {
         **{f"{CUT}.{name}": "true" for name in case.lesion.cut},
         **{f"{ADHERE}.{name}": "true" for name in case.lesion.adhere},
-        **{f"{LENGTH}.{n}": units.spell(c, units.LENGTH) for n, c in (longer | shorter).items()},
+        **{
+            f"{LENGTH}.{name}": units.spell(change, units.LENGTH)
+            for name, change in (*longer.items(), *shorter.items())
+        },
     }
 
 

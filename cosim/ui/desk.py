@@ -1,7 +1,7 @@
 """What a page shows and what it was asked: one state on the server, which every tab of it shares.
 
-Changes come from the tabs, in any order and number; one thread has the newest solved in a process of
-its own.  What is older is dropped, and a solve that nobody waits for any more is interrupted.
+Changes come from the tabs, in any order and number; one thread has the newest solved in a process
+of its own.  What is older is dropped, and a solve that nobody waits for any more is interrupted.
 """
 
 from __future__ import annotations
@@ -36,13 +36,14 @@ from cosim.results.compare import unit_of, value_of
 from cosim.results.quantities import key_quantities
 from cosim.results.result import Result
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
+from cosim.solve.motion import SolvedMotion
 from cosim.text_tables import read_toml, toml_settings, toml_text
 from cosim.ui.controls import Control, changed_case, control_at_fault, controls_of, settings_of
-from cosim.ui.worker import Answer, SoFar, Start, answer
+from cosim.ui.worker import Answer, SoFar, Start, answer, answer_of, motion_so_far
 
 Status = Literal["solving", "done", "at fault", "failed", "stopped", "waiting"]
-"""`at fault`: a value cannot be solved with; `failed`: no equilibrium was found; `waiting`: a motion,
-which is solved when it is asked for."""
+"""`at fault`: a value cannot be solved with; `failed`: no equilibrium was found; `waiting`: a
+motion, which is solved when it is asked for."""
 PATIENCE = 4.0
 """s in which a solve that was interrupted ends; else its process is ended."""
 CALM = 1.0
@@ -118,6 +119,8 @@ class Desk:
         self._saved, self._has_report = "", False
         self._residuals: deque[tuple[str, float]] = deque(maxlen=MOST_RESIDUALS)
         self._opened = 0
+        self._stated = self._base = case
+        self._controls: tuple[Control, ...] = ()
         with self._lock:
             self._begin(case)
         self._thread = Thread(target=self._work, daemon=True)
@@ -267,8 +270,13 @@ class Desk:
                         self._residuals.append((found[1] or "", float(found[2])))
             self._publish()
 
-    def show(self, found: Answer) -> None:
+    def show_motion(self, case: Case, so_far: SolvedMotion) -> None:
+        """Show a motion on its way."""
+        self.hear(motion_so_far(case, so_far))
+
+    def show(self, result: Result) -> None:
         """Show the result of the run that is watched."""
+        found = answer_of(result)
         with self._lock:
             request = Request(self._number, self._base, self._base.name, "from rest")
             self._take(request, found)
@@ -378,7 +386,7 @@ class Desk:
         self._opened += 1
         self._rung = case.hood.rung()
         self._rungs = _rungs_in_words(case)
-        self._controls: tuple[Control, ...] = controls_of(case) if self._is_live else ()
+        self._controls = controls_of(case) if self._is_live else ()
         self._changes: dict[str, str] = {}
         self._faults: dict[str, list[str]] = {}
         self._other_faults: list[str] = []
@@ -646,20 +654,18 @@ class Desk:
 
 
 OTHER = (
-    "This hood has more than one equilibrium here: solved from rest, as `cosim run` does, it came to "
-    "another one than from the last values. Shown is the one from rest."
+    "This hood has more than one equilibrium here: solved from rest, as `cosim run` does, it came "
+    "to another one than from the last values. Shown is the one from rest."
 )
 ALONE = (
-    "Solved from rest, as `cosim run` does, no equilibrium was found; this one was reached from the "
-    "last values."
+    "Solved from rest, as `cosim run` does, no equilibrium was found; this one was reached from "
+    "the last values."
 )
 
 
 def _is_alike(one: Result, other: Result) -> bool:
     """Whether two results of a case have the same forces at the fingertip and in the slips."""
-    a, b = (
-        {**{f"tip {k}": v for k, v in r.tip_force.items()}, **r.slips} for r in (one, other)
-    )
+    a, b = ({**{f"tip {k}": v for k, v in r.tip_force.items()}, **r.slips} for r in (one, other))
     scale = max((abs(v) for v in b.values()), default=0.0) or 1.0
     return all(abs(a.get(name, 0.0) - value) <= ALIKE * scale for name, value in b.items())
 
@@ -687,7 +693,9 @@ def _kind_on(rung: str) -> Any:
 
 def _rung_label(case: Case, rung: str) -> str:
     own = rung == case.hood.rung()
-    return f"{rung}: {case.hood.title} (the case's own)" if own else f"{rung}: {_kind_on(rung).title}"
+    return (
+        f"{rung}: {case.hood.title} (the case's own)" if own else f"{rung}: {_kind_on(rung).title}"
+    )
 
 
 def shipped() -> Sequence[Mapping[str, str]]:

@@ -10,13 +10,14 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
+import signal
 import socket
 import sys
 import webbrowser
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.resources import files
-from threading import Thread
+from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
 from cosim.errors import CosimError, InputError
@@ -39,9 +40,9 @@ ALIVE = 15.0
 SHUT = 1
 """s that open requests have to end in, once the server stops."""
 POLICY = (
-    "default-src 'none'; script-src 'self' 'unsafe-eval'{inline}; style-src 'self' 'unsafe-inline'; "
-    "img-src 'self' data: blob:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
-    "frame-ancestors 'none'"
+    "default-src 'none'; script-src 'self' 'unsafe-eval'{inline}; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """What the page may load: from this server alone.  Plotly makes functions of texts, and a report
 has its scripts within it."""
@@ -316,3 +317,16 @@ def _server(desk: Desk, at: socket.socket) -> tuple[Server, str]:
 def _run(server: Server, at: socket.socket) -> None:
     run: Awaitable[None] = server.serve(sockets=[at])
     asyncio.run(run)  # type: ignore[arg-type]
+
+
+def wait_for_end() -> None:
+    """Return when the user presses Ctrl-C, or the program is asked to end (SIGTERM)."""
+    ended = Event()
+    before = signal.signal(signal.SIGTERM, lambda *_: ended.set())
+    try:
+        while not ended.wait(1.0):  # a longer wait would not see a signal on Windows
+            pass
+    except KeyboardInterrupt:
+        pass
+    finally:
+        signal.signal(signal.SIGTERM, before)

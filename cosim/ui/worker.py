@@ -1,4 +1,4 @@
-"""What the process of the page does: it solves one case after the other and keeps what they share."""
+"""What the process of the page does: solve one case after the other, with what they share."""
 
 from __future__ import annotations
 
@@ -40,7 +40,11 @@ def answer(memory: Memory, case: Case, start: Start) -> Answer:
     session = memory.get(start)
     if session is None:
         session = memory[start] = Session(warm=start == "nearby", watch=_tell_motion)
-    result = run_case(case, session, tell_caller)
+    return answer_of(run_case(case, session, tell_caller))
+
+
+def answer_of(result: Result) -> Answer:
+    """A result with what the page draws of it."""
     return Answer(result, view_of(result))
 
 
