@@ -1,8 +1,8 @@
-"""Reading a mesh file: by meshio, and by VTK a .vtu that meshio did not write."""
+"""Reading a mesh file: VTK's by VTK where meshio did not write it, Abaqus' by a reader of our own,
+others by meshio."""
 
 from __future__ import annotations
 
-import re
 import signal
 import subprocess
 import sys
@@ -10,13 +10,14 @@ import tempfile
 import zlib
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
-from itertools import count, pairwise
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.abaqus_file import read_inp
 from cosim.errors import InputError
 from cosim.extras import require
 
@@ -31,14 +32,12 @@ CELLS = {
 }
 """meshio's names of VTK's types of cells."""
 TRIANGLE, POLYGON, PIXEL, QUAD = 5, 7, 8, 9
-NAMELESS = "cosim nameless "
-"""What the set of the elements of each card of an Abaqus file is called for a while."""
-ELEMENT_CARD = re.compile(r"^\*ELEMENT *,[^\r\n]*", re.MULTILINE | re.IGNORECASE)
-ELSET = re.compile(r", *ELSET *=([^,\r\n]*)", re.IGNORECASE)
+BY_VTK = (".vtu", ".vtp", ".vtk")
 BY_MESHIO = b"<!--This file was created by meshio v"
 """What meshio writes into the head of a .vtu."""
 HEAD = 500
 """Bytes of a file in which that stands."""
+IN_GMSH = "in gmsh put every surface and curve into one, or set Mesh.SaveAll = 0, and save it again"
 PATIENCE = 120.0
 """s that VTK may take for a file."""
 
@@ -56,7 +55,9 @@ def read_mesh_file(path: Path) -> Mesh:
     Raises InputError where it cannot be read."""
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
-    if path.suffix.lower() == ".vtu" and not _is_by_meshio(path):
+    if path.suffix.lower() == ".inp":
+        return read_inp(path)
+    if path.suffix.lower() in BY_VTK and not _is_by_meshio(path):
         return _read_vtu(path)
     mesh = _read_by_meshio(path)
     for block in mesh.cells:
@@ -80,7 +81,7 @@ def _read_by_meshio(path: Path) -> Mesh:
     import meshio
 
     try:
-        readers = {".inp": _read_inp, ".vtu": meshio.vtu.read}
+        readers = {".vtu": meshio.vtu.read}
         # it prints empty lines and warnings
         with np.errstate(all="ignore"), redirect_stdout(StringIO()), redirect_stderr(StringIO()):
             return readers.get(path.suffix.lower(), meshio.read)(path)
@@ -90,34 +91,15 @@ def _read_by_meshio(path: Path) -> Mesh:
         raise InputError(f"{path}: meshio cannot read it: {error!r}") from error
     except (OSError, RuntimeError, SyntaxError, ValueError, meshio.ReadError, zlib.error) as error:
         text = str(error) or type(error).__name__
+        if path.suffix.lower() == ".msh" and "gmsh:physical" in text:
+            text = f"some of its elements are in no physical group ({text}); {IN_GMSH}"
         raise InputError(f"{path}: meshio cannot read it: {text}") from error
-
-
-def _read_inp(path: Path) -> Mesh:
-    """meshio mixes up sets named at *ELEMENT cards unless each card names one of its own: else each
-    gets another name, which is turned back."""
-    import meshio
-
-    text = path.read_text(encoding="utf-8", errors="replace")
-    cards = [card[0] for card in ELEMENT_CARD.finditer(text)]
-    names = [named[1].strip() if (named := ELSET.search(card)) else "" for card in cards]
-    if not any(names) or ("" not in names and len(set(names)) == len(names)):
-        return meshio.read(path)
-    number = count()
-    renamed = lambda card: f"{ELSET.sub('', card[0])}, ELSET={NAMELESS}{next(number)}"  # noqa: E731
-    mesh = meshio.abaqus.read(StringIO(ELEMENT_CARD.sub(renamed, text)))
-    for i, name in enumerate(names):
-        blocks = mesh.cell_sets.pop(f"{NAMELESS}{i}")
-        if name:
-            known = mesh.cell_sets.get(name, [np.zeros(0, dtype=np.intp)] * len(blocks))
-            mesh.cell_sets[name] = [np.union1d(*pair) for pair in zip(known, blocks, strict=True)]
-    return mesh
 
 
 def _read_vtu(path: Path) -> Mesh:
     """meshio mixes up arrays of appended raw data.  Pixels, and polygons of three or four corners,
     are quads and triangles; cells of one type that follow each other are one block."""
-    require(f"{path}: reading a .vtu of another program", "pyvista")
+    require(f"{path}: reading a file of VTK that another program wrote", "pyvista")
     import meshio
 
     arrays = _arrays_of_vtu(path)

@@ -1,6 +1,7 @@
-"""Read a .vtu file with VTK in a process of its own, since some broken files crash VTK.
+"""Read a file of VTK's (.vtu, .vtp, legacy .vtk) with VTK in a process of its own, since some
+broken files crash VTK.
 
-    python vtu_child.py SOURCE.vtu TARGET.npz
+    python vtu_child.py SOURCE TARGET.npz
 
 The target holds the points (n, 3), of the cells VTK's types (ne,), the ends (ne,) of their nodes in
 `nodes`, and the arrays of points and cells by `point/NAME` and `cell/NAME`.  What is wrong with the
@@ -16,7 +17,15 @@ from typing import Any
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkDataArray, vtkOutputWindow, vtkStringOutputWindow
-from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+from vtkmodules.vtkFiltersCore import vtkAppendFilter
+from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader
+
+XML = {
+    ".vtu": (vtkXMLUnstructuredGridReader, "UnstructuredGrid"),
+    ".vtp": (vtkXMLPolyDataReader, "PolyData"),
+}
+MESHES = ("vtkUnstructuredGrid", "vtkPolyData")
 
 
 def main(source: str, target: str) -> None:
@@ -24,14 +33,12 @@ def main(source: str, target: str) -> None:
     cannot be read."""
     messages = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(messages)
-    reader = vtkXMLUnstructuredGridReader()
-    if not reader.CanReadFile(source):
-        sys.exit("it is no XML file of VTK's type UnstructuredGrid")
+    reader = _reader(source)
     reader.SetFileName(source)
     reader.Update()
     if reader.GetErrorCode() or messages.GetOutput():
         sys.exit(_reason(messages.GetOutput()))
-    grid = reader.GetOutput()
+    grid = _grid(reader.GetOutput())
     arrays: dict[str, Any] = {"points": np.zeros((0, 3)), "nodes": [], "types": [], "ends": []}
     if grid.GetNumberOfPoints():
         arrays["points"] = vtk_to_numpy(grid.GetPoints().GetData())
@@ -44,6 +51,33 @@ def main(source: str, target: str) -> None:
     arrays |= {f"cell/{name}": values for name, values in _data(grid.GetCellData())}
     with open(target, "wb") as file:
         np.savez(file, **arrays)
+
+
+def _reader(source: str) -> Any:
+    ending = source[source.rfind(".") :].lower()
+    if ending not in XML:
+        legacy = vtkGenericDataObjectReader()
+        legacy.ReadAllScalarsOn()
+        legacy.ReadAllVectorsOn()
+        legacy.ReadAllFieldsOn()
+        return legacy
+    make, kind = XML[ending]
+    reader = make()
+    if not reader.CanReadFile(source):
+        sys.exit(f"it is no XML file of VTK's type {kind}")
+    return reader
+
+
+def _grid(data: Any) -> Any:
+    """The data as an unstructured grid."""
+    if data is None or data.GetClassName() not in MESHES:
+        sys.exit(f"it holds {'nothing' if data is None else data.GetClassName()}, which is no mesh")
+    if data.GetClassName() == MESHES[0]:
+        return data
+    grid = vtkAppendFilter()
+    grid.SetInputData(data)
+    grid.Update()
+    return grid.GetOutput()
 
 
 def _reason(text: str) -> str:

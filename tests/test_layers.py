@@ -36,7 +36,8 @@ ALLOWED = {
     "cosim.content_key": (),
     "cosim.processes": ("cosim.port",),
     "cosim.extras": (),
-    "cosim.mesh_file": ("cosim.extras", "cosim.port"),
+    "cosim.abaqus_file": (),
+    "cosim.mesh_file": ("cosim.abaqus_file", "cosim.extras", "cosim.port"),
     "cosim.xml_tree": ("cosim.port",),
     "cosim.vtu_child": (),
     "cosim.kernels": ("cosim.kernels",),
@@ -78,7 +79,7 @@ ALLOWED = {
 # The rooms of cosim from the ground up: each may import its own modules and those of floors below.
 FLOORS = (
     {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels", "cosim.json_text"},
-    {"cosim.port", "cosim.extras"},
+    {"cosim.port", "cosim.extras", "cosim.abaqus_file"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
     {"cosim.array_cache", "cosim.content_key"},
     {"cosim.processes", "cosim.xml_tree", "cosim.text_tables", "cosim.static_response"},

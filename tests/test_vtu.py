@@ -336,3 +336,47 @@ def test_a_broken_file_of_any_format_gives_one_message(
         assert name in str(error)
     else:
         assert not mesh.cells
+
+
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize("ending", [".vtk", ".vtp"])
+def test_legacy_files_and_surfaces_hold_the_same_mesh_and_sets(
+    own: RawMesh, tmp_path: Path, ending: str, binary: bool
+) -> None:
+    grid = hood(own)
+    whole = (
+        grid
+        if ending == ".vtk"
+        else pyvista.PolyData(
+            np.asarray(grid.points),
+            faces=np.concatenate([np.full((len(own.quads), 1), 4), own.quads], axis=1).ravel(),
+        )
+    )
+    if ending == ".vtp":
+        for name in own.cells:
+            whole.cell_data[name] = np.asarray(grid.cell_data[name])[: len(own.quads)]
+        for name in grid.point_data:
+            whole.point_data[name] = grid.point_data[name]
+    path = tmp_path / f"hood{ending}"
+    whole.save(path, binary=binary)
+    found = read_raw(path)
+    assert found.points == pytest.approx(own.points, abs=1e-5)
+    assert np.array_equal(found.quads, own.quads)
+    for name, quads in own.cells.items():
+        assert np.array_equal(found.cells[name], quads)
+    ends = [name for name in own.nodes if name.startswith(("end_", "tied_"))]
+    assert ends
+    assert all(np.array_equal(found.nodes[name], own.nodes[name]) for name in ends)
+
+
+@pytest.mark.parametrize("ending", [".vtk", ".vtp"])
+def test_another_dataset_of_vtk_is_named(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"image{ending}"
+    if ending == ".vtk":
+        pyvista.ImageData(dimensions=(2, 2, 2)).save(path)
+    else:
+        hood_like = pyvista.UnstructuredGrid({9: np.array([[0, 1, 2, 3]])}, np.eye(4, 3))
+        hood_like.save(tmp_path / "grid.vtu")
+        (tmp_path / "grid.vtu").rename(path)
+    with pytest.raises(InputError, match=r"which is no mesh|no XML file of VTK's type PolyData"):
+        read_mesh_file(path)

@@ -1,29 +1,46 @@
-"""Run the notebooks and render each as a page: `python -m cases.notebooks [FOLDER]`.
+"""Run the notebooks and render each as a page: `python -m cases.notebooks [FOLDER] [NAME ...]`.
 
-Needs `pip install '.[notebooks]'`.
+Needs `pip install '.[notebooks]'`.  A page holds all that it shows and calls nothing from the net;
+what a notebook writes is gone with the folder that it ran in.
 """
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+HERE = Path(__file__).parent
+FROM_THE_NET = (
+    "mathjax_url",
+    "require_js_url",
+    "jquery_url",
+    "mermaid_js_url",
+    "widget_renderer_url",
+)
+"""What nbconvert's pages would load; none of ours needs it."""
 
 
-def main(folder: Path) -> None:
-    """Write a page of each notebook to `folder`, run there."""
+def main(folder: Path, names: list[str]) -> None:
+    """Write a page of each notebook to `folder`, of those named alone where there are any."""
     import jupytext
     from nbconvert import HTMLExporter
     from nbconvert.preprocessors import ExecutePreprocessor
 
     folder.mkdir(parents=True, exist_ok=True)
-    for source in sorted(Path(__file__).parent.glob("[!_]*.py")):
+    exporter = HTMLExporter(**dict.fromkeys(FROM_THE_NET, ""))
+    for source in sorted(HERE.glob("[!_]*.py")):
+        if names and source.stem not in names:
+            continue
         notebook = jupytext.read(source)
         run = ExecutePreprocessor(timeout=600, kernel_name="python3")
-        run.preprocess(notebook, {"metadata": {"path": str(folder)}})
-        page, _ = HTMLExporter().from_notebook_node(notebook)
+        with TemporaryDirectory() as place:
+            run.preprocess(notebook, {"metadata": {"path": place}})
+        page, _ = exporter.from_notebook_node(notebook)
         target = folder / f"{source.stem}.html"
         target.write_text(page, encoding="utf-8")
         print(target)
 
 
-main(Path(sys.argv[1] if len(sys.argv) > 1 else "notebooks"))
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "notebooks"), sys.argv[2:])

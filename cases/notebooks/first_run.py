@@ -58,4 +58,4 @@ table = cosim.compare(result, stronger)
 table.loc[[row for row in table.index if row.startswith(("tension_N.EDC", "slip_force_N"))]]
 
 # %%
-figure = result.plot()
+result.plot()

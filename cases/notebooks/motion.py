@@ -49,10 +49,15 @@ except KeyboardInterrupt:
 resumed = cosim.run(case, cosim.Session(checkpoints="unfinished"))
 whole = cosim.run(case)
 assert resumed.data.angle.identical(whole.data.angle)
-figure = resumed.plot("history")
 
 # %% [markdown]
 # The energy that the tendons put in, and where it went, in mJ.
 
 # %%
 resumed.summary["energy_mJ"]
+
+# %% [markdown]
+# Angles and fingertip force over time.
+
+# %%
+resumed.plot("history")

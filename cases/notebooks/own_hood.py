@@ -12,6 +12,7 @@
 # over the PIP to the middle phalanx. No case file is needed for it, and no class to inherit from.
 
 # %%
+import matplotlib.pyplot as plt
 import numpy as np
 
 import cosim
@@ -108,3 +109,18 @@ assert moment < 1e-12
 # %%
 by_pose, by_tension = found.jacobian.excursion_motion, found.jacobian.load_tension
 assert np.allclose(by_pose[:, 6:], by_tension[6:].T, atol=1e-8)
+
+# %% [markdown]
+# The force of the fingertip for a muscle that pulls harder and harder, beside that of the case's
+# own hood, which also reaches the distal phalanx.
+
+# %%
+pulls = np.linspace(0.5, 5.0, 10)
+hoods = {"one strand": OneStrand(), "cable over pulleys": finger}
+figure, axes = plt.subplots(layout="constrained")
+for name, hood in hoods.items():
+    solved = [cosim.couple(finger, hood, {"EDC": pull}, resting=0.05) for pull in pulls]
+    axes.plot(pulls, [s.tip_force["dorsal"] for s in solved], "o-", label=name)
+axes.set(xlabel="tension of EDC, N", ylabel="dorsal force of the fingertip, N")
+axes.legend()
+plt.show()

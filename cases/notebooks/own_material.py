@@ -50,4 +50,4 @@ assert soft.slips["central"] < stiff.slips["central"]
 stiff.data.strain
 
 # %%
-figure = stiff.plot()
+stiff.plot()

@@ -14,6 +14,8 @@
 # %%
 from pathlib import Path
 
+import matplotlib.pyplot as plt
+
 import cosim
 
 result = cosim.run(cosim.load("isometric_edc").replace({"hood.mesh.quads": 300}))
@@ -40,3 +42,17 @@ except cosim.InputError as error:
 # %% [markdown]
 # `cosim report RUN --data measured.csv` puts the same rows into one HTML page with the finger in
 # space. `cosim identify` fits parameters of a case to such rows.
+
+# %% [markdown]
+# Each number of the model over what was measured, with one SD:
+
+# %%
+known = beside.dropna(subset=["reference"])
+spread = known.sd / known.reference.abs()
+figure, axes = plt.subplots(figsize=(6, 2), layout="constrained")
+axes.errorbar([1] * len(known), known.name, xerr=spread, fmt="|", color="black", label="measured")
+axes.plot(known.model / known.reference, known.name, "o", color="#0072b2", label="model")
+axes.set_xlabel("over what was measured")
+axes.margins(y=0.4)
+axes.legend(loc="upper left", bbox_to_anchor=(1, 1))
+plt.show()

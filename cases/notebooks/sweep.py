@@ -12,8 +12,8 @@
 # tendons, and gives the same bytes for any number of `workers`.
 
 # %%
+import matplotlib.pyplot as plt
 import pandas
-from matplotlib.figure import Figure
 
 import cosim
 
@@ -34,14 +34,13 @@ table
 
 # %%
 assert table["central slip"].is_monotonic_increasing
-figure = Figure(figsize=(6, 4), layout="constrained")
-axes = figure.subplots()
-table.plot(ax=axes, marker="o")
-axes.set_xlabel("tension of EDC, N")
-axes.set_ylabel("force, N")
-figure
 
 # %% [markdown]
 # For thousands of points, with distributions and sensitivity indices, write a study file:
 # `cosim study network_saltelli --workers 2` is one. `cosim sensitivity CASE` varies what a case
 # assumes, one thing at a time.
+
+# %%
+figure, axes = plt.subplots(layout="constrained")
+table.plot(ax=axes, marker="o", xlabel="tension of EDC, N", ylabel="force, N")
+plt.show()

@@ -72,7 +72,11 @@ def _read(path: Path, what: str, faults: list[str], notes: list[str]) -> Triangl
     if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
         faults.append(f"{what}: holds no triangles, or corners that are not finite")
         return none
-    mesh.merge_vertices()
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    once = mesh.unique_faces()
+    if not once.all():
+        mesh.update_faces(once)
+        notes.append(f"{what}: {(~once).sum()} triangles that are there twice are left out")
     thin = ~mesh.nondegenerate_faces()
     if thin.any():
         mesh.update_faces(~thin)

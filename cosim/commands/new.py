@@ -27,7 +27,8 @@ Files = tuple[Path, Path, Path, Path]
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the case.")],
     hood: Annotated[
-        Path | None, typer.Option(help="The hood: quads with named sets, .feb, .vtu, .msh or .inp.")
+        Path | None,
+        typer.Option(help="The hood: quads with named sets, .feb, .vtu, .vtp, .vtk, .msh or .inp."),
     ] = None,
     bones: Annotated[
         Files | None,

@@ -65,7 +65,11 @@ class FeView:
     def fields(self) -> tuple[Field, ...]:
         """What sheet and net share."""
         glide = np.array(list(self.glide.values()))
+        line = "tendon of the hood beyond its mesh, from the middle of its end over its eyelet"
+        dims = ("line_tendon", "line_point", "axis")
+        ropes = [Field("tendon_line", dims, "m", line, np.array(list(self.ropes.values())))]
         return (
+            *(ropes if self.ropes else ()),
             Field("node", ("point", "axis"), "m", "hood node", self.points),
             Field("spring_force", ("spring",), "N", "tension of the spring", self.spring_tension),
             Field(
@@ -89,6 +93,7 @@ class FeView:
     def coordinates(self) -> Mapping[str, Any]:
         return {
             "place": list(self.glide),
+            **({"line_tendon": list(self.ropes)} if self.ropes else {}),
             "spring_set": ("spring", list(self.spring_set)),
             "spring_node": ("spring", self.spring_node),
         }

@@ -12,6 +12,7 @@ from cosim.hoods.kind import HoodConfig, HoodKind
 from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.lumped import table as lumped
 from cosim.hoods.shell import kind as shell
+from cosim.hoods.view import Colour, HoodField
 
 KINDS: Mapping[str, HoodKind[Any]] = {
     kind.name: kind
@@ -25,6 +26,8 @@ KINDS: Mapping[str, HoodKind[Any]] = {
         fmu.KIND,
     )
 }
+COLOURS = tuple(dict.fromkeys(colour for kind in KINDS.values() for colour in kind.colours))
+"""What pictures, films and reports colour a hood by."""
 AnyHood = (
     shell.ShellHoodConfig
     | pulley.PulleyHoodConfig
@@ -34,6 +37,12 @@ AnyHood = (
     | cable.CableHoodConfig
     | fmu.FmuHoodConfig
 )
+
+
+def colours_of(hood: HoodField) -> tuple[Colour, ...]:
+    """What a hood can be coloured by; a still picture and a film show the first."""
+    on_lines, data = hood.quads.shape[1] == 2, {**hood.point_data, **hood.cell_data}
+    return tuple(c for c in COLOURS if c.on_lines == on_lines and c.on_mesh in data)
 
 
 def fitting_kinds(finger: str) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ and reports loop over."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from cosim.port import Array, State
 
 STRAIN = "longitudinal_strain"
-"""The cell data that pictures colour a hood by, dimensionless."""
+"""The cell data of every hood with a shape: strain along fibres or cables, dimensionless."""
 FAMILIES = ("fibre_1", "fibre_2", "fibre_3")
 """The cell data that hold the unit direction of a fibre family; zero where there is none."""
 
@@ -33,8 +33,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Colour:
-    """What a report colours a hood by, of the results, or where these have no shapes of the hood
-    of the mesh file: `factor` times the component of a field."""
+    """What pictures, films and reports colour a hood by: `factor` times a field's component."""
 
     key: str
     label: str
@@ -43,6 +42,20 @@ class Colour:
     factor: float
     on_mesh: str
     mesh_factor: float
+    is_signed: bool = False
+    """Whether its scale is symmetric about zero, of the diverging map (`results.looks`)."""
+    on_lines: bool = False
+    """Whether it is of a net of cables, not of a sheet."""
+
+    @property
+    def words(self) -> str:
+        """The label with the unit."""
+        return f"{self.label}, {self.unit}" if self.unit else self.label
+
+    def values(self, hood: HoodField) -> Array:
+        """Return the values (m,) on a hood's cells, or (n,) on its points, in `unit`."""
+        data = hood.cell_data if self.on_mesh in hood.cell_data else hood.point_data
+        return self.mesh_factor * np.asarray(data[self.on_mesh], dtype=float)
 
 
 @dataclass(frozen=True)
@@ -59,7 +72,7 @@ NO_POINTS = TrackedPoints()
 
 @dataclass(frozen=True)
 class HoodField:
-    """The deformed hood with its fields; pictures show `cell_data[STRAIN]`."""
+    """The deformed hood with its fields, of which `hoods.kinds.colours_of` says what is shown."""
 
     points: Array
     """(n, 3) deformed positions, m, world frame."""
@@ -69,6 +82,8 @@ class HoodField:
     """(n,) or (n, 3) each."""
     cell_data: Mapping[str, Array]
     """(m,) or (m, 3) each."""
+    lines: Mapping[str, Array] = field(default_factory=dict)
+    """(k, 3) m by name, of its tendons beyond the mesh."""
 
 
 class HoodView(Protocol):
@@ -121,23 +136,23 @@ class HoodView(Protocol):
 def hood_field(view: HoodView) -> HoodField:
     """The hood as pictures and mesh files show it."""
     point_data, cell_data = {}, {}
-    for field in view.fields():
-        if not field.on_mesh:
+    for shown in view.fields():
+        if not shown.on_mesh:
             continue
-        if field.dimensions[0] == "point":
-            point_data[field.name] = field.values
+        if shown.dimensions[0] == "point":
+            point_data[shown.name] = shown.values
         else:
-            each = len(view.plot_cells) // len(field.values)
-            cell_data[field.name] = np.repeat(field.values, each, axis=0)
-    return HoodField(view.points, view.plot_cells, point_data, cell_data)
+            each = len(view.plot_cells) // len(shown.values)
+            cell_data[shown.name] = np.repeat(shown.values, each, axis=0)
+    return HoodField(view.points, view.plot_cells, point_data, cell_data, view.lines())
 
 
-def arrays_of(field: HoodField) -> dict[str, Array]:
-    """A hood's shape and fields as arrays by name, without its cells."""
+def arrays_of(hood: HoodField) -> dict[str, Array]:
+    """A hood's shape, fields and lines as arrays by name, without its cells."""
+    parts = {"point": hood.point_data, "cell": hood.cell_data, "line": hood.lines}
     return {
-        "points": field.points,
-        **{f"point {name}": np.asarray(values) for name, values in field.point_data.items()},
-        **{f"cell {name}": np.asarray(values) for name, values in field.cell_data.items()},
+        "points": hood.points,
+        **{f"{p} {name}": np.asarray(v) for p, data in parts.items() for name, v in data.items()},
     }
 
 
@@ -153,7 +168,8 @@ def audit_of(arrays: Mapping[str, Array]) -> dict[str, float]:
 
 def field_of(arrays: Mapping[str, Array], quads: np.ndarray) -> HoodField:
     """The hood that `arrays_of` made the arrays of, with its cells."""
-    return HoodField(arrays["points"], quads, _under(arrays, "point "), _under(arrays, "cell "))
+    data = (_under(arrays, f"{part} ") for part in ("point", "cell", "line"))
+    return HoodField(arrays["points"], quads, *data)
 
 
 def _under(arrays: Mapping[str, Array], start: str) -> dict[str, Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -13,11 +13,12 @@ from cosim.port import Array
 from cosim.report import drawings, words
 from cosim.report.figures import new_picture
 from cosim.report.page import cell
-from cosim.report.strengths import insertion_forces, strength_of
+from cosim.report.strengths import NOT_KNOWN, insertion_forces, strength_of
 from cosim.report.tables import Cell, ReportTable
 from cosim.report.templates import template
 from cosim.report.views import BoneSurface, Sheet, SheetField, View, limits, view_of
 from cosim.results.compare import number, unit_of, value_of
+from cosim.results.looks import colour_map
 from cosim.results.picture import as_png, data_address
 from cosim.results.quantities import key_quantities
 from cosim.results.result import Result
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FIELD = "along"
+STRENGTH = "strength_"
+"""What the keys of tables of parts beside their strengths begin with."""
 LEAST_ANGLE, LEAST_FORCE = 0.05, 0.005
 """deg and N, below which a change is none worth telling."""
 
@@ -59,10 +62,31 @@ def _load_and_strength(pair: RunPair) -> ReportTable:
         known = strength_of(quantity)
         rows.append((label, before, after, known.bears, known.says))
     return ReportTable(
-        f"strength_{pair.tip}",
+        f"{STRENGTH}{pair.tip}",
         f"Load against strength, fingertip {pair.tip}",
         ("part", "carries before, N", "carries after, N", "bears at least, N", "what is known"),
         tuple(rows),
+    )
+
+
+def fold(table: ReportTable, pairs: Sequence[RunPair]) -> tuple[ReportTable, ReportTable]:
+    """The rows of a table that a page shows at first, and those that it folds: of parts without a
+    strength in print, and what is none of the key quantities."""
+    keys = {
+        label
+        for pair in pairs
+        for run in (pair.before, pair.after)
+        for label, _ in key_quantities(run.summary)
+    }
+    of_parts = table.key.startswith(STRENGTH)
+    first = [row[-1] != NOT_KNOWN if of_parts else row[0] in keys for row in table.rows]
+    shown, folded = (
+        tuple(row for row, is_first in zip(table.rows, first, strict=True) if is_first == wanted)
+        for wanted in (True, False)
+    )
+    title = "Parts of which no strength is in print" if of_parts else "Springs, regions and cables"
+    return replace(table, rows=shown), replace(
+        table, key=f"{table.key}_more", title=title, rows=folded
     )
 
 
@@ -162,7 +186,7 @@ def lesion_page(
         pairs=pairs,
         limits=list(limit_sentences(pairs)),
         changes=lesion_sentences(pairs),
-        tables=tables_of_lesion(pairs),
+        tables=[fold(table, pairs) for table in tables_of_lesion(pairs)],
         question=words.question(pairs[0].after),
         postures=[(p, postures(a, b)) for p, a, b in seen if a.bones and b.bones],
         maps=_maps(seen, marked),
@@ -206,8 +230,10 @@ def _lay_out(run: Result) -> Array:
     return hood.points - hood.point_data["displacement"]
 
 
-SLICES = 28
-"""Slices of a bone along its axis, for its outline."""
+PIXEL = 2e-4
+"""m, of the grid on which a bone's silhouette is found."""
+MARGIN = 4
+"""Pixels about a bone; gaps narrower than twice that are closed."""
 DPI = 150
 WIDE = 8.0
 """Inches, of the page's pictures."""
@@ -217,21 +243,32 @@ SAME_PLACE = 1e-7
 
 
 def outline(bone: BoneSurface, frame: int) -> Array:
-    """The bone's contour (k, 2) m, distal and dorsal, in its own sagittal plane, where it
-    stands."""
-    v = bone.vertices
-    edges = np.linspace(v[:, 0].min(), v[:, 0].max(), SLICES + 1)
-    which = np.clip(np.searchsorted(edges, v[:, 0], side="right") - 1, 0, SLICES - 1)
-    upper, lower = [], []
-    for i in range(SLICES):
-        strip = v[which == i]
-        if len(strip):
-            upper.append(strip[strip[:, 2].argmax()])
-            lower.append(strip[strip[:, 2].argmin()])
-    ends = v[v[:, 0].argmax()], v[v[:, 0].argmin()]
-    local = np.array([*upper, ends[0], *reversed(lower), ends[1]]) * [1.0, 0.0, 1.0]
-    placed = local @ bone.rotation[frame].T + bone.position[frame]
-    return placed[:, [0, 2]]
+    """The bone's silhouette (k, 2) m, distal and dorsal, seen from the radial side, where it
+    stands: the longest contour around its triangles, on a grid of PIXEL."""
+    from contourpy import contour_generator
+    from scipy.ndimage import binary_closing, binary_fill_holes, gaussian_filter
+
+    placed = bone.vertices @ bone.rotation[frame].T + bone.position[frame]
+    seen = _fill(placed[:, [0, 2]][bone.faces])
+    low = seen.min(axis=0) - MARGIN * PIXEL
+    places = np.round((seen - low) / PIXEL).astype(int)
+    mask = np.zeros(places.max(axis=0) + MARGIN + 1, dtype=bool)
+    mask[tuple(places.T)] = True
+    whole = binary_fill_holes(binary_closing(mask, iterations=MARGIN - 1))
+    lines = contour_generator(z=gaussian_filter(whole.astype(float), 1.0).T).lines(0.5)
+    return low + PIXEL * max(map(np.asarray, lines), key=len)
+
+
+def _fill(triangles: Array) -> Array:
+    """Points (k, 2) on triangles (n, 3, 2) m, nearer to each other than PIXEL."""
+    sides = triangles - np.roll(triangles, 1, axis=1)
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    points = []
+    for count in np.unique(parts := np.ceil(1.5 * longest / PIXEL).astype(int)):
+        i, j = np.triu_indices(count + 1)
+        weights = np.stack([i, j - i, count - j], axis=1) / max(count, 1)
+        points.append((weights @ triangles[parts == count]).reshape(-1, 2))
+    return np.concatenate(points)
 
 
 def postures(before: View, after: View) -> str:
@@ -294,13 +331,15 @@ def draw_maps(
     """The maps on one scale of colours, as HTML, two in a row: distal to the left and radial up;
     the regions `marked` are framed.  Over each quad stands its region and value."""
     from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.colors import ListedColormap
 
+    colours = ListedColormap(colour_map(is_signed=True))
     extent = np.array([np.ptp(one.flat, axis=0) for one in maps]).max(axis=0)
     rows = (len(maps) + 1) // 2
     picture = new_picture(WIDE, rows * (0.5 * WIDE * float(extent[1] / extent[0]) + 0.3) + 0.7)
     panels = picture.subplots(rows, 2, squeeze=False).ravel()
     for axes, one in zip(panels, maps, strict=False):
-        quads = PolyCollection(list(one.flat[one.sheet.quads]), cmap="viridis", lw=0.3)
+        quads = PolyCollection(list(one.flat[one.sheet.quads]), cmap=colours, lw=0.3)
         quads.set(array=one.field.values[-1], clim=scale, edgecolor="face")
         axes.add_collection(quads)
         frame = list(one.flat[_rim(one.sheet, marked)])

@@ -12,10 +12,11 @@ import numpy as np
 from cosim.case.file import case_of, load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
-from cosim.hoods.kinds import KINDS
+from cosim.hoods.kinds import COLOURS
 from cosim.hoods.view import Colour, HoodField
 from cosim.port import Array
 from cosim.report.flat import flatten_sheet
+from cosim.results.looks import INKS, colour_limits
 from cosim.results.result import Result
 from cosim.results.scene import rebuild_finger
 from cosim.results.scene_plot import decimate
@@ -25,15 +26,10 @@ from meshes.hood_mesh import REGIONS
 if TYPE_CHECKING:
     import xarray
 
-COLOURS = tuple(dict.fromkeys(colour for kind in KINDS.values() for colour in kind.colours))
 MOST_FRAMES = 41
 MOST_TRIANGLES = 2200
 """Triangles of a bone in the view, at most."""
-INKS = ("#000000", "#d81b60", "#ff7f0e")
-"""Colours of the fibre families, to be told from those of the sheet."""
 NO_SHEET = "The hood is a net of cables, drawn as lines: it has no sheet to colour."
-SPREAD = (1.0, 99.0)
-"""Per cent of the values that a colour scale covers."""
 ARROW, HEAD = 18e-3, 2e-3
 """m, of the largest fingertip force, and how far its head reaches beyond it on any side."""
 ROOM = 2e-3
@@ -307,6 +303,7 @@ def limits(views: Sequence[View]) -> dict[str, tuple[float, float]]:
     signed = set()
     for field in (f for view in views if view.sheet is not None for f in view.sheet.fields):
         by_field.setdefault(field.key, []).append(field.values.ravel())
+<<<<<<< HEAD
         signed |= {field.key} if field.is_signed else set()
     return {key: _limits(np.concatenate(v), key in signed) for key, v in by_field.items()}
 
@@ -317,6 +314,10 @@ def _limits(values: Array, is_signed: bool) -> tuple[float, float]:
         most = max(-low, high, 1e-9)
         return -most, most
     return (low, high) if high > low else (low - 0.5, low + 0.5)
+=======
+    signed = {colour.key for colour in COLOURS if colour.is_signed}
+    return {k: colour_limits(np.concatenate(v), k in signed) for k, v in by_field.items()}
+>>>>>>> main
 
 
 def pack_views(views: Sequence[View], scales: Sequence[Mapping[str, tuple[float, float]]]) -> Any:

@@ -49,6 +49,11 @@ ARRAYS: Mapping[str, ArrayInfo] = {
     "hood_point_position": ArrayInfo(
         ("hood_point", "axis"), "m", "path of the named point of the hood, at the scheme's pose"
     ),
+    "tendon_line": ArrayInfo(
+        ("line_tendon", "line_point", "axis"),
+        "m",
+        "tendon of the hood beyond its mesh, at the stored times `frame`",
+    ),
     "command": ArrayInfo(("cylinder",), "V", "valve voltage commanded"),
     "pressure": ArrayInfo(("cylinder",), "Pa", "pressure above the atmosphere"),
 }

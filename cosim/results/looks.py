@@ -1,4 +1,5 @@
-"""How lines and bars of a plot differ: by colour, then by dashes or hatches."""
+"""The looks of what is drawn: lines and bars of a plot, the colour maps of a hood, the colours of
+bones, tendons, fibres and forces."""
 
 from __future__ import annotations
 
@@ -6,11 +7,49 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from cosim.port import Array
+
 COLOURS = (
     *("#332288", "#cc6677", "#117733", "#aa4499", "#44aa99"),
     *("#882255", "#999933", "#000000", "#88ccee", "#ddcc77"),
 )
 """Paul Tol's "muted" scheme and black, which colour-blind readers tell apart; the darkest first."""
+
+
+BONE, TENDON, PLAIN_HOOD, FORCE = "#ede3cc", "#29574c", "#8caecb", "#000000"
+"""Colours of bones, tendons, a hood without a field, and the fingertip's force."""
+INKS = ("#000000", "#8800ff", "#663355")
+"""Colours of the fibre families.  For every kind of colour vision they differ from each other, from
+the bones and from both colour maps."""
+COVERED = 95.0
+"""Per cent of the values that a colour scale covers: a few extreme cells do not set it."""
+
+
+def colour_map(is_signed: bool) -> tuple[str, ...]:
+    """Return the 256 colours (hex, from the least value to the greatest) of a field's scale.
+
+    A signed field gets a diverging map from blue over grey to red (Moreland 2009), whose grey
+    middle is seen on white paper; any other viridis without its darkest fifth, on which the black
+    strokes of fibres would not be seen.  Both are safe for colour-blind readers."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    name, first = ("coolwarm", 0.0) if is_signed else ("viridis", 0.2)
+    return tuple(to_hex(colour) for colour in colormaps[name](np.linspace(first, 1.0, 256)))
+
+
+def colour_limits(values: Array, is_signed: bool) -> tuple[float, float]:
+    """Return the ends of the scale for a field's values of any shape, all frames and runs together:
+    symmetric about zero for a signed field."""
+    values = np.ravel(values)
+    if is_signed:
+        most = float(np.percentile(np.abs(values), COVERED)) or 1.0
+        return -most, most
+    beyond = (100 - COVERED) / 2
+    low, high = (float(v) for v in np.percentile(values, (beyond, 100 - beyond)))
+    return (low, high) if high > low else (low - 0.5, low + 0.5)
 
 
 @dataclass(frozen=True)

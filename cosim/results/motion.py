@@ -38,11 +38,12 @@ SMALL_TORQUE = 1e-12
 
 def observe_motion(case: Case, moved: SolvedMotion, wall: float) -> Result:
     """Everything that a motion leaves behind."""
+    scene = _scene(moved.models, moved.history)
     return Result(
         _summary(case, moved, wall),
-        _arrays(case, moved.models, moved.history),
+        _arrays(case, moved.models, moved.history, scene),
         tuple(_ledger(moved.models, moved.history)),
-        _scene(moved.models, moved.history),
+        scene,
         resolved_toml(case),
         case.name,
     )
@@ -238,7 +239,7 @@ def _steps(end: MotionState, frames: Sequence[MotionFrame]) -> dict[str, Any]:
     }
 
 
-def _arrays(case: Case, t: MovingModels, kept: MotionHistory) -> Arrays:
+def _arrays(case: Case, t: MovingModels, kept: MotionHistory, scene: Scene) -> Arrays:
     finger, hood, frames = t.finger, t.hood, kept.frames
     split = len(hood.tendons)
 
@@ -279,7 +280,13 @@ def _arrays(case: Case, t: MovingModels, kept: MotionHistory) -> Arrays:
         drive = np.array([f.drive for f in frames])
         values |= {"command": drive[..., 0], "pressure": drive[..., 1]}
         coords["cylinder"] = list(t.pulls.cylinders)
-    return Arrays.of(along("time", values), coords, **attributes(case.title, case.name))
+    every = along("time", values)
+    if scene.frames and (names := list(scene.frames[0][1].lines)):
+        lines = [list(shape.lines.values()) for _, shape in scene.frames]
+        every |= along("frame", {"tendon_line": lines})
+        coords["frame"] = ("frame", [time for time, _ in scene.frames], {"units": "s"})
+        coords["line_tendon"] = names
+    return Arrays.of(every, coords, **attributes(case.title, case.name))
 
 
 def _ledger(t: MovingModels, kept: MotionHistory) -> Iterator[LedgerRow]:

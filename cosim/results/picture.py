@@ -6,6 +6,7 @@ import os
 import sys
 from base64 import b64encode
 from contextlib import suppress
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -26,6 +27,21 @@ def load_matplotlib() -> None:
         os.environ["MPLBACKEND"] = backend
         with suppress(ValueError):  # no backend of this environment
             matplotlib.rcParams["backend"] = backend
+
+
+def show_in_notebooks() -> None:
+    """Have a notebook show figures that end a cell as pictures, as it does once pyplot is imported;
+    elsewhere, and where it knows how, change nothing."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    formatter = None if shell is None else shell.display_formatter.formatters["image/png"]
+    if formatter is None:
+        return
+    from matplotlib.figure import Figure
+
+    try:
+        formatter.lookup_by_type(Figure)
+    except KeyError:
+        formatter.for_type(Figure, partial(as_png, dpi=100))
 
 
 def as_plain_text(figure: Figure) -> Figure:

@@ -13,10 +13,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.hoods.view import STRAIN, HoodField
-from cosim.mesh_file import read_mesh_file
 from cosim.results.arrays import Arrays
 from cosim.results.compare import Target, compare_with_targets, read_json
+from cosim.results.frames import read_hood, with_lines
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.quantities import check_quantities
 from cosim.results.result import Result
@@ -45,12 +44,13 @@ def _read_run(folder: Path) -> Result:
     summary = _read(folder / "summary.json", _summary)
     check_converged(summary, str(folder))
     comparison = folder / "comparison.json"
-    hood = _read(folder / "hood.vtu", _hood) if (folder / "hood.vtu").is_file() else None
+    arrays = _read(folder / "results.nc", _arrays)
+    hood = _read(folder / "hood.vtu", read_hood) if (folder / "hood.vtu").is_file() else None
     return Result(
         summary,
-        _read(folder / "results.nc", _arrays),
+        arrays,
         _read(folder / "ledger.csv", _ledger) if (folder / "ledger.csv").is_file() else (),
-        Scene(hood, (), ()),
+        Scene(None if hood is None else with_lines(hood, arrays, -1), (), ()),
         _read(folder / "case.toml", _case),
         folder.resolve().name,
         folder,
@@ -137,14 +137,3 @@ def _ledger(path: Path) -> tuple[LedgerRow, ...]:
         for (state, body, source, *numbers, _frame) in rows
         for wrench in [np.array(numbers, dtype=float)]
     )
-
-
-def _hood(path: Path) -> HoodField:
-    mesh = read_mesh_file(path)
-    data = {name: np.asarray(blocks[0]) for name, blocks in mesh.cell_data.items()}
-    if STRAIN not in data or "displacement" not in mesh.point_data:
-        raise ValueError("it is no hood of a run")
-    cells = mesh.cells_dict.get("quad", mesh.cells_dict.get("line"))
-    if cells is None:
-        raise ValueError("it has neither quads nor line cells")
-    return HoodField(mesh.points, cells, mesh.point_data, data)

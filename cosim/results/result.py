@@ -8,20 +8,28 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from cosim.case.file import load_case
+from cosim.case.file import case_of, load_case
+from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.extras import require
 from cosim.files import output_file
 from cosim.results.audit import Audit
 from cosim.results.compare import Comparison, numbers_of, unit_of
 from cosim.results.conventions import COMPONENTS, by_axis
+from cosim.results.frames import Frame, frames_of, read_shapes
 from cosim.results.history_plot import draw_history
 from cosim.results.html import html_of
 from cosim.results.ledger_plot import draw_ledger
 from cosim.results.parts import CaseParts, Scene
-from cosim.results.picture import as_plain_text, as_png, load_matplotlib, write_figure
+from cosim.results.picture import (
+    as_plain_text,
+    as_png,
+    load_matplotlib,
+    show_in_notebooks,
+    write_figure,
+)
 from cosim.results.quantities import meaning_of
-from cosim.results.scene import with_finger
+from cosim.results.scene import scenes_of
 from cosim.results.scene_plot import draw
 from cosim.results.scene_view import plotter_of
 from cosim.results.write import copy_run, write_run
@@ -160,6 +168,7 @@ class Result(CaseParts):
 
     def _figure(self, kind: Plot) -> Figure:
         load_matplotlib()
+        show_in_notebooks()
         if kind == "scene":
             return draw(self._whole_scene, self.title)
         if kind == "ledger" and self.rows:
@@ -177,16 +186,41 @@ class Result(CaseParts):
         return plotter_of(self._whole_scene, self.title)
 
     @cached_property
+    def frames(self) -> tuple[Frame, ...]:
+        """The run at each of its stored states or times: of a motion as many as `output.frames`
+        asks for.
+
+        >>> import cosim
+        >>> [frame.label for frame in cosim.run(cosim.load("pulley_edc")).frames]
+        ['unloaded', 'loaded']
+
+        Raises InputError where files of a run that was read cannot be."""
+        shapes = self.scene.frames
+        if not shapes and self.folder is not None:
+            shapes = read_shapes(self.folder, self.arrays)
+        return frames_of(self.arrays, self.hood, shapes)
+
+    @cached_property
+    def scenes(self) -> tuple[Scene, ...]:
+        """What there is to see in each of `frames`, m: hood, bones, tendons and the fingertip with
+        its force.  Raises InputError where the finger is in an FMU."""
+        return scenes_of(self.frames, self._checked_case())
+
+    def _checked_case(self) -> Case:
+        """The case that was run.  Raises InputError where it cannot be built again."""
+        if self.folder is None:
+            return case_of(self.case_table, self.case)
+        return load_case(self.folder / "case.toml")
+
+    @cached_property
     def _whole_scene(self) -> Scene:
         """What there is to see; of a run that was read with the finger, built again from its
         case."""
         if self.folder is None or self.scene.bones:
             return self.scene
-        angles, force = (
-            self.data[name].isel({self.axis: -1}).values for name in ("angle", "tip_force")
-        )
+        angles, force = (self.arrays.variables[name].values[-1] for name in ("angle", "tip_force"))
         try:
-            return with_finger(self.scene, load_case(self.folder / "case.toml"), angles, force)
+            return scenes_of([Frame("", None, angles, force, self.hood)], self._checked_case())[0]
         except InputError as error:
             warnings.warn(f"bones and tendons are not shown: {error}", stacklevel=3)
             return self.scene

@@ -14,6 +14,7 @@ from cosim.fingers.kinds import live_finger
 from cosim.hoods.view import HoodView, hood_field
 from cosim.models.build import Models, bone_surfaces
 from cosim.port import Array, Motion, Triangles
+from cosim.results.frames import Frame
 from cosim.results.parts import Scene
 
 
@@ -66,10 +67,17 @@ def rebuild_finger(case: Case, angles: Array) -> RebuiltFinger:
     return RebuiltFinger(bone_surfaces(case), motions, tendons, [*map(finger.tip, states)])
 
 
-def with_finger(scene: Scene, case: Case, angles: Array, force: Array) -> Scene:
-    """The scene with the finger at joint angles (nq,) rad, whose tip bears `force` (3,) N on the
-    world.  Raises InputError."""
-    rebuilt = rebuild_finger(case, angles[None])
-    bones = bones_in_world(rebuilt.bones, rebuilt.motions[0])
-    tendons = tuple(rebuilt.tendons[0].items())
-    return replace(scene, bones=bones, tendons=tendons, tip=(rebuilt.tips[0], force))
+def scenes_of(frames: Sequence[Frame], case: Case) -> tuple[Scene, ...]:
+    """What there is to see in each frame: the hood as it was stored, and bones, tendons and
+    fingertip built again from the case.  Raises InputError where its finger is in an FMU."""
+    rebuilt = rebuild_finger(case, np.array([frame.angles for frame in frames]))
+    every = zip(frames, rebuilt.motions, rebuilt.tendons, rebuilt.tips, strict=True)
+    return tuple(
+        Scene(
+            frame.hood,
+            bones_in_world(rebuilt.bones, motion),
+            tuple({**({} if frame.hood is None else frame.hood.lines), **tendons}.items()),
+            (tip, frame.force),
+        )
+        for frame, motion, tendons, tip in every
+    )

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cosim.hoods.view import STRAIN
+from cosim.hoods.kinds import colours_of
 from cosim.port import Array
+from cosim.results.looks import INKS, colour_limits, colour_map
 from cosim.results.parts import Scene
 from cosim.results.strokes import families_of, stroke_cells, strokes
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_TRIANGLES = 2500
-INKS = ("#1a1a1a", "#0b6b2e", "#6b3fa0")  # of the fibre families
 BONE = np.array([0.93, 0.89, 0.80])
 TENDON = np.array([0.16, 0.36, 0.30])
 PLAIN_HOOD = np.array([0.55, 0.68, 0.80])
@@ -77,28 +77,26 @@ def draw(scene: Scene, title: str) -> Figure:
     bones = [decimate(vertices, faces) for _, vertices, faces in scene.bones]
     for ax, view in zip(axes, VIEWS, strict=True):
         _draw_view(ax, scene, bones, view, colours)
-    if colours is not None:
+    if colours is not None and scene.hood is not None:
         bar = figure.colorbar(colours, cax=figure.add_axes(BAR), extend="both")
-        bar.set_label("longitudinal strain of the hood, %")
+        bar.set_label(colours_of(scene.hood)[0].words)
     if scene.hood is not None and families_of(scene.hood.cell_data):
         note = "strokes: the hood's fibres"
         if len(families_of(scene.hood.cell_data)) > 1:
-            note += "; green: the second family"
+            note += "; violet: the second family"
         axes[0].text(0.98, 0.95, note, ha="right", transform=axes[0].transAxes, fontsize=10)
     figure.suptitle(title)
     return figure
 
 
 def _strain_colours(scene: Scene) -> ScalarMappable | None:
-    """Per cent, symmetric about zero; a few extreme quads do not set the range."""
-    if scene.hood is None or STRAIN not in scene.hood.cell_data:
+    if scene.hood is None or not (shown := colours_of(scene.hood)):
         return None
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
+    from matplotlib.colors import ListedColormap, Normalize
 
-    size = np.abs(100 * np.asarray(scene.hood.cell_data[STRAIN]))
-    most = max(float(np.percentile(size, 98)), 1e-3)
-    return ScalarMappable(Normalize(-most, most), "RdBu_r")
+    limits = colour_limits(shown[0].values(scene.hood), shown[0].is_signed)
+    return ScalarMappable(Normalize(*limits), ListedColormap(colour_map(shown[0].is_signed)))
 
 
 def _draw_view(
@@ -151,7 +149,7 @@ def _hood(view: PlotView, scene: Scene, colours: ScalarMappable | None) -> Polyg
     corners = _corners(view.project(scene.hood.points)[scene.hood.quads])
     colour = np.broadcast_to(PLAIN_HOOD, (len(corners), 3))
     if colours is not None:
-        colour = colours.to_rgba(100 * np.asarray(scene.hood.cell_data[STRAIN]))[:, :3]
+        colour = colours.to_rgba(colours_of(scene.hood)[0].values(scene.hood))[:, :3]
     face = _shade(colour, corners, 0.85)
     edge = np.hstack([0.72 * face[:, :3], np.full((len(face), 1), 0.8)])
     return Polygons(corners + np.array([0, 0, HOOD_LIFT]), face, edge)

@@ -35,6 +35,7 @@ def page(study: StudyResults, plan: StudyPlan) -> str:
         failures=list(_failures(study)),
         parameters=list(_parameters(plan)),
         sampled=_sampling_text(plan),
+        answers=[text for name in study.outputs if (text := _answer(study, name))],
         outputs=[_output(study, plan, name) for name in study.outputs],
     )
 
@@ -84,6 +85,19 @@ def _sampling_text(plan: StudyPlan) -> str:
     return f"{names.get(s.kind, 'Latin hypercube')}, {s.n} points, seed {s.seed}"
 
 
+def _answer(study: StudyResults, name: str) -> str:
+    """An output over the runs, and what it answers to most; nothing below two runs."""
+    band = study.band(name)
+    if band is None:
+        return ""
+    low, _, middle, _, high = map(number, band.quantiles)
+    unit = "" if study.units[name] == "1" else f" {study.units[name]}"
+    known = study.sobol(name) is not None or study.slopes(name) is not None
+    most = [study.label(p) for p in pictures.strongest(study, name)[:2]] if known else []
+    why = f"; it answers most to {' and '.join(most)}" if most else ""
+    return f"{study.label(name)}: {middle}{unit} in the median, {low} to {high} in 95 %{why}."
+
+
 def _output(study: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
     of_case = [t for t in plan.targets if t.case in ("", plan.case.stem)]
     targets = [t for t in of_case if t.quantity == plan.outputs[name]]
@@ -97,6 +111,7 @@ def _output(study: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
     drawn = None if surface is None else pictures.draw_surface(study, name, surface)
     return {
         "name": name,
+        "label": study.label(name),
         "path": plan.outputs[name],
         "unit": "" if study.units[name] == "1" else study.units[name],
         "band": band,

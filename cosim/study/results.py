@@ -65,7 +65,7 @@ class StudyResults:
 
     def label(self, name: str) -> str:
         """The name of a parameter or output for people."""
-        label: str = self.facts["parameters"].get(name, name)
+        label: str = self.facts["parameters"].get(name, name.replace("_", " "))
         return label
 
     @property

@@ -8,8 +8,7 @@ the hood to the spring's anchor.
 
 from __future__ import annotations
 
-import re
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +20,7 @@ from cosim.errors import InputError
 from cosim.mesh_file import read_mesh_file
 from cosim.port import Array, Ints
 
-FORMATS = (".vtu", ".msh", ".inp")
+FORMATS = (".vtu", ".vtp", ".vtk", ".msh", ".inp")
 CORNERS = {
     "quad": [0, 1, 2, 3],
     "triangle": [0, 1, 2, 2],
@@ -33,9 +32,6 @@ CORNERS = {
 LINES = ("line", "line3")
 MOST_VALUES = 64
 """An array of whole numbers with more values than that is data and no sets."""
-READ_CARDS = ("NODE", "ELEMENT", "NSET", "ELSET", "HEADING")
-"""Keywords of an Abaqus file that say what is read."""
-SECTION = "SHELL SECTION"
 THICKNESS, FIBRE = "thickness", "fibre"
 """Arrays of the quads with a meaning: lengths in the file's unit, and directions of the fibres."""
 
@@ -73,10 +69,7 @@ def read_raw(path: Path) -> RawMesh:
     sets.add_point_sets(mesh, len(points))
     fields = sets.whole_fields()
     cells, thickness = sets.join(sets.cells), sets.thickness()
-    if path.suffix.lower() == ".inp":
-        text = path.read_text(encoding="utf-8", errors="replace")
-        thickness = _sections(text, cells, sets.count)
-        sets.dropped += _cards(text, READ_CARDS if thickness is None else (*READ_CARDS, SECTION))
+    sets.dropped += (mesh.info or {}).get("dropped", ())
     return RawMesh(
         points,
         np.concatenate(sets.quads),
@@ -226,28 +219,3 @@ def _groups(values: Any) -> Iterable[tuple[int, Ints]]:
     for value in np.unique(values):
         if value or not _is_mask(values):
             yield int(value), np.flatnonzero(values == value)
-
-
-def _cards(text: str, read: Iterable[str]) -> list[str]:
-    """What an Abaqus file states beside the cards that are read."""
-    words = (m[1].strip().upper() for m in re.finditer(r"^\*([^*,\n\r][^,\n\r]*)", text, re.M))
-    counted = Counter(word for word in words if word not in read)
-    return [f"{count} x *{word}" for word, count in sorted(counted.items())]
-
-
-def _sections(text: str, cells: Mapping[str, Ints], count: int) -> Array | None:
-    """The thickness (ne,) by the shell sections of an Abaqus file, where each quad has one whose
-    reference is the mid-surface."""
-    sets = {name.casefold(): chosen for name, chosen in cells.items()}
-    out = np.zeros(count)
-    for card in re.finditer(r"^\*SHELL +SECTION *(,[^\n\r]*)[\n\r]+([^*\n\r]+)", text, re.M | re.I):
-        pairs = (word.partition("=") for word in card[1].split(",")[1:])
-        options = {key.strip().upper(): value.strip(' \t"').casefold() for key, _, value in pairs}
-        chosen = sets.get(options.get("ELSET", ""))
-        if chosen is None or {"OFFSET", "COMPOSITE", "NODAL THICKNESS"} & set(options):
-            continue
-        try:
-            out[chosen] = float(card[2].split(",")[0])
-        except ValueError:
-            continue
-    return out if np.isfinite(out).all() and (out > 0).all() else None

@@ -322,6 +322,29 @@ def test_holes_pieces_specks_and_inward_triangles(surfaces: Surfaces, tmp_path: 
         assert trimesh.Trimesh(corners, cells).volume == pytest.approx(volume, rel=1e-5)
 
 
+def test_triangles_there_twice_and_corners_split_by_normals_are_mended(
+    surfaces: Surfaces, tmp_path: Path
+):
+    """An .obj with a normal and a place in a picture for each corner, as Blender writes it."""
+    points, faces = surfaces["middle"]
+    doubled = dict(surfaces) | {"middle": (points, np.vstack([faces, faces[:2, [1, 2, 0]]]))}
+    files = write(doubled, tmp_path)
+    lines = [
+        *(f"v {x} {y} {z}" for x, y, z in 1e3 * surfaces["distal"][0]),
+        *(f"vt {i} 0" for i in range(3 * len(surfaces["distal"][1]))),
+        *(f"vn 0 0 {i}" for i in range(3 * len(surfaces["distal"][1]))),
+    ]
+    corners = 1 + np.arange(3 * len(surfaces["distal"][1])).reshape(-1, 3)
+    for face, places in zip(surfaces["distal"][1] + 1, corners, strict=True):
+        lines.append("f " + " ".join(f"{v}/{c}/{c}" for v, c in zip(face, places, strict=True)))
+    files[3].with_suffix(".obj").write_text("\n".join(lines))
+    read = read_bones([*files[:3], files[3].with_suffix(".obj")], "body", "mm", Placing(), chain())
+    assert read.notes == ("middle (middle.stl): 2 triangles that are there twice are left out",)
+    for body, (corners, cells) in read.surfaces.items():
+        volume = trimesh.Trimesh(*surfaces[body]).volume
+        assert trimesh.Trimesh(corners, cells).volume == pytest.approx(volume, rel=1e-5)
+
+
 def test_the_same_bone_twice_another_unit_and_another_order(surfaces: Surfaces, tmp_path: Path):
     shifted = surfaces["proximal"][0] + [0.01, 0, 0], surfaces["proximal"][1]
     told = bone_faults(dict(surfaces) | {"middle": shifted}, tmp_path)

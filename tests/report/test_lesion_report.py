@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from scipy.spatial import ConvexHull
 from typer.testing import CliRunner
 
 from cosim.analyses.lesion import TIPS
@@ -20,6 +21,7 @@ from cosim.cli import app
 from cosim.commands import lesion as lesion_commands
 from cosim.report import lesion_page
 from cosim.report.lesion_page import (
+    PIXEL,
     RunPair,
     limit_sentences,
     outline,
@@ -56,9 +58,10 @@ def sheet(tmp_path_factory) -> tuple[Path, str]:
 
 
 def rows_of(page: str, key: str) -> list[list[str]]:
-    table = re.search(rf'data-table="{key}">(.*?)</table>', page, re.S)
-    assert table
-    rows = re.findall(r"<tr>(.*?)</tr>", table[1], re.S)[1:]
+    """Those that the page shows, then those that it folds."""
+    tables = re.findall(rf'data-table="{key}(?:_more)?">.*?<tbody>(.*?)</table>', page, re.S)
+    assert tables
+    rows = re.findall(r"<tr>(.*?)</tr>", "".join(tables), re.S)
     return [re.findall(r"<td[^>]*?(?: data-value=\"([^\"]*)\")?>(.*?)</td>", row) for row in rows]
 
 
@@ -222,12 +225,27 @@ def test_an_outline_is_the_bone_s_own():
     x, y, z = np.meshgrid(np.linspace(0, 0.02, 60), [-3e-3, 3e-3], [-1e-3, 2e-3], indexing="ij")
     box = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
     turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-    bone = BoneSurface(
-        "box", box, np.zeros((0, 3), dtype=int), np.array([[0.1, 0, 0.0]]), turn[None]
-    )
+    faces = ConvexHull(box).simplices
+    bone = BoneSurface("box", box, faces, np.array([[0.1, 0, 0.0]]), turn[None])
     drawn = outline(bone, -1)
     assert drawn.min(axis=0) == pytest.approx([0.099, -0.02], abs=4e-4)
     assert drawn.max(axis=0) == pytest.approx([0.102, 0.0], abs=4e-4)
+    x, y = drawn[:-1].T
+    area = 0.5 * abs(float(np.sum(x * np.roll(y, 1) - y * np.roll(x, 1))))
+    assert area == pytest.approx(0.02 * 3e-3, rel=0.15)
+
+
+def test_an_outline_of_a_bone_with_few_vertices_is_in_one_piece():
+    """A tetrahedron, whose sides have no vertices between their ends."""
+    corners = 1e-3 * np.array([[0, 0, 0], [20, 0, 0], [0, 5, 0], [0, 0, 8.0]])
+    faces = np.array([[0, 1, 2], [0, 1, 3], [1, 2, 3], [0, 2, 3]])
+    bone = BoneSurface("tetrahedron", corners, faces, np.zeros((1, 3)), np.eye(3)[None])
+    drawn = outline(bone, 0)
+    assert np.array_equal(drawn[0], drawn[-1])
+    assert np.linalg.norm(np.diff(drawn, axis=0), axis=1).max() < 2 * PIXEL
+    x, z = drawn[:-1].T
+    area = 0.5 * abs(float(np.sum(x * np.roll(z, 1) - z * np.roll(x, 1))))
+    assert area == pytest.approx(0.5 * 0.02 * 0.008, rel=0.1)
 
 
 def test_a_part_of_a_sheet_lies_where_the_whole_does():

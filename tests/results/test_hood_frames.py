@@ -32,6 +32,9 @@ class Square:
     def fields(self) -> tuple:
         return ()
 
+    def lines(self) -> dict:
+        return {}
+
     def audit(self) -> dict[str, float]:
         return {}
 

@@ -109,6 +109,8 @@ def test_the_page_lays_the_runs_beside_what_was_measured(place):
     page = (place / "studies" / "pip" / "index.html").read_text(encoding="utf-8")
     assert '>near</td><td>-24 ± 5</td><td class="where">median inside' in page
     assert '>far</td><td>[at least 1]</td><td class="where">apart' in page
+    assert ">Torque: " in page.partition("<main>")[0]
+    assert " N mm in the median, " in page.partition("<main>")[0]
     assert "not ours" not in page.split('<section id="file">')[0]
 
 

@@ -11,6 +11,7 @@ from cosim.fingers.common import PostureConfig
 from cosim.hoods.kind import HoodConfig, HoodKind
 from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts
 from cosim.hoods.supports import ContactConfig, SpringConfig
+from cosim.hoods.view import Colour
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import ExtraLength, Modulus, Number, Section, Table
@@ -94,4 +95,27 @@ class CableHoodConfig(HoodConfig):
         return PARTS
 
 
-KIND = HoodKind(CableHoodConfig, "cosim.hoods.cable.build:BUILDER")
+COLOURS = (
+    Colour(
+        key="cable_tension",
+        label="Tension of the cables",
+        unit="N",
+        in_results=("cable_tension", None),
+        factor=1.0,
+        on_mesh="tension",
+        mesh_factor=1.0,
+        on_lines=True,
+    ),
+    Colour(
+        key="cable_strain",
+        label="Engineering strain of the cables, end to end",
+        unit="%",
+        in_results=("cable_strain", None),
+        factor=100.0,
+        on_mesh="end_to_end_strain",
+        mesh_factor=100.0,
+        is_signed=True,
+        on_lines=True,
+    ),
+)
+KIND = HoodKind(CableHoodConfig, "cosim.hoods.cable.build:BUILDER", COLOURS)
