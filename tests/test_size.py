@@ -24,7 +24,7 @@ CEILINGS = {
     "cosim/hoods": 4096,
     "cosim/kernels": 362,
     "cosim/models": 684,
-    "cosim/report": 2328,
+    "cosim/report": 2683,
     "cosim/results": 4214,
     "cosim/schema": 580,
     "cosim/solve": 818,

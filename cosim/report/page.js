@@ -1,55 +1,133 @@
-// The state of the report's page: which run, frame and colour its views show, and what its controls do.
-// Loaded with #selftest it uses each of them and writes what it saw into an attribute of <html>.
+// The state of the report's page: which runs, frame and colour its views show, and what its controls do.
 "use strict";
 (() => {
   const errors = [];
   window.addEventListener("error", (event) => errors.push(event.message));
   window.addEventListener("unhandledrejection", (event) => errors.push(String(event.reason)));
-  const { CONFIG, FONT, extremes, field, fixed, frame, numbers, said, shape } = CosimScene;
+  const { CAMERAS, CONFIG, FONT, extremes, field, fields, fixed, frame, nearest, numbers, said, shape } = CosimScene;
   const $ = (id) => document.getElementById(id);
-  const data = JSON.parse($("views").textContent);
   const make = (tag, text = "", attributes = {}) => {
     const made = Object.assign(document.createElement(tag), { textContent: text });
     for (const name in attributes) made.setAttribute(name, attributes[name]);
     return made;
   };
 
-  // --- state
-  const now = { view: 0, field: "along", frame: data.views[0].frames.length - 1 };
-  const view = () => data.views[now.view];
-  let camera = CosimScene.CAMERA;
+  // --- what the page carries
+  const OLD = "The views below need a newer browser: Chrome or Edge 80, Firefox 113, Safari 16.4. All tables and the picture above are complete.";
+  const DIGITS = [..."0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz!#$%.()*+-;,=>?@^_`{|}~"];
+  function bytes(text) { // of packing.packed: base85, five digits for four bytes
+    const worth = new Uint8Array(128), length = text.length, out = new Uint8Array(4 * Math.ceil(length / 5)), whole = new DataView(out.buffer);
+    DIGITS.forEach((digit, i) => { worth[digit.charCodeAt(0)] = i; });
+    for (let i = 0, at = 0; i < length; i += 5, at += 4) {
+      let value = 0;
+      for (let j = i; j < i + 5; j++) value = 85 * value + (j < length ? worth[text.charCodeAt(j)] : 84);
+      whole.setUint32(at, value % 2 ** 32);
+    }
+    return out.subarray(0, out.length - ((5 - (length % 5)) % 5));
+  }
+  function unpack(id) {
+    const stream = new Blob([bytes($(id).textContent.trim())]).stream().pipeThrough(new DecompressionStream("gzip"));
+    $(id).remove();
+    return new Response(stream).text();
+  }
+  let data; // of pack_views, with `history` and `looks`
 
-  // --- the view in space
-  const layout = (v) => CosimScene.layout(v.box, $("scene").clientWidth, $("scene").clientHeight, camera);
+  // --- state
+  const now = { field: "along", frame: 0, off: new Set(["names"]), playing: 0 };
+  let camera = CAMERAS.oblique;
+  const panels = []; // what is seen beside one another: { index, stage, title, readout, still }
+  const view = (panel = panels[0]) => data.views[panel.index];
+  const frameOf = (panel) => (panel === panels[0] ? now.frame : nearest(view(panel), view(), now.frame));
+
+  // --- the views in space
+  function addPanel(index) {
+    const box = make("div", "", { class: "space" }), panel = { index, box, title: make("h3"), readout: make("dl", "", { class: "readout" }) };
+    panel.stage = make("div", "", { class: "scene", tabindex: 0, role: "group", "aria-roledescription": "view in three dimensions" });
+    panel.still = make("img", "", { class: "still", alt: "The view in space, as it was last drawn" });
+    panel.still.hidden = true;
+    box.append(panel.title, panel.stage, panel.still, panel.readout);
+    CosimSave.buttons(panel.stage, "the view in space", [["PNG", "png", () => still(panel), ""]]);
+    panel.stage.addEventListener("keydown", (event) => turn(event));
+    $("spaces").append(box);
+    panels.push(panel);
+    return panel;
+  }
+  function removePanel() {
+    const panel = panels.pop();
+    if (panel.stage.data) Plotly.purge(panel.stage);
+    panel.box.remove();
+  }
+  const shownParts = () => Object.keys(CosimScene.PARTS).filter((part) => !now.off.has(part));
+  function drawPanel(panel, range) {
+    const v = view(panel), k = frameOf(panel), traces = CosimScene.traces(data, v, k, now.field, shownParts());
+    panel.title.textContent = panels.length > 1 ? `${v.name}, ${v.frames[k]}` : "";
+    panel.stage.setAttribute("aria-label", `${v.name}, ${v.frames[k]}: bones, tendons and hood; arrows turn, plus and minus come nearer`);
+    tell(panel, v, k);
+    if (!range) { panel.stage.textContent = "There is nothing to show in space of this run."; return Promise.resolve(); }
+    const first = !panel.stage.data;
+    return Plotly.react(panel.stage, traces, CosimScene.layout(range, panel.stage.clientWidth, panel.stage.clientHeight, camera), CONFIG).then(() => {
+      if (!first) return;
+      const follow = (change) => { if (change["scene.camera"]) look(change["scene.camera"], panel); };
+      panel.stage.on("plotly_relayouting", follow);
+      panel.stage.on("plotly_relayout", follow);
+    });
+  }
+  let looking = false;
+  function look(to, from) { // one camera for all views
+    camera = to;
+    if (looking) return Promise.resolve();
+    looking = true;
+    return Promise.all(panels.filter((panel) => panel !== from && panel.stage.data).map((panel) => Plotly.relayout(panel.stage, { "scene.camera": camera })))
+      .finally(() => { looking = false; later(); });
+  }
+  function turn(event) {
+    const { eye, up } = camera, step = Math.PI / 18;
+    const about = (axis, p, angle) => { // Rodrigues
+      const c = Math.cos(angle), s = Math.sin(angle), dot = axis.x * p.x + axis.y * p.y + axis.z * p.z;
+      return { x: p.x * c + (axis.y * p.z - axis.z * p.y) * s + axis.x * dot * (1 - c), y: p.y * c + (axis.z * p.x - axis.x * p.z) * s + axis.y * dot * (1 - c), z: p.z * c + (axis.x * p.y - axis.y * p.x) * s + axis.z * dot * (1 - c) };
+    };
+    const side = { x: up.y * eye.z - up.z * eye.y, y: up.z * eye.x - up.x * eye.z, z: up.x * eye.y - up.y * eye.x }, length = Math.hypot(side.x, side.y, side.z);
+    const across = { x: side.x / length, y: side.y / length, z: side.z / length };
+    const near = (by) => ({ ...camera, eye: { x: by * eye.x, y: by * eye.y, z: by * eye.z } });
+    const ways = { ArrowLeft: () => ({ ...camera, eye: about(up, eye, -step) }), ArrowRight: () => ({ ...camera, eye: about(up, eye, step) }),
+      ArrowUp: () => ({ ...camera, eye: about(across, eye, -step), up: about(across, up, -step) }), ArrowDown: () => ({ ...camera, eye: about(across, eye, step), up: about(across, up, step) }),
+      "+": () => near(0.85), "-": () => near(1 / 0.85) };
+    if (!ways[event.key]) return;
+    event.preventDefault();
+    look(ways[event.key](), null);
+  }
   function draw() {
-    const v = view(), traces = CosimScene.traces(data, v, now.frame, now.field), f = field(v, now.field);
-    tell();
+    const f = field(view(), now.field), boxes = panels.map((panel) => view(panel)).filter((v) => v.box);
+    const range = boxes.length ? CosimScene.commonBox(boxes) : null;
+    $("frame").textContent = view().frames[now.frame];
+    $("slider").setAttribute("aria-valuetext", view().frames[now.frame]);
     recolour();
     $("bar").replaceChildren(...(f ? [CosimScene.colourBar(data, f)] : []));
-    if (!traces.length) { $("scene").textContent = "There is nothing to show in space of this run."; return Promise.resolve(); }
-    return Plotly.react($("scene"), traces, layout(v), CONFIG).then(later);
+    $("notes").textContent = [...new Set(panels.flatMap((panel) => view(panel).notes))].join(" ");
+    return Promise.all(panels.map((panel) => drawPanel(panel, view(panel).box && range))).then(later);
   }
   let waiting = 0;
-  function later() { // a still of the view, for print
+  function later() { // stills of the views, for print, and the time in the charts, once all is quiet
     clearTimeout(waiting);
-    waiting = setTimeout(() => still().then((image) => { $("still").src = image; }, () => {}), 500);
+    if (now.playing) return;
+    waiting = setTimeout(() => {
+      mark();
+      for (const panel of panels) still(panel).then((image) => { panel.still.src = image; panel.still.hidden = false; }, () => {});
+    }, 500);
   }
-  const still = () => Plotly.toImage($("scene"), { format: "png", width: 1000, height: 560 });
+  const still = (panel) => (panel.stage.data ? Plotly.toImage(panel.stage, { format: "png", width: 1000, height: 560 }) : Promise.reject(new Error("nothing is drawn")));
 
   // --- numbers beside
-  function tell() {
-    const v = view(), k = now.frame, c = v.force[k], s = shape(v, k), f = field(v, now.field);
-    $("frame").textContent = v.frames[k];
-    const rows = [["fingertip force", `${said(Math.hypot(...c))} N`],
-      ["distal, radial, dorsal", `${c.map((x) => fixed(x)).join(", ")} N`],
-      ...v.joints.map((joint, i) => [joint.replaceAll("_", " "), `${fixed(v.angles[k][i])}°`])];
+  function tell(panel, v, k) {
+    const c = v.force[k], s = shape(v, k), f = field(v, now.field), size = Math.hypot(...c);
+    const rows = size > 5e-4 ? [["fingertip force", `${said(size)} N`], ["distal, radial, dorsal", `${c.map((x) => fixed(x)).join(", ")} N`]] : [["fingertip", "pushes on nothing"]];
+    rows.push(...v.joints.map((joint, i) => [joint, `${fixed(v.angles[k][i])}°`]));
     if (s >= 0 && f) rows.push(["the colour's values", `${extremes(frame(f.values, s)).map((x) => said(x)).join(" to ")} ${f.unit}`]);
-    $("readout").replaceChildren(...rows.map(([head, text]) => {
+    panel.readout.replaceChildren(...rows.map(([head, text]) => {
       const div = make("div");
       div.append(make("dt", head), make("dd", text));
       return div;
     }));
-    $("notes").textContent = (v.notes || []).join(" ");
   }
 
   // --- strain maps
@@ -60,25 +138,25 @@
     for (const v of data.views.filter((one) => one.sheet)) {
       const div = make("div", "", { class: "maps" });
       if (data.views.length > 1) div.append(make("h3", v.name));
-      for (const key of ["along", "across"]) div.append(map(v, key));
+      for (const key of ["along", "across"]) if (fields(v).some((f) => f.key === key)) div.append(map(v, key));
       room.append(div);
     }
   }
   function map(v, key) {
     const div = make("div"), one = { v, key, ...CosimScene.flatMap(data, v, key), head: make("h4"), note: make("p", "", { class: "said quiet" }), shape: -1 };
     div.append(one.head, one.picture, one.note);
+    CosimSave.ofSvg(one.note, `strain ${key} ${v.name}`, one.picture);
     one.picture.addEventListener("pointermove", (event) => {
       const n = event.target.dataset && event.target.dataset.quad;
-      if (n !== undefined && one.shape >= 0) one.note.textContent = `${v.sheet.regions[v.sheet.region[n]].replaceAll("_", " ")}: ${said(frame(one.f.values, one.shape)[n])} ${one.f.unit}`;
+      if (n !== undefined && one.shape >= 0) one.note.textContent = `${v.sheet.regions[v.sheet.region[n]]}: ${said(frame(one.f.values, one.shape)[n])} ${one.f.unit}`;
     });
     one.picture.addEventListener("pointerleave", () => { one.note.textContent = CosimScene.summary(one.f, one.shape); });
     maps.push(one);
     return div;
   }
   function recolour() { // every map at the slider's frame, or at its own last shape
-    const label = view().frames[now.frame];
     for (const one of maps) {
-      const k = one.v.frames.indexOf(label), s = shape(one.v, k), shown = s >= 0 ? s : one.v.sheet.at.length - 1;
+      const s = shape(one.v, nearest(one.v, view(), now.frame)), shown = s >= 0 ? s : one.v.sheet.at.length - 1;
       if (shown === one.shape) continue;
       one.shape = shown;
       one.show(shown);
@@ -87,94 +165,150 @@
     }
   }
 
-  // --- curves over time
-  function curves() {
+  // --- charts over time
+  const charts = [];
+  function layCharts() {
     const room = $("history");
     if (!room) return [];
-    const kinds = [["angles", "turned, °"], ["force", "fingertip force, N"], ["tensions", "tension, N"]];
-    const wanted = data.history.flatMap((h) => kinds.map(([key, title]) => ({ h, key, title, div: make("div") })));
-    room.append(...wanted.map((one) => one.div)); // all at once, so that each finds its width
-    return wanted.map(({ h, key, title, div }) => {
-      const x = Array.from(numbers(h.time));
-      const traces = Object.entries(h[key]).map(([name, y], i) => ({ type: "scatter", mode: "lines", x, y: Array.from(numbers(y)), name,
-        line: data.looks[i] }));
-      const axis = (words) => ({ title: { text: words, standoff: 6 }, gridcolor: "#e6eaed", zerolinecolor: "#9aa5ad" });
-      return Plotly.newPlot(div, traces, { margin: { l: 56, r: 8, t: 26, b: 44 }, font: FONT, xaxis: axis("time, s"), yaxis: axis(title),
-        title: { text: data.history.length > 1 ? h.name : "", font: FONT, x: 0.02 }, legend: { font: { ...FONT, size: 11.5 } }, hovermode: "x unified" }, CONFIG);
+    for (const h of data.history) {
+      if (data.history.length > 1) room.append(make("h3", h.name));
+      for (const chart of h.charts) {
+        const div = make("div", "", { class: "chart" }), plot = make("div", "", { class: "plot", role: "img", "aria-label": `${chart.title}: ${chart.axis}, over time; ${chart.curves.map((c) => c.name).join(", ")}` });
+        div.append(make("h4", chart.title), plot);
+        room.append(div);
+        charts.push({ h, chart, plot });
+      }
+    }
+    return charts.map(({ h, chart, plot }) => { // all rooms stand, so that each finds its width
+      const x = Array.from(numbers(chart.time)), words = chart.curves.some((c) => c.name.length > 22) || chart.curves.length > 5;
+      const traces = chart.curves.map(({ name, y }, i) => ({ type: "scatter", mode: "lines", x, y: Array.from(numbers(y)), name, line: data.looks[i] }));
+      const axis = (text) => ({ title: { text, standoff: 8 }, gridcolor: "#e6eaed", zerolinecolor: "#9aa5ad", automargin: true });
+      const name = `${chart.title} ${h.name}`, image = (format) => () => Plotly.toImage(plot, { format, width: 720, height: 400 });
+      const plain = (address) => decodeURIComponent(address.slice(address.indexOf(",") + 1));
+      CosimSave.buttons(plot, name, [["SVG", "svg", () => image("svg")().then(plain), "image/svg+xml"], ["PNG", "png", image("png"), ""],
+        ["CSV", "csv", () => [["time s", ...chart.curves.map((c) => `"${c.name}: ${chart.axis}"`)].join(","), ...x.map((t, i) => [t, ...traces.map((trace) => trace.y[i])].join(","))].join("\n"), "text/csv"]]);
+      return Plotly.newPlot(plot, traces, { margin: { l: 60, r: 10, t: 8, b: 40 }, font: FONT, xaxis: axis("time, s"), yaxis: axis(chart.axis), showlegend: true,
+        legend: { font: { ...FONT, size: 12 }, orientation: "h", y: -0.24, yanchor: "top", entrywidth: words ? 0 : undefined }, hovermode: "x unified" }, CONFIG).then(() => {
+        plot.on("plotly_click", ({ points }) => {
+          const v = data.views[h.view], gaps = v.times.map((time) => Math.abs(time - points[0].x));
+          go(nearest(view(), v, gaps.indexOf(Math.min(...gaps))));
+        });
+      });
     });
+  }
+  function mark() { // the slider's time in every chart
+    const time = view().times[now.frame];
+    for (const { plot } of charts) if (plot.layout && time !== undefined) Plotly.relayout(plot, { shapes: [{ type: "line", x0: time, x1: time, y0: 0, y1: 1, yref: "paper", line: { color: "#59646d", width: 1, dash: "dot" } }] });
   }
 
   // --- controls
-  function choose() {
-    const v = view(), fields = v.sheet ? v.sheet.fields : [];
-    $("field").replaceChildren(...fields.map((f) => new Option(`${f.label}, ${f.unit}`, f.key)));
-    $("field").disabled = !fields.length;
-    if (!fields.length) $("field").append(new Option("no deformable hood"));
-    else $("field").value = now.field;
+  function choose() { // what the controls offer of the first view
+    const v = view(), all = fields(v);
+    if ($("field")) {
+      $("field").replaceChildren(...all.map((f) => new Option(f.unit ? `${f.label}, ${f.unit}` : f.label, f.key)));
+      $("field").disabled = !all.length;
+      if (!all.length) $("field").append(new Option("no deformable hood"));
+      else $("field").value = (field(v, now.field) || all[0]).key;
+    }
     $("slider").max = v.frames.length - 1;
     $("slider").value = now.frame;
-    $("run").disabled = data.views.length < 2;
+    $("slider").disabled = v.frames.length < 2;
+    $("run").parentNode.hidden = data.views.length < 2;
+    if ($("play")) $("play").disabled = $("speed").disabled = !v.times.length;
+    $("parts").replaceChildren(make("legend", "Shown"), ...CosimScene.legend(data, v).map(({ part, words, kind, inks }) => {
+      const label = make("label"), box = make("input", "", { type: "checkbox" });
+      box.checked = !now.off.has(part);
+      box.addEventListener("change", () => { if (box.checked) now.off.delete(part); else now.off.add(part); draw(); });
+      label.append(box, ...inks.map((ink) => make("i", "", { class: kind, style: `background:${ink}` })), words);
+      return label;
+    }));
   }
   function pick() {
-    const label = view().frames[now.frame];
-    now.view = Number($("run").value);
-    const k = view().frames.indexOf(label);
-    now.frame = k >= 0 ? k : view().frames.length - 1;
+    const before = view(), k = now.frame;
+    panels[0].index = Number($("run").value);
+    now.frame = nearest(view(), before, k);
+    if (view().times.length === 0) stop();
     choose();
     return draw();
   }
-  function start() {
+  function pickBeside() {
+    const value = $("beside").value;
+    if (panels.length > 1) removePanel();
+    if (value !== "") addPanel(Number(value));
+    $("spaces").classList.toggle("two", panels.length > 1);
+    return draw();
+  }
+  function go(k) {
+    now.frame = k;
+    $("slider").value = k;
+    return draw();
+  }
+  function stop() {
+    if (!$("play")) return;
+    now.playing = 0;
+    $("play").textContent = "Play";
+    $("play").setAttribute("aria-pressed", "false");
+    later();
+  }
+  function play() {
+    if (now.playing) return stop();
+    const turn = (now.playing = Date.now()), { times } = view(), end = times[times.length - 1];
+    let time = now.frame === times.length - 1 ? times[0] : times[now.frame], last = performance.now();
+    $("play").textContent = "Pause";
+    $("play").setAttribute("aria-pressed", "true");
+    const step = (at) => {
+      if (now.playing !== turn) return;
+      time += (Number($("speed").value) * (at - last)) / 1000;
+      last = at;
+      if (time >= end) { go(times.length - 1).then(stop); return; }
+      const k = times.findLastIndex((t) => t <= time);
+      if (k === now.frame) requestAnimationFrame(step);
+      else go(k).then(() => requestAnimationFrame(step));
+    };
+    requestAnimationFrame(step);
+  }
+  async function start() {
+    if (typeof DecompressionStream === "undefined") { $("stuck").textContent = `▲ ${OLD}`; $("stuck").hidden = false; return; }
+    const [views, library] = await Promise.all([unpack("views"), unpack("plotly")]);
+    data = JSON.parse(views);
+    document.head.append(make("script", library));
+    addPanel(0);
+    now.frame = view().frames.length - 1;
     choose();
     layMaps();
     $("run").addEventListener("change", pick);
-    $("field").addEventListener("change", () => { now.field = $("field").value; draw(); });
-    $("slider").addEventListener("input", () => { now.frame = Number($("slider").value); draw(); });
-
+    if ($("beside")) $("beside").addEventListener("change", pickBeside);
+    if ($("field")) $("field").addEventListener("change", () => { now.field = $("field").value; draw(); });
+    $("slider").addEventListener("input", () => { stop(); go(Number($("slider").value)); });
+    if ($("play")) $("play").addEventListener("click", play);
+    for (const button of document.querySelectorAll("[data-look]")) button.addEventListener("click", () => look(CAMERAS[button.dataset.look], null));
+    if ($("beside") && data.views.length > 1 && matchMedia("(min-width: 900px)").matches) { $("beside").value = "1"; addPanel(1); $("spaces").classList.add("two"); }
     const details = [...document.querySelectorAll("details")];
     window.addEventListener("beforeprint", () => details.forEach((d) => { d.open = true; }));
-    return Promise.all([draw(), ...curves()]).then(() => {
-      if ($("scene").on) $("scene").on("plotly_relayout", (change) => {
-        if (change["scene.camera"]) camera = change["scene.camera"];
-        later();
-      });
-    });
+    await Promise.all([draw(), ...layCharts()]);
   }
 
   // --- what a test asks for
   async function seen() {
     const image = new Image();
-    image.src = await still();
+    image.src = await still(panels[0]);
     await image.decode();
     const canvas = document.createElement("canvas");
     canvas.width = image.width; canvas.height = image.height;
-    const pen = canvas.getContext("2d");
+    const pen = canvas.getContext("2d", { willReadFrequently: true });
     pen.drawImage(image, 0, 0);
     const pixels = new Uint32Array(pen.getImageData(0, 0, canvas.width, canvas.height).data.buffer);
     let sum = 0;
     for (const pixel of pixels) sum = (Math.imul(sum, 31) + pixel) | 0;
     const fills = maps.map((one) => one.quads.map((quad) => quad.getAttribute("fill")).join());
-    return { frame: $("frame").textContent, readout: $("readout").textContent, colours: new Set(pixels).size, sum, maps: fills };
+    return { frame: $("frame").textContent, readout: panels[0].readout.textContent, colours: new Set(pixels).size, sum, maps: fills };
   }
   function isCut(v, k) { // whether a point of a frame lies outside of the box
     if (!v.box) return false;
     return CosimScene.traces(data, v, k, now.field).some((trace) =>
-      [trace.x, trace.y, trace.z].some((values, i) => values.some((x) => x !== null && (x < v.box[i][0] || x > v.box[i][1]))));
+      [trace.x, trace.y, trace.z].some((values, i) => values.some((x) => x !== null && (x < v.box[i][0] - 0.01 || x > v.box[i][1] + 0.01))));
   }
-  async function selftest() {
-    const asked = performance.getEntriesByType("resource").map((entry) => entry.name);
-    const out = { requests: asked.filter((name) => !/^(data|blob):/.test(name)), fits: document.documentElement.scrollWidth <= innerWidth, canvases: document.querySelectorAll("#scene canvas").length, cut: data.views.map((v) => v.frames.filter((_, k) => isCut(v, k))).flat(), seen: [], errors };
-    for (const value of [$("slider").max, 0]) {
-      $("slider").value = value;
-      now.frame = Number(value);
-      await draw();
-      out.seen.push(await seen());
-    }
-    document.documentElement.dataset.selftest = JSON.stringify(out);
-  }
-
-  start().then(() => (location.hash === "#selftest" ? selftest() : null)).catch((error) => {
-    errors.push(String(error));
-    document.documentElement.dataset.selftest = JSON.stringify({ errors });
-    throw error;
-  });
+  window.cosimPage = { charts, draw, errors, go, isCut, look, maps, now, panels, seen, get camera() { return camera; }, get data() { return data; } };
+  window.cosimReady = start();
+  window.cosimReady.catch((error) => errors.push(String(error)));
 })();

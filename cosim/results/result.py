@@ -204,9 +204,9 @@ class Result(CaseParts):
     def scenes(self) -> tuple[Scene, ...]:
         """What there is to see in each of `frames`, m: hood, bones, tendons and the fingertip with
         its force.  Raises InputError where the finger is in an FMU."""
-        return scenes_of(self.frames, self._checked_case())
+        return scenes_of(self.frames, self.checked_case())
 
-    def _checked_case(self) -> Case:
+    def checked_case(self) -> Case:
         """The case that was run.  Raises InputError where it cannot be built again."""
         if self.folder is None:
             return case_of(self.case_table, self.case)
@@ -220,7 +220,7 @@ class Result(CaseParts):
             return self.scene
         angles, force = (self.arrays.variables[name].values[-1] for name in ("angle", "tip_force"))
         try:
-            return scenes_of([Frame("", None, angles, force, self.hood)], self._checked_case())[0]
+            return scenes_of([Frame("", None, angles, force, self.hood)], self.checked_case())[0]
         except InputError as error:
             warnings.warn(f"bones and tendons are not shown: {error}", stacklevel=3)
             return self.scene
