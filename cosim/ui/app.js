@@ -1,7 +1,7 @@
 // The page of `cosim ui`: it shows the server's state, which all tabs share, and sends what is asked.
 "use strict";
 (() => {
-  const { CONFIG, fixed, said, svg } = CosimScene;
+  const { CAMERAS, CONFIG, field, fields, fixed, nearest, said } = CosimScene;
   const $ = (id) => document.getElementById(id);
   function make(tag, text = "", attributes = {}) {
     const made = Object.assign(document.createElement(tag), { textContent: text });
@@ -9,10 +9,9 @@
     return made;
   }
   const STATUS = { solving: "Solving", done: "Solved", "at fault": "Not solved: a value is at fault", failed: "Not solved", stopped: "Stopped", waiting: "This is a motion: press Solve to run it" };
-  const PARTS = { bones: "bones", hood: "hood", tendons: "tendons", fibres: "fibres", force: "fingertip force" };
   const POSITIONS = 200; // of a slider that moves by factors
   let state = null, drawn = { views: [], picture: -1 }, controls = [], built = "", rows = new Map();
-  const now = { field: "", frame: null, parts: new Set(Object.keys(PARTS)), playing: 0, camera: CosimScene.CAMERA };
+  const now = { field: "", frame: null, off: new Set(["names"]), playing: 0, camera: CAMERAS.oblique, looks: 0 };
 
   // --- the server
   const get = (where) => fetch(where).then((answer) => answer.json());
@@ -114,6 +113,12 @@
     at.replaceChildren(...texts.map((text) => make("li", text)));
     at.hidden = !texts.length;
   }
+  function svg(tag, attributes, parent) {
+    const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
+    for (const name in attributes) made.setAttribute(name, attributes[name]);
+    parent.append(made);
+    return made;
+  }
   function residuals() { // a line for each state, from 1 down to 1e-12
     const at = $("residuals"), points = state.residuals.slice(-120);
     at.replaceChildren();
@@ -153,41 +158,35 @@
   // --- what is drawn
   const primary = () => drawn.views[0];
   const lastFrame = () => primary().frames.length - 1;
-  function frameOf(v) { // the chosen frame of a view, by its name, else its last
-    const last = v.frames.length - 1;
-    if (now.frame === null) return last;
-    const at = v.frames.indexOf(now.frame);
-    return at >= 0 ? at : last;
+  function frameOf(v) { // the chosen frame, or of a pinned run the one that goes with it
+    if (v !== primary()) return nearest(v, primary(), frameOf(primary()));
+    return now.frame === null ? lastFrame() : Math.min(now.frame, lastFrame());
   }
   function lookAt() {
     const v = primary();
-    if (!v) { $("panes").replaceChildren(); $("legend").replaceChildren(); return; }
-    const fields = v.sheet ? v.sheet.fields : [];
-    if (!fields.some((f) => f.key === now.field)) now.field = fields.length ? fields[0].key : "";
-    $("field").replaceChildren(...fields.map((f) => new Option(f.unit ? `${f.label}, ${f.unit}` : f.label, f.key)));
-    if (!fields.length) $("field").append(new Option("no deformable hood", ""));
-    $("field").disabled = !fields.length;
+    if (!v) { $("panes").replaceChildren(); $("legend").replaceChildren(); $("parts").replaceChildren(); return; }
+    if (state.isSoFar || (now.frame !== null && now.frame >= lastFrame())) now.frame = null; // the last one, as it grows
+    const all = fields(v), f = field(v, now.field);
+    now.field = f ? f.key : "";
+    $("field").replaceChildren(...all.map((one) => new Option(one.unit ? `${one.label}, ${one.unit}` : one.label, one.key)));
+    if (!f) $("field").append(new Option("no deformable hood", ""));
+    $("field").disabled = !f;
     $("field").value = now.field;
     $("frame").max = lastFrame();
     $("player").hidden = lastFrame() < 1;
-    $("play").parentElement.classList.toggle("short", lastFrame() < 2);
-    for (const at of [$("play"), $("speed").parentElement]) at.hidden = lastFrame() < 2;
+    for (const at of [$("play"), $("speed").parentElement]) at.hidden = !v.times.length;
     keys();
+    $("parts").replaceChildren(make("legend", "Shown"), ...CosimScene.legend(drawn, v).map(({ part, words, kind, inks }) => {
+      const label = make("label"), box = make("input", "", { type: "checkbox" });
+      box.checked = !now.off.has(part);
+      box.addEventListener("change", () => { now.off[box.checked ? "delete" : "add"](part); draw(); });
+      label.append(box, ...inks.map((ink) => make("i", "", { class: kind, style: `background:${ink}` })), words);
+      return label;
+    }));
   }
   function keys() {
-    const v = primary(), f = CosimScene.field(v, now.field), items = [];
-    const key = (ink, words, patch) => {
-      const span = make("span"), i = make("i", "", patch ? { class: "patch" } : {});
-      i.style[patch ? "background" : "borderTopColor"] = ink;
-      span.append(i, words);
-      items.push(span);
-    };
-    if (f) { const bar = CosimScene.colourBar(drawn, f); bar.classList.add("scale"); items.push(bar); }
-    if (v.bones.length) key("rgb(236,228,208)", "bones", true);
-    if (v.tendons.points) key("#2f5d50", "tendons");
-    for (const [n, { ink }] of (v.sheet ? v.sheet.fibres : []).entries()) key(ink, n ? "second fibre family" : "fibres");
-    key("#111", "force of the fingertip");
-    $("legend").replaceChildren(...items);
+    const f = field(primary(), now.field);
+    $("legend").replaceChildren(...(f ? [CosimScene.colourBar(drawn, f)] : []));
   }
   function panes(count) {
     const at = $("panes");
@@ -209,9 +208,11 @@
       title.textContent = title.title = drawn.views.length < 2 ? "" : isPinned ? `Pinned: ${state.pin || ""}` : `Now: ${state.answer ? state.answer.label : ""}`;
       const angles = v.joints.map((joint, i) => `${joint.replaceAll("_", " ")} ${fixed(v.angles[k][i], 1)}°`).join(", ");
       all[n].querySelector("p").textContent = [angles, ...(v.notes || [])].join(". ");
-      const traces = CosimScene.traces(drawn, v, k, now.field, [...now.parts]);
+      const parts = Object.keys(CosimScene.PARTS).filter((part) => !now.off.has(part));
+      const traces = CosimScene.traces(drawn, v, k, now.field, parts);
       const [width, height] = [room.clientWidth, room.clientHeight];
-      const layout = { ...CosimScene.layout(box, width, height, now.camera), width, height };
+      const layout = { ...CosimScene.layout(box, width, height, now.camera), width, height, uirevision: now.looks };
+      layout.scene.uirevision = now.looks;
       return Plotly.react(room, traces, layout, CONFIG).then(() => { if (!room.dataset.heard) follow(room); });
     }));
     const k = frameOf(primary());
@@ -233,13 +234,13 @@
   }
   function play() {
     if (now.playing) { clearInterval(now.playing); now.playing = 0; } else {
-      if (frameOf(primary()) === lastFrame()) now.frame = primary().frames[0];
+      if (frameOf(primary()) === lastFrame()) now.frame = 0;
       let busy = false;
       now.playing = setInterval(async () => {
         if (busy) return;
         const next = frameOf(primary()) + 1;
         if (next > lastFrame()) { play(); return; }
-        now.frame = primary().frames[next];
+        now.frame = next;
         busy = true;
         await draw();
         busy = false;
@@ -364,15 +365,10 @@
 
   // --- begin
   async function start() {
-    for (const [part, words] of Object.entries(PARTS)) {
-      const label = make("label"), box = make("input", "", { type: "checkbox" });
-      box.checked = true;
-      box.addEventListener("change", () => { now.parts[box.checked ? "add" : "delete"](part); draw(); });
-      label.append(box, words);
-      $("parts").append(label);
-    }
+    for (const button of document.querySelectorAll("[data-look]"))
+      button.addEventListener("click", () => { now.camera = CAMERAS[button.dataset.look]; now.looks += 1; draw(); });
     $("field").addEventListener("change", () => { now.field = $("field").value; keys(); draw(); });
-    $("frame").addEventListener("input", () => { now.frame = primary().frames[Number($("frame").value)]; draw(); });
+    $("frame").addEventListener("input", () => { now.frame = Number($("frame").value); draw(); });
     $("play").addEventListener("click", play);
     $("speed").addEventListener("change", () => { if (now.playing) { play(); play(); } });
     $("stop").addEventListener("click", () => act("stop"));
