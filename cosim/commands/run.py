@@ -35,6 +35,7 @@ from cosim.errors import (
     quiet,
     span,
 )
+from cosim.extras import require
 from cosim.files import output_file, shown_path
 from cosim.json_text import json_text
 from cosim.models.fit import check_fit
@@ -109,6 +110,9 @@ def run(
     several print a counter, and a table of all at the end."""
     if workers > 1:
         process_context()  # imports while the cases are read
+    if watch:
+        with exit_on_error():
+            require("the page", "starlette", "uvicorn")
     none = () if pictures else ("output.picture=false",)
     checked = load_cases(cases, (*(settings or ()), *none))
     warn({case.name: list(unusual_values(case)) for case in checked})

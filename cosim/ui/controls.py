@@ -124,14 +124,14 @@ def settings_of(case: Case, changes: Mapping[str, str]) -> list[str] | None:
         return _plain_settings(case, changes)
     if case.lesion is not None:
         return None
-    lists = [f"lesion.{key}={json.dumps(of)}" for key, of in lesion.items() if isinstance(of, list)]
-    lengths = [
-        f"lesion.{key}.{part}={amount}"
-        for key, of in lesion.items()
-        if isinstance(of, dict)
-        for part, amount in of.items()
-    ]
-    return [*_plain_settings(case, changes), *lists, *lengths]
+    said = []
+    for key, of in lesion.items():
+        match of:
+            case list():
+                said.append(f"lesion.{key}={json.dumps(of)}")
+            case dict():
+                said += [f"lesion.{key}.{part}={amount}" for part, amount in of.items()]
+    return [*_plain_settings(case, changes), *said]
 
 
 def _plain_settings(case: Case, changes: Mapping[str, str]) -> list[str]:
@@ -262,8 +262,9 @@ def _plain(
     words = [f"{w} {v:g}" for w, v in (("at least", low), ("at most", high)) if v is not None]
     says = f"{meaning} (a number{': ' if words else ''}{', '.join(words)})"
     low, high, step, is_log = _range(float(value), low, high)
-    if isinstance(value, int):
-        step = float(max(1, round(step)))
+    match value:
+        case int():
+            step = float(max(1, round(step)))
     return Control(
         key, group, part, label, says, "slider", f"{value!r}", "", low, high, step, is_log
     )

@@ -560,22 +560,25 @@ class Desk:
         """Say how a solve failed, unless nobody waits for it."""
         with self._lock:
             self._running = None
-            if self._closed or request.number != self._number or isinstance(error, StoppedError):
+            if self._closed or request.number != self._number:
                 return
+            self._so_far = None
             if request.is_check and self._shown is not None:
                 self._shown = replace(self._shown, note=ALONE)
                 self._publish()
                 return
-            self._so_far = None
-            if isinstance(error, ProcessEndedError):
-                self._tell("failed", f"{one_line(error)}. The next change starts it anew.")
-            elif isinstance(error, InputError):
-                self._place_faults(error)
-                self._tell("at fault")
-            elif isinstance(error, ConvergenceError):
-                self._tell("failed", f"{one_line(error)} {ADVICE}")
-            else:
-                self._tell("failed", one_line(error))
+            match error:
+                case StoppedError():
+                    return
+                case ProcessEndedError():
+                    self._tell("failed", f"{one_line(error)}. The next change starts it anew.")
+                case InputError():
+                    self._place_faults(error)
+                    self._tell("at fault")
+                case ConvergenceError():
+                    self._tell("failed", f"{one_line(error)} {ADVICE}")
+                case _:
+                    self._tell("failed", one_line(error))
 
     def _place_faults(self, error: InputError) -> None:
         """Say each fault at its control, those without one above them all."""

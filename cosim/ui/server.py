@@ -290,7 +290,7 @@ def serving(desk: Desk, port: int, opens: bool, say: Callable[[str], None]) -> I
         thread.start()
         say(f"the page is at {address} (for you alone; Ctrl-C ends it)")
         if opens:
-            webbrowser.open(address)
+            webbrowser.open_new_tab(address)
         try:
             yield thread
         finally:
