@@ -7,14 +7,16 @@ Exit codes: 0 done, 1 a solve did not converge, 2 the input is at fault, 3 a run
 from __future__ import annotations
 
 import sys
+import warnings
 from importlib import import_module
 from io import TextIOWrapper
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TextIO
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from cosim.errors import ReadingWarning
 from cosim.processes import prepare_process
 from cosim.version import __version__
 
@@ -239,11 +241,28 @@ app = typer.Typer(
 def main() -> None:
     """The program `cosim`."""
     prepare_process()
+    warnings.showwarning = _show_warning
     for stream in (sys.stdout, sys.stderr):
         # A Windows pipe has a code page of 256 characters: what it lacks is shown as "?".
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
     app(prog_name="cosim")
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """A warning about a file of the user's as one line; of libraries as Python shows them."""
+    if issubclass(category, ReadingWarning):
+        typer.echo(f"cosim: WARNING: {message}", err=True)
+    else:
+        text = warnings.formatwarning(message, category, filename, lineno, line)
+        typer.echo(text, err=True, nl=False)
 
 
 def _print_version(wanted: bool) -> None:

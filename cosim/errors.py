@@ -83,6 +83,11 @@ def _edits(a: str, b: str) -> float:
     return row[-1]
 
 
+class ReadingWarning(UserWarning):
+    """What a file of another program was taken for where it does not say, or says two things; the
+    command line shows it as one line."""
+
+
 class CosimError(Exception):
     """A fault in words for a person: what is wrong, where, what was expected, what to do.
 

@@ -22,6 +22,9 @@ from cosim.port import Array
 
 WIDTH = 98
 """Characters of a line of notes in a file that is written."""
+SEPARATOR = re.compile(r"sep=([,;])[,;]*", re.IGNORECASE)
+"""The first line by which a table tells a spreadsheet how its columns are parted."""
+UNIT_IN_BRACKETS = re.compile(r"(.+?)\s*[\[(]\s*([^\])]+?)\s*[\])]")
 DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 
@@ -60,7 +63,26 @@ def _toml_fault(shown: str, text: str, message: str) -> str:
     if not place or not place[1]:
         return f"{shown}: is not valid TOML: {what} (at the end of the file)"
     line = text.splitlines()[int(place[1]) - 1].strip() if text.splitlines() else ""
+    if hint := _hint(what, line, text):
+        what = f"{what}: {hint}"
     return f"{shown}, line {place[1]}, column {place[2]}: {what}\n  {line[:100]}"
+
+
+def _hint(what: str, line: str, text: str) -> str:
+    """What to write where a person wrote what other programs take."""
+    if "\\" in line and re.search("hex value|Unescaped|escape", what):
+        return 'a backslash in " " begins an escape; write the path with / or in single quotes'
+    in_table = "{" in line and what.startswith("Invalid initial character for a key part")
+    if in_table and re.search(r",\s*}", line):
+        return "leave out the comma before the }"
+    if in_table:
+        return "a table in { } stands on one line; write it so, or as a [table] of its own"
+    return _typographic(line)
+
+
+def _typographic(line: str) -> str:
+    found = [mark for mark in "“”„‘’«»" if mark in line]
+    return f"write straight quotes, \" or ', in place of {found[0]}" if found else ""
 
 
 def toml_value(text: str) -> Any:
@@ -212,7 +234,9 @@ class CsvTable:
 
 def read_csv(path: Path, example: str) -> CsvTable:
     """A table of text: lines that begin with `#` are for people, columns are parted by commas, or
-    by semicolons, which allow decimal commas.  `example`: what its first line may be, for errors.
+    by semicolons, which allow decimal commas.  A unit of a column may stand in brackets, a line
+    `sep=;` may come first; rows without any text are left out.  `example`: what the first line may
+    be, for errors.
 
     Raises InputError, naming the line."""
     shown = shown_path(path)
@@ -225,10 +249,15 @@ def read_csv(path: Path, example: str) -> CsvTable:
         raise InputError(
             f"{shown}: is empty; its first line names the columns, for example {example}"
         )
+    stated = SEPARATOR.fullmatch(lines[0][1].strip())
+    if stated and len(lines) > 1:
+        lines = lines[1:]
     first = lines[0][1]
-    mark = ";" if ";" in first and "," not in first else ","
+    guessed = ";" if ";" in first and "," not in first else ","
+    mark = stated[1] if stated else guessed
     table = [(place := f"{shown}, line {i}", _cells(place, line, mark)) for i, line in lines]
-    place, columns = table[0]
+    place, names = table[0]
+    columns = tuple(map(_with_unit, names))
     columns = columns[: max(i for i, name in enumerate(columns, 1) if name or i == 1)]
     if "" in columns:
         raise InputError(f"{place}: column {columns.index('') + 1} has no name")
@@ -237,10 +266,21 @@ def read_csv(path: Path, example: str) -> CsvTable:
     return CsvTable(path, place, columns, tuple(_rows(columns, table[1:], mark == ";")))
 
 
+def _with_unit(name: str) -> str:
+    """A column's name with its unit as ours have it: `distal [mm]` is distal_mm."""
+    found = UNIT_IN_BRACKETS.fullmatch(name)
+    if found is None:
+        return name
+    unit = found[2].replace("°", "deg").replace("%", "percent")
+    return f"{found[1].strip()}_{re.sub(r'[ .*·]', '', unit)}"
+
+
 def _rows(
     columns: Sequence[str], table: Iterable[tuple[str, Sequence[str]]], has_commas: bool
 ) -> Iterator[CsvRow]:
     for place, cells in table:
+        if not any(cells):
+            continue
         if len(cells) < len(columns) or any(cells[len(columns) :]):
             raise InputError(f"{place}: has {len(cells)} cells, the first line {len(columns)}")
         yield CsvRow(place, dict(zip(columns, cells, strict=False)), has_commas)

@@ -11,11 +11,12 @@ import typer
 
 from cosim.analyses.opensim.loads import Handover, mass_centres, write_loads
 from cosim.analyses.opensim.tensions import read_tensions, tensions_at, write_case
-from cosim.commands.options import pairs_of, three_numbers
+from cosim.commands.options import pairs_of, quantity, three_numbers
 from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
 from cosim.port import Array
 from cosim.results.sto import write_tables
+from cosim.schema import units
 from rigid.opensim.losses import report
 from rigid.opensim.osim import import_osim, write_import
 
@@ -35,12 +36,16 @@ def import_model(
         Path | None,
         typer.Option("--out", "-o", help="The MJCF to write; else MODEL.xml in this folder."),
     ] = None,
+    tolerance: Annotated[
+        str,
+        typer.Option(help="By how much the length of an imported muscle may be off OpenSim's."),
+    ] = "0.1 mm",
 ) -> None:
     """Turn an OpenSim model into MJCF and list what was dropped or changed; the numbers of its
     muscles and joint limits go into a JSON file beside.  Ends with code 2 where the model has
     muscles and none could be imported."""
     with exit_on_error():
-        imported = import_osim(model)
+        imported = import_osim(model, quantity("--tolerance", tolerance, units.LENGTH))
         written = write_import(imported, out or Path(f"{model.stem}.xml"))
         for line in report(imported.losses):
             typer.echo(line)

@@ -69,6 +69,8 @@ class Components:
     by_path: dict[str, OsimTag]
     path_of: dict[int, str] = field(default_factory=dict)
     by_name: dict[str, list[OsimTag]] = field(default_factory=dict)
+    made_up: list[tuple[OsimTag, str]] = field(default_factory=list)
+    """What OpenSim does without, and what it is here."""
 
     def path(self, tag: OsimTag) -> str:
         """The path of a component; of what is within one but none itself (a path point), below that
@@ -76,7 +78,7 @@ class Components:
         if id(tag) in self.path_of or tag.parent is None:
             return self.path_of.get(id(tag), "")
         above = self.path(tag.parent)
-        return f"{above}/{tag.name or tag.kind.lower()}"
+        return f"{above}/{tag.name}" if tag.name and not tag.kind.endswith("Set") else above
 
     def of_kind(self, *kinds: str) -> list[OsimTag]:
         """In the file's order; they count as read."""
@@ -130,10 +132,18 @@ def offset(tag: OsimTag) -> Transform:
 def components(model: OsimTag) -> Components:
     """The components by path.  Raises InputError where two components have one path."""
     out = Components({})
+    if not any(child.kind == "Ground" for child in model.children):
+        ground = type(model)("Ground", {"name": "ground"}, model.file, model, model.line)
+        out.by_path[GROUND], out.path_of[id(ground)] = ground, GROUND
+        out.by_name["ground"] = [ground]
+        out.made_up.append((model, "it has no <Ground>: OpenSim's own is taken"))
     for path, tag in _walk(model, ""):
         if path in out.by_path:
             first = out.by_path[path].line
             raise tag.fault(f"the name is taken by the one in line {first}; names must be unique")
+        if not tag.name:
+            tag.attributes["name"] = path.rpartition("/")[2]
+            out.made_up.append((tag, f"it has no name: it is called {tag.name} here"))
         out.by_path[path] = tag
         out.path_of[id(tag)] = path
         out.by_name.setdefault(tag.name, []).append(tag)
@@ -157,7 +167,6 @@ def _walk(tag: OsimTag, path: str) -> Iterator[tuple[str, OsimTag]]:
 def _members(container: OsimTag, path: str) -> Iterator[tuple[str, OsimTag]]:
     container.used = True
     for child in container.children:
-        if not child.name:
-            raise child.fault("the attribute name is missing")
-        yield f"{path}/{child.name}", child
-        yield from _walk(child, f"{path}/{child.name}")
+        inner = f"{path}/{child.name or f'{child.kind.lower()}_in_line_{child.line}'}"
+        yield inner, child
+        yield from _walk(child, inner)

@@ -1,8 +1,9 @@
 """OpenSim's joints as MuJoCo's: slides and hinges one after the other, in the child body's frame.
 
 A joint places its frame M (fixed in the child) in its frame F (fixed in the parent): translations
-along axes of F, then rotations about axes that turn with those before.  Each is a function of a
-coordinate; what is read are straight lines of slope 1 or -1 and constants, one coordinate each.
+along axes of F, then rotations about axes that turn with those before.  Each is a function of one
+coordinate.  One axis that a coordinate moves by as much as it changes carries it; the others are
+joints that MuJoCo's equalities tie to it, by quartics.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ import numpy as np
 
 from cosim.port import Array, rotation_matrix
 from rigid.opensim.components import Components, OsimFrame, Transform
+from rigid.opensim.functions import Curve, read_function, straight
 from rigid.opensim.xml import OsimTag
 
 SLIDES = ("translation1", "translation2", "translation3")
 TURNS = ("rotation1", "rotation2", "rotation3")
 X, Y, Z = np.eye(3)
-STRAIGHT = 1e-12
-"""How far the knots of a spline may lie from a line, of their range, to be read as one."""
+ITSELF = straight(1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -37,13 +38,19 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class TransformAxis:
-    """Motion along or about a unit vector by slope * coordinate + intercept (m or rad)."""
+    """Motion along or about a unit vector by a function of a coordinate (m or rad), or by as much
+    as that is at zero where it has none."""
 
     slide: bool
     direction: Array
     coordinate: str | None
-    slope: float = 1.0
-    intercept: float = 0.0
+    curve: Curve = ITSELF
+    name: str = ""
+
+    @property
+    def carries(self) -> bool:
+        """Whether it moves by as much as its coordinate, one way or the other."""
+        return self.curve.line is not None and abs(self.curve.line[0]) == 1.0
 
     def transform(self, amount: float) -> Transform:
         """Return the motion by `amount` (m or rad) along or about the axis."""
@@ -54,12 +61,15 @@ class TransformAxis:
 
 @dataclass(frozen=True)
 class Screw:
-    """MuJoCo's joint: a slide or a hinge along `direction` through `point` of the child's frame."""
+    """MuJoCo's joint: a slide or a hinge along `direction` through `point` of the child's frame;
+    with a `curve` it moves by that function of the coordinate, else it is the coordinate."""
 
+    name: str
     coordinate: str
     slide: bool
     direction: Array
     point: Array
+    curve: Curve | None = None
 
 
 @dataclass(frozen=True)
@@ -73,6 +83,12 @@ class Joint:
     coordinates: tuple[Coordinate, ...]
     place: Transform
     screws: tuple[Screw, ...]
+
+    @property
+    def unborne(self) -> tuple[str, ...]:
+        """The coordinates that no joint of MuJoCo is, though some follow them."""
+        borne = {screw.coordinate for screw in self.screws if screw.curve is None}
+        return tuple(dict.fromkeys(s.coordinate for s in self.screws if s.coordinate not in borne))
 
 
 def _simple(*axes: tuple[bool, Array]) -> list[tuple[bool, Array]]:
@@ -99,7 +115,7 @@ def read_joint(tag: OsimTag, model: Components) -> Joint:
     coordinates = tuple(_coordinate(c) for c in tag.within("coordinates"))
     axes = _axes(tag, [c.name for c in coordinates])
     locked = {c.name: c.default for c in coordinates if c.locked}
-    place, screws = chain_axes(parent, axes, child, locked)
+    place, screws = chain_axes(parent, axes, child, locked, tag.name)
     return Joint(tag, parent.body, child.body, coordinates, place, screws)
 
 
@@ -115,20 +131,29 @@ def _coordinate(tag: OsimTag) -> Coordinate:
 
 
 def chain_axes(
-    parent: OsimFrame, axes: list[TransformAxis], child: OsimFrame, locked: Mapping[str, float]
+    parent: OsimFrame,
+    axes: list[TransformAxis],
+    child: OsimFrame,
+    locked: Mapping[str, float],
+    joint: str = "",
 ) -> tuple[Transform, tuple[Screw, ...]]:
     """The chain F, axes, M as one fixed transform followed by motions in the child's frame: each
     motion J with all that is fixed behind it, S, is S (S^-1 J S)."""
+    carriers = {axis.coordinate: axis for axis in reversed(axes) if axis.carries}
     behind, screws = child.transform.inverse(), list[Screw]()
     for axis in reversed(axes):
-        held = axis.coordinate is None or axis.coordinate in locked
-        at = locked.get(axis.coordinate, 0.0) if axis.coordinate else 0.0
-        behind = axis.transform(axis.slope * at + axis.intercept) @ behind
-        if held or axis.coordinate is None:
+        of = axis.coordinate
+        if of is None or of in locked:
+            behind = axis.transform(axis.curve(locked.get(of or "", 0.0))) @ behind
             continue
-        direction = axis.slope * behind.rotation.T @ axis.direction
+        name, slope = f"{joint}_{axis.name}", 1.0
+        curve: Curve | None = axis.curve
+        if carriers.get(of) is axis and axis.curve.line is not None:
+            slope, at_zero = axis.curve.line
+            name, curve, behind = of, None, axis.transform(at_zero) @ behind
+        direction = slope * behind.rotation.T @ axis.direction
         point = behind.inverse().position
-        screws.insert(0, Screw(axis.coordinate, axis.slide, direction, point))
+        screws.insert(0, Screw(name, of, axis.slide, direction, point, curve))
     return parent.transform @ behind, tuple(screws)
 
 
@@ -154,14 +179,10 @@ def _custom_axes(tag: OsimTag, names: list[str]) -> list[TransformAxis]:
     if unknown:
         raise unknown[0].fault(f"expected a name among {', '.join((*TURNS, *SLIDES))}")
     axes = [_axis(given[name], name in SLIDES) for name in (*SLIDES, *TURNS) if name in given]
-    used = [axis.coordinate for axis in axes if axis.coordinate]
-    for name in names:
-        if used.count(name) != 1:
-            raise transform.fault(
-                f"the coordinate {name!r} moves {used.count(name)} axes; only coordinates that "
-                "move one axis each can be imported"
-            )
-    if unknown_names := sorted(set(used) - set(names)):
+    used = {axis.coordinate for axis in axes if axis.coordinate}
+    if idle := [name for name in names if name not in used]:
+        raise transform.fault(f"the coordinate {idle[0]!r} moves 0 axes; expected one or more")
+    if unknown_names := sorted(used - set(names)):
         raise transform.fault(f"no coordinate of this joint is named {unknown_names[0]!r}")
     return axes
 
@@ -174,63 +195,14 @@ def _axis(tag: OsimTag, slide: bool) -> TransformAxis:
     length = float(np.linalg.norm(vector))
     if length == 0:
         raise tag.fault("<axis> is missing or has no length")
-    slope, intercept = _line(tag, bool(names))
-    if not names:
-        return TransformAxis(slide, vector / length, None, 0.0, intercept)
-    if abs(slope) != 1.0:
-        raise tag.fault(
-            f"the axis moves by {slope:g} times the coordinate; only 1 and -1 can be imported"
-        )
-    return TransformAxis(slide, vector / length, names[0], slope, intercept)
-
-
-def _line(tag: OsimTag, moving: bool) -> tuple[float, float]:
-    """Slope and intercept of an axis's function; constant zero where it has none."""
     functions = [c for c in tag.children if c.kind not in ("coordinates", "axis")]
-    if not functions:
-        if moving:
-            raise tag.fault("the coordinate's function is missing; expected <LinearFunction>")
-        return 0.0, 0.0
-    slope, intercept = line(_inner(functions[0]))
-    if slope and not moving:
+    if functions:
+        curve = read_function(functions[0])
+    elif names:
+        raise tag.fault("the coordinate's function is missing; expected <LinearFunction>")
+    else:
+        curve = straight(0.0, 0.0)
+    if not names and (curve.line is None or curve.line[0]):
         raise functions[0].fault("a function that is not constant, but of no coordinate")
-    return slope, intercept
-
-
-def _inner(tag: OsimTag) -> OsimTag:
-    """The function itself where it is wrapped in <function>."""
-    tag.used = True
-    if tag.kind == "function" and len(tag.children) == 1:
-        return _inner(tag.children[0])
-    return tag
-
-
-def line(tag: OsimTag) -> tuple[float, float]:
-    """A function's slope and intercept.  Raises InputError for one that is no straight line."""
-    tag.used = True
-    if tag.kind == "Constant":
-        return 0.0, tag.value("value", 0.0)
-    if tag.kind == "LinearFunction":
-        slope, intercept = tag.values("coefficients", (1.0, 0.0))
-        return slope, intercept
-    if tag.kind == "MultiplierFunction":
-        inner, scale = tag.one("function"), tag.value("scale", 1.0)
-        if inner is None or len(inner.children) != 1:
-            raise tag.fault("expected one function within <function>")
-        slope, intercept = line(inner.children[0])
-        return scale * slope, scale * intercept
-    if tag.kind in ("SimmSpline", "PiecewiseLinearFunction", "NaturalCubicSpline"):
-        return _through_knots(tag)
-    raise tag.fault(f"a {tag.kind} cannot be imported; expected a straight line or a constant")
-
-
-def _through_knots(tag: OsimTag) -> tuple[float, float]:
-    knots = [tag.one("x"), tag.one("y")]
-    x, y = [np.array(k.numbers()) if k else np.zeros(0) for k in knots]
-    if len(x) != len(y) or len(x) < 2 or not (np.diff(x) > 0).all():
-        raise tag.fault("expected at least two knots, as many in <y> as in <x>, <x> increasing")
-    slope = (y[-1] - y[0]) / (x[-1] - x[0])
-    off = np.abs(y - y[0] - slope * (x - x[0])).max()
-    if off > STRAIGHT * max(np.ptp(y), np.ptp(x)):
-        raise tag.fault("its knots lie on no straight line; MuJoCo has no joint for it")
-    return float(slope), float(y[0] - slope * x[0])
+    of = names[0] if names and (curve.line is None or curve.line[0]) else None
+    return TransformAxis(slide, vector / length, of, curve, tag.name)

@@ -5,18 +5,30 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from lxml import etree
 
 from cosim.port import Array
 from rigid.opensim.components import GROUND, Transform
+from rigid.opensim.functions import SAMPLES
 from rigid.opensim.joints import Screw
 from rigid.opensim.paths import SIDE_AT, Way, Wrap
-from rigid.opensim.skeleton import OsimBody, OsimSkeleton
+from rigid.opensim.skeleton import LEAST_INERTIA, LEAST_MASS, OsimBody, OsimSkeleton
 
 INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """MuJoCo's order of `fullinertia`."""
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """An equality of MuJoCo: a joint follows a coordinate by a polynomial (lowest power first),
+    which is off OpenSim's function by at most `error` (rad or m) over the coordinate's range."""
+
+    coordinate: str
+    polynomial: tuple[float, ...]
+    error: float
 
 
 @dataclass(frozen=True)
@@ -34,10 +46,11 @@ def mjcf_xml(
     skeleton: OsimSkeleton,
     ways: Mapping[str, Way],
     markers: Iterable[MjcfSite],
+    couplings: Mapping[str, Coupling] = MappingProxyType({}),
 ) -> str:
     """MJCF text, numbers in full precision.  The world is OpenSim's ground; a joint's position is
-    OpenSim's coordinate; the control of a tendon's actuator is its tension in N; the keyframe
-    "default" holds the coordinates' default values."""
+    OpenSim's coordinate, or follows one as `couplings` say, by joint; the control of a tendon's
+    actuator is its tension in N; the keyframe "default" holds the coordinates' default values."""
     root = etree.Element("mujoco", model=name)
     etree.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
     option = etree.SubElement(root, "option", gravity=_text(gravity))
@@ -48,11 +61,13 @@ def mjcf_xml(
     parts: list[MjcfSite | Wrap] = [*sites, *surfaces.values()]
     for part in parts:
         fixed[part.body].append(part)
-    order: list[str] = []
+    order: list[Screw] = []
     world = etree.SubElement(root, "worldbody")
     _fill(world, GROUND, skeleton, fixed, order)
+    order += [_bear(world, name, skeleton) for name in skeleton.unborne]
+    _add_couplings(root, couplings)
     _add_tendons(root, ways)
-    _add_keyframe(root, [skeleton.coordinates[c].default for c in order])
+    _add_keyframe(root, [value_of(screw, skeleton) for screw in order])
     etree.indent(root)
     return str(etree.tostring(root, encoding="unicode")) + "\n"
 
@@ -86,9 +101,9 @@ def _fill(
     path: str,
     skeleton: OsimSkeleton,
     fixed: Mapping[str, list[MjcfSite | Wrap]],
-    order: list[str],
+    order: list[Screw],
 ) -> None:
-    """The sites, wraps and bodies within a body; `order` gains the coordinates as they come."""
+    """The sites, wraps and bodies within a body; `order` gains the joints as they come."""
     for part in fixed.get(path, ()):
         if isinstance(part, MjcfSite):
             _add_site(element, part)
@@ -100,7 +115,7 @@ def _fill(
         _add_inertial(inner, skeleton.bodies[child])
         for screw in skeleton.joints[child].screws:
             _add_joint(inner, screw, skeleton.coordinates[screw.coordinate].range)
-            order.append(screw.coordinate)
+            order.append(screw)
         _fill(inner, child, skeleton, fixed, order)
 
 
@@ -109,8 +124,35 @@ def _add_site(element: etree._Element, site: MjcfSite) -> None:
     etree.SubElement(element, "site", name=site.name, pos=pos, size="0.0005")
 
 
+def value_of(screw: Screw, skeleton: OsimSkeleton) -> float:
+    """The default value of a joint: that of its coordinate, or what follows from it."""
+    default = skeleton.coordinates[screw.coordinate].default
+    return default if screw.curve is None else screw.curve(default)
+
+
+def _bear(world: etree._Element, name: str, skeleton: OsimSkeleton) -> Screw:
+    """A body beside the others whose one hinge is a coordinate that only followers show."""
+    body = etree.SubElement(world, "body", name=f"coordinate {name}")
+    tiny = {"mass": repr(LEAST_MASS), "diaginertia": _text([LEAST_INERTIA] * 3)}
+    etree.SubElement(body, "inertial", pos="0 0 0", **tiny)
+    screw = Screw(name, name, False, np.array([0.0, 0.0, 1.0]), np.zeros(3))
+    _add_joint(body, screw, skeleton.coordinates[name].range)
+    return screw
+
+
+def _add_couplings(root: etree._Element, couplings: Mapping[str, Coupling]) -> None:
+    if couplings:
+        equality = etree.SubElement(root, "equality")
+        for joint, coupling in couplings.items():
+            of = {"joint1": joint, "joint2": coupling.coordinate}
+            etree.SubElement(equality, "joint", polycoef=_text(coupling.polynomial), **of)
+
+
 def _add_joint(element: etree._Element, screw: Screw, span: tuple[float, float]) -> None:
-    joint = etree.SubElement(element, "joint", name=screw.coordinate)
+    if screw.curve is not None:
+        values = screw.curve.at(np.linspace(*span, SAMPLES))
+        span = float(values.min()), float(values.max())
+    joint = etree.SubElement(element, "joint", name=screw.name)
     joint.set("type", "slide" if screw.slide else "hinge")
     joint.set("axis", _text(screw.direction))
     joint.set("pos", _text(screw.point))

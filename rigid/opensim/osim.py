@@ -24,9 +24,11 @@ from rigid.opensim.forces import (
     read_limit,
     read_spring,
 )
+from rigid.opensim.functions import Quartic, quartic, read_function
 from rigid.opensim.losses import Loss, change_of, drop, report, unread
-from rigid.opensim.mjcf import MjcfSite, mjcf_xml
+from rigid.opensim.mjcf import Coupling, MjcfSite, mjcf_xml
 from rigid.opensim.paths import UnusablePathError, Way, read_way
+from rigid.opensim.plain_points import Postures, as_plain, jumps
 from rigid.opensim.skeleton import OsimSkeleton, read_skeleton
 from rigid.opensim.xml import OsimTag, read_xml
 
@@ -35,6 +37,8 @@ OTHER_PATHS = ("FunctionBasedPath", "Scholz2015GeometryPath")
 """OpenSim's kinds of paths that are not imported."""
 STRETCHED = ("Ligament", "Blankevoort1991Ligament", "PathSpring", "ExpressionBasedPathForce")
 """Forces along a path that nothing controls."""
+TOLERANCE = 1e-4
+"""m, by which the length of a muscle may be off."""
 GRAVITY = (0.0, -9.80665, 0.0)
 """m/s2, OpenSim's default."""
 
@@ -69,6 +73,8 @@ class Imported:
     muscles: Mapping[str, Muscle]
     limits: Mapping[str, CoordinateLimit]
     springs: Mapping[str, Spring]
+    couplings: Mapping[str, Coupling]
+    """By joint of the MJCF that is no coordinate, or a coordinate that follows another."""
     losses: tuple[Loss, ...]
     path_actuators: int = 0
     """Muscles and actuators along a path in the file, imported or not."""
@@ -78,9 +84,9 @@ class Imported:
         return law_of(joints, self.limits, self.springs)
 
 
-def import_osim(path: Path) -> Imported:
+def import_osim(path: Path, tolerance: float = TOLERANCE) -> Imported:
     """Import an OpenSim 4 model: MJCF text, muscles, limits, and a list of all that was dropped or
-    changed.
+    changed.  A muscle whose length would be off by more than `tolerance` (m) is dropped.
 
     Raises InputError (naming file, line and element) for what cannot be read or imported.
 
@@ -97,14 +103,17 @@ def import_osim(path: Path) -> Imported:
     if model is None:
         raise root.fault("holds no <Model>; expected a model of OpenSim 4")
     parts = components(model)
-    if not parts.of_kind("Ground"):
-        raise model.fault("<Ground> is missing; expected a model of OpenSim 4")
+    parts.of_kind("Ground")
     skeleton = read_skeleton(parts)
-    muscles, ways, count, losses = _muscles(parts)
+    muscles, ways, count, losses = _muscles(parts, skeleton, tolerance)
+    losses += _drop_jumping(parts, skeleton, muscles, ways)
     limits, springs, more = _passive(parts, skeleton)
-    losses = [*skeleton.losses, *losses, *more]
+    couplings, tied = _couplings(parts, skeleton)
+    markers, lost = _markers(parts, skeleton)
+    made_up = [change_of(*pair) for pair in parts.made_up]
+    losses = [*made_up, *skeleton.losses, *losses, *more, *tied, *lost]
     gravity = model.values("gravity", GRAVITY)
-    xml = mjcf_xml(model.name or "model", gravity, skeleton, ways, _markers(parts))
+    xml = mjcf_xml(model.name or "model", gravity, skeleton, ways, markers, couplings)
     _check_compiles(xml, str(path))
     coordinates = {
         c.name: CoordinateDefault(c.default, c.range, c.clamped, c.locked)
@@ -112,7 +121,7 @@ def import_osim(path: Path) -> Imported:
     }
     all_losses = (*losses, *unread(root))
     return Imported(
-        path.name, version, xml, coordinates, muscles, limits, springs, all_losses, count
+        path.name, version, xml, coordinates, muscles, limits, springs, couplings, all_losses, count
     )
 
 
@@ -134,13 +143,15 @@ def _first(tag: OsimTag, kind: str) -> OsimTag | None:
     return next((found for c in tag.children if (found := _first(c, kind))), None)
 
 
-def _muscles(model: Components) -> tuple[dict[str, Muscle], dict[str, Way], int, list[Loss]]:
+def _muscles(
+    model: Components, skeleton: OsimSkeleton, tolerance: float
+) -> tuple[dict[str, Muscle], dict[str, Way], int, list[Loss]]:
     """The muscles and actuators along a path, their ways, how many the file has, and what is lost
     of them."""
     muscles: dict[str, Muscle] = {}
     ways: dict[str, Way] = {}
     losses: list[Loss] = []
-    count = 0
+    count, postures = 0, None
     for tag in model.by_path.values():
         holders = (tag, *(child for child in tag.children if child.kind == "path"))
         paths = [c for h in holders for c in h.children if c.kind in (PATH, *OTHER_PATHS)]
@@ -162,15 +173,41 @@ def _muscles(model: Components) -> tuple[dict[str, Muscle], dict[str, Way], int,
             losses.append(drop(tag, "it applies no force (appliesForce is false)"))
             continue
         try:
-            way = read_way(path, model)
+            way = read_way(path, model, skeleton)
         except UnusablePathError as reason:
             losses.append(drop(tag, f"{reason}; a tendon here would have another length"))
             continue
+        if not way.is_plain:
+            postures = postures or Postures(skeleton)
+            way, off = as_plain(way, postures)
+            why = (
+                "points that come and go or move are plain here: its length between them, in "
+                f"straight lines, is at most {1e3 * off:.2g} mm off over the ranges of motion"
+            )
+            if off > tolerance:
+                losses.append(drop(tag, f"{why}, more than the tolerance of {1e3 * tolerance:g}"))
+                continue
+            losses.append(change_of(tag, why))
         tag.used = path.used = True
         muscles[tag.name] = Muscle(tag.kind, dict(properties(tag)))
         ways[tag.name] = way
         losses += [change_of(*change) for change in way.changes]
     return muscles, ways, count, losses + _wrap_losses(ways)
+
+
+def _drop_jumping(
+    model: Components, skeleton: OsimSkeleton, muscles: dict[str, Muscle], ways: dict[str, Way]
+) -> list[Loss]:
+    """Take out the muscles whose length jumps, which OpenSim's may not; what is lost."""
+    wrapping = {name: way for name, way in ways.items() if any(way.wraps)}
+    jumping = jumps(skeleton, wrapping) if wrapping else {}
+    out = []
+    for name, size in jumping.items():
+        del muscles[name], ways[name]
+        (tag, *_) = (t for t in model.by_name[name] if t.used)
+        why = f"over a surface its length in MuJoCo jumps by {1e3 * size:.2g} mm to another side"
+        out.append(drop(tag, f"{why}; OpenSim keeps a path to its quadrant otherwise"))
+    return out
 
 
 def _wrap_losses(ways: Mapping[str, Way]) -> list[Loss]:
@@ -197,6 +234,9 @@ def _passive(
     for tag in model.of_kind("CoordinateLimitForce", "SpringGeneralizedForce"):
         coordinate = tag.word("coordinate", "")
         if coordinate not in skeleton.coordinates:
+            if skeleton.left_out and coordinate in {c.name for c in model.of_kind("Coordinate")}:
+                losses.append(drop(tag, "its coordinate is of a joint that is left out"))
+                continue
             raise tag.fault(f"<coordinate>: no coordinate is named {coordinate!r}")
         if coordinate not in skeleton.moving or not tag.flag("appliesForce", True):
             losses.append(drop(tag, "its coordinate is locked, or it applies no force"))
@@ -209,14 +249,60 @@ def _passive(
     return limits, springs, losses
 
 
-def _markers(model: Components) -> list[MjcfSite]:
-    out = []
+def _couplings(model: Components, skeleton: OsimSkeleton) -> tuple[dict[str, Coupling], list[Loss]]:
+    """What follows a coordinate, by joint of MuJoCo: axes of joints, and coordinates that OpenSim's
+    couplers tie to others."""
+    out: dict[str, Coupling] = {}
+    losses: list[Loss] = []
+    for screw in skeleton.followers:
+        assert screw.curve is not None
+        low, high = skeleton.coordinates[screw.coordinate].range
+        found = quartic(screw.curve, low, high)
+        out[screw.name] = Coupling(screw.coordinate, found.coefficients, found.error)
+        tag = skeleton.coordinates[screw.coordinate].tag
+        losses.append(change_of(tag, _follows(screw.name, screw.slide, found)))
+    for tag in model.of_kind("CoordinateCouplerConstraint"):
+        if not tag.flag("isEnforced", True):
+            losses.append(drop(tag, "it is not enforced"))
+            continue
+        by = tag.word("independent_coordinate_names", "").split()
+        name, function = tag.word("dependent_coordinate_name", ""), _inner_function(tag)
+        if len(by) != 1 or not {*by, name} <= set(skeleton.moving) or function is None:
+            why = "a coordinate is locked or left out, or follows several"
+            losses.append(drop(tag, f"{why}: the coordinates that it ties together are free here"))
+            continue
+        low, high = skeleton.coordinates[by[0]].range
+        curve = read_function(function).times(tag.value("scale_factor", 1.0))
+        found = quartic(curve, low, high)
+        out[name] = Coupling(by[0], found.coefficients, found.error)
+        losses.append(change_of(tag, _follows(name, skeleton.moving[name], found)))
+    return out, losses
+
+
+def _inner_function(tag: OsimTag) -> OsimTag | None:
+    holder = tag.one("coupled_coordinates_function")
+    if holder is None or len(holder.children) != 1:
+        return None
+    holder.used = True
+    return holder.children[0]
+
+
+def _follows(joint: str, slide: bool, found: Quartic) -> str:
+    size = f"{1e3 * found.error:.2g} mm" if slide else f"{np.degrees(found.error):.2g} deg"
+    return f"MuJoCo's joint {joint} follows by a quartic, at most {size} off over the range"
+
+
+def _markers(model: Components, skeleton: OsimSkeleton) -> tuple[list[MjcfSite], list[Loss]]:
+    out, losses = [], []
     for tag in model.of_kind("Marker"):
         frame = model.frame(tag, "parent_frame")
         position = frame.transform.at(np.array(tag.values("location", (0.0,) * 3)))
         tag.flag("fixed", False)
-        out.append(MjcfSite(tag.name, frame.body, position))
-    return out
+        if frame.body in skeleton.left_out:
+            losses.append(drop(tag, "its body is left out"))
+        else:
+            out.append(MjcfSite(tag.name, frame.body, position))
+    return out, losses
 
 
 def _check_compiles(xml: str, file: str) -> None:

@@ -1,17 +1,22 @@
 """Muscle paths as MuJoCo's spatial tendons: fixed points, cylinders and spheres.
 
 Whatever would give a tendon another length than OpenSim's and cannot be told at the path's points
-(a point that moves or comes and goes, an ellipsoid) takes its muscle out of the import.
+(an ellipsoid) takes its muscle out of the import; points that move or come and go are made plain
+in `plain_points`.
 """
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cosim.port import Array
-from rigid.opensim.components import Components, Transform, rotate_xyz
+from rigid.opensim.components import IDENTITY, Components, Transform, rotate_xyz
+from rigid.opensim.functions import Curve, read_function
+from rigid.opensim.skeleton import OsimSkeleton
 from rigid.opensim.xml import OsimTag
 
 WRAPS = ("WrapCylinder", "WrapSphere")
@@ -26,11 +31,28 @@ class UnusablePathError(Exception):
 
 @dataclass(frozen=True)
 class Point:
-    """A path point in the frame of a body (path), m."""
+    """A path point in the frame of a body (path), m.  One that comes and goes is there in a range
+    of a coordinate; one that moves has a coordinate and a function of it for each axis."""
 
     name: str
     body: str
     position: Array
+    shown: tuple[str, float, float] | None = None
+    moves: tuple[tuple[str, Curve], ...] | None = None
+    frame: Transform = IDENTITY
+    """Of the functions in the body."""
+
+    @property
+    def moved_by(self) -> tuple[str, ...]:
+        """The coordinates by which it moves."""
+        return tuple(name for name, _ in self.moves or () if name)
+
+    def at(self, values: Mapping[str, float]) -> Array:
+        """Where it is (3,) m in its body at values of the coordinates."""
+        if self.moves is None:
+            return self.position
+        place = [curve(values.get(name, 0.0)) for name, curve in self.moves]
+        return self.frame.at(np.array(place))
 
 
 @dataclass(frozen=True)
@@ -64,10 +86,24 @@ class Way:
     wraps: tuple[Wrap | None, ...]
     changes: tuple[tuple[OsimTag, str], ...]
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether all its points are there always and fixed in their bodies."""
+        return all(point.shown is None and point.moves is None for point in self.points)
 
-def read_way(path: OsimTag, model: Components) -> Way:
+
+def point_wraps(way: Way, kept: Sequence[int]) -> tuple[Wrap | None, ...]:
+    """The wraps between the points of a way that are kept: the first that lies between two."""
+    return tuple(
+        next((wrap for wrap in way.wraps[a:b] if wrap is not None), None)
+        for a, b in itertools.pairwise(kept)
+    )
+
+
+def read_way(path: OsimTag, model: Components, skeleton: OsimSkeleton) -> Way:
     """Read a path.  Raises UnusablePathError where it cannot be kept, InputError if unreadable."""
-    points = tuple(_point(tag, model) for tag in path.within("PathPointSet", "objects"))
+    tags = path.within("PathPointSet", "objects")
+    points = tuple(_point(tag, model, skeleton) for tag in tags)
     if len(points) < 2:
         raise path.fault(f"expected at least two path points, got {len(points)}")
     wraps: list[Wrap | None] = [None] * (len(points) - 1)
@@ -75,24 +111,66 @@ def read_way(path: OsimTag, model: Components) -> Way:
     for tag in path.within("PathWrapSet", "objects"):
         wrap = _wrap(tag, model)
         if wrap is not None:
+            _check_there(f"wrap object {wrap.tag.name!r}", wrap.body, skeleton)
             changes += _lay(wrap, tag, points, wraps)
         else:
             changes.append((tag, "its wrap object is not active: no surface here"))
     return Way(points, tuple(wraps), tuple(changes))
 
 
-def _point(tag: OsimTag, model: Components) -> Point:
-    if tag.kind == "ConditionalPathPoint":
-        raise UnusablePathError(f"path point {tag.name!r} is there only in a range of a coordinate")
-    if tag.kind == "MovingPathPoint":
+def _check_there(what: str, body: str, skeleton: OsimSkeleton) -> None:
+    if body in skeleton.left_out:
+        joint = skeleton.left_out[body]
         raise UnusablePathError(
-            f"path point {tag.name!r} moves in its body as a coordinate changes"
+            f"{what} is fixed to a body that is left out with the joint {joint!r}"
         )
-    if tag.kind != "PathPoint":
+
+
+def _point(tag: OsimTag, model: Components, skeleton: OsimSkeleton) -> Point:
+    if tag.kind not in ("PathPoint", "ConditionalPathPoint", "MovingPathPoint"):
         raise UnusablePathError(f"path point {tag.name!r} is a {tag.kind}")
     frame = model.frame(tag, "parent_frame")
+    _check_there(f"path point {tag.name!r}", frame.body, skeleton)
+    if tag.kind == "MovingPathPoint":
+        moves = tuple(_move(tag, axis, skeleton) for axis in "xyz")
+        return Point(tag.name, frame.body, np.zeros(3), None, moves, frame.transform)
     position = frame.transform.at(np.array(tag.values("location", (0.0,) * 3)))
-    return Point(tag.name, frame.body, position)
+    shown = _range(tag, skeleton) if tag.kind == "ConditionalPathPoint" else None
+    return Point(tag.name, frame.body, position, shown)
+
+
+def _coordinate(tag: OsimTag, socket: str, skeleton: OsimSkeleton) -> str:
+    """The coordinate on which a point depends.  Raises UnusablePathError for one that is left
+    out, or of which there are two."""
+    said = tag.one(f"socket_{socket}")
+    text = said.text if said else tag.word(socket, "")
+    name = text.strip().rpartition("/")[2]
+    if name not in skeleton.coordinates:
+        raise UnusablePathError(
+            f"path point {tag.name!r} depends on the coordinate {name!r}, which is not there"
+        )
+    return name
+
+
+def _range(tag: OsimTag, skeleton: OsimSkeleton) -> tuple[str, float, float] | None:
+    """The coordinate and the range of it in which a point is there; None of one that always is."""
+    name = _coordinate(tag, "coordinate", skeleton)
+    coordinate, (low, high) = skeleton.coordinates[name], tag.values("range", (0.0, 0.0))
+    least, most = (coordinate.default,) * 2 if coordinate.locked else coordinate.range
+    return None if low <= least and most <= high else (name, low, high)
+
+
+def _move(tag: OsimTag, axis: str, skeleton: OsimSkeleton) -> tuple[str, Curve]:
+    """The coordinate and the function of it by which a point moves along an axis; of a constant no
+    coordinate."""
+    holder = tag.one(f"{axis}_location")
+    if holder is None or len(holder.children) != 1:
+        raise UnusablePathError(f"path point {tag.name!r} moves along {axis} by no function")
+    curve = read_function(holder.children[0])
+    holder.used = True
+    if curve.line is not None and not curve.line[0]:
+        return "", curve
+    return _coordinate(tag, f"{axis}_coordinate", skeleton), curve
 
 
 def _wrap(use: OsimTag, model: Components) -> Wrap | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array
 from rigid.opensim.components import GROUND, Components
-from rigid.opensim.joints import KINDS, Coordinate, Joint, read_joint
-from rigid.opensim.losses import Loss, change_of
+from rigid.opensim.joints import KINDS, Coordinate, Joint, Screw, read_joint
+from rigid.opensim.losses import Loss, change_of, drop
 from rigid.opensim.xml import OsimTag
 
 MOST_BODIES = 5000
@@ -21,6 +21,8 @@ LEAST_MASS = 1e-9
 """kg, of a moving body that has less: MuJoCo takes none without mass."""
 LEAST_INERTIA = 1e-12
 """kg m2, added about every axis of a body that has mass but less about one."""
+MOST_SHORT = 0.5
+"""Share of the largest moment of inertia by which the others may fall short of it."""
 SLACK = 1e-9
 """Relative, by which two principal moments may fall short of the third (rounding in the file)."""
 
@@ -43,6 +45,18 @@ class OsimSkeleton:
     joints: Mapping[str, Joint]
     branches: Mapping[str, tuple[str, ...]]
     losses: tuple[Loss, ...]
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """By the path of a body that is left out, the name of the joint that cannot be read."""
+
+    @cached_property
+    def followers(self) -> tuple[Screw, ...]:
+        """The joints of MuJoCo that follow a coordinate by a function."""
+        return tuple(s for j in self.joints.values() for s in j.screws if s.curve is not None)
+
+    @cached_property
+    def unborne(self) -> tuple[str, ...]:
+        """The coordinates that only followers show: each is a joint of a body of its own."""
+        return tuple(name for joint in self.joints.values() for name in joint.unborne)
 
     @cached_property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -52,31 +66,72 @@ class OsimSkeleton:
     @cached_property
     def moving(self) -> dict[str, bool]:
         """Whether it is a slide, for each coordinate that a joint of MuJoCo stands for."""
-        return {s.coordinate: s.slide for j in self.joints.values() for s in j.screws}
+        carried = {
+            s.coordinate: s.slide for j in self.joints.values() for s in j.screws if s.curve is None
+        }
+        return carried | dict.fromkeys(self.unborne, False)
 
 
 def read_skeleton(model: Components) -> OsimSkeleton:
     """Read bodies and joints from the ground on.  Raises InputError for closed loops, bodies that
     nothing carries, joints or inertias that MuJoCo cannot have, and names that come twice."""
     tags = [t for t in model.by_path.values() if t.kind.endswith("Joint")]
+    read_joints, refused = [], dict[str, tuple[OsimTag, InputError]]()
     for tag in tags:
-        if tag.kind not in KINDS:
-            raise tag.fault(f"a {tag.kind} cannot be imported; expected one of {', '.join(KINDS)}")
         tag.used = True
-    joints = _by_child([read_joint(tag, model) for tag in tags], model)
+        try:
+            if tag.kind not in KINDS:
+                known = ", ".join(KINDS)
+                raise tag.fault(f"a {tag.kind} cannot be imported; expected one of {known}")
+            read_joints.append(read_joint(tag, model))
+        except InputError as error:
+            refused[model.frame(tag, "child_frame").body] = tag, error
+    all_joints = _by_child(read_joints, model)
     bodies = {model.path(tag): tag for tag in model.of_kind("Body")}
     if len(bodies) > MOST_BODIES:
         file = next(iter(bodies.values())).file
         raise InputError(f"{file}: more than {MOST_BODIES} bodies")
+    left_out = _left_out(bodies, all_joints, refused)
+    joints = {path: joint for path, joint in all_joints.items() if path not in left_out}
+    if refused and not joints:
+        raise next(iter(refused.values()))[1]
+    for path in left_out:
+        bodies.pop(path).pass_over()
     branches = _branches(bodies, joints)
     losses = [loss for joint in joints.values() for loss in _coordinate_losses(joint)]
+    losses += [_refusal(tag, error, left_out) for tag, error in refused.values()]
     read = {}
     for path, tag in bodies.items():
         read[path], more = _body(tag, bool(joints[path].screws))
         losses += more
     _unique([*bodies.values()])
     _unique([c.tag for joint in joints.values() for c in joint.coordinates])
-    return OsimSkeleton(read, joints, branches, tuple(losses))
+    return OsimSkeleton(read, joints, branches, tuple(losses), left_out)
+
+
+def _left_out(
+    bodies: Mapping[str, OsimTag],
+    joints: Mapping[str, Joint],
+    refused: Mapping[str, tuple[OsimTag, InputError]],
+) -> dict[str, str]:
+    """The bodies whose joint was refused, and all that hang on them."""
+    out = {path: tag.name for path, (tag, _) in refused.items() if path in bodies}
+    grown = True
+    while grown:
+        more = {
+            path: out[joint.parent]
+            for path, joint in joints.items()
+            if joint.parent in out and path not in out
+        }
+        out |= more
+        grown = bool(more)
+    return out
+
+
+def _refusal(tag: OsimTag, error: InputError, left_out: Mapping[str, str]) -> Loss:
+    reason = str(error).rpartition(": ")[2]
+    bodies = [path.rpartition("/")[2] for path, joint in left_out.items() if joint == tag.name]
+    return drop(tag, f"{reason}; left out with it: {', '.join(bodies)}, and what is fixed to them")
 
 
 def _by_child(joints: list[Joint], model: Components) -> dict[str, Joint]:
@@ -133,12 +188,22 @@ def _body(tag: OsimTag, moving: bool) -> tuple[OsimBody, list[Loss]]:
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     principal = np.linalg.eigvalsh(inertia)
     least = -SLACK * max(abs(principal[-1]), abs(principal[0]))
-    if mass < 0 or principal[0] < least or principal[0] + principal[1] - principal[2] < least:
+    losses = []
+    short = principal[2] - principal[0] - principal[1]
+    if mass >= 0 and principal[0] > 0 and -least < short <= MOST_SHORT * principal[2]:
+        inertia = inertia + short * np.eye(3)
+        losses.append(
+            change_of(
+                tag,
+                f"its moments of inertia are those of no solid ({principal[2]:g} of more than "
+                f"{principal[0]:g} + {principal[1]:g}): {short:g} kg m2 more about each axis",
+            )
+        )
+    elif mass < 0 or principal[0] < least or short > -least:
         raise tag.fault(
             f"no solid has the mass {mass:g} and the principal moments of inertia "
             f"{principal[0]:g}, {principal[1]:g}, {principal[2]:g}"
         )
-    losses = []
     if moving and mass < LEAST_MASS:
         losses.append(
             change_of(tag, f"mass {mass:g} kg: {LEAST_MASS:g} kg here; MuJoCo needs some")

@@ -8,6 +8,7 @@ whoever reads or writes one names them.  Here they are in rad always.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.errors import InputError
+from cosim.errors import InputError, ReadingWarning
 from cosim.files import output_file
 from cosim.port import Array
 
@@ -77,6 +78,9 @@ def read_sto(path: Path, angles: Collection[str] | None = None) -> StoTable:
     """Read a .sto or .mot.  `angles`: the rotational coordinates, whose columns (and those of their
     states) are taken from degrees to rad where the file says `inDegrees=yes`.
 
+    Warns (ReadingWarning) of a header that counts other rows or columns, as OpenSim 4.5 leaves it,
+    and of a first or last row that is there twice, of which one is taken.
+
     Raises InputError (naming file and line) for what is no such table, for a value that is not
     finite, for time that does not increase, and for degrees where `angles` is not given.
 
@@ -97,7 +101,8 @@ def read_sto(path: Path, angles: Collection[str] | None = None) -> StoTable:
         raise InputError(f"{path}: DataType is {kind[:20]}, expected double")
     columns = _labels(lines, at, path)
     table = _numbers(lines, at + 1, len(columns), path)
-    _check_counts(fields, table, path)
+    _warn_of_counts(fields, table, path)
+    table = _drop_doubled_ends(table, path)
     degrees = _in_degrees(fields, path)
     values = table[:, 1:]
     if degrees:
@@ -155,9 +160,7 @@ def _labels(lines: list[str], at: int, path: Path) -> tuple[str, ...]:
     labels = tuple(c.strip() for c in (line.strip().split("\t") if "\t" in line else line.split()))
     if not labels or labels[0].lower() != "time":
         raise InputError(f"{path}, line {at + 1}: expected labels, the first of them time")
-    if "" in labels:
-        raise InputError(f"{path}, line {at + 1}: label {labels.index('') + 1} is empty")
-    return labels
+    return tuple(label for label in labels if label)
 
 
 def _numbers(lines: list[str], at: int, columns: int, path: Path) -> Array:
@@ -197,12 +200,32 @@ def _not_numbers(rows: list[list[str]], places: list[int], path: Path) -> InputE
     return InputError(f"{path}: its values are not numbers")
 
 
-def _check_counts(fields: Mapping[str, str], table: Array, path: Path) -> None:
+def _warn_of_counts(fields: Mapping[str, str], table: Array, path: Path) -> None:
     for key, count in zip(("nrows", "ncolumns"), table.shape, strict=True):
         said = fields.get(key, str(count))
         if said != str(count):
             what = {"nrows": "nRows", "ncolumns": "nColumns"}[key]
-            raise InputError(f"{path}: the header says {what}={said[:20]}, the file has {count}")
+            warnings.warn(
+                f"{path}: the header says {what}={said[:20]}, the file has {count}: it is stale, "
+                "or the file was cut off",
+                ReadingWarning,
+                stacklevel=3,
+            )
+
+
+def _drop_doubled_ends(table: Array, path: Path) -> Array:
+    """The table without a first or last row that has the time of its neighbour; the outer one
+    goes."""
+    for first, second, place in ((0, 1, "first"), (-1, -2, "last")):
+        if len(table) > 1 and table[first, 0] == table[second, 0]:
+            warnings.warn(
+                f"{path}: its {place} two rows have one time, {table[first, 0]:g} s; the "
+                f"{place} is left out",
+                ReadingWarning,
+                stacklevel=3,
+            )
+            table = table[1:] if first == 0 else table[:-1]
+    return table
 
 
 def write_sto(path: Path, table: StoTable, version: Literal[1, 3] = 3) -> None:

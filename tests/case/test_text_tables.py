@@ -155,3 +155,53 @@ def test_notes_are_comments_of_a_file_s_width() -> None:
     assert all(line.startswith("#") and len(line) <= 101 for line in text.splitlines())
     assert text.splitlines()[1].startswith("#     word")
     assert text.endswith("#\n# end\n")
+
+
+@pytest.mark.parametrize(
+    ("head", "columns"),
+    [
+        ("name,distal [mm],strain (%)", ("name", "distal_mm", "strain_percent")),
+        ("time;MCP [°]; torque [N mm]", ("time", "MCP_deg", "torque_Nmm")),
+        ("sep=;\nname;distal_mm", ("name", "distal_mm")),
+        ("SEP=,\nname,distal_mm", ("name", "distal_mm")),
+        ("a (b) c,d", ("a (b) c", "d")),
+    ],
+)
+def test_columns_are_named_as_people_name_them(
+    tmp_path: Path, head: str, columns: tuple[str, ...]
+) -> None:
+    mark = ";" if ";" in head else ","
+    path = tmp_path / "a.csv"
+    path.write_text(f"{head}\n{mark.join(['1'] * len(columns))}\n{mark * 3}\n", encoding="utf-8")
+    table = read_csv(path, "a,b")
+    assert table.columns == columns
+    assert len(table.rows) == 1
+
+
+def test_a_line_sep_says_how_columns_are_parted(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("sep=;\na;b, c\n1,5;2\n", encoding="utf-8")
+    table = read_csv(path, "a,b")
+    assert table.columns == ("a", "b, c")
+    assert table.numbers("a").tolist() == [1.5]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a = { b = 1, c = 2, }", "leave out the comma before the }"),
+        ("a = {\n b = 1\n}", "stands on one line"),
+        (r'a = "C:\Users\me"', "single quotes"),
+        (r'a = "C:\data"', "single quotes"),
+        ("a = “text”", "straight quotes"),
+        ("a = ‘text’", "straight quotes"),
+    ],
+)
+def test_toml_as_other_programs_take_it_is_met_with_what_to_write(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    path = tmp_path / "a.toml"
+    path.write_text(f"{text}\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"a\.toml, line 1") as raised:
+        read_toml(path)
+    assert words in str(raised.value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +10,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from cosim.errors import InputError
+from cosim.errors import InputError, ReadingWarning
 from cosim.port import AXES
 from cosim.schema import units
 from cosim.schema.fields import fault
@@ -95,18 +96,26 @@ HEAD = ",".join(("name", *(f"{axis}_mm" for axis in AXES)))
 def _units(table: CsvTable) -> dict[str, str]:
     """The unit of each axis, from the names of the columns."""
     unit_of_axis: dict[str, str] = {}
+    left_out = []
     for title in table.columns:
         axis, _, unit = title.partition("_")
-        if title != "name" and (axis not in AXES or not _is_length(unit)):
+        if title != "name" and axis not in AXES:
+            left_out.append(title)
+            continue
+        if title != "name" and not _is_length(unit):
             raise InputError(
-                f"{table.place}: unknown column {title!r}; expected name and, each with a unit of "
-                f"length, {', '.join(AXES)}: {HEAD}"
+                f"{table.place}: column {title!r}; expected name and, each with a unit of length, "
+                f"{', '.join(AXES)}: {HEAD}"
             )
         if axis in unit_of_axis:
             raise InputError(f"{table.place}: two columns are of {axis}; keep one")
         unit_of_axis[axis] = unit
     if lacking := [name for name in ("name", *AXES) if name not in unit_of_axis]:
         raise InputError(f"{table.place}: has no column of {', '.join(lacking)}; expected {HEAD}")
+    if left_out:
+        warnings.warn(
+            f"{table.place}: left out: {', '.join(left_out)}", ReadingWarning, stacklevel=3
+        )
     return unit_of_axis
 
 

@@ -61,7 +61,6 @@ CASES = {
     "truncated": (model()[:400], ("not well-formed",)),
     "another root": ("<mujoco/>", ("<mujoco>", "<OpenSimDocument>")),
     "no model": ('<OpenSimDocument Version="40000"><X/></OpenSimDocument>', ("no <Model>",)),
-    "no ground": (model().replace('<Ground name="ground"/>', ""), ("<Ground> is missing",)),
     "no version": ("<OpenSimDocument><Model/></OpenSimDocument>", ("Version", "40600")),
     "layout of 3": (OLD, ("line 2", "OpenSim 3", "save it")),
     "layout of 3 under a new number": (OLD.replace("30516", "40600"), ("line 2", "OpenSim 3")),
@@ -80,8 +79,8 @@ CASES = {
     ),
     "huge number": (model(rest="<gravity>0 1e300 0</gravity>"), ("gravity", "1e+30")),
     "impossible inertia": (
-        model(body("b", "<mass>1</mass><inertia>1 1 3 0 0 0</inertia>")),
-        ('Body "b"', "no solid", "1, 1, 3"),
+        model(body("b", "<mass>1</mass><inertia>1 1 9 0 0 0</inertia>")),
+        ('Body "b"', "no solid", "1, 1, 9"),
     ),
     "negative mass": (model(body("b", "<mass>-1</mass>")), ("no solid has the mass -1",)),
     "two bodies of one name": (model(body("b") + body("b")), ('Body "b"', "taken", "line 5")),
@@ -89,7 +88,7 @@ CASES = {
         model(LOOP, PIN + joint("k", "/bodyset/b", "/bodyset/c", coordinate("q"))),
         ('Coordinate "q"', "taken"),
     ),
-    "no name": (model(body("")), ("attribute name is missing",)),
+    "no name": (model(body("")), ("no component", "'/bodyset/b'")),
     "no joint": (model(body("b") + body("c")), ('Body "c"', "no joint")),
     "closed loop": (
         model(joints=PIN + joint("k", "/ground", "/bodyset/b", coordinate("r"))),
@@ -132,33 +131,18 @@ CASES = {
         model(joints=joint("j", "/ground", "b", coordinate("q", "<locked>maybe</locked>"))),
         ("<locked>", "true or false", "'maybe'"),
     ),
-    "slope": (model(joints=custom_of(LINEAR.format("0.5 0"))), ("0.5 times", "1 and -1")),
-    "curve": (
-        model(joints=custom_of("<SimmSpline><x>0 1 2</x><y>0 1 3</y></SimmSpline>")),
-        ("SimmSpline", "no straight line"),
-    ),
     "knots": (
         model(joints=custom_of("<SimmSpline><x>0 0</x><y>0 1</y></SimmSpline>")),
         ("two knots",),
     ),
     "function": (
         model(joints=custom_of("<StepFunction/>")),
-        ("StepFunction", "a straight line or a constant"),
+        ("StepFunction", "known are Constant, LinearFunction"),
     ),
     "no function": (model(joints=custom_of("")), ('"rotation1"', "function is missing")),
     "idle coordinate": (
         model(joints=custom_of(LINEAR.format("1 0"), "q", "qr")),
         ("'r' moves 0 axes",),
-    ),
-    "coupled axes": (
-        model(
-            joints=custom(
-                axis("rotation1", LINEAR.format("1 0"), "q"),
-                axis("rotation2", LINEAR.format("1 0"), "q"),
-                coordinates=coordinate("q"),
-            )
-        ),
-        ("'q' moves 2 axes",),
     ),
     "coordinate of another joint": (
         model(joints=custom_of(LINEAR.format("1 0"), "x", "")),

@@ -124,7 +124,9 @@ def test_a_massless_welded_body_stays_massless(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["ConditionalPathPoint", "MovingPathPoint"])
-def test_a_path_with_a_point_that_changes_goes_with_its_muscle(kind: str, tmp_path: Path) -> None:
+def test_a_path_with_a_point_that_depends_on_nothing_goes_with_its_muscle(
+    kind: str, tmp_path: Path
+) -> None:
     points = TWO_POINTS + point("c", "/bodyset/b", "2 1 0", kind, "<range>0 1</range>")
     made = import_text(tmp_path, model(forces=muscle("bad", points) + muscle("good", TWO_POINTS)))
     assert list(made.muscles) == ["good"]

@@ -103,7 +103,7 @@ def test_the_command_ends_with_code_2_where_no_muscle_is_imported(tmp_path: Path
         result = CliRunner().invoke(app, [str(tmp_path / "m.osim"), "--out", f"{tmp_path}/m.xml"])
         assert result.exit_code == code
         assert told in result.output
-        assert "path point 'c' moves in its body" in result.output
+        assert "path point 'c' moves along x by no function" in result.output
         assert (tmp_path / "m.losses.txt").exists()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Literal
 
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
-from cosim.errors import InputError
+from cosim.errors import InputError, ReadingWarning
 from rigid.opensim import sto
 from rigid.opensim.sto import StoTable, is_angle, read_sto, write_sto
 
@@ -124,7 +125,7 @@ BAD = {
     "no header at all": ("1 2 3\n4 5 6\n", "endheader is missing"),
     "ends there": (OLD[: OLD.index("time")], "line 9: expected labels"),
     "no time": (OLD.replace("time", "frame"), "line 9: expected labels, the first of them time"),
-    "empty label": (OLD.replace("\tMCP\t", "\t\t"), "label 2 is empty"),
+    "label lost": (OLD.replace("\tMCP\t", "\t\t"), "line 10: 4 values, expected 3"),
     "label twice": (OLD.replace("pelvis_tx", "MCP"), "'MCP' comes twice"),
     "ragged": (OLD.replace("\t45\n", "\n"), "line 11: 3 values, expected 4"),
     "text": (OLD.replace("\t45\n", "\tx45\n"), "line 11: 'x45' in column 4"),
@@ -133,9 +134,7 @@ BAD = {
     "infinite": (OLD.replace("180", "inf"), "line 10, column 2: inf"),
     "beyond": (OLD.replace("180", "1e200"), "at most 1e+30"),
     "back in time": (OLD.replace("0.5\t", "-1\t"), "0 s is followed by -1 s"),
-    "same time": (OLD.replace("0.5\t", "0\t"), "time must increase"),
-    "fewer rows": (OLD.replace("nRows=2", "nRows=3"), "nRows=3, the file has 2"),
-    "more columns": (OLD.replace("nColumns=4", "nColumns=3"), "nColumns=3, the file has 4"),
+    "same time within": (OLD + "0.5\t1\t1\t1\n0.6\t1\t1\t1\n", "time must increase"),
     "degrees perhaps": (OLD.replace("=yes", "=maybe"), "'maybe', expected yes or no"),
     "vectors": (NEW.replace("=double", "=Vec3"), "DataType is Vec3"),
     "long header": ("x" * 70_000 + "\n" + OLD, "no endheader in 64 kB"),
@@ -150,6 +149,42 @@ def test_a_bad_table_is_refused_in_one_message(case: str, tmp_path: Path) -> Non
     assert "table.sto" in str(caught.value)
     assert fragment in str(caught.value)
     assert len(str(caught.value)) < 300
+
+
+LAST = OLD.splitlines()[-1]
+STALE = {
+    "fewer rows": (OLD.replace("nRows=2", "nRows=3"), "nRows=3, the file has 2"),
+    "more columns": (OLD.replace("nColumns=4", "nColumns=3"), "nColumns=3, the file has 4"),
+    "of version 3": (OLD.replace("version=1", "version=3\nnRows=9"), "nRows=9|nRows=2"),
+    "last twice": (OLD.replace("nRows=2", "nRows=3") + LAST + "\n", "last two rows have one time"),
+}
+
+
+@pytest.mark.parametrize("case", STALE)
+def test_a_stale_header_and_a_doubled_end_are_read_and_told(case: str, tmp_path: Path) -> None:
+    text, told = STALE[case]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        table = read(tmp_path, text)
+    assert_array_equal(table.time, [0, 0.5])
+    assert len(table.columns) == 3
+    said = [str(w.message) for w in caught if w.category is ReadingWarning]
+    if case != "of version 3":
+        assert any(told in text for text in said)
+
+
+def test_a_first_row_that_is_there_twice_is_taken_once(tmp_path: Path) -> None:
+    lines = OLD.splitlines()
+    first = lines.index(next(line for line in lines if line.startswith("0\t")))
+    text = "\n".join([*lines[: first + 1], *lines[first:]]).replace("nRows=2", "nRows=3")
+    with pytest.warns(ReadingWarning, match="first two rows have one time, 0 s"):
+        table = read(tmp_path, text)
+    assert_array_equal(table.time, [0, 0.5])
+
+
+def test_two_tabs_between_labels_are_one(tmp_path: Path) -> None:
+    table = read(tmp_path, OLD.replace("time\t", "time\t\t"))
+    assert table.columns == ("MCP", "pelvis_tx", "/jointset/pip/PIP/value")
 
 
 def test_what_is_no_file_or_no_text_is_told(

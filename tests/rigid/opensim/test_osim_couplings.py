@@ -1,0 +1,265 @@
+"""Functions of OpenSim, what follows a coordinate by one, parts that are left out, and points that
+come and go."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from cosim.errors import InputError
+from rigid.opensim.components import components
+from rigid.opensim.functions import quartic, read_function, straight
+from rigid.opensim.osim import Imported, import_osim
+from rigid.opensim.skeleton import OsimSkeleton, read_skeleton
+from rigid.opensim.xml import read_xml
+from tests.helpers.osim_files import (
+    PLAIN,
+    TWO_POINTS,
+    axis,
+    body,
+    coordinate,
+    custom,
+    import_text,
+    joint,
+    model,
+    muscle,
+    point,
+    reasons,
+)
+
+KNOTS = (
+    "<x>-2.0944 -1.74533 -1.39626 -1.0472 -0.698132 -0.349066 -0.174533 0.197344 0.337395 "
+    "0.490178 1.52146 2.0944</x><y>-0.0032 0.00179 0.00411 0.0041 0.00212 -0.001 -0.0031 "
+    "-0.005227 -0.005435 -0.005574 -0.005435 -0.00525</y>"
+)
+"""Of a knee: how far the tibia slides (m) by its angle (rad)."""
+AT = (-2.2, -1.2, -0.2, 0.4, 1.4, 2.4)
+BY_OPENSIM = {
+    "SimmSpline": (
+        *(-0.005149973048547959, 0.004383123108905307, -0.0028174990233614207),
+        *(-0.005498848678993552, -0.005498229224459147, -0.005254133588861085),
+    ),
+    "PiecewiseLinearFunction": (
+        *(-0.004709565416678609, 0.004104377470921905, -0.0027935782917843646),
+        *(-0.005491957220371376, -0.0054513708277658295, -0.0051513230006632466),
+    ),
+    "GCVSpline": (
+        *(None, 0.004407022364337067, -0.002813882340536191),
+        *(-0.0055006992321901165, -0.005488466798831646, None),
+    ),
+}
+"""What OpenSim 4.6 answers at AT; None where its quintic goes on otherwise beyond the knots."""
+RANGE = "<range>-1.5 0.5</range><default_value>-0.3</default_value>"
+LINE = "<LinearFunction><coefficients>{} {}</coefficients></LinearFunction>"
+SPLINE = f"<SimmSpline>{KNOTS}</SimmSpline>"
+
+
+def function_of(folder: Path, text: str):
+    path = folder / "f.osim"
+    path.write_text(f'<OpenSimDocument Version="40000">{text}</OpenSimDocument>')
+    return read_function(read_xml(path).children[0])
+
+
+@pytest.mark.parametrize("kind", BY_OPENSIM)
+def test_a_spline_is_opensim_s(kind: str, tmp_path: Path) -> None:
+    curve = function_of(tmp_path, f"<{kind}>{KNOTS}</{kind}>")
+    for at, value in zip(AT, BY_OPENSIM[kind], strict=True):
+        if value is not None:
+            assert curve(at) == pytest.approx(value, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "at", "value"),
+    [
+        ("<Constant><value>3</value></Constant>", 7.0, 3.0),
+        (LINE.format(2, 1), 7.0, 15.0),
+        ("<PolynomialFunction><coefficients>1 2 3</coefficients></PolynomialFunction>", 2.0, 11.0),
+        ("<PolynomialFunction><coefficients>2 3</coefficients></PolynomialFunction>", 2.0, 7.0),
+        (
+            "<MultiplierFunction><function><Constant><value>3</value></Constant></function>"
+            "<scale>-2</scale></MultiplierFunction>",
+            0.0,
+            -6.0,
+        ),
+        ("<SimmSpline><x>0 1</x><y>1 3</y></SimmSpline>", 2.0, 5.0),
+        ("<NaturalCubicSpline><x>0 1 2</x><y>0 1 0</y></NaturalCubicSpline>", 1.0, 1.0),
+    ],
+)
+def test_a_function_has_its_values(text: str, at: float, value: float, tmp_path: Path) -> None:
+    assert function_of(tmp_path, text)(at) == pytest.approx(value)
+
+
+def test_a_quartic_of_a_quartic_is_itself_and_its_error_is_the_largest(tmp_path: Path) -> None:
+    text = "<PolynomialFunction><coefficients>1 -2 0.5 3 -1</coefficients></PolynomialFunction>"
+    found = quartic(function_of(tmp_path, text), -1.0, 3.0)
+    assert found.coefficients == pytest.approx((-1, 3, 0.5, -2, 1))
+    assert found.error < 1e-12
+    knee = function_of(tmp_path, SPLINE)
+    fit, at = quartic(knee, -1.5, 0.5), np.linspace(-1.5, 0.5, 1000)
+    off = np.abs(np.polyval(fit.coefficients[::-1], at) - knee.at(at)).max()
+    assert off == pytest.approx(fit.error, rel=0.01)
+    assert 1e-6 < fit.error < 5e-4
+    assert quartic(straight(2.0, 1.0), 0.0, 0.0).coefficients == (1.0, 2.0, 0, 0, 0)
+
+
+def read(folder: Path, text: str) -> tuple[Imported, OsimSkeleton, mujoco.MjModel]:
+    made = import_text(folder, text)
+    root = read_xml(folder / "model.osim").one("Model")
+    assert root is not None
+    return made, read_skeleton(components(root)), mujoco.MjModel.from_xml_string(made.xml)
+
+
+def test_an_axis_that_follows_a_spline_is_tied_by_an_equality(tmp_path: Path) -> None:
+    axes = (
+        axis("rotation1", LINE.format(1, 0), "q", "0 0 1"),
+        axis("translation1", SPLINE, "q", "1 0 0"),
+        axis("translation2", LINE.format(0.5, 0.1), "q", "0 1 0"),
+    )
+    text = model(joints=custom(*axes, coordinates=coordinate("q", RANGE)))
+    made, skeleton, built = read(tmp_path, text)
+    assert set(made.couplings) == {"j_translation1", "j_translation2"}
+    assert made.couplings["j_translation2"].polynomial == pytest.approx((0.1, 0.5, 0, 0, 0))
+    assert "follows by a quartic, at most" in reasons(made, "q")
+    data = mujoco.MjData(built)
+    mujoco.mj_resetDataKeyframe(built, data, 0)
+    mujoco.mj_kinematics(built, data)
+    (spline,) = [s for s in skeleton.followers if s.name == "j_translation1"]
+    assert spline.curve is not None
+    assert data.body("b").xpos[:2] == pytest.approx([spline.curve(-0.3), 0.1 - 0.15])
+    mujoco.mj_fwdPosition(built, data)
+    assert np.abs(data.efc_pos[: built.neq]).max() < 1.01 * made.couplings["j_translation1"].error
+
+
+def test_a_coordinate_that_no_axis_carries_is_a_joint_of_its_own(tmp_path: Path) -> None:
+    half = axis("rotation1", LINE.format(0.5, 0), "q", "0 0 1")
+    made, _, built = read(tmp_path, model(joints=custom(half, coordinates=coordinate("q", RANGE))))
+    assert [built.joint(i).name for i in range(built.njnt)] == ["j_rotation1", "q"]
+    assert built.key_qpos[0] == pytest.approx([-0.15, -0.3])
+    assert made.couplings["j_rotation1"].coordinate == "q"
+
+
+@pytest.mark.parametrize(("enforced", "count"), [("true", 1), ("false", 0)])
+def test_a_coupler_is_an_equality_of_two_joints(enforced: str, count: int, tmp_path: Path) -> None:
+    joints = joint("p", "/ground", "/bodyset/b", coordinate("q", RANGE))
+    joints += joint("r", "/bodyset/b", "/bodyset/c", coordinate("r", RANGE))
+    coupler = (
+        '<ConstraintSet name="constraintset"><objects><CoordinateCouplerConstraint name="tie">'
+        f"<isEnforced>{enforced}</isEnforced><coupled_coordinates_function>{LINE.format(2, 0.1)}"
+        "</coupled_coordinates_function><independent_coordinate_names>q"
+        "</independent_coordinate_names><dependent_coordinate_name>r</dependent_coordinate_name>"
+        "<scale_factor>3</scale_factor></CoordinateCouplerConstraint></objects></ConstraintSet>"
+    )
+    made, _, built = read(tmp_path, model(body("b") + body("c"), joints, rest=coupler))
+    assert built.neq == count
+    if count:
+        assert made.couplings["r"].polynomial == pytest.approx((0.3, 6, 0, 0, 0))
+    else:
+        assert "not enforced" in reasons(made, "tie")
+
+
+def test_a_joint_that_cannot_be_read_takes_its_body_and_what_hangs_on_it(tmp_path: Path) -> None:
+    joints = joint("p", "/ground", "/bodyset/b", coordinate("q"))
+    joints += joint("odd", "/bodyset/b", "/bodyset/c", coordinate("r"), kind="EllipsoidJoint")
+    joints += joint("s", "/bodyset/c", "/bodyset/d", coordinate("t"))
+    far = point("p0", "/ground", "0 0 0") + point("p1", "/bodyset/d", "1 1 0")
+    bodies = body("b") + body("c") + body("d")
+    forces = muscle("near", TWO_POINTS) + muscle("far", far)
+    made, _, built = read(tmp_path, model(bodies, joints, forces))
+    assert [built.body(i).name for i in range(built.nbody)] == ["world", "b"]
+    assert (list(made.muscles), made.path_actuators) == (["near"], 2)
+    assert "left out with it: c, d" in reasons(made, "odd")
+    assert "a body that is left out with the joint 'odd'" in reasons(made, "far")
+    alone = joint("odd", "/ground", "/bodyset/b", coordinate("r"), kind="EllipsoidJoint")
+    with pytest.raises(InputError, match="EllipsoidJoint cannot be imported"):
+        import_text(tmp_path, model(joints=alone))
+
+
+def coming(low: float, high: float) -> str:
+    inside = f"<socket_coordinate>/jointset/p/q</socket_coordinate><range>{low} {high}</range>"
+    return point("c", "/ground", "0 1.2 0", "ConditionalPathPoint", inside)
+
+
+def with_point(low: float, high: float) -> str:
+    joints = joint("p", "/ground", "/bodyset/b", coordinate("q", RANGE))
+    first, last = point("a", "/ground", "-1 1 0"), point("z", "/bodyset/b", "1 1 0")
+    return model(joints=joints, forces=muscle("mus", first + coming(low, high) + last))
+
+
+def test_a_point_that_is_always_there_is_a_plain_one(tmp_path: Path) -> None:
+    made = import_text(tmp_path, with_point(-2, 1))
+    assert made.losses == ()
+    assert made.xml.count("mus-") == 2 * 3
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1.5, -1.0), (-1.5, 0.45)])
+def test_a_point_that_comes_and_goes_is_sized(low: float, high: float, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="import"):
+        _refuse_without_muscles(import_text(tmp_path, with_point(low, high)))
+    made = import_osim(tmp_path / "model.osim", tolerance=10.0)
+    assert list(made.muscles) == ["mus"]
+    told = reasons(made, "mus")
+    built = mujoco.MjModel.from_xml_string(made.xml)
+    data, off = mujoco.MjData(built), []
+    for q in np.linspace(-1.5, 0.5, 41):
+        data.qpos[0] = q
+        mujoco.mj_kinematics(built, data)
+        mujoco.mj_tendon(built, data)
+        end = np.array([np.cos(q) - np.sin(q), np.sin(q) + np.cos(q), 0])
+        way = [np.array([-1, 1, 0]), np.array([0, 1.2, 0]), end]
+        if not low <= q <= high:
+            way.pop(1)
+        off.append(abs(data.ten_length[0] - np.linalg.norm(np.diff(way, axis=0), axis=1).sum()))
+    stated = re.search(r"at most (\S+) mm off", told)
+    assert stated
+    assert float(stated[1]) == pytest.approx(1e3 * max(off), rel=0.06)
+
+
+def _refuse_without_muscles(made: Imported) -> None:
+    if not made.muscles:
+        raise InputError("import")
+
+
+def test_what_opensim_does_without_is_made_up_and_told(tmp_path: Path) -> None:
+    text = model(forces="<SpringGeneralizedForce><coordinate>q</coordinate>"
+                        "<stiffness>1</stiffness></SpringGeneralizedForce>")  # fmt: skip
+    made = import_text(tmp_path, text.replace('<Ground name="ground"/>', ""))
+    assert "OpenSim's own is taken" in reasons(made, '"m"')
+    assert "it has no name" in reasons(made, "springgeneralizedforce_in_line")
+    assert len(made.springs) == 1
+
+
+@pytest.mark.parametrize("share", [0.05, 0.4])
+def test_inertia_of_no_solid_is_balanced_and_told(share: float, tmp_path: Path) -> None:
+    inertia = f"<mass>1</mass><inertia>1 1 {2 / (1 - share)} 0 0 0</inertia>"
+    made = import_text(tmp_path, model(body("b", inertia)))
+    assert "those of no solid" in reasons(made, '"b"')
+    principal = np.sort(mujoco.MjModel.from_xml_string(made.xml).body("b").inertia)
+    assert principal[0] + principal[1] >= principal[2] * (1 - 1e-9)
+    assert PLAIN.startswith("<mass>1</mass>")
+
+
+def test_a_muscle_whose_length_jumps_is_left_out_with_the_size(tmp_path: Path) -> None:
+    """It passes a cylinder on the side of its quadrant until it lies beyond."""
+    wrap = (
+        '<WrapObjectSet name="wrapobjectset"><objects><WrapCylinder name="head"><radius>0.3'
+        "</radius><length>4</length><quadrant>-x</quadrant></WrapCylinder></objects>"
+        "</WrapObjectSet>"
+    )
+    use = '<PathWrap name="pw"><wrap_object>head</wrap_object></PathWrap>'
+    ends = point("a", "/ground", "0.1 1 0") + point("z", "/bodyset/b", "0 -1 0")
+
+    def made(span: str) -> Imported:
+        inside = f"<range>{span}</range>"
+        joints = joint("p", "/ground", "/bodyset/b", coordinate("q", inside))
+        ground = f'<Ground name="ground">{wrap}</Ground>'
+        text = model(joints=joints, forces=muscle("mus", ends, use))
+        return import_text(tmp_path, text.replace('<Ground name="ground"/>', ground))
+
+    assert list(made("-0.5 0.1").muscles) == ["mus"]
+    jumping = made("-0.5 2.9")
+    assert not jumping.muscles
+    assert "mm to another side" in reasons(jumping, "mus")
