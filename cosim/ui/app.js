@@ -66,6 +66,7 @@
         drawn = await get("/drawn");
         lookAt();
         await draw();
+        document.documentElement.dataset.drawn = drawn.picture;
       }
     } finally { fetching = false; }
   }
@@ -219,7 +220,6 @@
     $("frame").value = k;
     $("axis").textContent = state.isMotion ? "Time" : "State";
     $("label").textContent = primary().frames[k];
-    document.documentElement.dataset.drawn = drawn.picture;
   }
   function follow(room) { // one camera for all panes
     room.dataset.heard = "1";
