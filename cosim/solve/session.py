@@ -16,7 +16,7 @@ from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium, first_answer
 from cosim.errors import ConvergenceError, InputError, Progress
 from cosim.models.build import Models, build_any, with_own_finger
-from cosim.port import Array, Motion, PairState, Response, StorableHood, Tensions
+from cosim.port import Array, Motion, PairState, Response, State, StorableHood, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
 from cosim.tendons.muscles import live_muscles
 
@@ -116,7 +116,7 @@ class Session:
         """Where a warm session begins an equilibrium: at the last one, `loaded` or not; None where
         there is none of a hood on the same bones whose mesh has as many nodes."""
         last = self._last
-        if last is None or last.bones != case.finger.anatomy_key():
+        if last is None or not case.finger.is_native or last.bones != case.finger.anatomy_key():
             return None
         e = last.loaded if loaded else last.unloaded
         if models.hood is last.models.hood and models.finger is last.models.finger:
@@ -127,7 +127,7 @@ class Session:
                     state = hood.from_arrays(solved.to_arrays(e.response.state))
                 except InputError:  # a lesion has cut the mesh
                     return None
-                return PairState(models.finger.start(models.posture), state)
+                return PairState(_turned(last.models, e, models), state)
         return None
 
     def remember(
@@ -154,6 +154,15 @@ class Session:
             if setting.hood.key == key and case.finger.is_native:
                 return _Setting(with_own_finger(setting.models, case), setting.hood)
         return _Setting(build_any(case), _SharedHood(key))
+
+
+def _turned(known: Models, e: Equilibrium, models: Models) -> State:
+    """The finger in its posture, turned from there as another one is in its equilibrium."""
+    start, unknowns = models.finger.start(models.posture), known.finger.unknowns
+    turn = unknowns(e.finger_state) - unknowns(known.finger.start(known.posture))
+    if turn.shape != models.finger.unknowns(start).shape:  # the fingertip is held otherwise
+        return start
+    return models.finger.displace(start, turn)
 
 
 def _unloaded_equilibrium(

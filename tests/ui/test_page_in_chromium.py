@@ -125,7 +125,6 @@ def _rest_of_the_page(tab: Tab) -> None:
     tab.run("document.getElementById('unpin').click()")
     tab.wait("document.querySelectorAll('.pane').length === 1")
     act(tab, "open", {"name": "forward_edc"})
-    act(tab, "change", {"key": "hood.mesh.quads", "text": "120"})
     tab.wait(SOLVED)
     assert tab.run("document.getElementById('solve').offsetParent !== null")
 
