@@ -30,7 +30,7 @@ CEILINGS = {
     "cosim/solve": 827,
     "cosim/study": 2920,
     "cosim/tendons": 534,
-    "cosim/ui": 1504,
+    "cosim/ui": 1511,
     "cosim/validation": 2115,
     "cosim/verification": 990,
     "fe_solver": 468,

@@ -137,16 +137,16 @@
       for (const [, n, v] of mine) svg("circle", { cx: x(n), cy: y(v), r: 2, fill: ink }, at);
       if (name) words(x(mine[0][1]), 62, name === "loaded" ? "loaded" : "at rest", "start");
     }
-    words(312, 62, "relative residual", "end");
+    words(312, 16, "relative residual", "end");
   }
-  const number = (value, unit) => (value === null ? "–" : `${Math.abs(value) < 5e-7 ? "0" : said(value, 4)} ${unit === "1" ? "" : unit}`);
+  const number = (value, unit, digits = 4) => (value === null ? "–" : `${Math.abs(value) < 5e-7 ? "0" : said(value, digits)} ${unit === "1" ? "" : unit}`);
   function strip() {
     const rows = state.strip.map((row) => {
       const div = make("div"), dd = make("dd", number(row.now, row.unit));
       if (state.pin) {
         const known = row.now !== null && row.pinned !== null, gap = known ? row.now - row.pinned : null;
         const sign = gap > 0 ? "+" : "";
-        dd.append(make("small", `pinned ${number(row.pinned, row.unit)}`), make("small", known ? `difference ${sign}${number(gap, row.unit)}` : ""));
+        dd.append(make("small", `pinned ${number(row.pinned, row.unit)}`), make("small", known ? `difference ${sign}${number(gap, row.unit, 3)}` : ""));
       }
       div.append(make("dt", row.label), dd);
       return div;
@@ -214,6 +214,7 @@
       const [width, height] = [room.clientWidth, room.clientHeight];
       const layout = { ...CosimScene.layout(box, width, height, now.camera), width, height, uirevision: now.looks };
       layout.scene.uirevision = now.looks;
+      if (width < 250) for (const axis of ["xaxis", "yaxis", "zaxis"]) layout.scene[axis].visible = false; // no room for words
       return Plotly.react(room, traces, layout, CONFIG).then(() => { if (!room.dataset.heard) follow(room); });
     }));
     const k = frameOf(primary());
@@ -340,7 +341,8 @@
     const at = $("changes");
     at.replaceChildren(names.length ? make("span", `${names.length} ${names.length === 1 ? "change" : "changes"}: `) : make("span", "Nothing is changed yet."));
     for (const [key, text] of names) {
-      const c = rows.get(key).c, name = [c.part, c.label].filter(Boolean).join(", "), back = make("button", `${name} ${text} ✕`, { type: "button", title: `Take back: ${name} ${c.text}` });
+      const c = rows.get(key).c, name = [c.part, c.label].filter(Boolean).join(", ");
+      const said = c.form === "switch" ? `${text === "true" ? "" : "not "}${name}` : `${name} ${text}`, back = make("button", `${said} ✕`, { type: "button", title: `Take back; the case says ${c.text}` });
       back.addEventListener("click", () => send(key, c.text, false));
       at.append(back);
     }

@@ -77,6 +77,13 @@ class Control:
     """The slider moves by factors."""
     choices: tuple[str, ...] = ()
 
+    def words(self, text: str) -> str:
+        """A value of this control in words."""
+        name = f"{self.part}, {self.label}" if self.part else self.label
+        if self.form == "switch":
+            return name if text == "true" else f"not {name}"
+        return f"{name} {text}"
+
 
 def controls_of(case: Case) -> tuple[Control, ...]:
     """The controls of a case, in the order of the page."""

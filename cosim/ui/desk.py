@@ -598,7 +598,7 @@ class Desk:
 
     def _label(self) -> str:
         """The case, and what is changed in it."""
-        changes = [f"{c.label} {t}" for c in self._controls if (t := self._changes.get(c.key))]
+        changes = [c.words(t) for c in self._controls if (t := self._changes.get(c.key))]
         words = [self._rung_word(), *changes] if self._base is not self._stated else changes
         more = f", {len(words) - 2} more" if len(words) > 2 else ""
         return f"{self._base.name}: {', '.join(words[:2]) or 'as it is'}{more}"
