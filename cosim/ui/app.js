@@ -168,11 +168,11 @@
     if (!v) { $("panes").replaceChildren(); $("legend").replaceChildren(); $("parts").replaceChildren(); return; }
     if (state.isSoFar || (now.frame !== null && now.frame >= lastFrame())) now.frame = null; // the last one, as it grows
     const all = fields(v), f = field(v, now.field);
-    now.field = f ? f.key : "";
+    if (f) now.field = f.key;
     $("field").replaceChildren(...all.map((one) => new Option(one.unit ? `${one.label}, ${one.unit}` : one.label, one.key)));
     if (!f) $("field").append(new Option("no deformable hood", ""));
     $("field").disabled = !f;
-    $("field").value = now.field;
+    $("field").value = f ? now.field : "";
     $("frame").max = lastFrame();
     $("player").hidden = lastFrame() < 1;
     for (const at of [$("play"), $("speed").parentElement]) at.hidden = !v.times.length;
