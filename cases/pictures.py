@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from cosim.case.file import load_case
 from cosim.pipeline import run_case
+from cosim.results.picture import palette_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,7 +36,7 @@ SHOWN = {
     "own": "own_edc",
 }
 """The case that stands for each family."""
-MOST_BYTES = 60_000
+MOST_BYTES = 80_000
 MOST_WIDTH = 945
 
 
@@ -62,7 +63,8 @@ def small_png(figure: Figure, dpi: float = 90) -> bytes:
     while colours > 8 and not 0 < len(found) < MOST_BYTES:
         colours //= 2
         out = io.BytesIO()
-        image.quantize(colours).save(out, format="PNG", optimize=True)
+        reduced = image.quantize(palette=palette_of([image], colours), dither=Image.Dither.NONE)
+        reduced.save(out, format="PNG", optimize=True)
         found = out.getvalue()
     return found
 

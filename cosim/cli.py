@@ -49,7 +49,14 @@ COMMANDS = {
             "cosim report runs/isometric_edc -o edc.html",
         ),
         "view": Command(
-            "view.view", "Show a run's hood in a window.", "cosim view runs/isometric_edc"
+            "view.view",
+            "Show a run in a window, where a motion plays.",
+            "cosim view runs/isometric_edc",
+        ),
+        "film": Command(
+            "film.film",
+            "Write a run as a film (.gif or .mp4).",
+            "cosim film runs/motion_edc_fdp -o motion.gif",
         ),
         "ui": Command(
             "ui.ui",

@@ -9,6 +9,7 @@ from cosim.errors import InputError
 EXTRAS = {
     "ui": ("starlette", "uvicorn"),
     "view": ("pyvista",),
+    "film": ("imageio_ffmpeg",),
     "study": ("pyarrow", "SALib", "dask", "distributed"),
     "fmu": ("pythonfmu", "pythonfmu3"),
     "opensim": ("opensim",),

@@ -28,6 +28,7 @@ NEEDS = [
     ("pyvista", "view", "view run", "a window in space"),
     ("uvicorn", "ui", "ui pulley_edc", "the page"),
     ("starlette", "ui", "run pulley_edc --watch", "the page"),
+    ("imageio_ffmpeg", "film", "film run -o a.mp4", "a film as .mp4 (a .gif needs no more)"),
     ("pyvista", "view", "new mine --hood a.vtu", "a.vtu: reading a .vtu of another program"),
     ("pyarrow", "study", "study network_saltelli", "a study"),
     ("SALib", "study", "study network_saltelli --workers 0", "a study"),

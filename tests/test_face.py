@@ -12,6 +12,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 
 import cosim
 from cosim.models.build import build
@@ -114,7 +115,8 @@ def test_a_run_opened_shows_what_the_fresh_one_does(tmp_path, monkeypatch, name)
         drawn = [tmp_path / f"{kind}{i}.png" for i in range(2)]
         for result, path in zip((fresh, again), drawn, strict=True):
             result.plot(kind, path)
-        assert drawn[0].read_bytes() == drawn[1].read_bytes()
+        one, other = (plt.imread(path) for path in drawn)
+        assert (np.abs(one - other) > 0.02).mean() < 1e-4  # a ledger's file has nine digits
     table = cosim.compare(fresh, again)
     assert table[fresh.name].equals(table[f"{fresh.name} (2)"])
     pages = [

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.errors import ConvergenceError, Progress, quiet
+from cosim.fingers.kinds import joint_ranges
 from cosim.models.build import Models
 from cosim.port import STATIC, Array, Load, Motion, State
 from cosim.results.looks import Look, look
@@ -163,7 +164,7 @@ def _arm(models: Models, tendon: str, joint: str, posture: str) -> float:
     j = models.finger.joints.index(joint)
     if posture != "range":
         return float(native_arms(models, _posture(posture))[tendon][j])
-    flexion = np.linspace(0.0, models.finger.ranges[joint][1], MEAN_OF)
+    flexion = np.linspace(0.0, joint_ranges(models.finger)[joint][1], MEAN_OF)
     return float(np.mean([arms[tendon][j] for arms in _native_arms_over(models, joint, flexion)]))
 
 

@@ -45,6 +45,7 @@ PURPOSES = {
     "pictures, pages": ("matplotlib", "plotly", "jinja2"),
     "a page to work in": EXTRAS["ui"],
     "windows, .vtu of others": EXTRAS["view"],
+    "films as .mp4": EXTRAS["film"],
     "studies": EXTRAS["study"],
     "estimates": ("daqp",),
     "your own bones": ("trimesh",),

@@ -25,19 +25,18 @@ from cosim.models.build import hood_mesh
 def view(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
 ) -> None:
-    """Show a run's hood in a window."""
+    """Show a run in a window: hood, bones, tendons and forces; a motion plays.
+
+    Space plays and stops, the slider chooses a time or state, the mouse turns."""
     with exit_on_error():
-        hood = folder / "hood.vtu"
         if not (folder / "summary.json").is_file():
             raise InputError(
                 f"{folder}: is not the folder of a run; for example runs/isometric_edc"
             )
-        if not hood.is_file():
-            raise InputError(f"{folder}: this run has no deformable hood to show")
         if not _has_display():
             picture = folder / "picture.png"
             instead = f"the picture is {picture}" if picture.is_file() else "nor was a picture made"
-            typer.echo(f"there is no display here; {instead}")
+            typer.echo(f"there is no display here; {instead}; `cosim film` needs none")
             return
         require("a window in space", "pyvista")
         cosim.open_run(folder).view().show()

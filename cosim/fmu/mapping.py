@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import prod
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cosim.errors import InputError, nearest_names
 from cosim.fmu.archive import UnpackedFmu
 from cosim.fmu.quantity import UNITS, Quantity
+from cosim.port import Array
+from cosim.schema.units import Kind, parse
 
 KINDS = {False: ("Real", "Float64"), True: ("Boolean",)}
 """FMI's types of a quantity, by whether it is a switch."""
@@ -29,6 +33,9 @@ class VariablePlace:
     references: tuple[int, ...]
     shape: tuple[int, ...]
     switch: bool
+    factor: Array = field(default_factory=lambda: np.ones(1))
+    offset: Array = field(default_factory=lambda: np.zeros(1))
+    """(entries,) or (1,): a value in SI units is factor times that of the unit, and the offset."""
 
     @property
     def size(self) -> int:
@@ -45,7 +52,8 @@ def places(
 ) -> dict[str, VariablePlace]:
     """The place of every quantity; `names` gives, by quantity, the name of an array variable, or of
     the variables of its entries as a template (`F_{body}_{axis}`).  A quantity that `names` leaves
-    out has the name that our own units give it; an `optional` one of these may be missing.
+    out has the name that our own units give it; an `optional` one of these may be missing.  A
+    placeholder may be numbered from 1 on: `r[{body_index},{axis_index}]`.
     `assume_si` takes a variable without unit to be in SI units.
 
     Raises InputError that lists what does not map."""
@@ -64,7 +72,8 @@ def places(
         try:
             entries = [template] if "{" not in template else q.entries(template)
         except (KeyError, ValueError, IndexError):
-            axes = ", ".join("{" + what + "}" for what, _ in q.axes) or "no placeholder"
+            both = (f"{{{what}}}, {{{what}_index}}" for what, _ in q.axes)
+            axes = ", ".join(both) or "no placeholder"
             faults.append(f"map.{q.name} = {template!r}: it takes {axes}")
             continue
         if q.name in optional and q.name not in names and entries[0] not in variables:
@@ -74,8 +83,11 @@ def places(
             faults.append(_absent(q, missing, variables))
             continue
         matched = [variables[name] for name in entries]
-        faults += _misfits(q, matched, len(entries), _units(opened), assume_si)
-        located[q.name] = VariablePlace(tuple(v.valueReference for v in matched), q.shape, q.switch)
+        found, scales = _misfits(q, matched, len(entries), _units(opened), assume_si)
+        faults += found
+        located[q.name] = VariablePlace(
+            tuple(v.valueReference for v in matched), q.shape, q.switch, *scales.T
+        )
     _refuse(opened.path, faults)
     return located
 
@@ -91,44 +103,68 @@ def _absent(quantity: Quantity, missing: Sequence[str], variables: Mapping[str, 
 
 def _misfits(
     q: Quantity, variables: Sequence[Any], entries: int, units: Mapping[str, Any], assume_si: bool
-) -> list[str]:
-    """What is wrong with the variables that hold a quantity; of one fault the first."""
+) -> tuple[list[str], Array]:
+    """What is wrong with the variables that hold a quantity, of one fault the first; factor and
+    offset (entries, 2) of the unit of each."""
     size = prod(q.shape) // entries if entries else 0
+    scales = []
     for v in variables:
         if v.type not in KINDS[q.switch]:
-            return [f"{v.name}: is of type {v.type}, expected {' or '.join(KINDS[q.switch])}"]
+            known = " or ".join(KINDS[q.switch])
+            return [f"{v.name}: is of type {v.type}, expected {known}"], np.zeros((1, 2))
         if v.causality not in CAUSALITIES[q.causality]:
-            return [f"{v.name}: its causality is {v.causality}, expected {q.causality}"]
+            fault = f"{v.name}: its causality is {v.causality}, expected {q.causality}"
+            return [fault], np.zeros((1, 2))
         if prod(v.shape or ()) * entries != prod(q.shape):
-            return [f"{v.name}: holds {prod(v.shape or ())} values, expected {size}"]
-        fault = _wrong_unit(q, v, units, assume_si)
-        if fault:
-            return [fault]
-    return []
+            holds = prod(v.shape or ())
+            return [f"{v.name}: holds {holds} values, expected {size}"], np.zeros((1, 2))
+        scale = _scale(q, v, units, assume_si)
+        if isinstance(scale, str):
+            return [scale], np.zeros((1, 2))
+        scales.append(scale)
+    return [], np.array(scales, dtype=float)
 
 
 def _units(opened: UnpackedFmu) -> dict[str, Any]:
     return {unit.name: unit.baseUnit for unit in opened.description.unitDefinitions}
 
 
-def _wrong_unit(q: Quantity, variable: Any, units: Mapping[str, Any], assume_si: bool) -> str:
+def _scale(
+    q: Quantity, variable: Any, units: Mapping[str, Any], assume_si: bool
+) -> tuple[float, float] | str:
+    """Factor and offset of a variable's unit to SI, by the file's own definition of it, or where
+    that defines nothing by its name; what is wrong where it is no unit of the quantity."""
     if not q.unit:
-        return ""
+        return 1.0, 0.0
     name = variable.unit
     if name is None and variable.declaredType is not None:
         name = variable.declaredType.unit
     if name is None:
         advice = "if it is in SI units, write assume_si = true"
-        return "" if assume_si else f"{variable.name}: states no unit, expected {q.unit}; {advice}"
+        fault = f"{variable.name}: states no unit, expected {q.unit}; {advice}"
+        return (1.0, 0.0) if assume_si else fault
     base = units.get(name)
     if base is None:
-        return "" if name == q.unit else f"{variable.name}: is in {name!r}, expected {q.unit}"
+        factor = _factor_by_name(name, q.unit)
+        fault = f"{variable.name}: is in {name!r}, expected {q.unit}"
+        return fault if factor is None else (factor, 0.0)
     powers = {b: int(getattr(base, b)) for b in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")}
     stated = {b: power for b, power in powers.items() if power}
-    if stated == UNITS[q.unit] and float(base.factor) == 1.0 and float(base.offset) == 0.0:
-        return ""
+    without_rad = {b: power for b, power in UNITS[q.unit].items() if b != "rad"}
+    if stated == UNITS[q.unit] or ("rad" not in stated and stated == without_rad):
+        return float(base.factor), float(base.offset)
     scale = "" if float(base.factor) == 1.0 else f" ({base.factor} SI units)"
     return f"{variable.name}: is in {name}{scale}, expected {q.unit}"
+
+
+def _factor_by_name(name: str, unit: str) -> float | None:
+    """The SI units in one of that name; None where it is none of this quantity."""
+    kind = Kind(unit, unit.replace(".", "*"), unit.replace(".", "*"), "")
+    spelt = {"Nm": "N*m", "Nmm": "N*mm"}.get(name, name.replace(".", "*"))
+    try:
+        return parse(f"1 {spelt}", kind)
+    except ValueError:
+        return None
 
 
 def _refuse(path: Path, faults: Sequence[str]) -> None:

@@ -59,12 +59,20 @@ class Quantity:
         return ".".join([self.name, *("{" + what + "}" for what, _ in self.axes)])
 
     def entries(self, template: str) -> list[str]:
-        """Names of all entries in the array's order (the last axis runs fastest).
+        """Names of all entries in the array's order (the last axis runs fastest); a placeholder
+        takes the labels of an axis, or with `_index` behind it their numbers from 1 on.
 
         Raises KeyError for a placeholder that is no axis."""
-        whats = [what for what, _ in self.axes]
-        every = product(*(labels for _, labels in self.axes))
-        return [template.format_map(dict(zip(whats, labels, strict=True))) for labels in every]
+        every = product(
+            *([(what, i, label) for i, label in enumerate(labels, 1)] for what, labels in self.axes)
+        )
+        return [
+            template.format_map(
+                {what: label for what, _, label in chosen}
+                | {f"{what}_index": i for what, i, _ in chosen}
+            )
+            for chosen in every
+        ]
 
     def zero(self) -> Array:
         """The array with every entry at zero."""

@@ -67,7 +67,7 @@ class Unit:
         """Inputs belong to a state, so that this makes another one of it."""
         if self.opened.rolls_back:
             self._current = None
-        values = np.ravel(value).tolist()
+        values = ((np.ravel(value) - place.offset) / place.factor).tolist()
         if place.switch:
             setter = self._fmu.setBoolean
             values = [bool(v) for v in values]
@@ -81,7 +81,7 @@ class Unit:
         values = np.array(self._call(lambda: self._read(place), ConvergenceError, "gave no value"))
         if not np.isfinite(values).all():
             raise ConvergenceError(f"{self.opened.path}: put out a value that is not finite")
-        return values.reshape(place.shape)
+        return (place.factor * values + place.offset).reshape(place.shape)
 
     def step(self, dt: float) -> None:
         """Step the unit by `dt` s.  Raises ConvergenceError where it cannot make the step."""
@@ -113,13 +113,17 @@ class Unit:
         """Directional derivative of the unknowns' values, one after another."""
         refs = [[r for place in group for r in place.references] for group in (unknown, known)]
         size = [] if self.is_fmi2 else [sum(place.size for place in unknown)]
-        return np.array(
-            self._call(
-                lambda: self._fmu.getDirectionalDerivative(*refs, list(seed), *size),
-                ConvergenceError,
-                "gave no directional derivative",
-            )
+        by_unit, to_si = (
+            np.concatenate([np.broadcast_to(place.factor, place.size) for place in group])
+            for group in (known, unknown)
         )
+        seeds = (np.asarray(seed) / by_unit).tolist()
+        answer = self._call(
+            lambda: self._fmu.getDirectionalDerivative(*refs, seeds, *size),
+            ConvergenceError,
+            "gave no directional derivative",
+        )
+        return np.asarray(to_si * np.array(answer))
 
     def save(self) -> SavedState:
         """The state as it is now."""

@@ -125,9 +125,8 @@ def plane(arrows: Sequence[Arrow]) -> str:
     )
     picture = sagittal(arrows)
     address, width = data_address(as_png(picture, DPI)), 96 * picture.get_size_inches()[0]
-    return (
-        f'<img alt="{escape(words)}" style="width: {width:.0f}px; max-width: 100%" src="{address}">'
-    )
+    style = f'style="width: {width:.0f}px; max-width: 100%"'
+    return f'<img alt="{escape(words)}" data-save="fingertip force" {style} src="{address}">'
 
 
 def sagittal(arrows: Sequence[Arrow]) -> Figure:

@@ -37,7 +37,9 @@
   let camera = CAMERAS.oblique;
   const panels = []; // what is seen beside one another: { index, stage, title, readout, still }
   const view = (panel = panels[0]) => data.views[panel.index];
-  const frameOf = (panel) => (panel === panels[0] ? now.frame : nearest(view(panel), view(), now.frame));
+  const leader = () => panels.find((panel) => view(panel).times.length) || panels[0]; // whose frames the slider counts
+  const led = () => view(leader());
+  const frameOf = (panel) => (panel === leader() ? now.frame : nearest(view(panel), led(), now.frame));
 
   // --- the views in space
   function addPanel(index) {
@@ -72,13 +74,12 @@
       panel.stage.on("plotly_relayout", follow);
     });
   }
-  let looking = false;
-  function look(to, from) { // one camera for all views
+  const isSame = (a, b) => ["eye", "up", "center"].every((part) => ["x", "y", "z"].every((axis) => Math.abs(a[part][axis] - b[part][axis]) < 1e-6));
+  function look(to, from) { // one camera for all views; each tells of what it is told
+    if (isSame(to, camera)) return Promise.resolve();
     camera = to;
-    if (looking) return Promise.resolve();
-    looking = true;
-    return Promise.all(panels.filter((panel) => panel !== from && panel.stage.data).map((panel) => Plotly.relayout(panel.stage, { "scene.camera": camera })))
-      .finally(() => { looking = false; later(); });
+    later();
+    return busy = Promise.all(panels.filter((panel) => panel !== from && panel.stage.data).map((panel) => Plotly.relayout(panel.stage, { "scene.camera": camera })));
   }
   function turn(event) {
     const { eye, up } = camera, step = Math.PI / 18;
@@ -96,11 +97,13 @@
     event.preventDefault();
     look(ways[event.key](), null);
   }
-  function draw() {
+  let busy = Promise.resolve(); // until what was last asked for is drawn
+  const draw = () => (busy = drawAll());
+  function drawAll() {
     const f = field(view(), now.field), boxes = panels.map((panel) => view(panel)).filter((v) => v.box);
     const range = boxes.length ? CosimScene.commonBox(boxes) : null;
-    $("frame").textContent = view().frames[now.frame];
-    $("slider").setAttribute("aria-valuetext", view().frames[now.frame]);
+    $("frame").textContent = led().frames[now.frame];
+    $("slider").setAttribute("aria-valuetext", led().frames[now.frame]);
     recolour();
     $("bar").replaceChildren(...(f ? [CosimScene.colourBar(data, f)] : []));
     $("notes").textContent = [...new Set(panels.flatMap((panel) => view(panel).notes))].join(" ");
@@ -143,7 +146,7 @@
     }
   }
   function map(v, key) {
-    const div = make("div"), one = { v, key, ...CosimScene.flatMap(data, v, key), head: make("h4"), note: make("p", "", { class: "said quiet" }), shape: -1 };
+    const div = make("div"), one = { v, key, ...CosimScene.flatMap(data, v, key), head: make(data.views.length > 1 ? "h4" : "h3"), note: make("p", "", { class: "said quiet" }), shape: -1 };
     div.append(one.head, one.picture, one.note);
     CosimSave.ofSvg(one.note, `strain ${key} ${v.name}`, one.picture);
     one.picture.addEventListener("pointermove", (event) => {
@@ -156,7 +159,7 @@
   }
   function recolour() { // every map at the slider's frame, or at its own last shape
     for (const one of maps) {
-      const s = shape(one.v, nearest(one.v, view(), now.frame)), shown = s >= 0 ? s : one.v.sheet.at.length - 1;
+      const s = shape(one.v, nearest(one.v, led(), now.frame)), shown = s >= 0 ? s : one.v.sheet.at.length - 1;
       if (shown === one.shape) continue;
       one.shape = shown;
       one.show(shown);
@@ -174,7 +177,9 @@
       if (data.history.length > 1) room.append(make("h3", h.name));
       for (const chart of h.charts) {
         const div = make("div", "", { class: "chart" }), plot = make("div", "", { class: "plot", role: "img", "aria-label": `${chart.title}: ${chart.axis}, over time; ${chart.curves.map((c) => c.name).join(", ")}` });
-        div.append(make("h4", chart.title), plot);
+        const narrow = room.clientWidth < 440, lines = Math.ceil(chart.curves.length / (narrow ? 1 : 2));
+        plot.style.height = `${270 + 19 * Math.max(2, lines)}px`;
+        div.append(make(data.history.length > 1 ? "h4" : "h3", chart.title), plot);
         room.append(div);
         charts.push({ h, chart, plot });
       }
@@ -182,22 +187,22 @@
     return charts.map(({ h, chart, plot }) => { // all rooms stand, so that each finds its width
       const x = Array.from(numbers(chart.time)), words = chart.curves.some((c) => c.name.length > 22) || chart.curves.length > 5;
       const traces = chart.curves.map(({ name, y }, i) => ({ type: "scatter", mode: "lines", x, y: Array.from(numbers(y)), name, line: data.looks[i] }));
-      const axis = (text) => ({ title: { text, standoff: 8 }, gridcolor: "#e6eaed", zerolinecolor: "#9aa5ad", automargin: true });
+      const axis = (text) => ({ title: { text, standoff: 8, font: { ...FONT, size: 12.5 } }, gridcolor: "#e6eaed", zerolinecolor: "#9aa5ad", ticks: "outside", ticklen: 7, tickcolor: "#fff" });
       const name = `${chart.title} ${h.name}`, image = (format) => () => Plotly.toImage(plot, { format, width: 720, height: 400 });
       const plain = (address) => decodeURIComponent(address.slice(address.indexOf(",") + 1));
       CosimSave.buttons(plot, name, [["SVG", "svg", () => image("svg")().then(plain), "image/svg+xml"], ["PNG", "png", image("png"), ""],
         ["CSV", "csv", () => [["time s", ...chart.curves.map((c) => `"${c.name}: ${chart.axis}"`)].join(","), ...x.map((t, i) => [t, ...traces.map((trace) => trace.y[i])].join(","))].join("\n"), "text/csv"]]);
-      return Plotly.newPlot(plot, traces, { margin: { l: 60, r: 10, t: 8, b: 40 }, font: FONT, xaxis: axis("time, s"), yaxis: axis(chart.axis), showlegend: true,
+      return Plotly.newPlot(plot, traces, { margin: { l: 66, r: 12, t: 8, b: 40 }, font: FONT, xaxis: axis("time, s"), yaxis: { ...axis(chart.axis), rangemode: "tozero" }, showlegend: true,
         legend: { font: { ...FONT, size: 12 }, orientation: "h", y: -0.24, yanchor: "top", entrywidth: words ? 0 : undefined }, hovermode: "x unified" }, CONFIG).then(() => {
         plot.on("plotly_click", ({ points }) => {
           const v = data.views[h.view], gaps = v.times.map((time) => Math.abs(time - points[0].x));
-          go(nearest(view(), v, gaps.indexOf(Math.min(...gaps))));
+          go(nearest(led(), v, gaps.indexOf(Math.min(...gaps))));
         });
       });
     });
   }
   function mark() { // the slider's time in every chart
-    const time = view().times[now.frame];
+    const time = led().times[now.frame];
     for (const { plot } of charts) if (plot.layout && time !== undefined) Plotly.relayout(plot, { shapes: [{ type: "line", x0: time, x1: time, y0: 0, y1: 1, yref: "paper", line: { color: "#59646d", width: 1, dash: "dot" } }] });
   }
 
@@ -210,11 +215,14 @@
       if (!all.length) $("field").append(new Option("no deformable hood"));
       else $("field").value = (field(v, now.field) || all[0]).key;
     }
-    $("slider").max = v.frames.length - 1;
+    const { frames, times } = led();
+    $("slider").max = frames.length - 1;
     $("slider").value = now.frame;
-    $("slider").disabled = v.frames.length < 2;
+    $("slider").disabled = frames.length < 2;
+    $("axis").textContent = times.length ? "Time" : "Load";
+    $("slider").setAttribute("aria-label", $("axis").textContent);
     $("run").parentNode.hidden = data.views.length < 2;
-    if ($("play")) $("play").disabled = $("speed").disabled = !v.times.length;
+    if ($("play")) $("play").disabled = $("speed").disabled = !times.length;
     $("parts").replaceChildren(make("legend", "Shown"), ...CosimScene.legend(data, v).map(({ part, words, kind, inks }) => {
       const label = make("label"), box = make("input", "", { type: "checkbox" });
       box.checked = !now.off.has(part);
@@ -223,19 +231,16 @@
       return label;
     }));
   }
-  function pick() {
-    const before = view(), k = now.frame;
+  function pick() { // which runs are shown
+    const before = led(), k = now.frame, beside = $("beside") ? $("beside").value : "";
     panels[0].index = Number($("run").value);
-    now.frame = nearest(view(), before, k);
-    if (view().times.length === 0) stop();
-    choose();
-    return draw();
-  }
-  function pickBeside() {
-    const value = $("beside").value;
-    if (panels.length > 1) removePanel();
-    if (value !== "") addPanel(Number(value));
+    if (beside === "" && panels.length > 1) removePanel();
+    else if (beside !== "" && panels.length > 1) panels[1].index = Number(beside);
+    else if (beside !== "") addPanel(Number(beside));
     $("spaces").classList.toggle("two", panels.length > 1);
+    now.frame = led() === before ? k : nearest(led(), before, k);
+    if (!led().times.length) stop();
+    choose();
     return draw();
   }
   function go(k) {
@@ -252,13 +257,13 @@
   }
   function play() {
     if (now.playing) return stop();
-    const turn = (now.playing = Date.now()), { times } = view(), end = times[times.length - 1];
-    let time = now.frame === times.length - 1 ? times[0] : times[now.frame], last = performance.now();
+    const turn = (now.playing = Date.now()), { times } = led(), end = times[times.length - 1];
+    let time = now.frame === times.length - 1 ? times[0] : times[now.frame], last = null;
     $("play").textContent = "Pause";
     $("play").setAttribute("aria-pressed", "true");
     const step = (at) => {
       if (now.playing !== turn) return;
-      time += (Number($("speed").value) * (at - last)) / 1000;
+      if (last !== null) time += (Number($("speed").value) * (at - last)) / 1000;
       last = at;
       if (time >= end) { go(times.length - 1).then(stop); return; }
       const k = times.findLastIndex((t) => t <= time);
@@ -273,16 +278,16 @@
     data = JSON.parse(views);
     document.head.append(make("script", library));
     addPanel(0);
-    now.frame = view().frames.length - 1;
+    if ($("beside") && matchMedia("(min-width: 900px)").matches) { $("beside").value = "1"; addPanel(1); $("spaces").classList.add("two"); }
+    now.frame = led().frames.length - 1;
     choose();
     layMaps();
     $("run").addEventListener("change", pick);
-    if ($("beside")) $("beside").addEventListener("change", pickBeside);
+    if ($("beside")) $("beside").addEventListener("change", pick);
     if ($("field")) $("field").addEventListener("change", () => { now.field = $("field").value; draw(); });
     $("slider").addEventListener("input", () => { stop(); go(Number($("slider").value)); });
     if ($("play")) $("play").addEventListener("click", play);
     for (const button of document.querySelectorAll("[data-look]")) button.addEventListener("click", () => look(CAMERAS[button.dataset.look], null));
-    if ($("beside") && data.views.length > 1 && matchMedia("(min-width: 900px)").matches) { $("beside").value = "1"; addPanel(1); $("spaces").classList.add("two"); }
     const details = [...document.querySelectorAll("details")];
     window.addEventListener("beforeprint", () => details.forEach((d) => { d.open = true; }));
     await Promise.all([draw(), ...layCharts()]);
@@ -308,7 +313,7 @@
     return CosimScene.traces(data, v, k, now.field).some((trace) =>
       [trace.x, trace.y, trace.z].some((values, i) => values.some((x) => x !== null && (x < v.box[i][0] - 0.01 || x > v.box[i][1] + 0.01))));
   }
-  window.cosimPage = { charts, draw, errors, go, isCut, look, maps, now, panels, seen, get camera() { return camera; }, get data() { return data; } };
+  window.cosimPage = { charts, draw, errors, go, isCut, look, maps, now, panels, seen, get busy() { return busy; }, get camera() { return camera; }, get data() { return data; } };
   window.cosimReady = start();
   window.cosimReady.catch((error) => errors.push(String(error)));
 })();

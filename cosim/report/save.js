@@ -3,6 +3,7 @@
 // with CosimSave.buttons.
 "use strict";
 const CosimSave = (() => {
+  let busy = Promise.resolve(); // until what was last asked for is saved
   const named = (name) => name.trim().replace(/[^\w.-]+/g, "_").slice(0, 80) || "cosim";
   function save(name, content, type) {
     const link = document.createElement("a");
@@ -47,7 +48,7 @@ const CosimSave = (() => {
       button.type = "button";
       button.textContent = label;
       button.setAttribute("aria-label", `${label} of ${name}`);
-      button.addEventListener("click", () => Promise.resolve(make()).then((content) => save(`${name}.${ending}`, content, type)));
+      button.addEventListener("click", () => { busy = Promise.resolve(make()).then((content) => save(`${name}.${ending}`, content, type)); });
       row.append(button);
     }
     below.after(row);
@@ -68,5 +69,5 @@ const CosimSave = (() => {
     }
   }
   everywhere();
-  return { buttons, ofSvg, png, csv, svgText };
+  return { get busy() { return busy; }, buttons, ofSvg, png, csv, svgText };
 })();

@@ -72,7 +72,7 @@ const CosimScene = (() => {
         vertexcolor: shade(x, y, z, f), lighting: { ambient: 1, diffuse: 0, specular: 0, fresnel: 0 } };
     });
   }
-  const REST = 0.1; // N; a tendon with no more is drawn thin
+  const REST = 0.1; // N; a tendon with no more is drawn as one that does not pull
   function tendons(data, v, k) {
     if (!v.tendons.points) return [];
     const points = numbers(v.tendons.points);
@@ -82,7 +82,7 @@ const CosimScene = (() => {
       at += count;
       const words = tension === undefined ? name : `${name}: ${said(tension)} N`;
       return { type: "scatter3d", mode: "lines", x: column(part, 0), y: column(part, 1), z: column(part, 2), name,
-        hovertemplate: `${words}<extra></extra>`, line: { color: data.inks.tendon, width: tension <= REST ? 3 : 6 } };
+        hovertemplate: `${words}<extra></extra>`, line: tension <= REST ? { color: data.inks.resting, width: 4 } : { color: data.inks.tendon, width: 6 } };
     });
   }
   function sheet(data, v, k, key) {
@@ -163,7 +163,7 @@ const CosimScene = (() => {
   // What can be drawn, by part: its name in a legend, and its traces in a frame.
   const PARTS = {
     bones: ["bones", bones],
-    tendons: ["tendons (thick: pulled)", tendons],
+    tendons: ["tendons, pulled and at rest", tendons],
     hood: ["hood", sheet],
     fibres: ["fibres of the hood", (data, v, k) => fibres(v, k)],
     force: ["fingertip force", force],
@@ -174,7 +174,7 @@ const CosimScene = (() => {
   function legend(data, v) { // of the parts that a view has: part, words, and inks of its key
     const has = { bones: v.bones.length, tendons: v.tendons.points, hood: hoodOf(v), fibres: v.sheet && v.sheet.fibres.length,
       force: v.force.some((f) => Math.hypot(...f) > 1e-6), dots: v.dots, names: v.bones.length };
-    const inks = { bones: [`rgb(${BONE.join()})`], tendons: [data.inks.tendon], hood: ["#b9bfc4"], fibres: v.sheet ? v.sheet.fibres.map((f) => f.ink) : [],
+    const inks = { bones: [`rgb(${BONE.join()})`], tendons: [data.inks.tendon, data.inks.resting], hood: ["#b9bfc4"], fibres: v.sheet ? v.sheet.fibres.map((f) => f.ink) : [],
       force: [data.inks.force], dots: [DOT], names: [] };
     const kinds = { bones: "patch", hood: "patch", force: "arrow", dots: "dot" };
     const second = { fibres: inks.fibres.length > 1 ? "fibres of the hood, in the order of their families" : PARTS.fibres[0] };

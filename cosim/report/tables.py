@@ -159,7 +159,9 @@ def _ledger(run: Result, place: int) -> ReportTable:
         for source, wrench in {**entries, SUM: sum(entries.values(), np.zeros(6))}.items():
             force, moment = wrench[:3], 1e3 * wrench[3:]
             size = float(np.linalg.norm(force))
-            rows.append((body, source, *map(float, force), size, *map(float, moment)))
+            rows.append(
+                (body, source.replace("_", " "), *map(float, force), size, *map(float, moment))
+            )
     return ReportTable(
         f"ledger_{place}", f"Ledger of {run.name}, {last_state(run)}", columns, tuple(rows)
     )
@@ -187,11 +189,10 @@ def _audit(run: Result, place: int) -> ReportTable:
     for name in [*checks, *sorted(missed - set(checks))]:
         value, bound = checks.get(name), BOUNDS[name].most if name in BOUNDS else None
         word = "missed" if name in missed else "kept" if bound is not None else "no bound"
-        path = f"audit.{name}" if name in run.summary.get("audit", ()) else name
-        label = meaning_of(path, run.summary) or name.replace("_", " ")
-        unit = unit_of(path).removesuffix("1")
-        rows.append((label, unit, None if value is None else float(value), bound, word))
-    columns = ("check", "unit", "value", "bound", "verdict")
+        named = name if unit_of(name) == "1" else f"{name.rpartition('_')[0]}, {unit_of(name)}"
+        value = None if value is None else float(value)
+        rows.append((named.replace("_", " "), value, bound, word))
+    columns = ("check", "value", "bound", "verdict")
     return ReportTable(f"audit_{place}", f"Audit of {run.name}", columns, tuple(rows))
 
 

@@ -18,10 +18,9 @@ from cosim.report.dots import dots_in_words
 from cosim.report.flat import flatten_sheet
 from cosim.report.packing import floats, integers
 from cosim.results.frames import Frame
-from cosim.results.looks import FORCE, INKS, TENDON, colour_limits, colour_map
+from cosim.results.looks import FORCE, INKS, RESTING_TENDON, TENDON, colour_limits, colour_map
 from cosim.results.result import Result
-from cosim.results.scene import rebuild_finger
-from cosim.results.scene_plot import decimate
+from cosim.results.scene import decimate, rebuild_finger
 from cosim.results.strokes import LIFT, families_of, stroke_cells, strokes
 from meshes.hood_mesh import REGIONS
 
@@ -144,7 +143,7 @@ def view_of(run: Result) -> View:
 
     Raises InputError where files of a run that was read cannot be."""
     frames = run.frames
-    steps = _steps(run, frames)
+    steps = [frame.step for frame in frames]
     sheet, net, notes = _hood(run, frames)
     view = View(
         name=run.name,
@@ -167,14 +166,6 @@ def view_of(run: Result) -> View:
     except InputError as error:
         note = f"Bones and tendons are not shown: the case cannot be built again here ({error})"
         return replace(view, notes=(*notes, note))
-
-
-def _steps(run: Result, frames: Sequence[Frame]) -> list[int]:
-    """Where each frame stands along the arrays."""
-    if run.axis == "state":
-        return list(range(len(frames)))
-    times = run.arrays.coordinates["time"].values
-    return [int(np.abs(times - frame.time).argmin()) for frame in frames]
 
 
 def _tensions(run: Result, step: int) -> dict[str, float]:
@@ -370,7 +361,7 @@ def pack_views(views: Sequence[View], scales: Sequence[Mapping[str, tuple[float,
         "views": shown,
         "surfaces": list(surfaces.values()),
         "maps": {"signed": colour_map(True), "plain": colour_map(False)},
-        "inks": {"tendon": TENDON, "force": FORCE},
+        "inks": {"tendon": TENDON, "resting": RESTING_TENDON, "force": FORCE},
     }
 
 

@@ -14,6 +14,16 @@ OPPOSITE = {"proximal": "distal", "ulnar": "radial", "palmar": "dorsal"}
 FRAME = "world, fixed to the metacarpal: x distal, y radial, z dorsal; right-handed"
 COMPONENTS = tuple(f"{kind}_{axis}" for kind in ("force", "moment") for axis in AXES)
 """The components of a wrench, in the order of the port."""
+SOURCES = {
+    "joint": "joint contact",
+    "passive": "passive joint stiffness",
+    "limit": "limits of the joints",
+    "fingertip": "support of the fingertip",
+    "ground": "support of the metacarpal",
+    "hood contact": "contact with the hood",
+    "hood linearisation": "linearisation of the hood",
+}
+"""Sources of the ledger whose names alone do not say what they are."""
 SLACK = 0.05
 """Share of both slips' force together that a slack slip bears at most."""
 
@@ -44,3 +54,25 @@ def is_slack(slips: Mapping[str, float], slip: str) -> bool:
     """Whether a slip bears so little of both slips' force (N) that no quotient by it says
     anything."""
     return slips[slip] <= SLACK * sum(slips.values())
+
+
+def joint_words(joint: str) -> str:
+    """Return a degree of freedom in words: of a joint that abducts too, flexion is the plain name.
+
+    >>> joint_words("MCP"), joint_words("MCP_abduction")
+    ('MCP flexion', 'MCP abduction')
+    """
+    words = joint.replace("_", " ")
+    return words if words.endswith("abduction") else f"{words} flexion"
+
+
+def source_words(source: str) -> str:
+    """Return a source of the ledger in words.
+
+    >>> source_words("hood central_slip"), source_words("joint"), source_words("FDP")
+    ('central slip (hood)', 'joint contact', 'FDP')
+    """
+    if source in SOURCES:
+        return SOURCES[source]
+    name = source.removeprefix("hood ").replace("_", " ")
+    return f"{name} (hood)" if source.startswith("hood ") else name

@@ -29,6 +29,8 @@ class Frame:
 
     label: str
     """The time with its unit, or the state's name."""
+    step: int
+    """Its place along the axis `state` or `time` of the arrays."""
     time: float | None
     """s; None of a state at rest."""
     angles: Array
@@ -51,7 +53,7 @@ def frames_of(
         last = len(names) - 1
         hoods = [hood if k == last else _hood_of_state(arrays, hood, k) for k in range(last + 1)]
         every = zip(names, angles, force, hoods, strict=True)
-        return tuple(Frame(name, None, *rest) for name, *rest in every)
+        return tuple(Frame(name, k, None, *rest) for k, (name, *rest) in enumerate(every))
     times = arrays.coordinates["time"].values
     if shapes:
         steps = [int(np.abs(times - time).argmin()) for time, _ in shapes]
@@ -61,7 +63,7 @@ def frames_of(
         steps = np.unique(np.linspace(0, len(times) - 1, count).round().astype(int)).tolist()
         stored = [*[None] * (len(steps) - 1), hood]
     return tuple(
-        Frame(f"{times[k]:.4g} s", float(times[k]), angles[k], force[k], shape)
+        Frame(f"{times[k]:.4g} s", k, float(times[k]), angles[k], force[k], shape)
         for k, shape in zip(steps, stored, strict=True)
     )
 

@@ -1,11 +1,15 @@
-"""The plot of a motion: joint angles and fingertip force against time, and what cylinders do."""
+"""The plot of a motion: joint angles, fingertip force, tensions and slips against time, and what
+cylinders do."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cosim.port import Array
+from cosim.results.conventions import joint_words
 from cosim.results.looks import look
 
 if TYPE_CHECKING:
@@ -13,53 +17,93 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+SLIPS = {"central_slip": "central slip", "terminal_slip": "terminal slip"}
+"""The hood's sources that are slips, in words."""
+PULLED = 0.05
+"""Share of the least tension of all beyond which a tendon is pulled."""
+MAGNITUDE = "magnitude"
+Curves = Mapping[str, Array]
+"""Values over time by name."""
+
 
 def draw_history(data: xarray.Dataset, title: str) -> Figure:
-    """Change of each joint's angle from the start, deg, and the force of the tip on the world, N,
-    along the world's axes; of pneumatic cylinders command, pressure and tension."""
+    """Return panels against time, s: how far each joint has turned, deg; the force of the tip on
+    the world, N, along the world's axes, of a finger that is not free; the tensions of the tendons
+    that are pulled and the forces of the slips, N; of pneumatic cylinders command and pressure."""
     from matplotlib.figure import Figure
 
-    rows = 5 if "pressure" in data else 2
-    figure = Figure(figsize=(8, 2 + 2 * rows), layout="constrained")
-    angles, force, *air = figure.subplots(rows, 1, sharex=True)
-    for i, joint in enumerate(data.joint.values):
-        angle = np.rad2deg(data.angle.sel(joint=joint).values)
-        label = f"{joint} (from {angle[0]:.0f})"
-        angles.plot(data.time, angle - angle[0], label=label, lw=1.2, **look(i).line)
-    angles.set_ylabel("turned, deg")
-    for i, axis in enumerate(data.axis.values):
-        force.plot(data.time, data.tip_force.sel(axis=axis), label=axis, lw=1.2, **look(i).line)
-    size = np.linalg.norm(data.tip_force.values, axis=1)
-    force.plot(data.time, size, color="0.3", ls="--", label="magnitude", lw=1.2)
-    force.set_ylabel("fingertip force, N")
-    if air:
-        _draw_air(data, air)
-    (angles, force, *air)[-1].set_xlabel("time, s")
-    for axes in (angles, force, *air):
+    panels = list(_panels(data))
+    figure = Figure(figsize=(8.5, 0.9 + 2.3 * len(panels)), layout="constrained")
+    every = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (label, curves, finish) in zip(every, panels, strict=True):
+        for i, (name, values) in enumerate(curves.items()):
+            style = look(i).line if name != MAGNITUDE else {"color": "0.3", "ls": "--"}
+            axes.plot(data.time, values, label=name, lw=1.2, **style)
+        finish(axes)
+        axes.set_ylabel(label)
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    # what the first contacts do in a millisecond would hide all that follows
-    settled = size[len(size) // 10 :].max(initial=1e-3)
-    force.set_ylim(-1.6 * settled, 1.8 * settled)
+    every[-1].set_xlabel("time, s")
     figure.suptitle(title, fontsize=11)
     return figure
 
 
-def _draw_air(data: xarray.Dataset, axes: list[Axes]) -> None:
-    """Command, pressure and tension of each cylinder."""
-    command, pressure, tension = axes
-    for i, name in enumerate(data.cylinder.values):
-        kilopascals = 1e-3 * data.pressure.sel(cylinder=name)
-        command.plot(data.time, data.command.sel(cylinder=name), label=name, lw=1.2, **look(i).line)
-        pressure.plot(data.time, kilopascals, label=name, lw=1.2, **look(i).line)
-        tension.plot(data.time, _tension(data, str(name)), label=name, lw=1.2, **look(i).line)
-    command.set_ylabel("valve voltage, V")
-    pressure.set_ylabel("pressure, kPa")
-    tension.set_ylabel("tension, N")
+def _panels(data: xarray.Dataset) -> Iterator[tuple[str, Curves, Callable[[Any], object]]]:
+    """Label, curves, and what is left to do to the axes of each panel."""
+    angle = {str(j): np.rad2deg(data.angle.sel(joint=j).values) for j in data.joint.values}
+    turned = {f"{joint_words(j)} (from {q[0]:.0f}°)": q - q[0] for j, q in angle.items()}
+    yield "joints turned by, deg", turned, _no_more
+    size = np.linalg.norm(data.tip_force.values, axis=1)
+    if size.any():
+        force = {str(axis): data.tip_force.sel(axis=axis).values for axis in data.axis.values}
+        # what the first contacts do in a millisecond would hide all that follows
+        most = size[len(size) // 10 :].max(initial=1e-3)
+
+        def finish(axes: Axes) -> None:
+            axes.set_ylim(-1.6 * most, 1.8 * most)
+
+        yield "force of the fingertip\non the world, N", {**force, MAGNITUDE: size}, finish
+    if "pressure" in data:
+        cylinders = [str(name) for name in data.cylinder.values]
+        volts = {name: data.command.sel(cylinder=name).values for name in cylinders}
+        pressure = {name: 1e-3 * data.pressure.sel(cylinder=name).values for name in cylinders}
+        yield "valve voltage, V", volts, _no_more
+        yield "pressure, kPa", pressure, _no_more
+    if tensions := _pulled(data):
+        yield "tension of the tendons\nthat are pulled, N", tensions, _from_zero
+    if slips := _slips(data):
+        yield "force in the slips, N", slips, _from_zero
 
 
-def _tension(data: xarray.Dataset, name: str) -> xarray.DataArray:
-    """The tension (N) of the hood's tendon or the finger's own of that name."""
-    if "tendon" in data.coords and name in data.tendon.values:
-        return data.tension.sel(tendon=name)
-    return data.own_tension.sel(muscle=name)
+def _no_more(axes: Axes) -> None:
+    """Leave the axes as they are."""
+
+
+def _from_zero(axes: Axes) -> None:
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]), top=axes.get_ylim()[1])
+
+
+def _pulled(data: xarray.Dataset) -> dict[str, Array]:
+    """The tension (N) of each tendon that at some time bears more than the least of all; of all
+    where none does."""
+    every = {
+        str(name): data[array].sel({dim: name}).values
+        for array, dim in (("tension", "tendon"), ("own_tension", "muscle"))
+        if array in data
+        for name in data[dim].values
+    }
+    least = (1 + PULLED) * min((float(t.min()) for t in every.values()), default=0.0)
+    pulled = {name: t for name, t in every.items() if t.max() > least}
+    return pulled or every
+
+
+def _slips(data: xarray.Dataset) -> dict[str, Array]:
+    """The force (N) that each slip of the hood exerts on its bone."""
+    if "source" not in data.coords or "hood_force" not in data:
+        return {}
+    force = data.hood_force.transpose("time", "source", "body", "axis")
+    return {
+        words: np.linalg.norm(force.sel(source=name).values.sum(axis=1), axis=1)
+        for name, words in SLIPS.items()
+        if name in data.source.values
+    }

@@ -18,9 +18,11 @@ COLOURS = (
 """Paul Tol's "muted" scheme and black, which colour-blind readers tell apart; the darkest first."""
 
 
-BONE, TENDON, PLAIN_HOOD, FORCE = "#ede3cc", "#29574c", "#8caecb", "#000000"
-"""Colours of bones, tendons, a hood without a field, and the fingertip's force."""
-INKS = ("#000000", "#8800ff", "#663355")
+BONE, TENDON, RESTING_TENDON = "#ede3cc", "#1f6b57", "#8fb0a6"
+"""Colours of bones, and of tendons that pull and do not."""
+PLAIN_HOOD, FORCE = "#8caecb", "#000000"
+"""Colours of a hood without a field, and of the fingertip's force."""
+INKS = ("#000000", "#8800ff", "#553344")
 """Colours of the fibre families.  For every kind of colour vision they differ from each other, from
 the bones and from both colour maps."""
 COVERED = 95.0

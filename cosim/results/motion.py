@@ -24,7 +24,13 @@ from cosim.results.joint_limits import is_in_range, joints_ever_at_limit, limits
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
-from cosim.results.scene import bones_in_world
+from cosim.results.scene import (
+    bones_in_world,
+    coarse_bones,
+    joint_centres,
+    origins_of,
+    with_measures,
+)
 from cosim.solve.motion import SolvedMotion
 from cosim.version import __version__
 
@@ -39,11 +45,12 @@ SMALL_TORQUE = 1e-12
 def observe_motion(case: Case, moved: SolvedMotion, wall: float) -> Result:
     """Everything that a motion leaves behind."""
     scene = _scene(moved.models, moved.history)
+    values = _arrays(case, moved.models, moved.history, scene)
     return Result(
         _summary(case, moved, wall),
-        _arrays(case, moved.models, moved.history, scene),
+        values,
         tuple(_ledger(moved.models, moved.history)),
-        scene,
+        with_measures(scene, values, -1, case),
         resolved_toml(case),
         case.name,
     )
@@ -314,4 +321,7 @@ def _scene(t: MovingModels, kept: MotionHistory) -> Scene:
     frames = tuple(
         (float(shape["time"]), field_of(shape, hood.quads)) for shape in kept.shapes if hood
     )
-    return Scene(hood, bones_in_world(t.bones, motion), tuple(lines.items()), force, frames)
+    joints = joint_centres(motion, finger.joints)
+    bones = bones_in_world(coarse_bones(t.bones), motion)
+    paths = tuple(lines.items())
+    return Scene(hood, bones, paths, force, frames, origins_of(motion), joints)

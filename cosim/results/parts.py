@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,16 @@ class Scene:
     """The fingertip point (3,) and the force of the fingertip on the world (3,) N."""
     frames: tuple[tuple[float, HoodField], ...] = ()
     """The hood over a motion, with the times in s."""
+    origins: Mapping[str, Array] = field(default_factory=dict)
+    """The origin (3,) of each body, about which its moments are."""
+    joints: tuple[tuple[str, Array], ...] = ()
+    """The name and the centre (3,) of each joint that bends."""
+    pulled: Mapping[str, float] = field(default_factory=dict)
+    """N of each tendon that bears more than the resting tension."""
+    points: Mapping[str, Array] = field(default_factory=dict)
+    """The user's points (3,) on the hood: ink dots."""
+    gauges: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """The two points between which each gauge lies."""
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,20 @@ from __future__ import annotations
 import os
 import sys
 from base64 import b64encode
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+import numpy as np
+
+from cosim.results.looks import INKS, TENDON
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
 
 def load_matplotlib() -> None:
@@ -61,7 +67,7 @@ def as_plain_text(figure: Figure) -> Figure:
 
 
 def write_figure(
-    figure: Figure, target: Path | IO[bytes], dpi: int, form: str = "png", **options: Any
+    figure: Figure, target: Path | IO[bytes], dpi: float, form: str = "png", **options: Any
 ) -> None:
     """Write a figure in a format of matplotlib's, whatever backend the environment names.
 
@@ -77,11 +83,25 @@ def write_figure(
     FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 3})
 
 
-def as_png(figure: Figure, dpi: int) -> bytes:
+def as_png(figure: Figure, dpi: float) -> bytes:
     """Return a figure as the content of a PNG file."""
     out = BytesIO()
     write_figure(figure, out, dpi)
     return out.getvalue()
+
+
+def palette_of(images: Sequence[Image], count: int) -> Image:
+    """Return an image whose palette has at most `count` colours for pictures of one width: those of
+    fibres and tendons, which cover too few pixels to be chosen, and the most telling others."""
+    from matplotlib.colors import to_rgb
+    from PIL import Image
+
+    rare = [round(255 * part) for ink in (*INKS, TENDON, "#ffffff") for part in to_rgb(ink)]
+    pixels = np.concatenate([np.array(image) for image in images])
+    chosen = Image.fromarray(pixels).quantize(count - len(rare) // 3).getpalette() or []
+    out = Image.new("P", (1, 1))
+    out.putpalette([*chosen[: 3 * count - len(rare)], *rare])
+    return out
 
 
 def data_address(content: bytes, kind: str = "image/png") -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -16,6 +16,7 @@ from cosim.files import output_file
 from cosim.results.audit import Audit
 from cosim.results.compare import Comparison, numbers_of, unit_of
 from cosim.results.conventions import COMPONENTS, by_axis
+from cosim.results.film import FPS, WIDTH, Film, film_of
 from cosim.results.frames import Frame, frames_of, read_shapes
 from cosim.results.history_plot import draw_history
 from cosim.results.html import html_of
@@ -172,18 +173,57 @@ class Result(CaseParts):
         if kind == "scene":
             return draw(self._whole_scene, self.title)
         if kind == "ledger" and self.rows:
-            return draw_ledger(self.rows, self.title)
+            return draw_ledger(self.rows, self.title, self._whole_scene)
         if kind == "history" and self.axis == "time":
             return draw_history(self.data, self.title)
         kinds = ["scene", *(["ledger"] * bool(self.rows)), *(["history"] * (self.axis == "time"))]
         raise InputError(f"plot: this run has no {kind!r}; it has {', '.join(kinds)}")
 
+    def animate(
+        self,
+        path: str | Path | None = None,
+        *,
+        fps: float = FPS,
+        speed: float | None = None,
+        width: int = WIDTH,
+    ) -> Film:
+        """Return a film of the run's frames, which a notebook plays, and write it to `path` (.gif,
+        or .mp4 with the extra `film`) where one is given: `fps` pictures a second, a motion `speed`
+        times as fast as it was (without: each stored frame once), `width` pixels wide.
+
+        Raises InputError for a run of one frame and for what cannot be written."""
+        film = film_of(self.title, self.frames, self._film_scenes(), fps, speed, width)
+        if path is not None:
+            film.write(Path(path))
+        return film
+
     def view(self) -> Plotter:
-        """A pyvista window's plotter with the hood coloured by strain, bones, tendons and the force
-        of the fingertip, metres; `.show()` opens it, `.screenshot(file)` needs no display with
-        `off_screen`.  Raises InputError where pyvista is not installed."""
+        """Return a pyvista window's plotter with hood, bones, tendons and the force of the
+        fingertip, metres, at the last frame; `.show()` opens it, with a slider over the frames, and
+        plays a motion; `.screenshot(file)` needs no display with `off_screen`.  Raises InputError
+        where pyvista is not installed."""
         require("a window in space", "pyvista")
-        return plotter_of(self._whole_scene, self.title)
+        if self.axis == "time":
+            return plotter_of(self._film_scenes(), [f.label for f in self.frames], self.title)
+        scenes = [*self.scenes[:-1], self._whole_scene]
+        return plotter_of(scenes, [frame.label for frame in self.frames], self.title)
+
+    def _film_scenes(self) -> tuple[Scene, ...]:
+        """`scenes`, without a hood whose shape was stored at the end only, of which a warning
+        tells.  Raises InputError where nothing is left to show."""
+        scenes = self.scenes
+        if not any(scene.bones or scene.hood for scene in scenes):
+            raise InputError(
+                "there is nothing to show over time: the case cannot be built again here, and its "
+                "hood has no shape"
+            )
+        if self.hood is None or all(scene.hood is not None for scene in scenes):
+            return scenes
+        warnings.warn(
+            "the hood is not shown: its shape was stored at the end only (output.frames = 0)",
+            stacklevel=3,
+        )
+        return tuple(replace(scene, hood=None) for scene in scenes)
 
     @cached_property
     def frames(self) -> tuple[Frame, ...]:
@@ -203,8 +243,13 @@ class Result(CaseParts):
     @cached_property
     def scenes(self) -> tuple[Scene, ...]:
         """What there is to see in each of `frames`, m: hood, bones, tendons and the fingertip with
-        its force.  Raises InputError where the finger is in an FMU."""
-        return scenes_of(self.frames, self.checked_case())
+        its force.  Where the case cannot be built again here, as of a finger in an FMU, a warning
+        says so and the hood stands alone."""
+        try:
+            return scenes_of(self.frames, self.arrays, self.checked_case())
+        except InputError as error:
+            warnings.warn(f"bones and tendons are not shown: {error}", stacklevel=3)
+            return tuple(Scene(frame.hood, (), ()) for frame in self.frames)
 
     def checked_case(self) -> Case:
         """The case that was run.  Raises InputError where it cannot be built again."""
@@ -219,8 +264,9 @@ class Result(CaseParts):
         if self.folder is None or self.scene.bones:
             return self.scene
         angles, force = (self.arrays.variables[name].values[-1] for name in ("angle", "tip_force"))
+        end = Frame("", -1, None, angles, force, self.hood)
         try:
-            return scenes_of([Frame("", None, angles, force, self.hood)], self.checked_case())[0]
+            return scenes_of([end], self.arrays, self.checked_case())[0]
         except InputError as error:
             warnings.warn(f"bones and tendons are not shown: {error}", stacklevel=3)
             return self.scene

@@ -14,8 +14,13 @@ from cosim.fingers.kinds import live_finger
 from cosim.hoods.view import HoodView, hood_field
 from cosim.models.build import Models, bone_surfaces
 from cosim.port import Array, Motion, Triangles
+from cosim.results.arrays import Arrays
 from cosim.results.frames import Frame
 from cosim.results.parts import Scene
+
+MOST_TRIANGLES = 2500
+PULLED = 1e-3
+"""Share of the resting tension beyond which a tendon is pulled."""
 
 
 def scene(models: Models, e: Equilibrium, view: HoodView | None) -> Scene:
@@ -25,7 +30,56 @@ def scene(models: Models, e: Equilibrium, view: HoodView | None) -> Scene:
     tendons = tuple(paths.items())
     tip = (models.finger.tip(e.finger_state), models.finger.tip_force(e.finger_state))
     hood = None if view is None else hood_field(view)
-    return Scene(hood, bones_in_world(models.bones, e.motion), tendons, tip)
+    joints = joint_centres(e.motion, models.finger.joints)
+    bones = bones_in_world(coarse_bones(models.bones), e.motion)
+    return Scene(hood, bones, tendons, tip, origins=origins_of(e.motion), joints=joints)
+
+
+def with_measures(scene: Scene, arrays: Arrays, k: int, case: Case) -> Scene:
+    """Return the scene with what the arrays have at the k-th state or time of the tensions and of
+    the user's points on the hood."""
+    tensions = {
+        str(name): float(value)
+        for array, names in (("tension", "tendon"), ("own_tension", "muscle"))
+        if array in arrays.variables and names in arrays.coordinates
+        for name, value in zip(
+            arrays.coordinates[names].values, arrays.variables[array].values[k], strict=True
+        )
+    }
+    least = (1 + PULLED) * case.solve.resting_tension
+    points: dict[str, Array] = {}
+    if "hood_point_position" in arrays.variables:
+        names = map(str, arrays.coordinates["hood_point"].values)
+        points = dict(zip(names, arrays.variables["hood_point_position"].values[k], strict=True))
+    gauges = getattr(case.hood, "gauges", {}) if points else {}
+    pulled = {name: value for name, value in tensions.items() if value > least}
+    return replace(scene, pulled=pulled, points=points, gauges=gauges)
+
+
+def origins_of(motion: Motion) -> dict[str, Array]:
+    """Return the origin (3,) m of each body."""
+    return dict(zip(motion.bodies, motion.position, strict=True))
+
+
+def tension_of(scene: Scene, line: str) -> float:
+    """Return the tension (N) of the tendon that a line is of, where that is pulled, else zero: the
+    line is named NAME, NAME 2 of a tendon that parts, or "NAME cable"."""
+    return scene.pulled.get(line, scene.pulled.get(line.rpartition(" ")[0], 0.0))
+
+
+def joint_centres(motion: Motion, joints: Sequence[str]) -> tuple[tuple[str, Array], ...]:
+    """Return the name and the centre (3,) m of each joint that bends: the origin of the bone distal
+    of it.  Empty where the joints that bend are not one to each body but the first."""
+    names = [name for name in joints if not name.endswith("abduction")]
+    if len(names) != len(motion.bodies) - 1:
+        return ()
+    return tuple(zip(names, motion.position[1:], strict=True))
+
+
+def coarse_bones(bones: Mapping[str, Triangles]) -> Mapping[str, Triangles]:
+    """Return surfaces of the bones in their frames with MOST_TRIANGLES each at most, so that
+    a bone looks the same in every posture."""
+    return {body: decimate(*surface) for body, surface in bones.items()}
 
 
 def bones_in_world(
@@ -48,6 +102,7 @@ class RebuiltFinger:
     motions: Sequence[Motion]
     tendons: Sequence[Mapping[str, Array]]
     tips: Sequence[Array]
+    joints: tuple[str, ...]
 
 
 def rebuild_finger(case: Case, angles: Array) -> RebuiltFinger:
@@ -64,20 +119,50 @@ def rebuild_finger(case: Case, angles: Array) -> RebuiltFinger:
         {**case.hood.lines(motion), **finger.tendon_paths(state)}
         for motion, state in zip(motions, states, strict=True)
     ]
-    return RebuiltFinger(bone_surfaces(case), motions, tendons, [*map(finger.tip, states)])
+    return RebuiltFinger(
+        coarse_bones(bone_surfaces(case)),
+        motions,
+        tendons,
+        [*map(finger.tip, states)],
+        finger.joints,
+    )
 
 
-def scenes_of(frames: Sequence[Frame], case: Case) -> tuple[Scene, ...]:
-    """What there is to see in each frame: the hood as it was stored, and bones, tendons and
-    fingertip built again from the case.  Raises InputError where its finger is in an FMU."""
+def scenes_of(frames: Sequence[Frame], arrays: Arrays, case: Case) -> tuple[Scene, ...]:
+    """Return what there is to see in each frame of a run: the hood as it was stored, and bones,
+    tendons and fingertip built again from the case.  Raises InputError where its finger is in an
+    FMU."""
     rebuilt = rebuild_finger(case, np.array([frame.angles for frame in frames]))
     every = zip(frames, rebuilt.motions, rebuilt.tendons, rebuilt.tips, strict=True)
     return tuple(
-        Scene(
-            frame.hood,
-            bones_in_world(rebuilt.bones, motion),
-            tuple({**({} if frame.hood is None else frame.hood.lines), **tendons}.items()),
-            (tip, frame.force),
+        with_measures(
+            Scene(
+                frame.hood,
+                bones_in_world(rebuilt.bones, motion),
+                tuple({**({} if frame.hood is None else frame.hood.lines), **tendons}.items()),
+                (tip, frame.force),
+                origins=origins_of(motion),
+                joints=joint_centres(motion, rebuilt.joints),
+            ),
+            *(arrays, frame.step, case),
         )
         for frame, motion, tendons, tip in every
     )
+
+
+def decimate(vertices: Array, faces: np.ndarray, most: int = MOST_TRIANGLES) -> tuple:
+    """A coarser surface of `most` triangles or fewer: vertices within a cell become one.
+
+    vertices (n, 3), faces (m, 3) -> the same of fewer."""
+    vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces)
+    edges = vertices[faces[:, 1:]] - vertices[faces[:, :1]]
+    area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum()
+    size = np.sqrt(2.5 * area / most)  # a surface meets some 1.25 area/size**2 cells
+    while len(faces) > most:
+        cell = np.round((vertices - vertices.min(axis=0)) / size).astype(np.int64)
+        number = np.ravel_multi_index(tuple(cell.T), tuple(cell.max(axis=0) + 1))
+        _, owner, count = np.unique(number, return_inverse=True, return_counts=True)
+        vertices = np.stack([np.bincount(owner, x) / count for x in vertices.T], axis=1)
+        faces, size = owner[faces], 1.15 * size
+        faces = faces[(np.diff(np.sort(faces, axis=1), axis=1) > 0).all(axis=1)]
+    return vertices, faces

@@ -24,7 +24,7 @@ from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, lim
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
 from cosim.results.result import Result
-from cosim.results.scene import scene
+from cosim.results.scene import scene, with_measures
 from cosim.solve.states import States
 from cosim.version import __version__
 from meshes.skeleton import BODIES
@@ -42,11 +42,13 @@ def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Re
         name: models.finger.ledger(e.finger_state, e.load, e.finger_tension)
         for name, e in pair.items()
     }
+    values = arrays(case, models, pair, views)
+    shown = scene(models, states.loaded, views.get("loaded"))
     return Result(
         summary(case, models, states, views, books, wall),
-        arrays(case, models, pair, views),
+        values,
         tuple(row for name, e in pair.items() for row in ledger(name, e, books[name])),
-        scene(models, states.loaded, views.get("loaded")),
+        with_measures(shown, values, -1, case),
         resolved_toml(case),
         case.name,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import logging
 import os
 import shutil
@@ -12,16 +13,21 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cosim.case.file import moved_toml
+from cosim.case.file import case_of, moved_toml
 from cosim.errors import InputError
 from cosim.files import replace_folder
 from cosim.hoods.view import HoodField
 from cosim.json_text import json_text, plain
+from cosim.port import Array
 from cosim.results.conventions import FRAME
-from cosim.results.parts import LEDGER_HEADER, CaseParts, LedgerRow
+from cosim.results.frames import frames_of
+from cosim.results.parts import LEDGER_HEADER, CaseParts, LedgerRow, Scene
 from cosim.results.picture import load_matplotlib, write_figure
+from cosim.results.scene import decimate, scenes_of, tension_of
 
 T = TypeVar("T")
+BONE_TRIANGLES = 600
+"""Of a bone for ParaView, at most: it is written anew in every frame of a motion."""
 NOT_FINITE = "not_finite"
 """The key of a written summary under which the keys stand whose numbers are none."""
 
@@ -105,7 +111,11 @@ def _further_files(run: CaseParts) -> Iterator[tuple[str, Callable[[Path], objec
     if (hood := run.hood) is not None:
         yield "hood.vtu", lambda path: _write_hood(path, hood)
     if run.scene.frames:
-        yield "hood.pvd", lambda path: _write_frames(path, run.scene.frames)
+        yield "hood.pvd", lambda path: _write_frames(path, run.scene.frames, _write_hood)
+    if run.scene.bones and run.scene.frames:
+        yield "finger.pvd", lambda path: _write_frames(path, _scenes_over_time(run), _write_finger)
+    elif run.scene.bones and run.axis == "state":
+        yield "finger.vtu", lambda path: _write_finger(path, run.scene)
     if not run.case_table.get("output", {}).get("picture", True):
         return
     # where its own folder cannot be written to, matplotlib warns twice and works on
@@ -127,7 +137,7 @@ def _draw_scene(path: Path, run: CaseParts) -> None:
 def _draw_ledger(path: Path, run: CaseParts) -> None:
     from cosim.results.ledger_plot import draw_ledger
 
-    write_figure(draw_ledger(run.rows, run.title), path, 130)
+    write_figure(draw_ledger(run.rows, run.title, run.scene), path, 130)
 
 
 def _draw_history(path: Path, run: CaseParts) -> None:
@@ -166,14 +176,23 @@ def _write_ledger(path: Path, ledger: tuple[LedgerRow, ...]) -> None:
             )
 
 
-def _write_frames(path: Path, frames: Sequence[tuple[float, HoodField]]) -> None:
-    """`hood.pvd`, which ParaView opens, with a .vtu for each frame in `hood_frames`."""
-    folder = path.parent
-    (folder / "hood_frames").mkdir(exist_ok=True)
+def _scenes_over_time(run: CaseParts) -> list[tuple[float, Scene]]:
+    """What there is to see at the stored times (s) of a motion."""
+    frames = frames_of(run.arrays, run.hood, run.scene.frames)
+    scenes = scenes_of(frames, run.arrays, case_of(run.case_table, run.case))
+    return [(f.time, s) for f, s in zip(frames, scenes, strict=True) if f.time is not None]
+
+
+def _write_frames(
+    path: Path, frames: Sequence[tuple[float, T]], write: Callable[[Path, T], object]
+) -> None:
+    """NAME.pvd, which ParaView opens, with a .vtu for each frame in NAME_frames."""
+    folder = path.with_name(f"{path.stem}_frames")
+    folder.mkdir(exist_ok=True)
     sets = []
-    for i, (time, hood) in enumerate(frames):
-        name = f"hood_frames/{i:04d}.vtu"
-        _write_hood(folder / name, hood)
+    for i, (time, shown) in enumerate(frames):
+        name = f"{folder.name}/{i:04d}.vtu"
+        write(path.with_name(folder.name) / f"{i:04d}.vtu", shown)
         sets.append(f'<DataSet timestep="{time!r}" part="0" file="{name}"/>\n')
     text = f"""<?xml version="1.0"?>
 <VTKFile type="Collection" version="0.1">
@@ -185,14 +204,59 @@ def _write_frames(path: Path, frames: Sequence[tuple[float, HoodField]]) -> None
     path.write_text(text, encoding="utf-8")
 
 
-def _write_hood(path: Path, hood: HoodField) -> None:
-    import meshio
+def _write_finger(path: Path, scene: Scene) -> None:
+    """Bones as triangles and tendons as lines, with the number of each and N of a tendon that is
+    pulled; a comment says which number is which."""
+    bones = [(name, *decimate(v, faces, BONE_TRIANGLES)) for name, v, faces in scene.bones]
+    points = [*(v for _, v, _ in bones), *(p for _, p in scene.tendons)]
+    starts = np.cumsum([0, *map(len, points)])
+    triangles = [faces + a for (_, _, faces), a in zip(bones, starts, strict=False)]
+    lines = [
+        np.stack([np.arange(a, b - 1), np.arange(a + 1, b)], axis=1)
+        for a, b in itertools.pairwise(starts[len(bones) :])
+    ]
+    pulled = [tension_of(scene, name) for name, _ in scene.tendons]
+    numbers = [
+        np.concatenate([np.full(len(cells), i, dtype=np.int32) for i, cells in enumerate(part)])
+        for part in (triangles, lines)
+        if part
+    ]
+    tension = [np.zeros(len(numbers[0])), np.repeat(pulled, [len(cells) for cells in lines])]
+    blocks = [
+        (kind, np.concatenate(part).astype(np.int32))
+        for kind, part in (("triangle", triangles), ("line", lines))
+        if part
+    ]
+    names = "; ".join(
+        f"{kind}: " + ", ".join(f"{i} {name}" for i, (name, *_) in enumerate(part))
+        for kind, part in (("bones (triangles)", scene.bones), ("tendons (lines)", scene.tendons))
+    )
+    data = {"number": numbers, "pull_N": tension[: len(blocks)]}
+    # single precision shows a micrometre
+    _write_vtu(path, np.concatenate(points).astype(np.float32), blocks, {}, data, names)
 
+
+def _write_hood(path: Path, hood: HoodField) -> None:
     cell_data = {name: [np.asarray(values)] for name, values in hood.cell_data.items()}
     point_data = {name: np.asarray(values) for name, values in hood.point_data.items()}
     kind = {4: "quad", 2: "line"}[hood.quads.shape[1]]
-    mesh = meshio.Mesh(hood.points, [(kind, hood.quads)], point_data, cell_data)
+    _write_vtu(path, hood.points, [(kind, hood.quads)], point_data, cell_data)
+
+
+def _write_vtu(
+    path: Path,
+    points: Array,
+    cells: list[tuple[str, np.ndarray]],
+    point_data: dict[str, Array],
+    cell_data: dict[str, list[np.ndarray]],
+    note: str = "",
+) -> None:
+    """Write a .vtu with the frame, and a note, in a comment."""
+    import meshio
+
+    mesh = meshio.Mesh(points, cells, point_data, cell_data)
     mesh.write(path, file_format="vtu")
     # a comment: meshio, which users read it with, ends on a text among the data
     grid, text = "<UnstructuredGrid>", path.read_text(encoding="utf-8")
-    path.write_text(text.replace(grid, f"<!--Frame: {FRAME}; m-->\n{grid}", 1), encoding="utf-8")
+    words = f"Frame: {FRAME}; m" + f"; {note}".replace("--", "- -") * bool(note)
+    path.write_text(text.replace(grid, f"<!--{words}-->\n{grid}", 1), encoding="utf-8")

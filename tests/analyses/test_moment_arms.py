@@ -188,3 +188,15 @@ def test_mjcf_opens_in_mujoco_and_has_the_case_s_finger(tmp_path: Path) -> None:
     assert "is no file" in folder.stderr
     hinge = CliRunner().invoke(app, ["mjcf", "pulley_edc", "--set", "finger.kind=hinge"])
     assert hinge.exit_code == 2
+
+
+def test_a_mean_over_a_joint_without_range_is_over_that_of_a_finger(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    models = build(load_case("split_edc"))
+    known = published_arms("index")
+    known = known[known.posture_deg == "range"].head(2)
+    stated = compare_published(models, known).model_mm
+    endless = dict.fromkeys(models.finger.joints, (-np.inf, np.inf))
+    monkeypatch.setattr(models.finger, "ranges", endless)
+    assert compare_published(models, known).model_mm.tolist() == pytest.approx(stated.tolist())

@@ -14,7 +14,7 @@ from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.fmu import archive
 from cosim.fmu.archive import unpack_fmu
-from cosim.fmu.mapping import places
+from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.quantity import hood_quantities
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.run import part_of
@@ -182,10 +182,12 @@ def test_what_a_unit_can_do_is_read(hood, hood3, tmp_path):
         assert unpack_fmu(new, tmp_path / f"able{fmi}").differentiates
 
 
-def map_unit(path: Path, names: dict[str, str], assume_si: bool = False) -> None:
+def map_unit(
+    path: Path, names: dict[str, str], assume_si: bool = False
+) -> dict[str, VariablePlace]:
     part = part_of(load_case("pulley_edc"), "hood")
     quantities = hood_quantities(part.hood.bodies, part.hood.sources, part.hood.tendons)
-    places(Unit(path).opened, quantities, names, (), assume_si)
+    return places(Unit(path).opened, quantities, names, (), assume_si)
 
 
 @pytest.mark.parametrize(
@@ -193,7 +195,8 @@ def map_unit(path: Path, names: dict[str, str], assume_si: bool = False) -> None
     [
         ({"tension": "pull.{tendon}"}, r"no variable pull\.EDC, .*map\.tension names them"),
         ({"tension": "tensino.{tendon}"}, r"did you mean tension\.EDC\?"),
-        ({"tension": "tension.{muscle}"}, r"it takes \{tendon\}"),
+        ({"tension": "tension.{muscle}"}, r"it takes \{tendon\}, \{tendon_index\}"),
+        ({"tension": "tension[{tendon_index}]"}, r"no variable tension\[1\], tension\[2\]"),
         ({"tension": "tension.EDC"}, r"tension\.EDC: holds 1 values, expected 4"),
         ({"velocity": "v"}, r"map\.velocity: no such quantity; known are position,"),
         ({"tension": "excursion.{tendon}"}, "causality is output, expected input"),
@@ -207,10 +210,40 @@ def test_names_that_do_not_map(hood, names, words):
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_a_unit_in_millimetres(hood, hood3, tmp_path, fmi):
-    old, new = '<BaseUnit m="1" />', '<BaseUnit m="1" factor="0.001" />'
-    path = change_description((hood, hood3)[fmi - 2], tmp_path / "mm.fmu", old, new)
-    with pytest.raises(InputError, match=r"position\S*: is in m \(0\.001 SI units\), expected m"):
+@pytest.mark.parametrize(
+    ("new", "factor", "offset"),
+    [
+        ('<BaseUnit m="1" factor="0.001" />', 1e-3, 0.0),
+        ('<BaseUnit m="1" factor="2" offset="0.5" />', 2.0, 0.5),
+    ],
+)
+def test_a_unit_of_another_scale_is_read_by_the_files_own_factor(
+    hood, hood3, tmp_path, fmi, new, factor, offset
+):
+    path = change_description(
+        (hood, hood3)[fmi - 2], tmp_path / "scaled.fmu", '<BaseUnit m="1" />', new
+    )
+    place = map_unit(path, {})["excursion"]
+    assert (place.factor == factor).all()
+    assert (place.offset == offset).all()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "name", "factor"),
+    [
+        ('<BaseUnit kg="1" m="2" s="-2" />', "", "moment", 1.0),
+        ('kg="1" m="1" s="-2" />', 'kg="1" m="1" s="-2" factor="1e3" />', "force", 1e3),
+    ],
+)
+def test_a_unit_without_a_base_is_read_by_its_name(hood, tmp_path, old, new, name, factor):
+    path = change_description(hood, tmp_path / "named.fmu", old, new)
+    assert (map_unit(path, {})[name].factor == factor).all()
+
+
+def test_a_name_that_is_no_unit_of_the_quantity_is_refused(hood, tmp_path):
+    old = '<BaseUnit kg="1" m="1" s="-2" />'
+    path = change_description(hood, tmp_path / "odd.fmu", old, '<BaseUnit kg="1" m="2" s="-2" />')
+    with pytest.raises(InputError, match="is in N, expected N"):
         map_unit(path, {})
 
 

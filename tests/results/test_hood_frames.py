@@ -96,6 +96,21 @@ def test_a_motion_leaves_files_that_paraview_plays(whole: Result, tmp_path: Path
         assert name in shown[0].array_names
     moved = [np.abs(one.points - shown[0].points).max() for one in shown]
     assert moved[0] == 0 < moved[1] < moved[-1]
+    finger = pyvista.PVDReader(str(folder / "finger.pvd"))
+    assert finger.time_values == reader.time_values
+    for time, scene in zip(finger.time_values, whole.scenes, strict=True):
+        finger.set_active_time_value(time)
+        mesh = finger.read()[0]
+        lines = mesh.extract_cells(mesh.celltypes == pyvista.CellType.LINE)
+        places = np.concatenate([points for _, points in scene.tendons])
+        np.testing.assert_allclose(lines.points, places, atol=1e-6)
+        bones = mesh.extract_cells(mesh.celltypes == pyvista.CellType.TRIANGLE)
+        assert set(bones["number"]) == set(range(len(scene.bones)))
+        for i, (_, vertices, _) in enumerate(scene.bones):
+            shown = bones.extract_cells(bones["number"] == i).points
+            np.testing.assert_allclose(np.ptp(shown, axis=0), np.ptp(vertices, axis=0), atol=2e-3)
+        drawn = {scene.pulled.get(name, 0.0) for name, _ in scene.tendons}
+        assert set(mesh["pull_N"]) == {0.0, *drawn}
     again = whole.save(tmp_path)  # a run may be written over
     assert len(list((again / "hood_frames").iterdir())) == 4
 

@@ -63,10 +63,6 @@ def test_sources_of_a_ledger_differ_and_are_the_same_in_every_panel(count):
     first, second = map(line_looks, moving.axes)
     check_distinct(first, count)
     assert first == second
-    still = draw_ledger(rows(count, ("loaded",)), "still")
-    bars = [[(to_hex(p.get_facecolor()), p.get_hatch()) for p in a.patches] for a in still.axes]
-    assert len(set(bars[0])) == count
-    assert bars[0] == bars[1]
 
 
 def test_a_ledger_keeps_a_source_s_look_where_another_body_has_others():

@@ -1,18 +1,20 @@
-// What a test asks of a page, whichever it is: put into a copy of the page, it uses every control, looks
-// for what is cut, overlaps or has no name, and writes what it saw into an attribute of <html>.
+// What a test asks of a page, whichever it is: look() finds what is cut, overlaps or has no name, and
+// useAll() uses every control.  The value is an object with both.
 "use strict";
-(() => {
+window.cosimTest = (() => {
   const errors = (window.testErrors = window.testErrors || []);
   const name = (element) => `${element.tagName.toLowerCase()}${element.id ? `#${element.id}` : ""} ${(element.getAttribute("aria-label") || element.textContent || "").trim().slice(0, 40)}`;
   const isShown = (element) => element.checkVisibility({ visibilityProperty: true, opacityProperty: true }) && element.getBoundingClientRect().width > 0;
   const scrolls = (element) => { for (let e = element.parentElement; e; e = e.parentElement) if (/auto|scroll/.test(getComputedStyle(e).overflowX)) return true; return false; };
+  const settled = async () => { if (window.cosimPage) await window.cosimPage.busy; };
   const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 
   function cut() { // pictures, tables and words that reach out of the window or of what hides them
     const out = [];
     for (const element of document.querySelectorAll("img, svg, canvas, table, pre, p, h1, h2, h3, h4, select, input, button, summary, dt, dd, li")) {
-      if (!isShown(element) || scrolls(element) || element.closest(".modebar, .hoverlayer, .gl-container")) continue;
+      if (!isShown(element) || scrolls(element) || element.closest(".modebar, .hoverlayer, .gl-container, #js-plotly-tester")) continue;
       const { left, right } = element.getBoundingClientRect();
+      if (right < -900) continue; // what plotly draws out of sight to make an image of
       if (left < -1 || right > document.documentElement.clientWidth + 1) out.push(name(element));
     }
     for (const text of document.querySelectorAll("svg text")) { // of a drawing, that its own picture cuts
@@ -35,7 +37,7 @@
     const boxes = elements.map((e) => e.getBoundingClientRect());
     for (let i = 0; i < boxes.length; i++) for (let j = i + 1; j < boxes.length; j++) {
       const a = boxes[i], b = boxes[j];
-      if (Math.min(a.right, b.right) - Math.max(a.left, b.left) > slack && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > slack) out.push(`${name(elements[i])} | ${name(elements[j])}`);
+      if (Math.min(a.right, b.right) - Math.max(a.left, b.left) > slack && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > slack) out.push(`${name(elements[i])} | ${name(elements[j])} in ${(elements[i].closest("[aria-label], section") || document.body).getAttribute("aria-label") || elements[i].closest("section").id}`);
     }
   }
   function spoken(element) { // the accessible name of a control
@@ -72,13 +74,14 @@
     for (const control of [...document.querySelectorAll("summary")]) if (isShown(control) && !control.parentElement.open) { control.click(); used.push(name(control)); if (!control.parentElement.open) idle.push(name(control)); }
     for (const control of [...document.querySelectorAll("main button, main select, main input")]) {
       if (!isShown(control) || control.disabled || !document.contains(control)) continue;
+      if (control.dataset.look) await window.cosimPage.look({ ...window.cosimPage.camera, eye: { x: 1, y: 1, z: 1 } }, null);
       const before = look(), saves = saved.length, called = spoken(control).slice(0, 40);
       used.push(called);
       if (control.tagName === "SELECT") {
         const first = control.selectedIndex;
         control.selectedIndex = first ? 0 : control.options.length - 1;
         control.dispatchEvent(new Event("change"));
-        await pause(900);
+        await settled();
         if (control.options.length > 1 && look() === before && control.id !== "speed") idle.push(called);
         control.selectedIndex = first;
         control.dispatchEvent(new Event("change"));
@@ -86,20 +89,22 @@
         const first = control.value;
         control.value = control.min;
         control.dispatchEvent(new Event("input"));
-        await pause(900);
+        await settled();
         if (look() === before) idle.push(called);
         control.value = first;
         control.dispatchEvent(new Event("input"));
       } else {
         control.click();
-        await pause(control.closest(".save") ? 300 : 900);
+        if (control.closest(".save")) await CosimSave.busy;
+        else if (control.id === "play") await pause(1500);
+        else await settled();
         if (saved.length === saves && look() === before) idle.push(called);
         if (control.id === "play" || control.type === "checkbox") control.click();
       }
-      await pause(300);
+      await settled();
     }
     HTMLAnchorElement.prototype.click = click;
-    return { used, idle, saved };
+    return { used, idle, saved, errors };
   }
   async function look() {
     if (window.cosimReady) await window.cosimReady;
@@ -120,13 +125,12 @@
         out.seen.push(await page.seen());
       }
     }
-    if (location.hash !== "#look") Object.assign(out, await useAll(), { errors });
-    else out.errors = errors;
+    out.errors = errors;
     if (page && page.panels.length > 1) { // one camera
       await page.look({ ...page.camera, eye: { x: 1, y: 1, z: 1 } }, null);
       out.eyes = page.panels.map((panel) => Object.values(panel.stage.layout.scene.camera.eye));
     }
     return out;
   }
-  look().catch((error) => ({ errors: [...errors, String(error), error.stack] })).then((out) => { document.documentElement.dataset.look = JSON.stringify(out); });
+  return { look, useAll };
 })();
