@@ -24,7 +24,7 @@ FLAGS = (
     *("--headless", "--no-sandbox", "--disable-dev-shm-usage", "--no-first-run"),
     *("--disable-extensions", "--disable-background-networking", "--disable-component-update"),
     *("--disable-sync", "--disable-gpu-compositing", "--use-angle=swiftshader"),
-    *("--enable-unsafe-swiftshader", "--host-resolver-rules=MAP * ~NOTFOUND"),
+    *("--enable-unsafe-swiftshader", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"),
     *("--hide-scrollbars", "--remote-debugging-pipe"),
 )
 LOOK = (Path(__file__).parent / "look.js").read_text(encoding="utf-8")
@@ -56,8 +56,18 @@ class Browser:
         self._send("Page.addScriptToEvaluateOnNewDocument", source=WATCH)
         self._send("Emulation.setFocusEmulationEnabled", enabled=True)
 
-    def open(self, page: Path, width: int, height: int = 700) -> None:
-        """Load a page in a window of this size, px."""
+    def open(self, page: Path | str, width: int, height: int = 700) -> None:
+        """Load a page, a file or at an address of this machine, in a window of this size, px."""
+        self.resize(width, height)
+        self.console.clear()
+        self._send("Page.navigate", url="about:blank")
+        address = page.as_uri() if isinstance(page, Path) else page
+        self._send("Page.navigate", url=address)
+        loaded = f"{address.partition(':')[0]}:complete"
+        self.wait(f"location.protocol + document.readyState === {loaded!r}")
+
+    def resize(self, width: int, height: int = 700) -> None:
+        """Give the window a size, px."""
         self._send(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -65,13 +75,14 @@ class Browser:
             deviceScaleFactor=1,
             mobile=False,
         )
-        self.console.clear()
-        self._send("Page.navigate", url="about:blank")
-        self._send("Page.navigate", url=page.as_uri())
+
+    def wait(self, script: str) -> Any:
+        """The value of an expression once it is true."""
         until = time.monotonic() + PATIENCE
-        while self.ask("location.protocol + document.readyState") != "file:complete":
-            assert time.monotonic() < until, f"{page} did not load"
+        while not (value := self.ask(script)):
+            assert time.monotonic() < until, f"never true: {script}"
             time.sleep(0.05)
+        return value
 
     def ask(self, script: str) -> Any:
         """The value of an expression, or of the promise that it is."""
