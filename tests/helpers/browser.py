@@ -200,7 +200,8 @@ def check_look(seen: Seen) -> None:
     """Nothing is cut, covered, without a name or out of reach, every control does something, and
     nothing went wrong."""
     wrong = ("errors", "asked", "cut", "overlaps", "nameless", "unseenFocus", "empty", "outside")
-    assert {key: seen.look[key] for key in wrong if seen.look.get(key)} == {}
+    faults = {key: seen.look[key] for key in wrong if seen.look.get(key)}
+    assert faults == {}, faults
     assert seen.look["fits"] is True
     assert seen.used["idle"] == seen.used["errors"] == []
     assert [x for x in seen.console if re.search(r"rror|ncaught|ailed|efused|arning|WARN", x)] == []

@@ -119,7 +119,8 @@ def test_a_motion_plays_to_its_end(pages, browser):
     assert last >= 9
     ended = browser.ask(
         "cosimPage.go(0).then(() => new Promise((done) => {"
-        "const seen = new Set(), play = document.getElementById('play'); play.click();"
+        "const seen = new Set(), play = document.getElementById('play');"
+        "document.getElementById('speed').value = '0.1'; play.click();"
         "const wait = () => { seen.add(cosimPage.now.frame); "
         "if (play.getAttribute('aria-pressed') === 'true') setTimeout(wait, 5);"
         "else done([cosimPage.now.frame, seen.size]); }; wait(); }))"
