@@ -194,7 +194,7 @@
     while (at.children.length > count) { Plotly.purge(at.lastChild.querySelector(".room")); at.lastChild.remove(); }
     while (at.children.length < count) {
       const pane = make("div", "", { class: "pane" });
-      pane.append(make("h3"), make("div", "", { class: "room", role: "img", "aria-label": "Bones, tendons and hood in three dimensions; drag to turn, scroll to come nearer" }), make("p", "", { class: "quiet" }));
+      pane.append(make("h2"), make("div", "", { class: "room", role: "img", "aria-label": "Bones, tendons and hood in three dimensions; drag to turn, scroll to come nearer" }), make("p", "", { class: "quiet" }));
       at.append(pane);
     }
     at.classList.toggle("pair", count > 1);
@@ -205,7 +205,7 @@
     const all = panes(drawn.views.length), box = CosimScene.commonBox(drawn.views);
     await Promise.all(drawn.views.map((v, n) => {
       const room = all[n].querySelector(".room"), k = frameOf(v), isPinned = n > 0;
-      const title = all[n].querySelector("h3");
+      const title = all[n].querySelector("h2");
       title.textContent = title.title = drawn.views.length < 2 ? "" : isPinned ? `Pinned: ${state.pin || ""}` : `Now: ${state.answer ? state.answer.label : ""}`;
       const angles = v.joints.map((joint, i) => `${joint.replaceAll("_", " ")} ${fixed(v.angles[k][i], 1)}°`).join(", ");
       all[n].querySelector("p").textContent = [angles, ...(v.notes || [])].join(". ");

@@ -94,7 +94,6 @@ def test_the_page_is_worked_with(tmp_path: Path) -> None:
         tab.wait(SOLVED)
         tab.wait(f"document.querySelector('[data-key=\"{FLEXION}\"] .value').value === '50 deg'")
 
-        _rest_of_the_page(tab)
         tab.ask(f"{LOOK};0")
         for width in (390, 700, 1000, 1600):
             tab.resize(width, 900)
@@ -103,6 +102,8 @@ def test_the_page_is_worked_with(tmp_path: Path) -> None:
             assert look["fits"], width
             wrong = ("errors", "cut", "overlaps", "nameless", "unseenFocus", "outside")
             assert {key: look[key] for key in wrong if look.get(key)} == {}, width
+        tab.resize(1400, 1000)
+        _rest_of_the_page(tab)
         assert _errors(tab) == _errors(second) == []
 
 
