@@ -29,7 +29,12 @@ NEEDS = [
     ("uvicorn", "ui", "ui pulley_edc", "the page"),
     ("starlette", "ui", "run pulley_edc --watch", "the page"),
     ("imageio_ffmpeg", "film", "film run -o a.mp4", "a film as .mp4 (a .gif needs no more)"),
-    ("pyvista", "view", "new mine --hood a.vtu", "a.vtu: reading a .vtu of another program"),
+    (
+        "pyvista",
+        "view",
+        "new mine --hood a.vtu",
+        "a.vtu: reading a file of VTK that another program wrote",
+    ),
     ("pyarrow", "study", "study network_saltelli", "a study"),
     ("SALib", "study", "study network_saltelli --workers 0", "a study"),
     ("SALib", "study", "check network_saltelli", "sampling.kind = 'saltelli'"),
