@@ -365,6 +365,17 @@
     }
   }
 
+  async function saveCase() { // into the browser's folder of downloads
+    if (state.status === "at fault") { note("A value is at fault; correct it first.", true); return; }
+    const answer = await fetch("/case.toml");
+    if (!answer.ok) { note((await answer.json()).error, true); return; }
+    const name = decodeURIComponent(answer.headers.get("Content-Disposition").split("''")[1]);
+    const link = make("a", "", { href: URL.createObjectURL(await answer.blob()), download: name });
+    link.click();
+    URL.revokeObjectURL(link.href);
+    note(`${name} is in your browser's downloads.`, false);
+  }
+
   // --- begin
   async function start() {
     for (const button of document.querySelectorAll("[data-look]"))
@@ -378,6 +389,7 @@
     $("pin").addEventListener("click", () => act("pin"));
     $("unpin").addEventListener("click", () => act("unpin"));
     $("save").addEventListener("click", () => { note("The run is being written …"); act("save"); });
+    $("save-case").addEventListener("click", saveCase);
     $("hood").addEventListener("change", () => act("hood", { rung: $("hood").value }));
     $("find").addEventListener("input", find);
     $("file").addEventListener("change", async () => {

@@ -77,6 +77,8 @@ def test_the_page_is_worked_with(tmp_path: Path) -> None:
         assert "no unit of angle" in tab.ask(
             "document.querySelector('.fault:not([hidden])').textContent"
         )
+        tab.ask("document.getElementById('save-case').click()")
+        tab.wait("document.getElementById('saved').textContent.includes('at fault')")
         write(tab, FLEXION, "60 deg")
         state = tab.wait(SOLVED)
         assert state["status"] == "done"
@@ -117,6 +119,8 @@ def _rest_of_the_page(tab: Browser) -> None:
         tab.ask(f"document.querySelector('[data-look={look}]').click()")
     for part in range(int(tab.ask("document.querySelectorAll('#parts input').length"))):
         tab.ask(f"document.querySelectorAll('#parts input')[{part}].click()")
+    tab.ask("document.getElementById('save-case').click()")
+    tab.wait("document.getElementById('saved').textContent.includes('isometric_edc_changed.toml')")
     tab.ask("document.getElementById('unpin').click()")
     tab.wait("document.querySelectorAll('.pane').length === 1")
     act(tab, "open", {"name": "forward_edc"})
