@@ -232,7 +232,7 @@ def test_a_case_with_settings_on_top_is_saved_whole(held, tmp_path):
     desk.close()
     (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
     posture = load_case(tmp_path / "mine.toml").finger.posture
-    assert (posture.PIP, posture.DIP) == pytest.approx((0.872665, 0.349066), abs=1e-5)
+    assert pytest.approx((0.872665, 0.349066), abs=1e-5) == (posture.PIP, posture.DIP)
 
 
 def test_another_hood_keeps_the_changes_that_both_have(desk):
