@@ -194,7 +194,7 @@
     while (at.children.length > count) { Plotly.purge(at.lastChild.querySelector(".room")); at.lastChild.remove(); }
     while (at.children.length < count) {
       const pane = make("div", "", { class: "pane" });
-      pane.append(make("h3"), make("div", "", { class: "room", role: "img", "aria-label": "Bones, tendons and hood in three dimensions; drag to turn, scroll to come nearer" }), make("p", "", { class: "quiet" }));
+      pane.append(make("h2"), make("div", "", { class: "room", role: "img", "aria-label": "Bones, tendons and hood in three dimensions; drag to turn, scroll to come nearer" }), make("p", "", { class: "quiet" }));
       at.append(pane);
     }
     at.classList.toggle("pair", count > 1);
@@ -205,7 +205,7 @@
     const all = panes(drawn.views.length), box = CosimScene.commonBox(drawn.views);
     await Promise.all(drawn.views.map((v, n) => {
       const room = all[n].querySelector(".room"), k = frameOf(v), isPinned = n > 0;
-      const title = all[n].querySelector("h3");
+      const title = all[n].querySelector("h2");
       title.textContent = title.title = drawn.views.length < 2 ? "" : isPinned ? `Pinned: ${state.pin || ""}` : `Now: ${state.answer ? state.answer.label : ""}`;
       const angles = v.joints.map((joint, i) => `${joint.replaceAll("_", " ")} ${fixed(v.angles[k][i], 1)}°`).join(", ");
       all[n].querySelector("p").textContent = [angles, ...(v.notes || [])].join(". ");
@@ -365,6 +365,17 @@
     }
   }
 
+  async function saveCase() { // into the browser's folder of downloads
+    if (state.status === "at fault") { note("A value is at fault; correct it first.", true); return; }
+    const answer = await fetch("/case.toml");
+    if (!answer.ok) { note((await answer.json()).error, true); return; }
+    const name = decodeURIComponent(answer.headers.get("Content-Disposition").split("''")[1]);
+    const link = make("a", "", { href: URL.createObjectURL(await answer.blob()), download: name });
+    link.click();
+    URL.revokeObjectURL(link.href);
+    note(`${name} is in your browser's downloads.`, false);
+  }
+
   // --- begin
   async function start() {
     for (const button of document.querySelectorAll("[data-look]"))
@@ -378,6 +389,7 @@
     $("pin").addEventListener("click", () => act("pin"));
     $("unpin").addEventListener("click", () => act("unpin"));
     $("save").addEventListener("click", () => { note("The run is being written …"); act("save"); });
+    $("save-case").addEventListener("click", saveCase);
     $("hood").addEventListener("change", () => act("hood", { rung: $("hood").value }));
     $("find").addEventListener("input", find);
     $("file").addEventListener("change", async () => {

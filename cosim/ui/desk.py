@@ -249,7 +249,7 @@ class Desk:
             stated = self._stated
         name = case.name + ("_changed" if changes or not own else "")
         settings = settings_of(stated, changes) if own else None
-        if settings is None or stated.source is None or not stated.source.is_file():
+        if settings is None or not _is_of_file(stated):
             return name, resolved_toml(case)
         base = base_name(stated.source, Path.cwd())
         head = toml_text({"extends": base, "title": f"{stated.title}, changed"})
@@ -671,6 +671,11 @@ def _is_alike(one: Result, other: Result) -> bool:
     a, b = ({**{f"tip {k}": v for k, v in r.tip_force.items()}, **r.slips} for r in (one, other))
     scale = max((abs(v) for v in b.values()), default=0.0) or 1.0
     return all(abs(a.get(name, 0.0) - value) <= ALIKE * scale for name, value in b.items())
+
+
+def _is_of_file(case: Case) -> bool:
+    """Whether its file states this case, with nothing on top."""
+    return case.source.is_file() and resolved_toml(load_case(case.source)) == resolved_toml(case)
 
 
 def _named(result: Result, name: str) -> Result:

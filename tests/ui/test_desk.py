@@ -203,14 +203,13 @@ def test_a_pinned_run_stands_beside_those_that_follow(desk):
 
 
 def test_a_run_is_saved_under_a_name_that_is_free(desk, tmp_path):
+    (tmp_path / "runs" / "network_edc_changed").mkdir(parents=True)
     desk.change(FLEXION, "50 deg")
     settled(desk)
-    first, second = desk.save(), desk.save()
-    assert "network_edc_changed" in first
-    assert "network_edc_changed_2" in second
-    run = read_run(tmp_path / "runs" / "network_edc_changed")
+    assert "network_edc_changed_2" in desk.save()
+    run = read_run(tmp_path / "runs" / "network_edc_changed_2")
     assert run.summary["posture_deg"]["PIP"] == pytest.approx(50, abs=3)
-    assert run.case == "network_edc_changed"
+    assert run.case == "network_edc_changed_2"
 
 
 def test_the_saved_case_is_the_one_that_is_shown(desk, tmp_path):
@@ -224,6 +223,16 @@ def test_the_saved_case_is_the_one_that_is_shown(desk, tmp_path):
     case = load_case(tmp_path / "mine.toml")
     assert pytest.approx(0.87266, abs=1e-4) == case.finger.posture.PIP
     assert case.lesion.cut == ("central_slip",)
+
+
+def test_a_case_with_settings_on_top_is_saved_whole(held, tmp_path):
+    desk = Desk(load_case("network_edc", ["finger.posture.DIP=20 deg"]), tmp_path)
+    desk.change(FLEXION, "50 deg")
+    text = desk.case_text()[1]
+    desk.close()
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+    posture = load_case(tmp_path / "mine.toml").finger.posture
+    assert pytest.approx((0.872665, 0.349066), abs=1e-5) == (posture.PIP, posture.DIP)
 
 
 def test_another_hood_keeps_the_changes_that_both_have(desk):

@@ -77,6 +77,8 @@ def test_the_page_is_worked_with(tmp_path: Path) -> None:
         assert "no unit of angle" in tab.ask(
             "document.querySelector('.fault:not([hidden])').textContent"
         )
+        tab.ask("document.getElementById('save-case').click()")
+        tab.wait("document.getElementById('saved').textContent.includes('at fault')")
         write(tab, FLEXION, "60 deg")
         state = tab.wait(SOLVED)
         assert state["status"] == "done"
@@ -94,7 +96,6 @@ def test_the_page_is_worked_with(tmp_path: Path) -> None:
         tab.wait(SOLVED)
         tab.wait(f"document.querySelector('[data-key=\"{FLEXION}\"] .value').value === '50 deg'")
 
-        _rest_of_the_page(tab)
         tab.ask(f"{LOOK};0")
         for width in (390, 700, 1000, 1600):
             tab.resize(width, 900)
@@ -103,6 +104,8 @@ def test_the_page_is_worked_with(tmp_path: Path) -> None:
             assert look["fits"], width
             wrong = ("errors", "cut", "overlaps", "nameless", "unseenFocus", "outside")
             assert {key: look[key] for key in wrong if look.get(key)} == {}, width
+        tab.resize(1400, 1000)
+        _rest_of_the_page(tab)
         assert _errors(tab) == _errors(second) == []
 
 
@@ -116,6 +119,8 @@ def _rest_of_the_page(tab: Browser) -> None:
         tab.ask(f"document.querySelector('[data-look={look}]').click()")
     for part in range(int(tab.ask("document.querySelectorAll('#parts input').length"))):
         tab.ask(f"document.querySelectorAll('#parts input')[{part}].click()")
+    tab.ask("document.getElementById('save-case').click()")
+    tab.wait("document.getElementById('saved').textContent.includes('isometric_edc_changed.toml')")
     tab.ask("document.getElementById('unpin').click()")
     tab.wait("document.querySelectorAll('.pane').length === 1")
     act(tab, "open", {"name": "forward_edc"})
