@@ -25,7 +25,7 @@ CEILINGS = {
     "cosim/kernels": 362,
     "cosim/models": 684,
     "cosim/report": 2694,
-    "cosim/results": 5363,
+    "cosim/results": 5365,
     "cosim/schema": 580,
     "cosim/solve": 827,
     "cosim/study": 2920,
