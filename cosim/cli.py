@@ -58,6 +58,11 @@ COMMANDS = {
             "Write a run as a film (.gif or .mp4).",
             "cosim film runs/motion_edc_fdp -o motion.gif",
         ),
+        "ui": Command(
+            "ui.ui",
+            "Work on a case in a page of your browser.",
+            "cosim ui isometric_edc",
+        ),
         "lesion": Command(
             "lesion.lesion",
             "A case without its lesion and with it, side by side.",

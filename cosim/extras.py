@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from cosim.errors import InputError
 
 EXTRAS = {
+    "ui": ("starlette", "uvicorn"),
     "view": ("pyvista",),
     "film": ("imageio_ffmpeg",),
     "study": ("pyarrow", "SALib", "dask", "distributed"),

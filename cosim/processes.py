@@ -8,6 +8,7 @@ import pickle
 import signal
 import sys
 import traceback
+from _thread import interrupt_main
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache, partial
@@ -15,9 +16,9 @@ from importlib import import_module
 from queue import SimpleQueue
 from threading import Lock, Thread
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from cosim.errors import CosimError, InputError
+from cosim.errors import CosimError, InputError, StoppedError
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -127,7 +128,7 @@ Memory = dict[str, Any]
 """What one process of a pool keeps from call to call."""
 PATIENCE = 5.0
 """Seconds for a process that has nothing to do to end."""
-READY = b"ready"
+READY, STOP = b"ready", b"stop"
 _memory: Memory = {}
 _starting = Lock()
 """Held while a process starts, for which the environment and the main module are others."""
@@ -174,24 +175,51 @@ class WorkerProcess:
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
         self._is_closed = False
+        self._sending = Lock()
 
-    def call(self, function: Callable[..., R], *args: Any, limit: float | None = None) -> R:
-        """What the function returns there; `limit`: the seconds it has once the process is ready.
+    def call(
+        self,
+        function: Callable[..., R],
+        *args: Any,
+        limit: float | None = None,
+        hear: Callable[[Any], None] | None = None,
+    ) -> R:
+        """What the function returns there; `limit`: the seconds it has once the process is ready,
+        or from one message to the next.  `hear` is called with what it tells by `tell_caller`.
 
         Raises what the function raises, TimeLimitError, ProcessEndedError and PoolEndedError."""
         content = pickle.dumps((function, args))
         try:
             pipe = self._start()
-            pipe.send_bytes(content)
-            if not pipe.poll(limit):
-                self._stop(at_once=True)
-                raise TimeLimitError(f"took longer than {limit:g} s")
-            has_failed, answer = pickle.loads(pipe.recv_bytes())
+            with self._sending:
+                pipe.send_bytes(content)
+            while True:
+                if not pipe.poll(limit):
+                    self._stop(at_once=True)
+                    raise TimeLimitError(f"took longer than {limit:g} s")
+                kind, answer = pickle.loads(pipe.recv_bytes())
+                if kind != "told":
+                    break
+                if hear is not None:
+                    hear(answer)
         except (EOFError, OSError):
             raise self._end_reason() from None
-        if has_failed:
+        if kind == "failed":
             raise answer
-        return answer
+        return cast(R, answer)
+
+    def interrupt(self) -> None:
+        """Let the function that runs there end with StoppedError; without effect on the next one.
+        May be called from any thread."""
+        with suppress(OSError), self._sending:
+            if (pipe := self._pipe) is not None:
+                pipe.send_bytes(STOP)
+
+    def end_call(self) -> None:
+        """End the process at once, from any thread: the call that waits for it raises
+        ProcessEndedError, and the next one starts the process anew."""
+        if (process := self._process) is not None:
+            process.kill()
 
     def _start(self) -> Connection:
         """The pipe to the process, which is ready.  Raises EOFError where it ended before."""
@@ -423,33 +451,72 @@ def _serve(pipe: Connection, environment: Mapping[str, str]) -> None:
     """What a process of a pool does, until the pipe ends: Ctrl-C reaches it too, and the pool ends
     it; the environment is that of the pool."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(STOP_SIGNAL, _CALLER.end_call)
     os.environ.clear()
     os.environ.update(environment)
     for name in PRELOADED:  # the time of a call is that of its work
         import_module(name)
     calls: SimpleQueue[bytes] = SimpleQueue()
+    _CALLER.pipe = pipe
     Thread(target=_listen, args=(pipe, calls), daemon=True).start()
     pipe.send_bytes(READY)
     while True:
         pipe.send_bytes(_answer(calls.get()))
 
 
+class _Caller:
+    """Who waits for this process: the pipe to them, and whether a call of theirs runs or is wanted
+    no more."""
+
+    def __init__(self) -> None:
+        self.pipe: Connection | None = None
+        self.is_served, self.stops = False, False
+
+    def end_call(self, *_: object) -> None:
+        """End the call that runs, if it is not wanted; a handler of a signal."""
+        if self.is_served and self.stops:
+            self.stops = False
+            raise StoppedError("the call was interrupted")
+
+
+_CALLER = _Caller()
+STOP_SIGNAL = getattr(signal, "SIGUSR1", signal.SIGINT)
+"""The signal by which a process ends its own call, wherever that is."""
+
+
+def tell_caller(message: Any) -> None:
+    """Send a message to who waits for the call in this process (`hear` of `WorkerProcess.call`)."""
+    if _CALLER.pipe is not None:
+        _CALLER.pipe.send_bytes(pickle.dumps(("told", message)))
+
+
 def _listen(pipe: Connection, calls: SimpleQueue[bytes]) -> None:
     with suppress(EOFError, OSError):
         while True:
-            calls.put(pipe.recv_bytes())
+            content = pipe.recv_bytes()
+            if content == STOP:
+                _CALLER.stops = True
+                interrupt_main(STOP_SIGNAL)
+            else:
+                _CALLER.stops = False  # it was for the call before
+                calls.put(content)
     os._exit(0)  # nobody waits for an answer any more
 
 
 def _answer(content: bytes) -> bytes:
-    """Whether a call failed, and its result or error, pickled."""
+    """ "done" or "failed", and the result or error of a call, pickled."""
     try:
         function, args = pickle.loads(content)
-        return pickle.dumps((False, function(*args)))
+        _CALLER.is_served = True
+        try:
+            answer = function(*args)
+        finally:
+            _CALLER.is_served = False
+        return pickle.dumps(("done", answer))
     except CosimError as error:
-        return pickle.dumps((True, error))
+        return pickle.dumps(("failed", error))
     except Exception as error:  # of any kind: the caller raises it
-        return pickle.dumps((True, _portable(error)))
+        return pickle.dumps(("failed", _portable(error)))
 
 
 def _portable(error: Exception) -> Exception:

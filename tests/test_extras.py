@@ -26,8 +26,15 @@ HIDDEN = sorted(MODULES | {"vtkmodules", "vtk"})
 VTU = '<VTKFile type="UnstructuredGrid"/>'
 NEEDS = [
     ("pyvista", "view", "view run", "a window in space"),
+    ("uvicorn", "ui", "ui pulley_edc", "the page"),
+    ("starlette", "ui", "run pulley_edc --watch", "the page"),
     ("imageio_ffmpeg", "film", "film run -o a.mp4", "a film as .mp4 (a .gif needs no more)"),
-    ("pyvista", "view", "new mine --hood a.vtu", "a.vtu: reading a .vtu of another program"),
+    (
+        "pyvista",
+        "view",
+        "new mine --hood a.vtu",
+        "a.vtu: reading a file of VTK that another program wrote",
+    ),
     ("pyarrow", "study", "study network_saltelli", "a study"),
     ("SALib", "study", "study network_saltelli --workers 0", "a study"),
     ("SALib", "study", "check network_saltelli", "sampling.kind = 'saltelli'"),
@@ -132,4 +139,4 @@ def test_the_extras_are_those_of_the_package_and_the_tests_bring_them() -> None:
         brought = {re.match(r"[\w-]+", stated)[0] for stated in extras[name]}
         assert set(libraries) <= brought
         assert not brought & {re.match(r"[\w-]+", d)[0] for d in project["dependencies"]}
-    assert "cosim-hand[fmu,study,view]" in extras["test"]
+    assert "cosim-hand[fmu,study,ui,view]" in extras["test"]

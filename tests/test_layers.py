@@ -95,7 +95,7 @@ FLOORS = (
     {"cosim.pipeline"},
     {"cosim.fmu_export", "cosim.report"},
     {"cosim.anatomy", "cosim.analyses", "cosim.study"},
-    {"cosim.validation", "cosim.verification"},
+    {"cosim.validation", "cosim.verification", "cosim.ui"},
     {"cosim.arguments"},
     {"cosim.face"},
     {"cosim.commands"},

@@ -39,8 +39,8 @@ print("nodes:", *sorted(mesh.point_sets))
 # %%
 bones = [str(own / f"{bone}.stl") for bone in ("metacarpal", "proximal", "middle", "distal")]
 words = ["cosim", "new", "mine", "--hood", str(own / "hood.inp"), "--bones", *bones]
-done = subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True, check=True)
-print(done.stdout)
+done = subprocess.run([sys.executable, "-m", *words], capture_output=True, check=True)
+print(done.stdout.decode("utf-8"))
 
 # %% [markdown]
 # The case is a text file that extends the whole index finger; what it does not say is the base

@@ -68,7 +68,7 @@ def read_bones(
 def _read(path: Path, what: str, faults: list[str], notes: list[str]) -> Triangles:
     """A closed surface of one piece, normals outward; of no faces where that cannot be had."""
     none = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp)
-    mesh = _load(path, what)
+    mesh = load_surface(path, what)
     if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
         faults.append(f"{what}: holds no triangles, or corners that are not finite")
         return none
@@ -110,7 +110,8 @@ def _volume(points: Array, faces: np.ndarray) -> float:
     return float(np.einsum("nk,nk->", a, np.cross(b, c)) / 6)
 
 
-def _load(path: Path, what: str) -> Any:
+def load_surface(path: Path, what: str) -> Any:
+    """A surface of triangles as trimesh has it.  Raises InputError where the file is none."""
     import trimesh
 
     if not path.is_file():

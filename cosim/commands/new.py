@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -74,7 +75,10 @@ def new(
         ),
     ] = None,
     names: Annotated[
-        Path | None, typer.Option(help='A TOML file of such names: end_central = "NSET_12".')
+        Path | None,
+        typer.Option(
+            help='A TOML file of such names: end_central = "NSET_12"; or myohand, for MyoSuite\'s.'
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The folder to write; else NAME.")
@@ -141,6 +145,9 @@ def _names(file: Path | None, settings: Sequence[str]) -> dict[str, str]:
 
 
 def _table(file: Path) -> dict[str, str]:
+    packaged = Path(str(resources.files("cases"))) / "data" / f"names_{file.name}.toml"
+    if not file.suffix and not file.exists() and packaged.is_file():
+        file = packaged
     try:
         values = read_toml(file)
     except InputError as error:

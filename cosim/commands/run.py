@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
@@ -18,6 +18,7 @@ from cosim.case.schema import Case
 from cosim.case.usual import unusual_values
 from cosim.commands.options import AsJsonLines, Cases, Quiet, Settings, Workers
 from cosim.commands.terminal import (
+    CODES,
     INCOMPLETE,
     console,
     exit_on_error,
@@ -34,6 +35,7 @@ from cosim.errors import (
     quiet,
     span,
 )
+from cosim.extras import require
 from cosim.files import output_file, shown_path
 from cosim.json_text import json_text
 from cosim.models.fit import check_fit
@@ -50,6 +52,9 @@ from cosim.solve.motion import UNFINISHED, check_not_begun, checkpoint_folder
 from cosim.solve.session import Session
 from cosim.study.file import is_study, study_schema
 from cosim.study.plan import read_plan
+
+if TYPE_CHECKING:
+    from cosim.ui.desk import Desk
 
 Voice = Literal["plain", "quiet", "json"]
 
@@ -89,6 +94,15 @@ def run(
     restart: Annotated[
         bool, typer.Option("--restart", help="Begin motions anew, even if a part is kept.")
     ] = False,
+    watch: Annotated[
+        bool,
+        typer.Option(
+            "--watch", help="Show the run, of one case, in a page of your browser as it goes on."
+        ),
+    ] = False,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="With --watch: open the browser, or not.")
+    ] = True,
     quiet: Quiet = False,
     as_json: AsJsonLines = False,
 ) -> None:
@@ -96,23 +110,50 @@ def run(
     several print a counter, and a table of all at the end."""
     if workers > 1:
         process_context()  # imports while the cases are read
+    if watch:
+        with exit_on_error():
+            require("the page", "starlette", "uvicorn")
     none = () if pictures else ("output.picture=false",)
     checked = load_cases(cases, (*(settings or ()), *none))
     warn({case.name: list(unusual_values(case)) for case in checked})
     with exit_on_error():
         _check_targets(checked, out)
+        if watch and len(checked) > 1:
+            raise InputError(f"--watch: shows one case, not {len(checked)}; run them one by one")
         _check_unfinished(checked, out, restart)
-    _run_all(checked, out, _voice(quiet, as_json), workers)
+    voice = _voice(quiet, as_json)
+    if watch:
+        _run_watched(checked[0], out, voice, browser)
+    _run_all(checked, out, voice, workers)
 
 
-def _run_all(cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1) -> None:
+def _run_watched(case: Case, out: Path, voice: Voice, opens: bool) -> None:
+    """Run a case beside a page that shows it, which stays until the user ends it."""
+    from cosim.ui.desk import Desk
+    from cosim.ui.server import serving, wait_for_end
+
+    with exit_on_error():
+        desk = Desk(case, out, is_live=False)
+        with serving(desk, 0, opens, lambda text: typer.echo(text, err=True)):
+            try:
+                _run_all([case], out, voice, desk=desk)
+            except typer.Exit as ended:
+                if ended.exit_code != CODES[StoppedError]:
+                    typer.echo("the page stays until you press Ctrl-C", err=True)
+                    wait_for_end()
+                raise
+
+
+def _run_all(
+    cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1, desk: Desk | None = None
+) -> None:
     """Run cases until the user stops them; their warnings, and what their audits missed, are said
     last."""
     summaries: dict[str, Mapping[str, Any] | None] = {}
     lacking: dict[str, tuple[str, ...]] = {}
     failed, started = 0, time.perf_counter()
     ran = (
-        _one_by_one(cases, out, voice)
+        _one_by_one(cases, out, voice, desk)
         if workers == 1
         else _side_by_side(cases, out, voice, workers)
     )
@@ -154,26 +195,38 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
 
 
 def _one_by_one(
-    cases: Sequence[Case], out: Path, voice: Voice
+    cases: Sequence[Case], out: Path, voice: Voice, desk: Desk | None
 ) -> Iterator[tuple[Case, Outcome[Ended]]]:
-    """Run and write each case in this process, its stages told."""
-    session = Session(checkpoints=out)
+    """Run and write each case in this process, its stages told, on the page of a desk too."""
+    session = Session(checkpoints=out, watch=None if desk is None else desk.show_motion)
     for case in cases:
         unfinished = checkpoint_folder(case, out)
         try:
-            outcome = outcome_of(partial(_run_one, case, session, out, voice))
+            outcome = outcome_of(partial(_run_one, case, session, out, voice, desk))
         except KeyboardInterrupt:
             stopped = StoppedError(f"stopped before its end; {_what_stays(unfinished)}")
             outcome = Outcome("failed", None, stopped)
         if outcome.error is None:
             _forget(unfinished)
+        elif desk is not None:
+            desk.fail(outcome.error)
         yield case, outcome
 
 
-def _run_one(case: Case, session: Session, out: Path, voice: Voice) -> Ended:
-    with _progress(case.name, voice) as say:
+def _run_one(
+    case: Case, session: Session, out: Path, voice: Voice, desk: Desk | None = None
+) -> Ended:
+    with _progress(case.name, voice) as tell_user:
+
+        def say(text: str) -> None:
+            tell_user(text)
+            if desk is not None:
+                desk.hear(text)
+
         result = run_case(case, session, say)
-        say("writing the results")
+        if desk is not None:
+            desk.show(result)
+        tell_user("writing the results")
         return _save(result, out)
 
 

@@ -43,6 +43,7 @@ Slow = Annotated[bool, typer.Option("--slow", help="Run the slow studies too.")]
 PURPOSES = {
     "files": ("meshio", "lxml", "h5netcdf"),
     "pictures, pages": ("matplotlib", "plotly", "jinja2"),
+    "a page to work in": EXTRAS["ui"],
     "windows, .vtu of others": EXTRAS["view"],
     "films as .mp4": EXTRAS["film"],
     "studies": EXTRAS["study"],

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.report.figures import new_picture, style_axes
+from cosim.report.packing import packed_picture
 from cosim.results.compare import Comparison, ForceVector, force_vectors, value_of
 from cosim.results.looks import look
-from cosim.results.picture import as_png, data_address
+from cosim.results.picture import as_png
 from cosim.results.result import Result
 
 if TYPE_CHECKING:
@@ -124,10 +125,9 @@ def plane(arrows: Sequence[Arrow]) -> str:
         f"{a.letter} {a.label}, {a.magnitude:.3g} N in the plane" for a in arrows
     )
     picture = sagittal(arrows)
-    address, width = data_address(as_png(picture, DPI)), 96 * picture.get_size_inches()[0]
-    return (
-        f'<img alt="{escape(words)}" style="width: {width:.0f}px; max-width: 100%" src="{address}">'
-    )
+    address, width = packed_picture(as_png(picture, DPI)), 96 * picture.get_size_inches()[0]
+    style = f'style="width: {width:.0f}px; max-width: 100%"'
+    return f'<img alt="{escape(words)}" data-save="fingertip force" {style} src="{address}">'
 
 
 def sagittal(arrows: Sequence[Arrow]) -> Figure:

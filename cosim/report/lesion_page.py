@@ -360,7 +360,8 @@ def draw_maps(
     names = "".join(_names(axes, one, size[1]) for axes, one in zip(panels, maps, strict=False))
     return (
         f'<div class="titled"><img alt="{escape(words)}" src="{address}">'
-        f'<svg viewBox="0 0 {size[0]:.0f} {size[1]:.0f}">{names}</svg></div>'
+        f'<svg role="group" aria-label="Strain maps" viewBox="0 0 {size[0]:.0f} {size[1]:.0f}">'
+        f"{names}</svg></div>"
     )
 
 

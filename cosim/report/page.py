@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,19 +9,18 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.json_text import json_text
 from cosim.report import drawings, words
+from cosim.report.histories import pack_charts
+from cosim.report.packing import packed, packed_json, packed_picture
 from cosim.report.tables import SUM, Cell, ReportTable, last_ledger, last_state
 from cosim.report.templates import report_file, template
-from cosim.report.views import View, difference_view, floats, limits, pack_views, view_of
+from cosim.report.views import View, difference_view, limits, pack_views, view_of
 from cosim.results.compare import VERDICT_SHAPES, number
 from cosim.results.looks import look
 from cosim.results.picture import data_address
 from cosim.results.result import Result
 
 MOST_BYTES = 8_000_000
-MOST_MOMENTS = 400
-CURVES = ("angles", "force", "tensions")
 CURVE = 1.8
 """Width of a curve over time, px."""
 TELLING = 0.02
@@ -47,7 +45,12 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
     every = [*runs, against] if against is not None else [*runs]
     views, scales = _views(runs, against)
     arrows = drawings.arrows_of(every)
-    histories = _histories(every)
+    pairs = zip(every, views, strict=False)  # views of differences stand last
+    histories = [
+        {"view": i, "name": run.name, "charts": charts}
+        for i, (run, view) in enumerate(pairs)
+        if (charts := pack_charts(run, view))
+    ]
     text = template("cosim.report", filters={"cell": cell, "spoken": name_in_words}).render(
         words=words,
         drawings=drawings,
@@ -57,22 +60,25 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         against=against,
         tables={table.key: table for table in tables},
         views=views,
+        moves=any(view.times for view in views),
+        charts=bool(histories),
+        sheets=any(view.sheet for view in views),
+        dots=any(table.key.startswith("dots_") for table in tables),
         pictures=[(run, name, _picture(run, name)) for run in every for name in PICTURES],
         arrows=arrows,
         plane=drawings.plane(arrows) if arrows else "",
         bars={run.name: _bars(run) for run in every},
         last_state=last_state,
         cases=[(run, data_address(run.case_text.encode(), "text/plain")) for run in every],
-        data=script_of(
+        data=packed_json(
             {
                 **pack_views(views, scales),
-                "colours": colours(),
                 "history": histories,
                 "looks": _line_looks(histories),
             }
         ),
-        script=report_file("page.js"),
-        plotly=get_plotlyjs(),
+        script=report_file("scene.js") + report_file("page.js"),
+        plotly=packed(get_plotlyjs()),
     )
     size = len(text.encode("utf-8"))
     if size > MOST_BYTES:
@@ -95,35 +101,16 @@ def _views(runs: Sequence[Result], against: Result | None) -> tuple[list[View], 
     return [*views, *gaps], [limits(views)] * len(views) + [limits(gaps)] * len(gaps)
 
 
-def script_of(content: Any) -> str:
-    """JSON that can stand in a script element."""
-    text = json_text(content, None, ensure_ascii=True, separators=(",", ":"))
-    return text.replace("<", "\\u003c")
-
-
-def colours() -> list[str]:
-    """Viridis, made for colour-blind readers and for print without colour."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
-    return [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 1, 256))]
-
-
 def _picture(run: Result, name: str) -> str | None:
     """A picture of the run as a data address: each pixel as it is, in the smallest lossless format
     that browsers know."""
     content = run.picture(name)
     if content is None:
         return None
-    from PIL import Image, UnidentifiedImageError
-
     try:
-        image = Image.open(io.BytesIO(content)).convert("RGB")
-    except (UnidentifiedImageError, OSError) as error:
+        return packed_picture(content)
+    except OSError as error:
         raise InputError(f"{run.folder}/{name}.png: is no picture ({error})") from error
-    out = io.BytesIO()
-    image.save(out, "WEBP", lossless=True)
-    return data_address(out.getvalue(), "image/webp")
 
 
 def _bars(run: Result) -> list[tuple[str, list[Bar], str]]:
@@ -156,15 +143,9 @@ def _direction(wrench: np.ndarray) -> float | None:
     return float(np.rad2deg(np.arctan2(dorsal, distal)))
 
 
-def _histories(runs: Sequence[Result]) -> list[Any]:
-    """The curves of every motion: time s, change of the joint angles deg, fingertip force N,
-    tensions N."""
-    return [_history(run) for run in runs if run.axis == "time"]
-
-
 def _line_looks(histories: Sequence[Any]) -> list[Any]:
-    """For plotly the look of each curve of a diagram, of as many as the fullest has."""
-    count = max((len(h[key]) for h in histories for key in CURVES), default=0)
+    """For plotly the look of each curve of a chart, of as many as the fullest has."""
+    count = max((len(c["curves"]) for h in histories for c in h["charts"]), default=0)
     return [
         {
             "color": one.colour,
@@ -173,34 +154,6 @@ def _line_looks(histories: Sequence[Any]) -> list[Any]:
         }
         for one in map(look, range(count))
     ]
-
-
-def _history(run: Result) -> Any:
-    count = run.data.sizes["time"]
-    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_MOMENTS)).round().astype(int))
-    data = run.data.isel(time=chosen).transpose("time", ...)
-    angle = np.rad2deg(data.angle.values)
-    tensions = {
-        str(name): floats(data[variable].values[:, i])
-        for variable, dim in (("tension", "tendon"), ("own_tension", "muscle"))
-        if variable in data and data.sizes[dim]
-        for i, name in enumerate(data[dim].values)
-    }
-    return {
-        "name": run.name,
-        "time": floats(data.time.values),
-        "angles": {
-            f"{joint.replace('_', ' ')} (from {angle[0, i]:.0f}°)": floats(
-                angle[:, i] - angle[0, i]
-            )
-            for i, joint in enumerate(map(str, data.joint.values))
-        },
-        "force": {
-            axis: floats(column)
-            for axis, column in zip(data.axis.values.tolist(), data.tip_force.values.T, strict=True)
-        },
-        "tensions": tensions,
-    }
 
 
 def cell(value: Cell, digits: int = 4) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from cosim.json_text import json_text
 from cosim.port import AXES
+from cosim.report.dots import dots_table
 from cosim.results.audit import BOUNDS, audit_figures
 from cosim.results.compare import (
     COLUMNS,
@@ -21,7 +22,7 @@ from cosim.results.compare import (
     unit_of,
     value_of,
 )
-from cosim.results.quantities import key_quantities
+from cosim.results.quantities import key_quantities, meaning_of
 from cosim.results.result import Result
 
 FORMAT = "cosim report 1"
@@ -32,8 +33,7 @@ LEDGER = (
     "|F| N",
     *(f"M {axis} N mm" for axis in AXES),
 )
-LARGEST = "largest_interface_residual"
-"""A figure of a motion's summary beside its audit."""
+OF_EFFORT = ("hood_quads", "hood_cells", "wall_s")
 AT_REST = "at rest"
 OF_THE_HOOD = (
     *("fingertip_force_N", "fingertip_magnitude_N", "slip_force_N"),
@@ -60,7 +60,8 @@ def tables_of(runs: Sequence[Result], against: Result | None) -> list[ReportTabl
     tables = [_outcome(runs[0]) if len(every) == 1 else _side_by_side(runs, against)]
     tables.append(_differences(runs, against))
     for i, run in enumerate(every):
-        tables += [_tendons(run, i), _comparison(run, i), _ledger(run, i), _audit(run, i)]
+        tables += [_tendons(run, i), _dots(run, i), _comparison(run, i)]
+        tables += [_ledger(run, i), _audit(run, i), _counts(run, i)]
     tables.append(_numbers(runs, against))
     return [table for table in tables if table.rows]
 
@@ -141,6 +142,10 @@ def _tendons(run: Result, place: int) -> ReportTable:
     )
 
 
+def _dots(run: Result, place: int) -> ReportTable:
+    return ReportTable(f"dots_{place}", f"Points and gauges of {run.name}", *dots_table(run))
+
+
 def _comparison(run: Result, place: int) -> ReportTable:
     rows = tuple(tuple(as_dict(row).values()) for row in run.comparison)
     return ReportTable(f"comparison_{place}", f"{run.name} beside data", COLUMNS, rows)
@@ -154,7 +159,9 @@ def _ledger(run: Result, place: int) -> ReportTable:
         for source, wrench in {**entries, SUM: sum(entries.values(), np.zeros(6))}.items():
             force, moment = wrench[:3], 1e3 * wrench[3:]
             size = float(np.linalg.norm(force))
-            rows.append((body, source, *map(float, force), size, *map(float, moment)))
+            rows.append(
+                (body, source.replace("_", " "), *map(float, force), size, *map(float, moment))
+            )
     return ReportTable(
         f"ledger_{place}", f"Ledger of {run.name}, {last_state(run)}", columns, tuple(rows)
     )
@@ -175,27 +182,29 @@ def last_ledger(run: Result) -> dict[str, dict[str, Any]]:
 
 
 def _audit(run: Result, place: int) -> ReportTable:
-    """Each check with the bound that the program holds it to, and the counts of iterations."""
+    """Each check with the bound that the program holds it to."""
     missed = set(run.summary.get("audit_missed", ()))
     checks = audit_figures(run.summary)
-    if LARGEST in run.summary:
-        checks[LARGEST] = run.summary[LARGEST]
     rows: list[tuple[Cell, ...]] = []
     for name in [*checks, *sorted(missed - set(checks))]:
         value, bound = checks.get(name), BOUNDS[name].most if name in BOUNDS else None
         word = "missed" if name in missed else "kept" if bound is not None else "no bound"
-        rows.append((name.replace("_", " "), None if value is None else float(value), bound, word))
-    for name, count in run.summary.get("iterations", {}).items():
-        rows.append((f"{name} (count)", float(count), None, "no bound"))
-    for name in ("hood_quads", "hood_cells", "wall_s"):
-        if name in run.summary:
-            rows.append((name.replace("_", " "), float(run.summary[name]), None, "no bound"))
-    return ReportTable(
-        f"audit_{place}",
-        f"Audit of {run.name}",
-        ("check", "value", "bound", "verdict"),
-        tuple(rows),
+        named = name if unit_of(name) == "1" else f"{name.rpartition('_')[0]}, {unit_of(name)}"
+        value = None if value is None else float(value)
+        rows.append((named.replace("_", " "), value, bound, word))
+    columns = ("check", "value", "bound", "verdict")
+    return ReportTable(f"audit_{place}", f"Audit of {run.name}", columns, tuple(rows))
+
+
+def _counts(run: Result, place: int) -> ReportTable:
+    """What the run took: iterations, the size of the mesh, time."""
+    paths = [f"iterations.{name}" for name in run.summary.get("iterations", {})]
+    paths += [name for name in OF_EFFORT if name in run.summary]
+    rows = tuple(
+        (meaning_of(path, run.summary) or path.replace("_", " "), value_of(run.summary, path))
+        for path in paths
     )
+    return ReportTable(f"counts_{place}", f"What {run.name} took", ("what", "number"), rows)
 
 
 def _numbers(runs: Sequence[Result], against: Result | None) -> ReportTable:

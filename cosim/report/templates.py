@@ -28,7 +28,8 @@ def template(
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    environment.globals |= {"style": report_file("page.css"), "version": __version__}
+    environment.globals |= {"style": report_file("page.css"), "save": report_file("save.js")}
+    environment.globals |= {"version": __version__}
     environment.filters |= dict(filters or {})
     return environment.get_template(name)
 

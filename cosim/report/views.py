@@ -2,48 +2,53 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
-from cosim.hoods.kinds import COLOURS
-from cosim.hoods.view import Colour, HoodField
+from cosim.hoods.kinds import colours_of
+from cosim.hoods.lesion import SLIPS
+from cosim.hoods.shell.gauges import place_gauges
+from cosim.hoods.view import HoodField
 from cosim.port import Array
+from cosim.report.dots import dots_in_words
 from cosim.report.flat import flatten_sheet
-from cosim.results.looks import INKS, colour_limits
+from cosim.report.packing import floats, integers
+from cosim.results.arrays import Arrays
+from cosim.results.frames import Frame
+from cosim.results.looks import FORCE, INKS, RESTING_TENDON, TENDON, colour_limits, colour_map
 from cosim.results.result import Result
 from cosim.results.scene import decimate, rebuild_finger
-from cosim.results.strokes import carry, families_of, stroke_cells, strokes
+from cosim.results.strokes import LIFT, families_of, stroke_cells, strokes
 from meshes.hood_mesh import REGIONS
 
-if TYPE_CHECKING:
-    import xarray
-
-MOST_FRAMES = 41
-MOST_TRIANGLES = 2200
+MOST_TRIANGLES = 1800
 """Triangles of a bone in the view, at most."""
-NO_SHEET = "The hood is a net of cables, drawn as lines: it has no sheet to colour."
+NO_HOOD = "This run has no deformable hood: there is no strain to show."
+AT_END = "The hood is shown at its end only: this motion stored no shapes of it."
 ARROW, HEAD = 18e-3, 2e-3
 """m, of the largest fingertip force, and how far its head reaches beyond it on any side."""
+WITHIN = 3e-3
+"""m of a node of the sheet, in which a point is seen on its map and raised over it in space."""
 ROOM = 2e-3
 """m, between what a view shows and the sides of its box."""
 
 
 @dataclass(frozen=True)
 class SheetField:
-    """Values over the hood for each of its shapes (nf, m): on quads, or on points."""
+    """Values over the hood for each of its shapes (nf, m): on cells, or on points."""
 
     key: str
     label: str
     unit: str
     on_quads: bool
     values: Array
+    is_signed: bool = False
+    """Whether its colours are centred on zero."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,35 @@ class Sheet:
 
 
 @dataclass(frozen=True)
+class Net:
+    """A hood of cables at `at`, some of a view's frames."""
+
+    cells: np.ndarray
+    """(m, 2) nodes."""
+    names: tuple[str, ...]
+    """The name of the cable of each cell."""
+    at: tuple[int, ...]
+    points: Array
+    """(nf, n, 3) m."""
+    fields: tuple[SheetField, ...]
+
+
+@dataclass(frozen=True)
+class Dots:
+    """The points and gauges of the user's on the hood."""
+
+    names: tuple[str, ...]
+    position: Array
+    """(nf, k, 3) m in every frame of the view."""
+    flat: Array
+    """(k, 2) m on the sheet laid out; not a number where the sheet is not near."""
+    gauges: Mapping[str, tuple[int, int]]
+    """The ends of each gauge, places among `names`."""
+    words: Mapping[str, str]
+    """What there is to say of each point and gauge, where more than its name."""
+
+
+@dataclass(frozen=True)
 class BoneSurface:
     """A surface in its body's frame, and where it stands in every frame: (nf, 3), (nf, 3, 3)."""
 
@@ -80,9 +114,15 @@ class View:
 
     name: str
     frames: tuple[str, ...]
+    times: tuple[float, ...]
+    """s, of a motion; empty at rest."""
     bones: tuple[BoneSurface, ...]
     tendons: tuple[Mapping[str, Array], ...]
     """For each frame the points (k, 3) of every path."""
+    tension: tuple[Mapping[str, float], ...]
+    """For each frame N by tendon."""
+    slips: tuple[Mapping[str, float], ...]
+    """For each frame N by slip, of `slip_forces`."""
     tip: Array
     """(nf, 3); empty where the finger could not be rebuilt."""
     force: Array
@@ -91,44 +131,75 @@ class View:
     angles: Array
     """(nf, nq) rad."""
     sheet: Sheet | None
+    net: Net | None
+    dots: Dots | None
     notes: tuple[str, ...]
+
+    @property
+    def fields(self) -> tuple[SheetField, ...]:
+        """What colours its hood."""
+        hood = self.sheet or self.net
+        return () if hood is None else hood.fields
 
 
 def view_of(run: Result) -> View:
-    """The run's frames: every state of a load axis, some of the times of a motion."""
-    data, axis = run.data, run.axis
-    chosen = _choose(data.sizes[axis])
-    angles = data.angle.transpose(axis, "joint").values[chosen]
-    force = data.tip_force.transpose(axis, "axis").values[chosen]
-    net = _net(run, chosen)
-    sheet, notes = (None, (NO_SHEET,)) if net else _sheet(run, chosen)
+    """The run in each of its frames, in memory or read.
+
+    Raises InputError where files of a run that was read cannot be."""
+    frames = run.frames
+    steps = [frame.step for frame in frames]
+    sheet, net, notes = _hood(run, frames)
+    slips = slip_forces(run.arrays)
     view = View(
-        run.name,
-        _labels(run, chosen),
-        (),
-        net or ({},) * len(chosen),
-        np.zeros((0, 3)),
-        force,
-        tuple(map(str, data.joint.values)),
-        angles,
-        sheet,
-        notes,
+        name=run.name,
+        frames=tuple(frame.label for frame in frames),
+        times=tuple(frame.time for frame in frames if frame.time is not None),
+        bones=(),
+        tendons=tuple({} if f.hood is None else f.hood.lines for f in frames),
+        tension=tuple(_tensions(run, step) for step in steps),
+        slips=tuple({n: float(f[k]) for n, f in slips.items()} for k in steps),
+        tip=np.zeros((0, 3)),
+        force=np.array([frame.force for frame in frames]),
+        joints=tuple(map(str, run.arrays.coordinates["joint"].values)),
+        angles=np.array([frame.angles for frame in frames]),
+        sheet=sheet,
+        net=net,
+        dots=_dots(run, steps, sheet),
+        notes=notes,
     )
-    assert run.folder is not None  # of a run that was read
     try:
-        return _with_finger(view, load_case(run.folder / "case.toml"))
+        return _with_finger(view, run.checked_case())
     except InputError as error:
         note = f"Bones and tendons are not shown: the case cannot be built again here ({error})"
         return replace(view, notes=(*notes, note))
 
 
-def _choose(count: int) -> np.ndarray:
-    return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int))
+def _tensions(run: Result, step: int) -> dict[str, float]:
+    pairs = (("tension", "tendon"), ("own_tension", "muscle"))
+    return {
+        str(name): float(value)
+        for variable, dim in pairs
+        if variable in run.arrays.variables
+        for name, value in zip(
+            run.arrays.coordinates[dim].values,
+            run.arrays.variables[variable].values[step],
+            strict=True,
+        )
+    }
 
 
-def _labels(run: Result, chosen: np.ndarray) -> tuple[str, ...]:
-    values = run.data[run.axis].values[chosen]
-    return tuple(f"{v:.4g} s" for v in values) if run.axis == "time" else tuple(map(str, values))
+def slip_forces(arrays: Arrays) -> dict[str, Array]:
+    """The force (n,) N that each slip puts on the bone at its end, in every state or time; none of
+    a hood without slips."""
+    if "hood_force" not in arrays.variables:
+        return {}
+    sources = [str(name) for name in arrays.coordinates["source"].values]
+    size = np.linalg.norm(arrays.variables["hood_force"].values, axis=-1)
+    return {
+        name.replace("_", " "): size[:, :, sources.index(name)].sum(axis=1)
+        for name in SLIPS
+        if name in sources
+    }
 
 
 def _with_finger(view: View, case: Case) -> View:
@@ -145,91 +216,96 @@ def _with_finger(view: View, case: Case) -> View:
     return replace(view, bones=tuple(bones), tendons=paths, tip=np.array(rebuilt.tips))
 
 
-def _net(run: Result, chosen: np.ndarray) -> tuple[Mapping[str, Array], ...]:
-    """For each frame the lines (k, 3) m of a hood of cables, which it has at its end where the run
-    stored it there alone; none of another hood."""
-    hood = run.hood
-    if hood is None or hood.quads.shape[1] != 2:
-        return ()
-    cells = hood.quads
-    strand = hood.cell_data.get("strand", np.zeros(len(cells), dtype=np.intp))
-    breaks = np.flatnonzero((cells[1:, 0] != cells[:-1, 1]) | np.diff(strand).astype(bool)) + 1
-    lines = [np.append(part[:, 0], part[-1, 1]) for part in np.split(cells, breaks)]
-    if "node" not in run.data:
-        bare: tuple[Mapping[str, Array], ...] = ({},) * (len(chosen) - 1)
-        return (*bare, _with_names(lines, hood.points))
-    frames = run.data.node.isel({run.axis: chosen}).transpose(run.axis, ...).values
-    return tuple(_with_names(lines, points) for points in frames)
-
-
-def _with_names(lines: Sequence[np.ndarray], points: Array) -> dict[str, Array]:
-    return {f"cable {i + 1}": points[line] for i, line in enumerate(lines)}
-
-
-def _sheet(run: Result, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ...]]:
-    """The hood in every frame where the run stored that, else as it was at the end."""
-    hood = run.hood
-    if hood is None:
-        return None, ("This run has no deformable hood: there is no strain to show.",)
-    reference = hood.points - hood.point_data["displacement"]
-    stated = hood.cell_data.get("region")
+def _hood(run: Result, frames: Sequence[Frame]) -> tuple[Sheet | None, Net | None, tuple[str, ...]]:
+    """The hood in every frame where the run stored it, as a sheet or a net, and what to note."""
+    shapes = [(k, frame.hood) for k, frame in enumerate(frames) if frame.hood is not None]
+    if not shapes:
+        return None, None, (NO_HOOD,)
+    at, hoods = tuple(k for k, _ in shapes), [hood for _, hood in shapes]
+    first, points = hoods[0], np.array([hood.points for hood in hoods])
+    fields = tuple(_fields(hoods))
+    notes = (AT_END,) if len(at) < len(frames) else ()
+    if first.quads.shape[1] == 2:
+        return None, Net(first.quads, _cables(run, first), at, points, fields), notes
+    stated = first.cell_data.get("region")
     region = (
-        ("hood",) * len(hood.quads) if stated is None else tuple(REGIONS[int(i)] for i in stated)
+        ("hood",) * len(first.quads) if stated is None else tuple(REGIONS[int(i)] for i in stated)
     )
-    flat, last = flatten_sheet(reference, hood.quads), len(chosen) - 1
-    if "node" in run.data:
-        data = run.data.isel({run.axis: chosen}).transpose(run.axis, ...)
-        shown = (_field_over_frames(data, run.axis, hood, colour) for colour in COLOURS)
-        every, points = tuple(range(len(chosen))), data.node.values
-        fields = tuple(field for field in shown if field is not None)
-        return Sheet(hood.quads, region, flat, every, points, fields, _fibres(hood, points)), ()
-    ended = (_field_at_end(hood, colour) for colour in COLOURS)
-    fields = tuple(field for field in ended if field is not None)
-    note = (
-        "This page shows the hood of a motion at its end only. hood.pvd in the run's folder has it "
-        "over time, for ParaView."
-    )
-    points = hood.points[None]
-    fibres = _fibres(hood, points)
-    return Sheet(hood.quads, region, flat, (last,), points, fields, fibres), (note,)
+    flat = flatten_sheet(first.points - first.point_data["displacement"], first.quads)
+    sheet = Sheet(first.quads, region, flat, at, points, fields, _fibres(hoods))
+    return sheet, None, notes
 
 
-def _field_over_frames(
-    data: xarray.Dataset, axis: str, hood: HoodField, colour: Colour
-) -> SheetField | None:
-    """A field in every frame; None of a run without."""
-    name, component = colour.in_results
-    if name not in data:
-        return None
-    stored = data[name].transpose(axis, ...)
-    values = stored.values if component is None else stored.values[..., component]
-    on_quads = "point" not in stored.dims
-    if on_quads:
-        values = np.repeat(values, len(hood.quads) // values.shape[1], axis=1)
-    return SheetField(colour.key, colour.label, colour.unit, on_quads, colour.factor * values)
+def _fields(hoods: Sequence[HoodField]) -> Sequence[SheetField]:
+    """What can colour the hood in all of its shapes."""
+    return [
+        SheetField(
+            colour.key,
+            colour.label,
+            colour.unit,
+            colour.on_mesh in hoods[0].cell_data,
+            np.array([colour.values(hood) for hood in hoods]),
+            colour.is_signed,
+        )
+        for colour in colours_of(hoods[-1])
+        if all(colour in colours_of(hood) for hood in hoods)
+    ]
 
 
-def _field_at_end(hood: HoodField, colour: Colour) -> SheetField | None:
-    """A field at the end of a run; None of a run without."""
-    on_quads = colour.on_mesh in hood.cell_data
-    stored = (hood.cell_data if on_quads else hood.point_data).get(colour.on_mesh)
-    if stored is None:
-        return None
-    values = colour.mesh_factor * np.asarray(stored)[None]
-    return SheetField(colour.key, colour.label, colour.unit, on_quads, values)
+def _cables(run: Result, hood: HoodField) -> tuple[str, ...]:
+    """The name of the cable of each cell."""
+    named = run.arrays.coordinates.get("strand")
+    if named is not None:
+        return tuple(str(name).replace("_", " ") for name in named.values)
+    strand = hood.cell_data.get("strand", np.arange(len(hood.quads)))
+    return tuple(f"cable {int(i) + 1}" for i in strand)
 
 
-def _fibres(hood: HoodField, points: Array) -> tuple[Array, ...]:
-    """Strokes along the fibre families of a hood in shapes (nf, n, 3) m."""
-    families = families_of(hood.cell_data)
-    cells = stroke_cells(hood.points, hood.quads) if families else np.zeros(0, dtype=np.intp)
-    quads = hood.quads[cells]
+def _fibres(hoods: Sequence[HoodField]) -> tuple[Array, ...]:
+    """Strokes along the fibre families of a hood in its shapes (nf, n, 3) m."""
+    families = [families_of(hood.cell_data) for hood in hoods]
+    if not families[0]:
+        return ()
+    quads = hoods[0].quads
+    cells = stroke_cells(hoods[-1].points, quads)
     return tuple(
         np.stack(
-            [strokes(p, quads, carry(quads, hood.points, p, direction[cells])) for p in points]
+            [
+                strokes(hood.points, quads[cells], by_family[i][cells])
+                for hood, by_family in zip(hoods, families, strict=True)
+            ]
         )
-        for direction in families
+        for i in range(len(families[0]))
     )
+
+
+def _dots(run: Result, steps: Sequence[int], sheet: Sheet | None) -> Dots | None:
+    """The user's points where the run has them."""
+    stored = run.arrays.variables.get("hood_point_position")
+    if stored is None:
+        return None
+    names = tuple(map(str, run.arrays.coordinates["hood_point"].values))
+    position = np.asarray(stored.values)[list(steps)]
+    flat = np.full((len(names), 2), np.nan)
+    if sheet is not None:
+        corners = sheet.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+        shape, there = sheet.points[0], position[sheet.at[0]]
+        gap = np.linalg.norm(there[:, None] - shape, axis=2).min(axis=1)
+        near = np.flatnonzero(gap < WITHIN)
+        placed = place_gauges({names[i]: there[i] for i in near}, {}, shape, corners)
+        flat[near] = np.einsum("kc,kcj->kj", placed.weights, sheet.flat[placed.nodes])
+        for k, points in zip(sheet.at, sheet.points, strict=True):
+            first, second, third = points[placed.nodes].swapaxes(0, 1)
+            normal = np.cross(second - first, third - first)
+            normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+            position[k, near] += 2 * LIFT * normal
+    stated = run.case_table.get("hood", {}).get("gauges", {})
+    gauges = {
+        name: (names.index(a), names.index(b))
+        for name, (a, b) in stated.items()
+        if a in names and b in names
+    }
+    return Dots(names, position, flat, gauges, dots_in_words(run))
 
 
 def difference_view(one: View, other: View) -> View | None:
@@ -248,6 +324,7 @@ def difference_view(one: View, other: View) -> View | None:
         replace(
             f,
             label=f"{f.label}, difference",
+            is_signed=True,
             values=f.values[mine] - theirs_by_key[f.key].values[its],
         )
         for f in a.fields
@@ -275,6 +352,8 @@ def box(view: View) -> Array | None:
         *(b.vertices @ b.rotation.swapaxes(1, 2) + b.position[:, None] for b in view.bones),
         *(path for paths in view.tendons for path in paths.values()),
         *([] if view.sheet is None else [view.sheet.points, *view.sheet.fibres]),
+        *([] if view.net is None else [view.net.points]),
+        *([] if view.dots is None else [view.dots.position]),
         *(view.tip, ends - HEAD, ends + HEAD),
     ]
     points = np.concatenate([np.reshape(part, (-1, 3)) for part in shown])
@@ -284,19 +363,26 @@ def box(view: View) -> Array | None:
 
 
 def limits(views: Sequence[View]) -> dict[str, tuple[float, float]]:
-    """A colour scale for each field that all views share; a few extreme quads do not set it."""
-    by_field: dict[str, list[Array]] = {}
-    for field in (f for view in views if view.sheet is not None for f in view.sheet.fields):
-        by_field.setdefault(field.key, []).append(field.values.ravel())
-    signed = {colour.key for colour in COLOURS if colour.is_signed}
-    return {k: colour_limits(np.concatenate(v), k in signed) for k, v in by_field.items()}
+    """A colour scale for each field that all views share; a few extreme cells do not set it."""
+    by_field: dict[str, list[SheetField]] = {}
+    for field in (f for view in views for f in view.fields):
+        by_field.setdefault(field.key, []).append(field)
+    return {
+        key: colour_limits(np.concatenate([f.values.ravel() for f in every]), every[0].is_signed)
+        for key, every in by_field.items()
+    }
 
 
 def pack_views(views: Sequence[View], scales: Sequence[Mapping[str, tuple[float, float]]]) -> Any:
-    """The views for the page's script: mm, N, degrees; surfaces that views share are sent once."""
+    """The views for scene.js: mm, N, degrees; surfaces that views share are sent once."""
     surfaces: dict[str, Any] = {}
     shown = [_pack_view(view, scale, surfaces) for view, scale in zip(views, scales, strict=True)]
-    return {"views": shown, "surfaces": list(surfaces.values())}
+    return {
+        "views": shown,
+        "surfaces": list(surfaces.values()),
+        "maps": {"signed": colour_map(True), "plain": colour_map(False)},
+        "inks": {"tendon": TENDON, "resting": RESTING_TENDON, "force": FORCE},
+    }
 
 
 def _pack_view(
@@ -308,51 +394,46 @@ def _pack_view(
         surfaces.setdefault(surface["v"]["b"] + surface["f"]["b"], surface)
         which = list(surfaces).index(surface["v"]["b"] + surface["f"]["b"])
         pose = np.concatenate([1e3 * bone.position[..., None], bone.rotation], axis=2)
-        bones.append({"name": bone.name, "surface": which, "pose": floats(pose)})
+        label = bone.name if bone.name == "metacarpal" else f"{bone.name} phalanx"
+        bones.append({"label": label, "surface": which, "pose": floats(pose)})
     lines = [np.concatenate([*paths.values()]) for paths in view.tendons if paths]
     counts = [[len(points) for points in paths.values()] for paths in view.tendons]
     room = box(view)
     return {
         "name": view.name,
         "frames": view.frames,
+        "times": view.times,
         "bones": bones,
         "tendons": {
             "points": floats(1e3 * np.concatenate(lines)) if lines else None,
             "counts": counts,
-            "names": list(dict.fromkeys(name for paths in view.tendons for name in paths)),
+            "names": [[name.replace("_", " ") for name in paths] for paths in view.tendons],
+            "tension": view.tension,
         },
         "box": None if room is None else (1e3 * room).tolist(),
         "tip": floats(1e3 * view.tip),
         "arrow": floats(1e3 * arrow_ends(view)),
         "force": view.force.tolist(),
+        "slips": view.slips,
         "notes": view.notes,
-        "joints": view.joints,
+        "joints": [joint.replace("_", " ") for joint in view.joints],
         "angles": np.rad2deg(view.angles).tolist(),
         "sheet": None if view.sheet is None else _pack_sheet(view.sheet, scale),
+        "net": None if view.net is None else _pack_net(view.net, scale),
+        "dots": None if view.dots is None else _pack_dots(view.dots),
     }
 
 
 def _pack_sheet(sheet: Sheet, scale: Mapping[str, tuple[float, float]]) -> Any:
     names = sorted(set(sheet.region))
-    fields = [
-        {
-            "key": field.key,
-            "label": field.label,
-            "unit": field.unit,
-            "onQuads": field.on_quads,
-            "limits": scale[field.key],
-            "values": floats(field.values),
-        }
-        for field in sheet.fields
-    ]
     return {
         "quads": integers(sheet.quads),
-        "regions": names,
+        "regions": [name.replace("_", " ") for name in names],
         "region": [names.index(name) for name in sheet.region],
         "flat": floats(1e3 * sheet.flat),
         "at": sheet.at,
         "points": floats(1e3 * sheet.points),
-        "fields": fields,
+        "fields": _pack_fields(sheet.fields, scale),
         "fibres": [
             {"ink": ink, "ends": floats(1e3 * ends)}
             for ink, ends in zip(INKS, sheet.fibres, strict=False)
@@ -360,15 +441,42 @@ def _pack_sheet(sheet: Sheet, scale: Mapping[str, tuple[float, float]]) -> Any:
     }
 
 
-def floats(values: Array) -> dict[str, Any]:
-    """Single precision, little endian, in base64, with the shape."""
-    return {"s": np.shape(values), "b": _base64(np.asarray(values, dtype="<f4"))}
+def _pack_net(net: Net, scale: Mapping[str, tuple[float, float]]) -> Any:
+    return {
+        "cells": integers(net.cells),
+        "names": net.names,
+        "at": net.at,
+        "points": floats(1e3 * net.points),
+        "fields": _pack_fields(net.fields, scale),
+    }
 
 
-def integers(values: np.ndarray) -> dict[str, Any]:
-    """32 bits without sign, as `floats`."""
-    return {"s": np.shape(values), "i": 1, "b": _base64(np.asarray(values, dtype="<u4"))}
+def _pack_fields(
+    fields: Sequence[SheetField], scale: Mapping[str, tuple[float, float]]
+) -> list[Any]:
+    return [
+        {
+            "key": field.key,
+            "label": field.label,
+            "unit": field.unit,
+            "onQuads": field.on_quads,
+            "limits": scale[field.key],
+            "map": "signed" if field.is_signed else "plain",
+            "values": floats(field.values),
+        }
+        for field in fields
+    ]
 
 
-def _base64(values: np.ndarray) -> str:
-    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")
+def _pack_dots(dots: Dots) -> Any:
+    flat = 1e3 * dots.flat
+    return {
+        "names": [name.replace("_", " ") for name in dots.names],
+        "words": [dots.words.get(name, name.replace("_", " ")) for name in dots.names],
+        "position": floats(1e3 * dots.position),
+        "flat": [[float(x), float(y)] if np.isfinite(x) else None for x, y in flat],
+        "gauges": [
+            {"name": name.replace("_", " "), "ends": ends, "words": dots.words.get(name, "")}
+            for name, ends in dots.gauges.items()
+        ],
+    }

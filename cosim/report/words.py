@@ -19,6 +19,7 @@ TIPS = {
     "point": "held at a point, free to turn",
     "clamped": "clamped: it carries a moment too",
     "free": "free",
+    "posture": "free, with every joint held in its posture",
     "cage": "a sphere in a cage of six walls",
     "shell": "a sphere in a hollow sphere",
 }

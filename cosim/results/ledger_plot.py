@@ -188,6 +188,7 @@ def _draw_polygon(ax: Axes, acting: Sequence[Acting]) -> None:
     half = 0.62 * max(float((high - low).max()), 1e-9)
     x, y = (low + high) / 2
     ax.set(xlim=(x + half, x - half), ylim=(y - half, y + half))
+    ax.locator_params(nbins=5)
     ax.set_xlabel("distal, N", fontsize=SMALL, labelpad=1)
     ax.set_ylabel("dorsal, N", fontsize=SMALL, labelpad=1)
     ax.tick_params(labelsize=SMALL - 1)

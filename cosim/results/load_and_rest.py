@@ -147,7 +147,9 @@ def describe_figures(rest: Block, key: str) -> str:
     """What a quantity of a block `rest` has at rest, how much the load changes it, in words."""
     at_rest, change = rest[key]["at_rest"], rest[key]["change"]
     unit = UNITS[key]
-    ratio = f" ({change / at_rest:.2g} times)" if at_rest > 0 else ""
+    times = change / at_rest if at_rest > 0 else 0.0
+    shown = f"{times:.0f}" if times >= 100 else f"{times:.2g}"
+    ratio = f" ({shown} times)" if at_rest > 0 else ""
     return f"{at_rest:.3g} {unit} at rest, largest change under load {change:.3g} {unit}{ratio}"
 
 

@@ -83,12 +83,20 @@ def read_runs(folders: Sequence[Path], targets: tuple[Target, ...] = ()) -> list
     names = [run.name for run in runs]
     if len({folder.resolve() for folder in folders}) < len(runs):
         raise InputError("a run is named twice; name each once")
-    return [run if names.count(run.name) == 1 else replace(run, name=_longer(run)) for run in runs]
+    return [
+        run if names.count(run.name) == 1 else replace(run, name=_longer(run, runs)) for run in runs
+    ]
 
 
-def _longer(run: Result) -> str:
+def _longer(run: Result, runs: Sequence[Result]) -> str:
+    """The end of a run's path, as long as tells it from the others of its name."""
+    paths = [
+        other.folder.resolve().parts for other in runs if other.folder and other.name == run.name
+    ]
     assert run.folder is not None
-    return f"{run.folder.resolve().parent.name}/{run.name}"
+    own = run.folder.resolve().parts
+    count = next(n for n in range(2, len(own) + 1) if [p[-n:] for p in paths].count(own[-n:]) == 1)
+    return "/".join(own[-count:])
 
 
 def _read(path: Path, reader: Callable[[Path], T]) -> T:

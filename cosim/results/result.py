@@ -246,12 +246,12 @@ class Result(CaseParts):
         its force.  Where the case cannot be built again here, as of a finger in an FMU, a warning
         says so and the hood stands alone."""
         try:
-            return scenes_of(self.frames, self.arrays, self._checked_case())
+            return scenes_of(self.frames, self.arrays, self.checked_case())
         except InputError as error:
             warnings.warn(f"bones and tendons are not shown: {error}", stacklevel=3)
             return tuple(Scene(frame.hood, (), ()) for frame in self.frames)
 
-    def _checked_case(self) -> Case:
+    def checked_case(self) -> Case:
         """The case that was run.  Raises InputError where it cannot be built again."""
         if self.folder is None:
             return case_of(self.case_table, self.case)
@@ -266,7 +266,7 @@ class Result(CaseParts):
         angles, force = (self.arrays.variables[name].values[-1] for name in ("angle", "tip_force"))
         end = Frame("", -1, None, angles, force, self.hood)
         try:
-            return scenes_of([end], self.arrays, self._checked_case())[0]
+            return scenes_of([end], self.arrays, self.checked_case())[0]
         except InputError as error:
             warnings.warn(f"bones and tendons are not shown: {error}", stacklevel=3)
             return self.scene

@@ -373,7 +373,7 @@ def _draw_points(ax: Axes, scene: Scene, view: PlotView) -> None:
         if len(scene.points) <= MOST_NAMES and view is VIEWS[1]:
             for name, place in zip(scene.points, at, strict=True):
                 offset: Any = {"xytext": (3, 3), "textcoords": "offset points"}
-                ax.annotate(name, tuple(place), **offset, **_halo(7.5), zorder=6)
+                ax.annotate(name.replace("_", " "), tuple(place), **offset, **_halo(7.5), zorder=6)
 
 
 def _halo(size: float) -> dict[str, Any]:

@@ -28,6 +28,10 @@ class Text:
     """The regular expression of the text, made where it is asked for."""
     kind: Kind | None = None
     """Of which kind a quantity is."""
+    least: str = ""
+    """The least value of a quantity, or what it must be above; empty where there is none."""
+    most: str = ""
+    """The greatest value of a quantity; empty where there is none."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
         write = core_schema.plain_serializer_function_ser_schema(self.write, when_used="json")
@@ -107,7 +111,8 @@ def quantity(
     def pattern() -> str:
         return units.pattern(kind) + (f"|^{word}$" if word else "")
 
-    return Text(read, write, (("title", form), ("examples", (kind.example,))), pattern, kind)
+    schema = ("title", form), ("examples", (kind.example,))
+    return Text(read, write, schema, pattern, kind, above or least, most)
 
 
 def name_of(what: str, names: tuple[str, ...], also: tuple[str, ...] = ()) -> Text:

@@ -194,6 +194,15 @@ def pattern(kind: Kind) -> str:
     return rf"^\s*[-+]?{_DIGITS}\s*(?:{'|'.join([*single, product])})\s*$"
 
 
+def in_unit(value: float, kind: Kind) -> float:
+    """An SI value in the kind's own unit.
+
+    >>> in_unit(0.0006, LENGTH)
+    0.6
+    """
+    return float(f"{value / float(_unit(kind.unit)[0]):.12g}")
+
+
 def spell(value: float, kind: Kind) -> str:
     """Text that `parse` turns back into exactly `value`, in the kind's own unit where it can."""
     text = f"{value / float(_unit(kind.unit)[0]):.12g} {kind.unit}"

@@ -32,6 +32,8 @@ creep has ended: Simbody's friction is viscous below its transition velocity, so
 slides until a face, a corner, a limit or the passive joints hold it without friction."""
 PAUSE = 10.0
 """s of computing from one checkpoint to the next, where the case states no number of steps."""
+GLANCE = 2.0
+"""s of computing from one time to the next at which who watches a motion is shown it so far."""
 ROUNDING = 1e-9
 """Of the time between two shapes: so much before it is due a shape is taken."""
 UNFINISHED = ".unfinished"
@@ -91,7 +93,7 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
             progress(f"kept by another version of the program ({code}): last digits may differ")
         progress(f"going on from t = {kept.moment.coupled.time:.6g} s")
     frames, tips, shapes = list(kept.frames), list(kept.tips), list(kept.shapes)
-    failure = None
+    failure, shown = None, time.monotonic()
     try:
         for done, new_states in _advance(both.moves, forward, kept, progress):
             frames += [both.moves.frame(at) for at in new_states]
@@ -99,6 +101,9 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
             for at in new_states:
                 shapes += recorder.next(at, shapes)
             kept = MotionHistory(new_states[-1], frames, tips, shapes)
+            if session.watch is not None and time.monotonic() - shown > GLANCE:
+                session.watch(case, SolvedMotion(both, kept, _rest(kept), forward.must_rest))
+                shown = time.monotonic()
             if keeper is not None and keeper.is_due(done):
                 keeper.write(kept)
     except ConvergenceError as error:

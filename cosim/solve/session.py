@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import RLock
+from typing import Any
 
 import numpy as np
 
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium, first_answer
-from cosim.errors import InputError, Progress
+from cosim.errors import ConvergenceError, InputError, Progress
 from cosim.models.build import Models, build_any, with_own_finger
-from cosim.port import Array, Motion, PairState, Response, Tensions
+from cosim.port import Array, Motion, PairState, Response, State, StorableHood, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
 from cosim.tendons.muscles import live_muscles
 
@@ -43,6 +46,16 @@ class _Setting:
     unloaded: Equilibrium | None = None
 
 
+@dataclass(frozen=True)
+class _LastSolved:
+    """The equilibria that a session solved last, and on what."""
+
+    bones: str
+    models: Models
+    unloaded: Equilibrium
+    loaded: Equilibrium
+
+
 class Session:
     """Models and unloaded equilibria of the settings that were solved last, for the next cases that
     differ from them only in their tendons; and their hoods, for those that differ in what holds the
@@ -58,18 +71,30 @@ class Session:
     True
 
     `most`: settings kept at once.  `checkpoints`: the folder where a coupled motion keeps its
-    checkpoints until it has ended, in NAME.unfinished; None: it keeps none.
+    checkpoints until it has ended, in NAME.unfinished; None: it keeps none.  `warm`: an equilibrium
+    begins at the last one of a hood whose mesh has as many nodes, which takes a third of the time;
+    its last digits, and of a hood with several equilibria which one is found, depend on what was
+    solved before.  `watch` is called now and then with the case of a motion on its way and what is
+    solved of it (a `SolvedMotion`).
 
     Threads may share a session: their cases are solved one after the other.
 
     Raises InputError."""
 
-    def __init__(self, most: int = 4, checkpoints: str | Path | None = None) -> None:
+    def __init__(
+        self,
+        most: int = 4,
+        checkpoints: str | Path | None = None,
+        warm: bool = False,
+        watch: Callable[[Case, Any], None] | None = None,
+    ) -> None:
         if most < 1:
             raise InputError(f"Session: most must be 1 or more settings, got {most}")
         self.checkpoints = None if checkpoints is None else Path(checkpoints)
+        self.watch = watch
         self.lock = RLock()
-        self._most = most
+        self._most, self._warm = most, warm
+        self._last: _LastSolved | None = None
         self._settings: OrderedDict[str, _Setting] = OrderedDict()
 
     def models(self, case: Case, progress: Progress) -> Models:
@@ -83,8 +108,34 @@ class Session:
         Raises InputError and ConvergenceError."""
         setting = self._setting(case, progress)
         if setting.unloaded is None:
-            setting.unloaded = _unloaded_equilibrium(case, setting, progress)
+            near = self.start_near(case, setting.models, loaded=False)
+            setting.unloaded = _unloaded_equilibrium(case, setting, progress, near)
         return setting.unloaded
+
+    def start_near(self, case: Case, models: Models, loaded: bool) -> PairState | None:
+        """Where a warm session begins an equilibrium: at the last one, `loaded` or not; None where
+        there is none of a hood on the same bones whose mesh has as many nodes."""
+        last = self._last
+        if last is None or not case.finger.is_native or last.bones != case.finger.anatomy_key():
+            return None
+        e = last.loaded if loaded else last.unloaded
+        if models.hood is last.models.hood and models.finger is last.models.finger:
+            return PairState(e.finger_state, e.response.state)
+        match last.models.hood, models.hood:
+            case StorableHood() as solved, StorableHood() as hood:
+                try:
+                    state = hood.from_arrays(solved.to_arrays(e.response.state))
+                except InputError:  # a lesion has cut the mesh
+                    return None
+                return PairState(_turned(last.models, e, models), state)
+        return None
+
+    def remember(
+        self, case: Case, models: Models, unloaded: Equilibrium, loaded: Equilibrium
+    ) -> None:
+        """Keep the equilibria of a case for the next one, if the session is warm."""
+        if self._warm:
+            self._last = _LastSolved(case.finger.anatomy_key(), models, unloaded, loaded)
 
     def _setting(self, case: Case, progress: Progress) -> _Setting:
         key = case.setting_key()
@@ -105,19 +156,33 @@ class Session:
         return _Setting(build_any(case), _SharedHood(key))
 
 
-def _unloaded_equilibrium(case: Case, setting: _Setting, progress: Progress) -> Equilibrium:
+def _turned(known: Models, e: Equilibrium, models: Models) -> State:
+    """The finger in its posture, turned from there as another one is in its equilibrium."""
+    start, unknowns = models.finger.start(models.posture), known.finger.unknowns
+    turn = unknowns(e.finger_state) - unknowns(known.finger.start(known.posture))
+    if turn.shape != models.finger.unknowns(start).shape:  # the fingertip is held otherwise
+        return start
+    return models.finger.displace(start, turn)
+
+
+def _unloaded_equilibrium(
+    case: Case, setting: _Setting, progress: Progress, near: PairState | None
+) -> Equilibrium:
+    """From the state `near`, or where there is no way from there from the hood as it is laid."""
     models, start = setting.models, setting.models.start()
     idle = Tensions(
         np.full(len(models.hood.tendons), models.resting),
         np.full(len(models.finger.tendons), models.resting),
     )
+
+    def say(text: str) -> None:
+        progress(f"unloaded: {text}")
+
+    if near is not None:
+        with suppress(ConvergenceError):
+            return solve_equilibrium(case, models, near, idle, say)
     return solve_equilibrium(
-        case,
-        models,
-        start,
-        idle,
-        lambda text: progress(f"unloaded: {text}"),
-        lambda: setting.hood.first_answer(models, start, idle.hood),
+        case, models, start, idle, say, lambda: setting.hood.first_answer(models, start, idle.hood)
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from cosim.case.schema import Case
@@ -30,7 +32,8 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
 
     Raises InputError and ConvergenceError."""
     models, unloaded = session.models(case, progress), session.unloaded_equilibrium(case, progress)
-    loaded, pull = _loaded_equilibrium(case, models, unloaded, progress)
+    loaded, pull = _loaded_from_nearby(case, session, models, unloaded, progress)
+    session.remember(case, models, unloaded, loaded)
     if not models.hood.tendons or loaded.balance is None:
         return models, States(unloaded, loaded, None, pull)
     progress("auditing reciprocity")
@@ -39,31 +42,45 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
     return models, States(unloaded, loaded, gap, pull)
 
 
-def _loaded_equilibrium(
-    case: Case, models: Models, unloaded: Equilibrium, progress: Progress
+def _loaded_from_nearby(
+    case: Case, session: Session, models: Models, unloaded: Equilibrium, progress: Progress
 ) -> tuple[Equilibrium, MusclePull]:
-    """The equilibrium, reached from the unloaded one, in which every muscle pulls as its fibre does
-    at that length, and every tendon whose excursion is stated has it."""
+    """The loaded equilibrium: of a warm session from the last one, where there is a way from it,
+    else from the unloaded one."""
+    near = session.start_near(case, models, loaded=True)
+    if near is not None:
+        with suppress(ConvergenceError):
+            return _loaded_equilibrium(case, models, unloaded, near, progress)
+    start = PairState(unloaded.finger_state, unloaded.response.state)
+    return _loaded_equilibrium(case, models, unloaded, start, progress)
+
+
+def _loaded_equilibrium(
+    case: Case, models: Models, unloaded: Equilibrium, start: PairState, progress: Progress
+) -> tuple[Equilibrium, MusclePull]:
+    """The equilibrium, reached from the states `start`, in which every muscle pulls as its fibre
+    does at that length, and every tendon whose excursion is stated has it."""
     names = (*models.hood.tendons, *models.finger.tendons)
     of_muscles = np.array([names.index(name) for name in models.muscles.names], dtype=int)
     prescribed = _prescribed_excursions(case, names)
     index, tension = prescribed.index, np.concatenate(tensions(case, models))
-    split, loaded = len(models.hood.tendons), unloaded
+    split, at = len(models.hood.tendons), start
     pull = models.muscles.pull(np.zeros(len(of_muscles)))
 
     def solve_with(displaced: Array) -> tuple[tuple[Equilibrium, MusclePull], Array]:
         """The equilibrium from the last one, with tensions (nd,) N of displaced tendons."""
-        nonlocal loaded, pull
+        nonlocal at, pull
         tension[index] = displaced
         for _ in range(MOST_PULLS):
             tension[of_muscles] = pull.tension
             loaded = solve_equilibrium(
                 case,
                 models,
-                PairState(loaded.finger_state, loaded.response.state),
+                at,
                 Tensions(tension[:split].copy(), tension[split:].copy()),
                 lambda text: progress(f"loaded: {text}"),
             )
+            at = PairState(loaded.finger_state, loaded.response.state)
             if not len(of_muscles) and not len(index):
                 return (loaded, pull), np.zeros(0)
             shortening = _shortening(models, unloaded, loaded)
@@ -77,11 +94,11 @@ def _loaded_equilibrium(
             f"{miss:.1e} N. Try a smaller activation, or a fibre_length nearer to 1"
         )
 
-    start = tension[index]
+    begun = tension[index]
     if not prescribed.names:
-        return solve_with(start)[0]
+        return solve_with(begun)[0]
     solved, end = solve_excursions(
-        prescribed, initial_excursions(start, np.zeros(len(start))), 0.0, solve_with
+        prescribed, initial_excursions(begun, np.zeros(len(begun))), 0.0, solve_with
     )
     if (slack := end.tension <= 0).any():
         i = int(np.argmax(slack))

@@ -46,7 +46,8 @@ def read_mjcf(
     """Read the finger of a MuJoCo model.
 
     `names`: from our name (of a body, joint, tendon, or "tip") to the file's where they differ,
-    "-NAME" for a joint that turns the other way; `tendons`: the names that a tendon may have, all
+    "-NAME" for a joint that turns the other way, "A|B" for the first of several that is there;
+    `tendons`: the names that a tendon may have, all
     others being dropped (every name if not given).  Returns the finger and what was changed or
     dropped.
 
@@ -65,7 +66,7 @@ def read_mjcf(
     ('FDP', 'FDS', 'FDIm', 'FDIl')
     """
     m = _compile(Path(path))
-    with_minus = dict(names or {})
+    with_minus = {ours: _first_there(m, theirs) for ours, theirs in (names or {}).items()}
     signs = {j: -1.0 if with_minus.get(j, "").startswith("-") else 1.0 for j in JOINTS}
     plain = {ours: theirs.removeprefix("-") for ours, theirs in with_minus.items()}
     where = Where(str(path), m, plain)
@@ -86,6 +87,21 @@ def read_mjcf(
     )
     model = FingerModel(Path(path).stem, segments, vector(ends), read.tendons)
     return ReadFinger(model, read.max_force, (*losses, *read.losses, *_losses(m, joint, body)))
+
+
+def _first_there(m: mujoco.MjModel, theirs: str) -> str:
+    """The first of names parted by | that the model has, or the first."""
+    objects = mujoco.mjtObj
+    kinds = (objects.mjOBJ_BODY, objects.mjOBJ_JOINT, objects.mjOBJ_SITE, objects.mjOBJ_TENDON)
+    options = theirs.split("|")
+    return next(
+        (
+            name
+            for name in options
+            if any(mujoco.mj_name2id(m, kind, name.removeprefix("-")) >= 0 for kind in kinds)
+        ),
+        options[0],
+    )
 
 
 def skeleton_of(model: FingerModel) -> Skeleton:

@@ -52,17 +52,22 @@ def read_tendons(
     those that are of none; `names`: from our names to the file's; `wanted`: the names kept."""
     ours = {theirs: name for name, theirs in names.items()}
     out, force, losses = [], {}, []
+    unfit: dict[str, list[str]] = {}
     for t in range(m.ntendon):
         label = mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_TENDON, t) or f"number {t}"
         name = ours.get(label, label)
         reason = _unfit(m, t, owner) or _why_unwanted(name, wanted)
         if reason:
-            losses.append(f"dropped: tendon {label}: {reason}")
+            unfit.setdefault(reason, []).append(label)
             continue
         out.append(Tendon(name, tuple(_Reader(m, data, owner, frames).strands(t))))
         losses += [f"dropped: {what} of tendon {label}" for what in _own_forces(m, t)]
         if most := _greatest(m, t):
             force[name] = most
+    losses[:0] = [
+        f"dropped: tendon{'s' * (len(labels) > 1)} {', '.join(labels)}: {reason}"
+        for reason, labels in unfit.items()
+    ]
     losses += _other_actuators(m)
     return ReadTendons(tuple(out), force, tuple(losses))
 

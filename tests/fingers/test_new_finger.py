@@ -20,7 +20,9 @@ from cosim.models.build import mjcf_of
 from cosim.models.fit import check_fit
 from cosim.pipeline import run_case
 from cosim.results.conventions import vector_of
-from meshes.skeleton import JOINTS
+from cosim.schema.types import TENDONS
+from cosim.text_tables import read_toml
+from meshes.skeleton import BODIES, JOINTS
 from rigid.mjcf.read import read_mjcf
 from rigid.mujoco.finger import MujocoFinger
 from rigid.opensim.osim import import_osim, write_import
@@ -212,3 +214,28 @@ def test_a_joint_on_the_wrong_body_is_refused(tmp_path: Path):
     path.write_text(path.read_text().replace('"x"', '"DIP"'))
     with pytest.raises(InputError, match=r"joint 'PIP' \(PIP\) turns the body 'distal'"):
         read_mjcf(path)
+
+
+def test_the_first_of_several_names_that_is_there_is_taken(tmp_path: Path):
+    path = write_finger(tmp_path / "finger.xml")
+    path.write_text(path.read_text().replace('name="tip"', 'name="end"'))
+    names = {"tip": "IFtip|end", "MCP": "none|MCP", "FDP": "FDP2_tendon|FDP"}
+    assert read_mjcf(path, names).model == read_mjcf(path, {"tip": "end"}).model
+    with pytest.raises(InputError, match="has no site 'IFtip'"):
+        read_mjcf(path, {"tip": "IFtip|other"})
+
+
+def test_the_packaged_names_are_parts_that_a_finger_has():
+    named = read_toml(Path(str(files("cases"))) / "data" / "names_myohand.toml")
+    assert set(named) >= {*BODIES, *JOINTS, "tip", "EDC", "FDP"}
+    assert set(named) <= {*BODIES, *JOINTS, "tip", *TENDONS}
+    assert all(re.fullmatch(r"[\w|-]+", theirs) for theirs in named.values())
+
+
+def test_tendons_left_out_for_one_reason_are_one_line(tmp_path: Path):
+    more = "".join(
+        f'<spatial name="{name}"><site site="f0"/><site site="e0"/></spatial>'
+        for name in ("A", "B")
+    )
+    losses = read_mjcf(write_finger(tmp_path / "finger.xml", more=more)).losses
+    assert "dropped: tendons A, B: it pulls on no phalanx" in losses

@@ -69,6 +69,11 @@ def write_swinging_run(run: Path, folder: Path) -> Path:
 def _write_motion(data: xarray.Dataset, folder: Path) -> None:
     """The arrays of a motion in place of those of the equilibrium that `folder` is a copy of."""
     data.to_netcdf(folder / "results.nc", engine="h5netcdf")
+    ledger, times = folder / "ledger.csv", data.time.values
+    text = ledger.read_text(encoding="utf-8")
+    text = re.sub("^unloaded,", f"{times[0]:g} s,", text, flags=re.MULTILINE)
+    text = re.sub("^loaded,", f"{times[-1]:g} s,", text, flags=re.MULTILINE)
+    ledger.write_text(text, encoding="utf-8")
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     for key in ("unloaded", "difference", "rest", "warnings"):
         del summary[key]

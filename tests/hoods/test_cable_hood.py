@@ -163,9 +163,10 @@ def test_a_case_runs_and_passes_its_audits(tmp_path: Path) -> None:
         assert slip == pytest.approx(terminal)
     view = view_of(read_run(folder))
     assert view.sheet is None
-    assert any("net of cables" in note for note in view.notes)
-    drawn = [line for name, line in view.tendons[-1].items() if name.startswith("cable")]
-    assert sum(len(line) - 1 for line in drawn) == summary["hood_cells"]
+    assert view.net is not None
+    assert len(view.net.cells) == len(view.net.names) == summary["hood_cells"]
+    by_key = {field.key: field.values[-1] for field in view.fields}
+    assert by_key["cable_tension"] == pytest.approx(tension.values)
 
 
 def test_a_result_says_which_retry_led_there() -> None:

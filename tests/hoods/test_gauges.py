@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cosim
+from cosim.errors import ReadingWarning
 from cosim.hoods.shell.gauges import _lay_grid, _nearest_points, place_gauges, strain_between
 from cosim.hoods.shell.point_table import GridConfig, read_points
 
@@ -155,6 +156,13 @@ def test_points_are_read_from_a_table(tmp_path):
     assert found["a"] == pytest.approx((0.02, -0.0015, 0.009))
     path.write_text("name;dorsal_m;radial_um;distal_mm\nc;0.009;-20;4\n")
     assert read_points(path)["c"] == pytest.approx((0.004, -2e-5, 0.009))
+
+
+def test_further_columns_of_points_are_left_out_and_told(tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_text("name,distal [mm],radial_mm,dorsal_mm,strain\na,1,2,3,0.1\n")
+    with pytest.warns(ReadingWarning, match="line 1: left out: strain"):
+        assert read_points(path) == {"a": pytest.approx((1e-3, 2e-3, 3e-3))}
 
 
 @pytest.mark.parametrize(

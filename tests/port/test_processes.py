@@ -15,7 +15,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from cosim.errors import InputError
+from cosim.errors import InputError, StoppedError
 from cosim.processes import (
     BLAS_THREADS,
     PRELOADED,
@@ -24,6 +24,7 @@ from cosim.processes import (
     TimeLimitError,
     WorkerProcess,
     process_pool,
+    tell_caller,
 )
 from tests.helpers.folders import ROOT
 
@@ -139,6 +140,34 @@ def test_a_call_over_its_time_ends_its_process_and_the_next_has_another() -> Non
         with pytest.raises(TimeLimitError, match=r"took longer than 0\.1 s"):
             process.call(time.sleep, 60, limit=0.1)
         assert time.monotonic() - begun < 5
+        assert process.call(os.getpid) != first
+    finally:
+        process.end()
+
+
+def spin(seconds: float) -> str:
+    """Work of a solver, which says first that it begins."""
+    tell_caller("begun")
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        sum(range(1000))
+    return "done"
+
+
+def test_a_call_tells_what_goes_on_and_is_interrupted_alone() -> None:
+    process = WorkerProcess()
+    try:
+        heard: list[str] = []
+        assert process.call(spin, 0.0, hear=heard.append) == "done"
+        assert heard == ["begun"]
+        process.interrupt()  # nothing runs: without effect on the next call
+        assert process.call(spin, 0.0) == "done"
+        first = process.call(os.getpid)
+        with pytest.raises(StoppedError):
+            process.call(spin, 60.0, hear=lambda text: process.interrupt())
+        assert process.call(os.getpid) == first
+        with pytest.raises(ProcessEndedError):
+            process.call(spin, 60.0, hear=lambda text: process.end_call())
         assert process.call(os.getpid) != first
     finally:
         process.end()

@@ -15,13 +15,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import InputError
+from cosim.json_text import json_text
+from cosim.pipeline import run_case
 from cosim.report.drawings import Arrow, arrows_of, plane, sagittal
 from cosim.report.flat import flatten_sheet
+from cosim.report.histories import charts_of
 from cosim.report.tables import last_ledger, tables_of
 from cosim.report.views import box, difference_view, limits, pack_views, view_of
-from cosim.report.words import answer, closure, commands, doubts, question, tendon_pulls
+from cosim.report.words import answer, closure, commands, doubts, question, tendon_pulls, trust
 from cosim.report.write import write_report
 from cosim.results.read import read_run, read_runs
 from tests.helpers.report_runs import DATA, run_into, write_motion_run, write_swinging_run
@@ -132,6 +136,14 @@ def test_runs_of_one_name_are_told_apart(tmp_path, hood):
     assert len(set(names)) == 2
 
 
+def test_runs_of_one_name_in_folders_of_one_name_are_told_apart(tmp_path, hood):
+    folders = [tmp_path / above / "runs" / hood.name for above in ("before", "after")]
+    for folder in folders:
+        shutil.copytree(hood, folder)
+    names = [run.name for run in read_runs(folders)]
+    assert names == [f"{above}/runs/{hood.name}" for above in ("before", "after")]
+
+
 def test_the_tables_say_what_the_summary_says(hood):
     run = read(hood)
     tables = {table.key: table for table in tables_of([run], None)}
@@ -207,6 +219,8 @@ def test_frames_hold_bones_tendons_and_hood(hood):
     stored = run.data.position.sel(body="middle").values
     assert middle.position == pytest.approx(stored, abs=1e-12)
     assert view.notes == ()
+    carried = run.summary["slip_force_N"]
+    assert view.slips[-1]["central slip"] == pytest.approx(carried["central"], rel=1e-6)
     along = view.sheet.fields[0].values[-1]
     assert along == pytest.approx(100 * run.data.strain.values[-1, :, 0])
     by_key = {field.key: field.values[-1] for field in view.sheet.fields}
@@ -402,3 +416,42 @@ def test_rows_of_the_runs_own_file_come_first(tmp_path, hood, data):
     write_json(tmp_path / "run" / "comparison.json", run.comparison[2:3])
     again = read_run(tmp_path / "run", read_targets(data))
     assert again.comparison == (run.comparison[2], *run.comparison)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["isometric_edc", "cable_edc", "motion_edc_fdp"])
+def test_a_run_in_memory_is_drawn_as_the_same_run_read(case, tmp_path):
+    settings = () if case == "cable_edc" else ("hood.mesh.quads=120",)
+    short = ('forward.duration="20 ms"', "output.frames=3") if case == "motion_edc_fdp" else ()
+    fresh = run_case(load_case(case, (*settings, *short, QUICK)))
+    kept = read_run(fresh.save(tmp_path))
+    one, other = (pack_views([v], [limits([v])]) for v in map(view_of, (fresh, kept)))
+    assert json_text(one) == json_text(other)
+
+
+def test_the_sentence_of_the_audit_counts_the_rows_of_its_table(hood):
+    run = read(hood)
+    (audit,) = (t for t in tables_of([run], None) if t.key == "audit_0")
+    assert f"All {len(audit.rows)} checks" in trust(run)
+
+
+def test_charts_of_a_motion_leave_out_what_is_zero_and_torques_add_up(motion):
+    run = read(motion)
+    charts = {chart.title: chart for chart in charts_of(run, view_of(run))}
+    assert {"Joint angles", "Fingertip force", "Tendons", "Slips"} <= set(charts)
+    torques = [[*c.curves.values()] for t, c in charts.items() if t.startswith("Torques")]
+    assert len(torques) == 4
+    largest = max(np.abs(curves).max() for curves in torques)
+    for curves in torques:  # up to what is too small to be drawn
+        assert np.abs(np.sum(curves, axis=0)).max() < 0.03 * largest
+    slips = charts["Slips"].curves
+    told = read_run(motion).arrays.variables["hood_force"].values
+    assert max(slips["central slip"]) <= np.linalg.norm(told, axis=-1).max() * 1.001
+    free = replace(run, arrays=_without_force(run.arrays))
+    assert "Fingertip force" not in {c.title for c in charts_of(free, view_of(free))}
+
+
+def _without_force(arrays):
+    force = arrays.variables["tip_force"]
+    silent = force._replace(values=0 * force.values)
+    return replace(arrays, variables={**arrays.variables, "tip_force": silent})

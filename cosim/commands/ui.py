@@ -1,0 +1,55 @@
+"""`cosim ui`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cosim.case.file import load_case
+from cosim.commands.options import Settings
+from cosim.commands.terminal import exit_on_error
+from cosim.extras import require
+from cosim.processes import process_context
+from cosim.ui.desk import Desk
+from cosim.ui.server import serving, wait_for_end
+
+FIRST_CASE = "isometric_edc"
+Port = Annotated[
+    int, typer.Option(min=0, max=65535, help="Port of this machine; 0: one that is free.")
+]
+Browser = Annotated[
+    bool, typer.Option("--browser/--no-browser", help="Open the page in the browser, or not.")
+]
+
+
+def ui(
+    case: Annotated[
+        str, typer.Argument(metavar="CASE", help="Case file, or a packaged case, to begin with.")
+    ] = FIRST_CASE,
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for runs that you save.")] = Path(
+        "runs"
+    ),
+    reduced: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CASE.toml",
+            help="The case with a reduced hood (`cosim reduce`), solved while a slider moves.",
+        ),
+    ] = None,
+    port: Port = 0,
+    browser: Browser = True,
+) -> None:
+    """Work on a case in a page of your browser: sliders for posture, tensions, material, thickness,
+    lesion and hood; the finger, its forces and residuals as they are solved; runs to pin, compare
+    and save.  Nothing leaves this machine; Ctrl-C ends it."""
+    process_context()  # imports while the case is read
+    with exit_on_error():
+        require("the page", "starlette", "uvicorn")
+        begun = load_case(case, settings or ())
+        lean = None if reduced is None else load_case(reduced)
+        desk = Desk(begun, out, lean)
+        with serving(desk, port, browser, lambda text: typer.echo(text, err=True)):
+            wait_for_end()

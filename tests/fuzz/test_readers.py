@@ -1,0 +1,171 @@
+"""Readers of other programs' files under 2000 mutated files each, with a fixed seed: every one is
+read or refused in one message, in bounded time and memory."""
+
+from __future__ import annotations
+
+import resource
+import signal
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cosim.abaqus_file import read_inp
+from cosim.anatomy.bones import load_surface
+from cosim.anatomy.read import read_hood
+from cosim.case.file import load_case
+from cosim.errors import CosimError
+from cosim.mesh_file import read_mesh_file
+from cosim.models.build import hood_mesh, mjcf_of
+from cosim.results.compare import read_targets
+from cosim.text_tables import read_csv
+from fe_solver.febio.read import read_feb
+from meshes.imported.write import write_vtu
+from rigid.mjcf.read import read_mjcf
+from rigid.opensim.osim import import_osim
+from rigid.opensim.sto import read_sto
+from rigid.verification.osim_rows import shipped_models
+from tests.helpers.feb_files import feb_text
+from tests.helpers.folders import ROOT
+from tests.helpers.own_anatomy import user_hood
+
+FILES, SLOW_FILES = 2000, 150
+MOST_SECONDS = 10
+MOST_GROWTH = 1 << 30
+"""Bytes."""
+WORDS = (
+    b"",
+    b"nan",
+    b"inf",
+    b"-1",
+    b"1e400",
+    b"99999999999",
+    b"0",
+    b"\xff",
+    b"<",
+    b",",
+    b"=",
+    b"*",
+)
+"""What a token of a file becomes."""
+
+
+def mutate(content: bytes, rng: np.random.Generator) -> bytes:
+    """A few changes of bytes, tokens and lines."""
+    for _ in range(rng.integers(1, 4)):
+        match rng.integers(0, 6):
+            case 0:
+                i = rng.integers(0, max(len(content), 1))
+                content = content[:i] + bytes([rng.integers(0, 256)]) + content[i + 1 :]
+            case 1:
+                content = content[: rng.integers(0, len(content) + 1)]
+            case 2:
+                lines = content.split(b"\n")
+                i = rng.integers(0, len(lines))
+                lines[i:i] = [lines[rng.integers(0, len(lines))]] * int(rng.integers(1, 4))
+                content = b"\n".join(lines)
+            case 3:
+                lines = content.split(b"\n")
+                del lines[rng.integers(0, len(lines))]
+                content = b"\n".join(lines)
+            case _:
+                parts = content.split(b" ")
+                parts[rng.integers(0, len(parts))] = WORDS[rng.integers(0, len(WORDS))]
+                content = b" ".join(parts)
+    return content
+
+
+@contextmanager
+def bounded(what: str) -> Iterator[None]:
+    """Fail where it takes longer than MOST_SECONDS."""
+
+    def stop(*_: Any) -> None:
+        raise TimeoutError(what)
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(MOST_SECONDS)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def a_vtu(folder: Path) -> bytes:
+    path = folder / "hood.vtu"
+    write_vtu(user_hood(hood_mesh(load_case("isometric_edc", ["hood.mesh.quads=120"]))), path)
+    return path.read_bytes()
+
+
+def a_vtk(folder: Path) -> bytes:
+    import pyvista
+
+    path = folder / "plane.vtk"
+    pyvista.Plane(i_resolution=3, j_resolution=2).save(path, binary=False)
+    return path.read_bytes()
+
+
+def an_stl(folder: Path) -> bytes:
+    import trimesh
+
+    return bytes(trimesh.creation.box().export(file_type="stl_ascii").encode())
+
+
+def an_osim(folder: Path) -> bytes:
+    return (ROOT / "rigid" / "verification" / "data" / "finger.osim").read_bytes()
+
+
+STO = (
+    b"forces\nversion=1\nnRows=2\nnColumns=3\ninDegrees=no\nendheader\n"
+    b"time\tEDC\tFDP\n0\t1\t2\n1\t2\t3\n"
+)
+CSV = b"name,quantity,value,sd,low,high,source\na,slip_ratio,1,0.1,,,s\nb,wall_s,1,,0,2,s\n"
+Seed = Callable[[Path], bytes]
+FORMATS: dict[str, tuple[str, Seed, Callable[[Path], Any], int]] = {
+    "Abaqus": (".inp", lambda _: (ROOT / "cases/own/hood.inp").read_bytes(), read_inp, FILES),
+    "VTK, XML": (".vtu", a_vtu, read_hood, SLOW_FILES),
+    "VTK, legacy": (".vtk", a_vtk, read_mesh_file, SLOW_FILES),
+    "STL": (".stl", an_stl, lambda p: load_surface(p, "bone"), FILES),
+    "OpenSim": (".osim", an_osim, import_osim, FILES),
+    "tables of OpenSim": (".sto", lambda _: STO, lambda p: read_sto(p, ("EDC",)), FILES),
+    "MJCF": (".xml", lambda _: mjcf_of(load_case("split_edc")).encode(), read_mjcf, FILES),
+    "FEBio": (".feb", lambda _: feb_text().encode(), read_feb, FILES),
+    "CSV": (".csv", lambda _: CSV, lambda p: read_csv(p, "a,b"), FILES),
+    "measured values": (".csv", lambda _: CSV, read_targets, FILES),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs an alarm of the system")
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_mutated_file_is_read_or_refused(name: str, tmp_path: Path) -> None:
+    ending, seed, reader, count = FORMATS[name]
+    content, rng = seed(tmp_path), np.random.default_rng(1)
+    path, refused = tmp_path / f"mutant{ending}", 0
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for i in range(count):
+            path.write_bytes(mutate(content, rng))
+            try:
+                with bounded(f"{name}, file {i}"):
+                    reader(path)
+            except CosimError as error:
+                refused += 1
+                assert str(error).strip()
+                assert len(str(error)) < 20_000
+    assert 0 < refused < count
+    assert 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory) < MOST_GROWTH
+
+
+def test_the_seeds_are_read(tmp_path: Path) -> None:
+    for ending, seed, reader, _ in FORMATS.values():
+        path = tmp_path / f"seed{ending}"
+        path.write_bytes(seed(tmp_path))
+        assert reader(path) is not None
+    assert shipped_models()
