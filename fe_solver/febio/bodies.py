@@ -98,9 +98,10 @@ class Model:
         """The points of the load curve that a tag's `lc` names.  Raises InputError for a
         controller by a formula."""
         curve = self._controller(tag)
-        if curve is not None and not isinstance(curve, LoadCurve):
-            raise tag.fault("only a load curve with points is read here, not a formula")
-        return curve
+        match curve:
+            case LoadCurve() | None:
+                return curve
+        raise tag.fault("only a load curve with points is read here, not a formula")
 
     def _controller(self, tag: FebTag) -> Curve | None:
         """What the tag's `lc` names."""

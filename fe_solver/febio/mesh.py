@@ -176,7 +176,7 @@ def _find_set(tag: FebTag, what: str, table: dict[str, T], name: str) -> T:
         known = ", ".join(map(repr, list(table)[:10])) or "none"
         raise tag.fault(f"there is no {what} {name!r}; the file has {known}")
     found = table[name]
-    if not len(found.corners if isinstance(found, Facets) else found):
+    if not (len(found.corners) if type(found) is Facets else len(found)):
         raise tag.fault(f"the {what} {name!r} is empty")
     return found
 

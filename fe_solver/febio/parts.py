@@ -15,7 +15,14 @@ from fe_solver.febio.values import ElementData, Place
 from fe_solver.febio.xml import FebTag
 from fe_solver.sheet import Sheet, ShellPart
 
-DOMAINS = ("elastic-shell", "elastic-shell-ans", "elastic-shell-eas", "rigid-shell", "3field-shell")
+DOMAINS = (
+    "elastic-shell",
+    "elastic-shell-ans",
+    "elastic-shell-eas",
+    "rigid-shell",
+    "three-field-shell",
+    "3field-shell",
+)
 
 
 SPECIAL = ("shell thickness", "fiber", "mat_axis")

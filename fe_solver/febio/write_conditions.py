@@ -14,7 +14,7 @@ from fe_solver.febio.bodies import AXES, DOFS
 from fe_solver.febio.units import Units
 from fe_solver.febio.xml import Element, tag
 from fe_solver.forces.ramp import ramp
-from fe_solver.job.curves import Curve, Drive, Extension, FormulaCurve, LoadCurve
+from fe_solver.job.curves import Curve, Drive, Extension, LoadCurve, ProductCurve
 from fe_solver.job.job import Job
 from fe_solver.supports import SpringLaw, SpringSet
 
@@ -243,13 +243,14 @@ def _toe_table(stiffness: float, toe: float) -> LoadCurve:
 
 def controller_tag(curve: Curve, number: int) -> Element:
     """A curve as a load controller.  Raises InputError for a product, which FEBio cannot say."""
-    if isinstance(curve, LoadCurve):
-        return tag("load_controller", *curve_tags(curve), id=number, type="loadcurve")
-    if not isinstance(curve, FormulaCurve):
-        raise InputError(
-            "FEBio has no load curve that is a product of two, as of a load that ends with its "
-            "step; give its points"
-        )
+    match curve:
+        case LoadCurve():
+            return tag("load_controller", *curve_tags(curve), id=number, type="loadcurve")
+        case ProductCurve():
+            raise InputError(
+                "FEBio has no load curve that is a product of two, as of a load that ends with its "
+                "step; give its points"
+            )
     formula = tag("math", curve.text)
     if curve.interval is None:
         return tag("load_controller", formula, id=number, type="math")

@@ -91,7 +91,7 @@ class Expression:
     @cached_property
     def used(self) -> frozenset[str]:
         """The variables that it names."""
-        names = (n.id for n in ast.walk(_parsed(self.text)) if isinstance(n, ast.Name))
+        names = {n.id for n in ast.walk(_parsed(self.text)) if type(n) is ast.Name}
         return frozenset(names) & frozenset(self.variables)
 
     def value(self, values: Mapping[str, Number]) -> Number:
@@ -105,23 +105,23 @@ class Expression:
         return float(out) if out.ndim == 0 else out
 
     def _check(self, node: ast.expr) -> None:
-        if isinstance(node, ast.Constant):
-            number = node.value if type(node.value) in (int, float) else math.nan
-            if not math.isfinite(number):  # type: ignore[arg-type]
-                raise self._fault(f"{node.value!r} is no finite number")
-        elif isinstance(node, ast.Name):
-            if node.id not in self.variables and node.id not in CONSTANTS:
-                names = ", ".join((*self.variables, *CONSTANTS))
-                raise self._fault(f"{node.id!r} is not known; known here: {names}")
-        elif isinstance(node, ast.BinOp) and type(node.op) in BINARY:
-            self._check(node.left)
-            self._check(node.right)
-        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
-            self._check(node.operand)
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-            self._check_call(node.func.id, node.args)
-        else:
-            raise self._fault("expected numbers, variables, + - * / ^, brackets and functions")
+        match node:
+            case ast.Constant(value=int() | float() as number) if type(number) is not bool:
+                if not math.isfinite(number):
+                    raise self._fault(f"{number!r} is no finite number")
+            case ast.Name(id=name):
+                if name not in self.variables and name not in CONSTANTS:
+                    names = ", ".join((*self.variables, *CONSTANTS))
+                    raise self._fault(f"{name!r} is not known; known here: {names}")
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in BINARY:
+                self._check(left)
+                self._check(right)
+            case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=inner):
+                self._check(inner)
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+                self._check_call(name, arguments)
+            case _:
+                raise self._fault("expected numbers, variables, + - * / ^, brackets and functions")
 
     def _check_call(self, name: str, arguments: list[ast.expr]) -> None:
         count = 1 if name in ONE else 2 if name in TWO else len(arguments)
@@ -160,18 +160,18 @@ def _parsed(text: str) -> ast.expr:
 
 
 def _evaluated(node: ast.expr, values: Mapping[str, Number]) -> Any:
-    if isinstance(node, ast.Constant):
-        return np.float64(node.value)  # type: ignore[arg-type]
-    if isinstance(node, ast.Name):
-        return values[node.id] if node.id in values else CONSTANTS[node.id]
-    if isinstance(node, ast.BinOp):
-        left, right = _evaluated(node.left, values), _evaluated(node.right, values)
-        return BINARY[type(node.op)](left, right)
-    if isinstance(node, ast.UnaryOp):
-        inner = _evaluated(node.operand, values)
-        return -inner if isinstance(node.op, ast.USub) else inner
-    assert isinstance(node, ast.Call)
-    assert isinstance(node.func, ast.Name)
-    functions: dict[str, Callable[..., Any]] = {**ONE, **TWO, **MANY}
-    function = functions[node.func.id]
-    return function(*(_evaluated(a, values) for a in node.args))
+    """The value of a checked formula."""
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return np.float64(number)
+        case ast.Name(id=name):
+            return values[name] if name in values else CONSTANTS[name]
+        case ast.BinOp(left=left, op=op, right=right):
+            return BINARY[type(op)](_evaluated(left, values), _evaluated(right, values))
+        case ast.UnaryOp(op=op, operand=inner):
+            value = _evaluated(inner, values)
+            return -value if type(op) is ast.USub else value
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            functions: dict[str, Callable[..., Any]] = {**ONE, **TWO, **MANY}
+            return functions[name](*(_evaluated(a, values) for a in arguments))
+    raise ValueError(ast.dump(node))

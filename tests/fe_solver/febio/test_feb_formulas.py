@@ -18,6 +18,7 @@ from fe_solver.job.curves import FormulaCurve, Outside, ProductCurve
 from fe_solver.job.expressions import Expression, split_formulas
 from fe_solver.job.model import dead_loads
 from tests.helpers.feb_files import Sections, change_section, read, same
+from tests.helpers.febio_schema import faults
 
 TIMES = (0.0, 0.3, 1.0, 2.5)
 
@@ -174,6 +175,7 @@ def test_formulas_are_refused_by_their_place(tmp_path: Path, change: Sections, w
 def test_formulas_are_written_and_read_back(tmp_path: Path) -> None:
     job = read(tmp_path, controller("<interval>0,2</interval><math>t^2</math>", "math-interval"))
     write_feb(job, tmp_path / "again.feb")
+    assert faults(tmp_path / "again.feb") == []
     same(read_feb(tmp_path / "again.feb").forces, job.forces)
     (force,) = job.forces
     assert force.curve is not None

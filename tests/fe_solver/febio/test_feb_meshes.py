@@ -20,6 +20,7 @@ from fe_solver.q4ans.model import obstacles
 from fe_solver.sheet import even_sheet, grid
 from fe_solver.verification.sheets import with_nine_nodes
 from tests.helpers.feb_strips import LENGTH, THICK, WIDTH, E, end_nodes, read_strip, strip_text
+from tests.helpers.febio_schema import faults
 
 PRESSED = '<surface_load surface="{}" type="pressure"><pressure lc="1">{}</pressure></surface_load>'
 SIZE = 1e-5
@@ -258,6 +259,7 @@ def test_a_nine_node_job_is_written_for_febio_and_paraview(tmp_path: Path) -> No
         read_strip(tmp_path, "quad9", 2, PRESSED.format("@part_list:strip", SIZE), bow=0.3)
     )
     write_feb(job, tmp_path / "again.feb")
+    assert faults(tmp_path / "again.feb") == []
     again = read_feb(tmp_path / "again.feb")
     np.testing.assert_allclose(again.sheet.points, job.sheet.points, atol=1e-15)
     assert (again.sheet.quads == job.sheet.quads).all()
