@@ -356,9 +356,8 @@ def _parts(tag: FebTag, blocks: dict[str, Block]) -> list[str]:
 
 def _edge_nodes(tag: FebTag, numbering: _Numbering) -> Ints:
     groups = _rows_by_length(tag, tuple(EDGES.values()), "an edge is made of <line2> and <line3>")
-    return np.unique(
-        np.concatenate([numbering.find(tag, ids, line).ravel() for ids, line in groups])
-    )
+    none = np.zeros(0, dtype=np.intp)
+    return np.unique(np.concatenate([none, *[numbering.find(tag, *g).ravel() for g in groups]]))
 
 
 def _facets(tag: FebTag, numbering: _Numbering) -> Facets:

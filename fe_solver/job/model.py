@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cosim.array_cache import user_cache
 from cosim.errors import InputError
 from cosim.port import Array, Ints
+from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.mesh_geometry import node_areas, node_means
 from fe_solver.forces.contact import Contact, needed_distance
 from fe_solver.forces.guides import Guides, Ties
@@ -275,11 +276,12 @@ def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> C
 def sheet_stiffness(sheet: Sheet, quads: Ints) -> float:
     """Return the modulus over the thickness, N/m3, the mean over quads (k,); of a law that is not
     isotropic the larger of its two initial plane-stress moduli."""
-    moduli = []
-    for part in sheet.parts:
-        tangent = part.law.response(np.zeros((1, 1, 1, 3))).tangent
-        moduli.append(float(np.max(tangent[..., range(2), range(2)])))
-    return float(np.mean(np.array(moduli)[sheet.part[quads]] / sheet.thickness[quads].mean(axis=1)))
+    moduli, points = np.zeros(len(sheet.quads)), len(kind_of(sheet.quads).gauss)
+    for i, part in enumerate(sheet.parts):
+        own = sheet.part == i
+        tangent = part.law.response(np.zeros((int(own.sum()), points, 3))).tangent
+        moduli[own] = tangent[..., range(2), range(2)].max(axis=-1).mean(axis=1)
+    return float(np.mean(moduli[quads] / sheet.thickness[quads].mean(axis=1)))
 
 
 def _surface(job: Job, pair: ContactPair, offset: float, options: JobOptions) -> Surface:

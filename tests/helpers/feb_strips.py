@@ -85,6 +85,35 @@ def strip_text(
 <LoadData>{curves}</LoadData></febio_spec>"""
 
 
+def quadratic_text() -> str:
+    """A file of eight-node shells with formulas, maps, part lists, a weight and two steps, a tag or
+    a row in a line each."""
+    control = "<Control><time_steps>2</time_steps><step_size>0.25</step_size></Control>"
+    load = (
+        '<Loads><nodal_load node_set="@edge:end" type="nodal_force"><value lc="1">0,max(t, 0.1),-t'
+        '</value></nodal_load><body_load type="body force" elem_set="@part_list:both">'
+        '<force lc="2">0,0,9810</force></body_load><surface_load type="pressure" '
+        'surface="@part_list:both"><pressure type="math">1e-5*t^2</pressure><shell_bottom>1'
+        "</shell_bottom></surface_load></Loads>"
+    )
+    step = f"<step>{control}{load}</step>"
+    values = "".join(f'<e lid="{i}">{100 - i}</e>' for i in range(1, 9))
+    text = strip_text(
+        "quad8",
+        4,
+        modulus='<E type="math">map_E*(1 + X/8)</E>',
+        sets='<PartList name="both">strip</PartList>'
+        '<Edge name="end"><line2 id="1">1,2</line2></Edge>',
+        data=f'<ElementData name="map_E" elem_set="@part_list:both">{values}</ElementData>',
+        control="",
+        steps=f"<Step>{step}{step}</Step>",
+        curves=RAMP + '<load_controller id="2" type="math-interval"><interval>0,1</interval>'
+        "<math>sin(pi*t/2)</math></load_controller>",
+        bow=0.4,
+    )
+    return text.replace("><", ">\n<")
+
+
 def read_strip(folder: Path, kind: str = "quad4", cells: int = 8, loads: str = "", **more) -> Job:
     """The job of such a file."""
     path = folder / "strip.feb"

@@ -103,10 +103,23 @@ def test_what_is_left_out_is_listed_with_its_line(tmp_path: Path) -> None:
     extra = {
         **change_section("Contact", "<penalty>", "<search_tol>0.01</search_tol><penalty>"),
         **change_section("Mesh", "<Surface name", '<Loop name="rim"/><Surface name'),
+        **change_section(
+            "MeshDomains",
+            "<shell_thickness>",
+            "<shell_normal_nodal>0</shell_normal_nodal><shell_thickness>",
+        ),
         "Initial": '<Initial><ic type="velocity"/></Initial>',
     }
     notes = "\n".join(read(tmp_path, extra).notes)
-    for part in ("search_tol", "Loop 'rim'", "Initial", "Output", "locking-free", "line "):
+    for part in (
+        "mean normals",
+        "search_tol",
+        "Loop 'rim'",
+        "Initial",
+        "Output",
+        "locking-free",
+        "line ",
+    ):
         assert part in notes
 
 

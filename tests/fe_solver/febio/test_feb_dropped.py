@@ -66,6 +66,14 @@ STRANGE: dict[str, tuple[Sections, str]] = {
         change_section("Contact", "<penalty>", "<gap_offset>1</gap_offset><penalty>"),
         "gap_offset.*may change",
     ),
+    "pulling contact": (
+        change_section("Contact", "<penalty>", "<tension>1</tension><penalty>"),
+        "also pulls",
+    ),
+    "tied": (
+        change_section("Contact", "sliding-elastic", "tied-elastic"),
+        "'tied-elastic' is not read",
+    ),
     "flipped": (
         change_section("Contact", "<penalty>", "<flip_primary>1</flip_primary><penalty>"),
         "flip_primary.*turn",

@@ -13,6 +13,7 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Drive
 from fe_solver.job.job import HeldDirector, Job, PrescribedDisplacement, Pressure
+from fe_solver.job.model import sheet_stiffness
 from fe_solver.job.results import write_job
 from fe_solver.job.solve import solve_job
 from fe_solver.materials.linear import Isotropic
@@ -195,6 +196,34 @@ def test_a_map_of_equal_values_is_one_number_that_febios_element_takes(tmp_path:
     job = read_strip(tmp_path, modulus='<E type="map">map_E</E>', data=data)
     assert job.sheet.parts[0].law == Isotropic(70e6, 0.0)
     assert obstacles(job) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "inner"),
+    [
+        ("neo-Hookean", '<E type="map">m</E><v type="math">0.3 + X/100</v>'),
+        (
+            "trans iso Mooney-Rivlin",
+            '<c1 type="map">m</c1><c2>0</c2><c3>1</c3><c4>5</c4><c5 type="math">10*m</c5>'
+            '<lam_max>1.05</lam_max><k type="math">100 + X</k><fiber type="vector">1,0,0</fiber>',
+        ),
+        (
+            "Holzapfel-Gasser-Ogden",
+            '<c type="map">m</c><k1>1</k1><k2>2</k2><kappa>0.1</kappa><gamma>30</gamma><k>100</k>',
+        ),
+    ],
+)
+def test_every_law_takes_values_by_element(tmp_path: Path, kind: str, inner: str) -> None:
+    text = strip_text(
+        "quad4", 2, data=MAP.replace("map_E", "m").format("strip", rows([9, 8, 7, 6]))
+    )
+    first, last = text.index('type="isotropic elastic">'), text.index("</material>")
+    path = tmp_path / "strip.feb"
+    path.write_text(f'{text[:first]}type="{kind}">{inner}{text[last:]}')
+    sheet = read_feb(path).sheet
+    assert np.isfinite(sheet.section.response(np.full((4, 4, 8), 1e-3)).energy).all()
+    stiffness = [sheet_stiffness(sheet, np.array([i])) for i in range(4)]
+    assert (np.diff(stiffness) < 0).all()
 
 
 @pytest.mark.parametrize(
