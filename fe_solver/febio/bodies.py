@@ -23,6 +23,7 @@ from fe_solver.job.curves import (
     LoadCurve,
     Outside,
     product_of,
+    sum_of,
 )
 from fe_solver.supports import Body
 
@@ -68,8 +69,10 @@ class Model:
     curves: dict[str, Curve | FebTag]
     """The load curves by number; controllers of other kinds as their tags."""
     notes: list[str]
-    windows: Mapping[int, LoadCurve] = field(default_factory=dict)
-    """By the `id` of a load's tag in one of several steps, what is 1 while it lasts."""
+    windows: tuple[LoadCurve, ...] = ()
+    """Of each of several steps, what is 1 while it lasts."""
+    step: Mapping[int, int] = field(default_factory=dict)
+    """By the `id` of a condition's tag in one of several steps, the number of that step."""
 
     def drive(self, tag: FebTag, unit: float) -> Drive:
         """A number or a formula of the time, times a load curve."""
@@ -79,7 +82,9 @@ class Model:
         """So many numbers or formulas of the time, each times the load curve, while the step that
         the tag belongs to lasts.  Raises InputError for any other kind of value."""
         out = []
-        curve = product_of(self._controller(tag), self.window(tag))
+        step = self.step_of(tag)
+        window = None if step is None else self.windows[step]
+        curve = product_of(self._controller(tag), window)
         for f in tag.formulas(count, ("t",)):
             if f.used:
                 out.append(Drive(unit, product_of(FormulaCurve(f.text), curve)))
@@ -87,12 +92,24 @@ class Model:
                 out.append(Drive(float(f.value({})) * unit, curve))
         return out
 
-    def window(self, tag: FebTag) -> LoadCurve | None:
-        """What is 1 while the load that the tag is of lasts; None where that is at all times."""
-        load: FebTag | None = tag
-        while load is not None and id(load) not in self.windows:
-            load = load.parent
-        return None if load is None else self.windows[id(load)]
+    def step_of(self, tag: FebTag) -> int | None:
+        """The number of the step that the condition which the tag is of lasts; None where it lasts
+        at all times."""
+        condition: FebTag | None = tag
+        while condition is not None and id(condition) not in self.step:
+            condition = condition.parent
+        return None if condition is None else self.step[id(condition)]
+
+    def joined(self, tag: FebTag, what: str, by_step: Mapping[int, Drive]) -> Drive:
+        """A motion that each step gives, from one step to the next.  Raises InputError where one
+        does not."""
+        missing = [i + 1 for i in range(len(self.windows)) if i not in by_step]
+        if missing:
+            raise tag.fault(
+                f"{what} is given in some of several steps and free in number {missing[0]}: what "
+                "is held stays the same in a solve; give it in every step, or solve them apart"
+            )
+        return sum_of(list(by_step.values()))
 
     def points(self, tag: FebTag) -> LoadCurve | None:
         """The points of the load curve that a tag's `lc` names.  Raises InputError for a
@@ -258,15 +275,25 @@ def _motions(model: Model, tags: list[FebTag]) -> list[list[Drive]]:
     """Each body's displacement along x, y, z and the components of its rotation vector."""
     given: list[dict[int, Drive]] = [{} for _ in model.rigid]
     fixed: list[set[int]] = [set() for _ in model.rigid]
+    stepped: dict[tuple[int, int], dict[int, Drive]] = {}
+    last = {}
     for t in tags:
-        body = model.body_of(t, t.word("rb", ""))
+        body, step = model.body_of(t, t.word("rb", "")), model.step_of(t)
         if t.kind_of("rigid condition", RIGID_CONDITIONS) == RIGID_CONDITIONS[0]:
-            fixed[body] |= {i for i, d in enumerate(DOFS) if t.flag(d.fixed)}
+            still = {i for i, d in enumerate(DOFS) if t.flag(d.fixed)}
+            fixed[body] |= still if step is None else set()
+            motions = [] if step is None else [(i, Drive()) for i in still]
         else:
-            i, drive = _read_motion(model, t)
-            if i in given[body]:
+            motions = [_read_motion(model, t)]
+        for i, drive in motions:
+            own = given[body] if step is None else stepped.setdefault((body, i), {})
+            key = i if step is None else step
+            if key in own:
                 raise t.fault(f"this motion of {model.rigid[body]!r} is prescribed twice")
-            given[body][i] = drive
+            own[key], last[body, i] = drive, t
+    for (body, i), by_step in stepped.items():
+        what = f"{DOFS[i].name} of {model.rigid[body]!r}"
+        given[body][i] = model.joined(last[body, i], what, by_step)
     for body, name in enumerate(model.rigid):
         _check_motion(model, name, given[body], fixed[body])
     return [[by_dof.get(i, Drive()) for i in range(6)] for by_dof in given]

@@ -58,6 +58,8 @@ def nodes_at_rest(model: Model, tags: list[FebTag]) -> Ints:
     """Mesh nodes of which all three displacements are zero."""
     held = np.zeros((3, len(model.shell)), dtype=bool)
     for t in _conditions(tags, "zero displacement"):
+        if model.step_of(t) is not None:
+            continue
         nodes = model.mesh.held_nodes_of(t, t.attribute("node_set"))
         for i, axis in enumerate(AXES):
             held[i, nodes] |= t.flag(f"{axis}_dof")
@@ -74,22 +76,52 @@ def read_displacements(
     for t in tags:
         t.kind_of("boundary condition", known)
     taken = np.concatenate([np.zeros(0, dtype=np.intp), *[t.nodes for t in tied]])
-    held = []
+    held, stepped = [], []
     for t in _conditions(tags, "zero displacement"):
         nodes = _free(model, t, taken)
-        held += [
+        still = [
             PrescribedDisplacement(nodes, i) for i, axis in enumerate(AXES) if t.flag(f"{axis}_dof")
         ]
-    still = tuple(held)
+        held += still if model.step_of(t) is None else []
+        stepped += [(t, h) for h in still if model.step_of(t) is not None]
+    at_rest = tuple(held)
     for t in _conditions(tags, "prescribed displacement"):
         dof, value = t.word("dof", ""), t.one("value")
         if dof not in tuple(AXES) or value is None:
             raise t.fault("expected <dof> with x, y or z, and <value>")
         t.all("relative")
         drive = model.drive(value, model.units.length)
-        held.append(PrescribedDisplacement(_free(model, t, taken), AXES.index(dof), drive))
-    held = [h for h in held if len(h.nodes)]
-    return tuple(held), _read_director_supports(model, tags, still, taken)
+        moved = PrescribedDisplacement(_free(model, t, taken), AXES.index(dof), drive)
+        if model.step_of(t) is None:
+            held.append(moved)
+        else:
+            stepped.append((t, moved))
+    held = [h for h in [*held, *_joined(model, stepped)] if len(h.nodes)]
+    return tuple(held), _read_director_supports(model, tags, at_rest, taken)
+
+
+def _joined(
+    model: Model, stepped: list[tuple[FebTag, PrescribedDisplacement]]
+) -> list[PrescribedDisplacement]:
+    """Displacements that several steps give, from one step to the next.  Raises InputError for a
+    node that some step leaves free."""
+    by_node: dict[tuple[int, int], dict[int, Drive]] = {}
+    last = {}
+    for t, h in stepped:
+        step = model.step_of(t)
+        assert step is not None
+        for n in h.nodes.tolist():
+            own = by_node.setdefault((h.component, n), {})
+            if own.get(step, h.displacement) != h.displacement:
+                raise t.fault("it gives a displacement that this step gives otherwise too")
+            own[step], last[h.component, n] = h.displacement, t
+    together: dict[tuple[int, Drive], list[int]] = {}
+    names = model.mesh.node_ids[np.flatnonzero(model.shell >= 0)]
+    for (component, n), own in by_node.items():
+        what = f"the displacement {AXES[component]} of node {names[n]}"
+        drive = model.joined(last[component, n], what, dict(sorted(own.items())))
+        together.setdefault((component, drive), []).append(n)
+    return [PrescribedDisplacement(np.array(n), c, d) for (c, d), n in together.items()]
 
 
 def _free(model: Model, t: FebTag, taken: Ints) -> Ints:

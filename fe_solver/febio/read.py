@@ -50,6 +50,11 @@ SECTIONS = (
 ).split()
 LOADING = ("Loads", "Initial")
 """Sections whose conditions may belong to one of several steps."""
+MOTIONS = (
+    *("zero displacement", "prescribed displacement"),
+    *("rigid_fixed", "rigid_displacement", "rigid_rotation"),
+)
+"""Conditions of which each step may have another, of the same nodes or body."""
 REFUSED = ("Constraints", "MeshAdaptor", "Include", "Code")
 
 
@@ -92,13 +97,14 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     curves = read_curves(root.one("LoadData"))
     steps = _steps(sections)
     windows = sections.windows(steps)
-    if windows:
-        notes.append(
-            "Step: loads of a step rise, and those of the one before fall, over its first "
-            "increment; FEBio changes them at once, which is the same at the ends of increments"
-        )
-    model = Model(mesh, units, materials, rigid, shell, body, curves, notes, windows)
+    model = Model(mesh, units, materials, rigid, shell, body, curves, notes, windows, sections.step)
     job = _job(path.stem, model, parts, sections, steps)
+    if sections.step:
+        notes.append(
+            "Step: loads and motions of a step rise, and those of the one before fall, over its "
+            "first increment; FEBio changes them at once, which is the same at the ends of "
+            "increments"
+        )
     return replace(job, notes=collect_notes(root, notes))
 
 
@@ -110,48 +116,58 @@ class _Sections:
         self.root = root
         holder = root.one("Step")
         self.steps = holder.all("step") if holder is not None else []
+        self.step: dict[int, int] = {}
+        """By the `id` of a condition's tag in one of several steps, the number of that step."""
 
     def all(self, section: str, kind: str) -> list[FebTag]:
-        """The tags of one kind in a section, those of several steps once where each has them.
+        """The tags of one kind in a section, those of several steps once where each has them alike.
 
-        Raises InputError for a condition of some of several steps that is no load: what holds or
-        touches the sheet does not change in a solve."""
+        Raises InputError for a condition of some of several steps that is neither load nor motion:
+        what holds or touches the sheet does not change in a solve."""
         top = _within(self.root, section, kind)
         by_step = [_within(step, section, kind) for step in self.steps]
-        if section in LOADING or len(by_step) < 2:
+        if len(by_step) < 2:
             return [*top, *(t for tags in by_step for t in tags)]
         signs = [[_signature(t) for t in tags] for tags in by_step]
-        for tags, own in zip(by_step, signs, strict=True):
+        out = []
+        for i, (tags, own) in enumerate(zip(by_step, signs, strict=True)):
             for t, sign in zip(tags, own, strict=True):
-                if not all(sign in other for other in signs):
-                    raise t.fault(
-                        "it belongs to some of several steps, and what holds or touches the shell "
-                        "stays the same in a solve: give it in every step alike, or at the top "
-                        "level, with a load curve where it moves; or solve the steps apart"
-                    )
                 if t.flag("relative"):
                     raise t.fault("<relative> other than 0 is not read in one of several steps")
-                if tags is not by_step[0]:
+                if section in LOADING or t.attributes.get("type") in MOTIONS:
+                    alike = section not in LOADING and all(sign in other for other in signs)
+                else:
+                    alike = all(sign in other for other in signs)
+                    if not alike:
+                        raise t.fault(
+                            "it belongs to some of several steps, and what holds or touches the "
+                            "shell stays the same in a solve: give it in every step alike or at "
+                            "the top level; or solve the steps apart"
+                        )
+                if not alike:
+                    self.step[id(t)] = i
+                if not alike or i == 0:
+                    out.append(t)
+                else:
                     t.pass_over()
-        return [*top, *by_step[0]]
+        return [*top, *out]
 
-    def windows(self, steps: tuple[Step, ...]) -> dict[int, LoadCurve]:
-        """By the `id` of each load's tag in one of several steps: what is 1 while the step lasts.
-        It rises and falls over the first increment of a step, so that at the ends of increments it
-        is as in FEBio, which changes loads at once."""
-        out: dict[int, LoadCurve] = {}
-        if len(self.steps) < 2:
-            return out
+    def windows(self, steps: tuple[Step, ...]) -> tuple[LoadCurve, ...]:
+        """Of each of several steps, what is 1 while it lasts.  It rises and falls over the first
+        increment of a step, so that at the ends of increments it is as in FEBio, which changes
+        conditions at once."""
+        if len(steps) < 2:
+            return ()
         begins = [0.0, *(s.end for s in steps)]
         risen = [b + (s.end - b) / s.increments for b, s in zip(begins, steps, strict=False)]
-        for i, holder in enumerate(self.steps):
+        out = []
+        for i in range(len(steps)):
             points = [(begins[i], 0.0), (risen[i], 1.0)] if i else []
             points += [(begins[i + 1], 1.0)] if not points or risen[i] < begins[i + 1] else []
             points += [(risen[i + 1], 0.0)] if i + 1 < len(steps) else []
             times, values = zip(*points, strict=True)
-            for t in [t for s in holder.all("Loads") for t in s.children]:
-                out[id(t)] = LoadCurve(times, values)
-        return out
+            out.append(LoadCurve(times, values))
+        return tuple(out)
 
     def one(self, name: str) -> FebTag:
         return self.root.needed(name, "a section of every FEBio 4 file")

@@ -14,7 +14,7 @@ from fe_solver.febio.bodies import AXES, DOFS
 from fe_solver.febio.units import Units
 from fe_solver.febio.xml import Element, tag
 from fe_solver.forces.ramp import ramp
-from fe_solver.job.curves import Curve, Drive, Extension, LoadCurve, ProductCurve
+from fe_solver.job.curves import Curve, Drive, Extension, LoadCurve, ProductCurve, SumCurve
 from fe_solver.job.job import Job
 from fe_solver.supports import SpringLaw, SpringSet
 
@@ -246,10 +246,10 @@ def controller_tag(curve: Curve, number: int) -> Element:
     match curve:
         case LoadCurve():
             return tag("load_controller", *curve_tags(curve), id=number, type="loadcurve")
-        case ProductCurve():
+        case ProductCurve() | SumCurve():
             raise InputError(
-                "FEBio has no load curve that is a product of two, as of a load that ends with its "
-                "step; give its points"
+                "FEBio has no load curve that is a product or a sum of others, as of what ends "
+                "with its step; give its points"
             )
     formula = tag("math", curve.text)
     if curve.interval is None:

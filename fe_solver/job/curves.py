@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -189,13 +190,30 @@ class ProductCurve:
         return math.prod(f.at(time) for f in self.factors)
 
 
-Curve: TypeAlias = LoadCurve | FormulaCurve | ProductCurve
+@dataclass(frozen=True)
+class SumCurve:
+    """The sum of quantities over time."""
+
+    terms: tuple[Drive, ...]
+
+    def at(self, time: float) -> float:
+        """The value at a time."""
+        return sum(term.at(time) for term in self.terms)
+
+
+Curve: TypeAlias = LoadCurve | FormulaCurve | ProductCurve | SumCurve
 
 
 def product_of(*curves: Curve | None) -> Curve | None:
     """The product of those curves that are given; None where there are none."""
     factors = tuple(c for c in curves if c is not None)
     return ProductCurve(factors) if len(factors) > 1 else next(iter(factors), None)
+
+
+def sum_of(drives: Sequence[Drive]) -> Drive:
+    """The sum of quantities over time."""
+    terms = tuple(d for d in drives if d.value)
+    return Drive(1.0, SumCurve(terms)) if len(terms) > 1 else next(iter(terms), Drive())
 
 
 @dataclass(frozen=True)

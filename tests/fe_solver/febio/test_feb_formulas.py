@@ -180,5 +180,5 @@ def test_formulas_are_written_and_read_back(tmp_path: Path) -> None:
     (force,) = job.forces
     assert force.curve is not None
     product = replace(force, curve=ProductCurve((force.curve, force.curve)))
-    with pytest.raises(InputError, match="no load curve that is a product"):
+    with pytest.raises(InputError, match="no load curve that is a product or a sum"):
         write_feb(replace(job, forces=(product,)), tmp_path / "again.feb")

@@ -9,11 +9,13 @@ import pytest
 
 from cosim.errors import InputError
 from fe_solver.febio.write import write_feb
+from fe_solver.job.curves import Drive
 from fe_solver.job.job import Job, Step
 from fe_solver.job.model import JobOptions, body_loads, dead_loads, job_model
 from fe_solver.job.solve import NO_TENSION, JobState, predict, solve_job
 from fe_solver.q4ans.solve import solve_solid
 from fe_solver.solver.newton import NewtonOptions, solve
+from tests.helpers.feb_files import read
 from tests.helpers.feb_strips import FIXED, LENGTH, THICK, WIDTH, E, end_nodes, read_strip
 
 DENSITY, GRAVITY = 1e-9, 9810.0
@@ -194,27 +196,84 @@ def test_two_steps_are_solved_as_each_alone(tmp_path: Path) -> None:
             )
 
 
+TIED = '<bc name="r" node_set="left" type="rigid"><rb>skin</rb></bc>'
+
+
 def test_conditions_of_every_step_alike_are_the_files_own(tmp_path: Path) -> None:
     boundary = f"<Boundary>{FIXED}</Boundary>"
     renamed = boundary.replace('name="f"', 'name="other"')
     job = two_steps(tmp_path, boundary, renamed, boundary="")
     assert [h.component for h in job.held] == [0, 1, 2]
+    assert all(h.displacement == Drive() for h in job.held)
     assert not any("Boundary" in n for n in job.notes)
-    for first, second in (
-        (boundary, ""),
-        ("", boundary),
-        (boundary, boundary.replace("z_dof", "y_dof")),
-    ):
+    for first, second in (("", TIED), (TIED, "")):
         with pytest.raises(InputError, match="belongs to some of several steps"):
-            two_steps(tmp_path, first, second, boundary=FIXED)
+            two_steps(tmp_path, f"<Boundary>{first}</Boundary>", f"<Boundary>{second}</Boundary>")
+
+
+def moved(value: str, dof: str = "z", lc: str = "") -> str:
+    return (
+        f'<Boundary><bc node_set="right" type="prescribed displacement"><dof>{dof}</dof>'
+        f"<value{lc}>{value}</value><relative>0</relative></bc></Boundary>"
+    )
+
+
+STILL = '<Boundary><bc node_set="right" type="zero displacement"><z_dof>1</z_dof></bc></Boundary>'
+
+
+def test_motions_go_on_from_step_to_step(tmp_path: Path) -> None:
+    """At the ends of increments as in FEBio; between them straight."""
+    job = two_steps(tmp_path, moved("0.1", lc=' lc="1"'), moved("0.3"))
+    (drive,) = {h.displacement for h in job.held if h.displacement != Drive()}
+    at = {t: 1e3 * drive.at(t) for t in (0.0, 0.25, 0.5, 0.625, 0.75, 1.5)}
+    assert at == pytest.approx(
+        {0.0: 0, 0.25: 0.025, 0.5: 0.05, 0.625: 0.18125, 0.75: 0.3, 1.5: 0.3}
+    )
+    for solver in (solve_job, solve_solid):
+        first, last = solver(job).states
+        assert end_moved(job, first)[2] == pytest.approx(0.05)
+        assert end_moved(job, last)[2] == pytest.approx(0.3)
+    held = two_steps(tmp_path, STILL, moved("0.3")).held[-1]
+    assert [1e3 * held.displacement.at(t) for t in (0.5, 0.75)] == pytest.approx([0, 0.3])
+    assert len(held.nodes) == 3
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "words"),
+    [
+        (moved("1"), "", "displacement z of node .* free in number 2"),
+        ("", moved("1"), "displacement z of node .* free in number 1"),
+        (moved("1"), moved("1", "y"), "free in number"),
+        (moved("1") + moved("2"), moved("3"), "gives otherwise too"),
+    ],
+)
+def test_what_some_step_leaves_free_is_refused(
+    tmp_path: Path, first: str, second: str, words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        two_steps(tmp_path, first, second)
+
+
+def test_bodies_move_on_from_step_to_step(tmp_path: Path) -> None:
+    def turned(value: str) -> str:
+        flags = "".join(f"<R{d}_dof>1</R{d}_dof>" for d in "xyzuw")
+        return (
+            f'<Rigid><rigid_bc type="rigid_fixed"><rb>bone</rb>{flags}</rigid_bc>'
+            f'<rigid_bc type="rigid_rotation"><rb>bone</rb><dof>Rv</dof><value>{value}</value>'
+            "</rigid_bc></Rigid>"
+        )
+
+    steps = f"<Step>{step('a', 1, turned('0.1'))}{step('b', 1, turned('0.4'))}</Step>"
+    sections = {"Control": None, "Rigid": None, "Step": steps}
+    body = read(tmp_path, sections).bodies[0]
+    assert [body.rotation[1].at(t) for t in (0.25, 0.375, 0.5)] == pytest.approx([0.1, 0.25, 0.4])
+    assert body.rotation[0] == Drive()
+    alone = {**sections, "Step": steps.replace(turned("0.4"), "")}
+    with pytest.raises(InputError, match="free in number 2"):
+        read(tmp_path, alone)
 
 
 def test_a_relative_condition_of_a_step_is_refused(tmp_path: Path) -> None:
-    moved = (
-        '<Boundary><bc node_set="right" type="prescribed displacement"><dof>z</dof><value>1</value>'
-        "<relative>1</relative></bc></Boundary>"
-    )
+    relative = moved("1").replace("<relative>0", "<relative>1")
     with pytest.raises(InputError, match="<relative> other than 0"):
-        two_steps(tmp_path, moved, moved)
-    moved = moved.replace("<relative>1", "<relative>0")
-    assert len(two_steps(tmp_path, moved, moved).held) == 4
+        two_steps(tmp_path, relative, relative)
