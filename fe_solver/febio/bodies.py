@@ -313,8 +313,9 @@ def _check_motion(model: Model, name: str, given: dict[int, Drive], fixed: set[i
     free = [d.name for i, d in enumerate(DOFS) if i not in {*given, *fixed}]
     if free:
         raise m.tag.fault(
-            f"the rigid body {name!r} is free in {', '.join(free)}: only bodies whose motion is "
-            "fixed or prescribed are read"
+            f"the rigid body {name!r} is free in {', '.join(free)}, and only bodies whose motion "
+            "is given are read: fix it by rigid_fixed, or prescribe it by rigid_displacement or "
+            "rigid_rotation"
         )
     if m.centre is None and any(i > 2 and d.value for i, d in given.items()):
         raise m.tag.fault(f"the body {name!r} turns: <center_of_mass>, about which, is missing")

@@ -18,6 +18,7 @@ from fe_solver.sheet import Sheet
 from fe_solver.supports import SpringLaw, SpringSet, Tied
 
 SIZE_OF_FORCE = 3
+NODAL_LOADS = ("nodal_force", "nodal_load")
 BODY_LOADS = ("const", "body force", "non-const")
 SAME_AREA = 1e-6
 """Share of an element's area: the areas of its faces that differ by less are alike."""
@@ -162,14 +163,20 @@ def read_forces(model: Model, tags: list[FebTag]) -> tuple[NodalForce, ...]:
     """The dead loads on nodes of the sheet.  Raises InputError for a load that is not read."""
     out = []
     for t in tags:
-        kind, nodes = t.attribute("type"), model.mesh.nodes_of(t, t.attribute("node_set"))
-        if kind != "nodal_force":
-            raise t.fault(f"the nodal load {kind!r} is not read, only nodal_force")
+        kind = t.kind_of("nodal load", NODAL_LOADS)
+        nodes = model.mesh.nodes_of(t, t.attribute("node_set"))
         for name in ("shell_bottom", "relative"):
             if t.flag(name):
                 raise t.fault(f"<{name}> other than 0 is not read")
-        value = t.needed("value", "three components")
-        drives = model.drives(value, model.units.force, SIZE_OF_FORCE)
+        if kind == "nodal_load":
+            dof, scale = t.word("dof", ""), t.needed("scale", "a number")
+            if dof not in tuple(AXES):
+                raise t.fault("expected <dof> with x, y or z")
+            force = model.drive(scale, model.units.force)
+            drives = [force if axis == dof else Drive() for axis in AXES]
+        else:
+            value = t.needed("value", "three components")
+            drives = model.drives(value, model.units.force, SIZE_OF_FORCE)
         on_sheet = _on_sheet(model, t, nodes, "the force")
         if len(on_sheet):
             out += [NodalForce(on_sheet, force, curve) for force, curve in _by_curve(drives)]
@@ -275,6 +282,10 @@ def read_body_forces(model: Model, parts: Parts, tags: list[FebTag]) -> tuple[Bo
                 "give one density to the material"
             )
         x, y, z = (replace(d, value=-d.value) for d in drives)
+        model.notes.append(
+            f"{t.path} (line {t.line}): the force on a mass is against the load's vector, as in "
+            "FEBio: a positive z pulls along -z"
+        )
         out.append(BodyForce(quads, density, (x, y, z)))
     return tuple(out)
 

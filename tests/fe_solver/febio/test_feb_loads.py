@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import InputError
+from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Drive
 from fe_solver.job.job import Job, Step
@@ -16,7 +17,16 @@ from fe_solver.job.solve import NO_TENSION, JobState, predict, solve_job
 from fe_solver.q4ans.solve import solve_solid
 from fe_solver.solver.newton import NewtonOptions, solve
 from tests.helpers.feb_files import read
-from tests.helpers.feb_strips import FIXED, LENGTH, THICK, WIDTH, E, end_nodes, read_strip
+from tests.helpers.feb_strips import (
+    FIXED,
+    LENGTH,
+    THICK,
+    WIDTH,
+    E,
+    end_nodes,
+    read_strip,
+    strip_text,
+)
 
 DENSITY, GRAVITY = 1e-9, 9810.0
 """t/mm3 and mm/s2: 1000 kg/m3 on Earth."""
@@ -45,6 +55,7 @@ def test_a_cantilever_bends_under_its_weight_against_the_body_load(
     assert end_moved(job, state)[2] == pytest.approx(beam, rel=0.01)
     assert state.applied[:3] == pytest.approx([0, 0, -STRESS * LENGTH * WIDTH * THICK], abs=1e-12)
     assert state.imbalance[0] < 1e-8 * abs(state.applied[2])
+    assert any("against the load's vector" in note for note in job.notes)
 
 
 @pytest.mark.parametrize("solver", [solve_job, solve_solid])
@@ -122,6 +133,29 @@ def test_a_mixtures_weight_is_refused(tmp_path: Path) -> None:
     load, negative = CONST.format(axis="z", value=1), "<density>-1</density>"
     with pytest.raises(InputError, match="has no weight that is read"):
         read_strip(tmp_path, loads=load, density=negative)
+    solids = (
+        '<k>100</k><solid type="Mooney-Rivlin"><density>1</density><c1>1</c1><c2>0</c2></solid>'
+        '<solid type="uncoupled fiber-exp-linear"><c3>1</c3><c4>5</c4><c5>9</c5>'
+        '<lambda>1.1</lambda><fiber type="vector">1,0,0</fiber></solid>'
+    )
+    text = strip_text(loads=load)
+    first, last = text.index('type="isotropic elastic">'), text.index("</material>")
+    path = tmp_path / "mixed.feb"
+    path.write_text(f'{text[:first]}type="uncoupled solid mixture">{solids}{text[last:]}')
+    with pytest.raises(InputError, match="has no weight that is read"):
+        read_feb(path)
+
+
+def test_a_nodal_load_is_a_force_along_an_axis(tmp_path: Path) -> None:
+    load = (
+        '<nodal_load type="nodal_load" node_set="right"><dof>{}</dof><scale lc="1">2</scale>'
+        "</nodal_load>"
+    )
+    job = read_strip(tmp_path, loads=load.format("y"))
+    assert dead_loads(job, 0.5)[end_nodes(job)].tolist() == [[0, 1, 0]] * 3
+    for dof in ("p", "", "xy"):
+        with pytest.raises(InputError, match="expected <dof> with x, y or z"):
+            read_strip(tmp_path, loads=load.format(dof))
 
 
 PRESSURE = (
