@@ -17,6 +17,7 @@ from cosim.port import Array, Ints
 from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.mesh_geometry import node_directors, node_means
 from fe_solver.elements.shell import shell_tables
+from fe_solver.forces.loads import node_volumes
 from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
 from fe_solver.materials.linear import Law
 from fe_solver.materials.section import Patch, Section, join_sections
@@ -139,6 +140,14 @@ class Sheet:
                 if len(of_part)
             ]
         )
+
+    @cached_property
+    def volumes(self) -> Array:
+        """The volume (ne, k) m3 of each element, as laid, that goes to each of its nodes."""
+        k = self.quads.shape[1]
+        thickness = self.thickness if self.thickness.ndim == 2 else self.thickness[:, None]
+        middle = self.points[self.quads] + self.height[:, :, None] * self.directors[self.quads]
+        return node_volumes(middle, np.broadcast_to(thickness, (len(thickness), k)))
 
     def moved(self, over: Array) -> Array:
         """Return the nodes moved along their directors by the mean at each of `over` (ne, k) m,

@@ -29,6 +29,7 @@ READMES = (
     "cosim/study",
     "cases/papers",
     "fe_solver",
+    "fe_solver/febio",
     "rigid",
     "meshes",
     "cases",

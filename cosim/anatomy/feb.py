@@ -45,7 +45,7 @@ def read_feb_mesh(path: Path) -> RawMesh:
     counts = [len(mesh.blocks[name].ids) for name in names]
     ids = np.concatenate([mesh.blocks[name].ids for name in names])
     order = np.argsort(ids)
-    ids, quads = ids[order], np.concatenate([mesh.blocks[name].quads for name in names])[order]
+    ids, quads = ids[order], np.concatenate([mesh.blocks[name].corners for name in names])[order]
     cells = {n: np.flatnonzero(np.isin(ids, e)) for n, e in mesh.element_sets.items()}
     h = np.repeat([thickness[name] for name in names], counts)[order]
     fibre = _fibres(root, mesh, names)
@@ -54,7 +54,7 @@ def read_feb_mesh(path: Path) -> RawMesh:
         _mid_surface(mesh.points, quads, h),
         quads,
         {name: of_set for name, of_set in cells.items() if len(of_set)},
-        {**_nodes_of(mesh.discrete), **_nodes_of(mesh.surfaces), **mesh.node_sets},
+        {**_nodes_of(mesh.discrete), **{n: f.nodes for n, f in mesh.surfaces.items()}, **mesh.node_sets},
         mesh.discrete,
         tuple(dropped),
         h if h.any() else None,
@@ -89,6 +89,8 @@ def _thicknesses(root: FebTag, mesh: FebMesh, dropped: list[str]) -> dict[str, f
             dropped.append(f"{what}: it is rigid; give bones as surfaces")
         elif block.kind not in SHELLS:
             dropped.append(f"{what}: they are no shells")
+        elif block.nodes.shape[1] > 4:
+            raise block.tag.fault(f"{what}: a hood is read of 3- and 4-node shells")
         else:
             thickness = tag.value("shell_thickness", 0.0) if tag is not None else 0.0
             out[name] = by_element.get(name, thickness)

@@ -35,6 +35,9 @@ FACTORS = np.array([5.0, 8.0, 5.0]) / 9
 GAUSS = np.array(list(itertools.product(QUADRATIC, QUADRATIC)))
 MIDDLES = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0], [0.0, 0.0]])
 NODES = np.vstack([CORNERS, MIDDLES])
+IN_TURN = [0, 1, 2, 3, 6, 5, 7, 4, 8]
+"""The nodes in the order of VTK and FEBio: corners, then the edges' middles from the first edge on,
+then the centre."""
 TYING = np.array(list(itertools.product(LINEAR, LINEAR)))
 ALONG_R = np.array(list(itertools.product(LINEAR, QUADRATIC)))
 ALONG_S = np.array(list(itertools.product(QUADRATIC, LINEAR)))

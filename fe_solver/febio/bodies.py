@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -11,25 +12,22 @@ from cosim.port import Array, Ints
 from fe_solver.febio.materials import Material, find_material
 from fe_solver.febio.mesh import SHELLS, FebMesh, rows_of
 from fe_solver.febio.parts import Parts
+from fe_solver.febio.units import Units
 from fe_solver.febio.xml import FebTag
-from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
+from fe_solver.job.curves import (
+    Curve,
+    Drive,
+    Extension,
+    FormulaCurve,
+    Interpolation,
+    LoadCurve,
+    Outside,
+    product_of,
+)
 from fe_solver.supports import Body
 
 AXES = "xyz"
 GROUND = "ground"
-
-
-@dataclass(frozen=True)
-class Units:
-    """One metre (m) and one newton (N) in the file's units."""
-
-    length: float
-    force: float
-
-    @property
-    def stress(self) -> float:
-        """1 Pa in the file's units."""
-        return self.force / self.length**2
 
 
 class Dof(NamedTuple):
@@ -67,18 +65,46 @@ class Model:
     """For each mesh node its index in the sheet, or -1."""
     body: Ints
     """For each mesh node its body, or -1."""
-    curves: dict[str, LoadCurve | FebTag]
+    curves: dict[str, Curve | FebTag]
     """The load curves by number; controllers of other kinds as their tags."""
     notes: list[str]
+    windows: Mapping[int, LoadCurve] = field(default_factory=dict)
+    """By the `id` of a load's tag in one of several steps, what is 1 while it lasts."""
 
     def drive(self, tag: FebTag, unit: float) -> Drive:
-        """A number times a load curve.  Raises InputError for any other kind of value."""
-        return Drive(tag.numbers(1)[0] * unit, self.curve(tag))
+        """A number or a formula of the time, times a load curve."""
+        return self.drives(tag, unit, 1)[0]
 
-    def curve(self, tag: FebTag) -> LoadCurve | None:
-        """The load curve that a tag's `lc` names."""
-        if tag.attributes.get("type", "const") != "const":
-            raise tag.fault(f"a value of type {tag.attributes['type']!r} is not read")
+    def drives(self, tag: FebTag, unit: float, count: int) -> list[Drive]:
+        """So many numbers or formulas of the time, each times the load curve, while the step that
+        the tag belongs to lasts.  Raises InputError for any other kind of value."""
+        out = []
+        curve = product_of(self._controller(tag), self.window(tag))
+        for f in tag.formulas(count, ("t",)):
+            if f.used:
+                out.append(Drive(unit, product_of(FormulaCurve(f.text), curve)))
+            else:
+                out.append(Drive(float(f.value({})) * unit, curve))
+        return out
+
+    def window(self, tag: FebTag) -> LoadCurve | None:
+        """What is 1 while the load that the tag is of lasts; None where that is at all times."""
+        load: FebTag | None = tag
+        while load is not None and id(load) not in self.windows:
+            load = load.parent
+        return None if load is None else self.windows[id(load)]
+
+    def points(self, tag: FebTag) -> LoadCurve | None:
+        """The points of the load curve that a tag's `lc` names.  Raises InputError for a
+        controller by a formula."""
+        curve = self._controller(tag)
+        match curve:
+            case LoadCurve() | None:
+                return curve
+        raise tag.fault("only a load curve with points is read here, not a formula")
+
+    def _controller(self, tag: FebTag) -> Curve | None:
+        """What the tag's `lc` names."""
         number = tag.attributes.get("lc", "").strip()
         if number in ("", "0"):
             return None
@@ -86,7 +112,7 @@ class Model:
         if isinstance(curve, FebTag):
             raise curve.fault(
                 f"a load controller of type {curve.attributes.get('type')!r} is not read, only "
-                "loadcurve"
+                "loadcurve, math and math-interval"
             )
         if curve is None:
             raise tag.fault(f"there is no load controller {number}")
@@ -111,15 +137,17 @@ class Model:
         return np.zeros(3) if centre is None else centre * self.units.length
 
 
-def read_curves(section: FebTag | None) -> dict[str, LoadCurve | FebTag]:
+def read_curves(section: FebTag | None) -> dict[str, Curve | FebTag]:
     """Load curves by number; controllers of other kinds as their tags."""
-    out: dict[str, LoadCurve | FebTag] = {}
+    out: dict[str, Curve | FebTag] = {}
     for t in section.all("load_controller") if section is not None else []:
         number = t.attribute("id")
         if number in out:
             raise t.fault(f"two load controllers have the number {number}")
         if t.attribute("type") == "loadcurve":
             out[number] = read_curve(t)
+        elif t.attribute("type") in ("math", "math-interval"):
+            out[number] = _formula_curve(t)
         else:
             t.pass_over()
             out[number] = t
@@ -142,6 +170,21 @@ def read_curve(t: FebTag, across: float = 1.0, along: float = 1.0) -> LoadCurve:
     times, height = (values * (across, along)).T.tolist() if len(line) else ([], [])
     with t.naming_place():
         return LoadCurve(tuple(times), tuple(height), Interpolation(between), Extension(beyond))
+
+
+def _formula_curve(t: FebTag) -> FormulaCurve:
+    """A controller by a formula of t, over an interval of time if it is one."""
+    formula = t.needed("math", "a formula of t")
+    interval, ends = None, [Outside.CONSTANT, Outside.CONSTANT]
+    if t.attribute("type") == "math-interval":
+        low, high = t.needed("interval", "two times").numbers(2)
+        interval = (low, high)
+        for i, name in enumerate(("left_extend", "right_extend")):
+            word = t.word(name, "constant").lower()
+            word = list(Outside)[int(word)] if word in ("0", "1", "2") else word
+            ends[i] = Outside(t.known(name, word, list(Outside)))
+    with formula.naming_place():
+        return FormulaCurve(" ".join(formula.text.split()), interval, *ends)
 
 
 def owners(
@@ -171,7 +214,7 @@ def owners(
     for t in boundary:
         if t.attribute("type") == "rigid":
             m = find_material(t, materials, t.word("rb", ""))
-            nodes = mesh.nodes_of(t, t.attribute("node_set"))
+            nodes = mesh.held_nodes_of(t, t.attribute("node_set"))
             if m.name in model_rigid:
                 out[nodes[~shell[nodes] & (out[nodes] < 0)]] = model_rigid.index(m.name)
     return out
@@ -192,7 +235,7 @@ def read_bodies(
     motion = _motions(model, tags)
     bodies, vertices = [], []
     for i, name in enumerate(model.rigid):
-        shells = [b.quads for b in parts.rigid[name] if b.kind in SHELLS]
+        shells = [b.pieces for b in parts.rigid[name] if b.kind in SHELLS]
         facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *shells, *touched.get(i, [])])
         nodes = np.unique(facets)
         own_facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *shells])

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cosim.port import Array, Ints
+from fe_solver.elements.mesh_geometry import element_areas, node_means
 from fe_solver.febio.bodies import AXES, Model, read_curve
+from fe_solver.febio.mesh import Facets
+from fe_solver.febio.parts import Parts
 from fe_solver.febio.xml import FebTag
-from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement, Pressure
+from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.job import BodyForce, HeldDirector, NodalForce, PrescribedDisplacement, Pressure
+from fe_solver.sheet import Sheet
 from fe_solver.supports import SpringLaw, SpringSet, Tied
 
 SIZE_OF_FORCE = 3
+BODY_LOADS = ("const", "body force", "non-const")
+SAME_AREA = 1e-6
+"""Share of an element's area: the areas of its faces that differ by less are alike."""
 SPRINGS = ("linear spring", "tension-only linear spring", "nonlinear spring")
 
 
@@ -30,7 +40,7 @@ def read_ties(model: Model, tags: list[FebTag]) -> tuple[Tied, ...]:
     out = []
     for t in _conditions(tags, "rigid"):
         body = model.body_of(t, t.word("rb", ""))
-        nodes = model.shell[model.mesh.nodes_of(t, t.attribute("node_set"))]
+        nodes = model.shell[model.mesh.held_nodes_of(t, t.attribute("node_set"))]
         if (nodes >= 0).any():
             out.append(Tied(nodes[nodes >= 0], body, t.value("clamp_shells", 1.0) != 0))
     shared = (model.shell >= 0) & (model.body >= 0)
@@ -48,7 +58,7 @@ def nodes_at_rest(model: Model, tags: list[FebTag]) -> Ints:
     """Mesh nodes of which all three displacements are zero."""
     held = np.zeros((3, len(model.shell)), dtype=bool)
     for t in _conditions(tags, "zero displacement"):
-        nodes = model.mesh.nodes_of(t, t.attribute("node_set"))
+        nodes = model.mesh.held_nodes_of(t, t.attribute("node_set"))
         for i, axis in enumerate(AXES):
             held[i, nodes] |= t.flag(f"{axis}_dof")
     return np.flatnonzero(held.all(axis=0))
@@ -84,7 +94,9 @@ def read_displacements(
 
 def _free(model: Model, t: FebTag, taken: Ints) -> Ints:
     """Nodes of a condition on the sheet that are not tied to a body."""
-    nodes = _on_sheet(model, t, model.mesh.nodes_of(t, t.attribute("node_set")), "this condition")
+    nodes = _on_sheet(
+        model, t, model.mesh.held_nodes_of(t, t.attribute("node_set")), "this condition"
+    )
     twice = np.isin(nodes, taken)
     if twice.any():
         model.notes.append(
@@ -105,8 +117,10 @@ def _read_director_supports(
                 front = [h.nodes for h in held if h.component == i]
                 if not np.isin(nodes, np.concatenate(front) if front else []).all():
                     raise t.fault(
-                        f"s{axis} of the back face is held where {axis} of the nodes is not: only "
-                        "both together, which hold the director, are read"
+                        f"the back face is held along {axis} (s{axis}_dof) where the front face is "
+                        f"free ({axis}_dof): the solver's shell has a director for its back face, "
+                        "so that both are held together or neither; set "
+                        f"{axis}_dof to 1 too, or s{axis}_dof to 0"
                     )
                 out.append(HeldDirector(nodes, i))
     return tuple(out)
@@ -123,30 +137,39 @@ def read_forces(model: Model, tags: list[FebTag]) -> tuple[NodalForce, ...]:
             if t.flag(name):
                 raise t.fault(f"<{name}> other than 0 is not read")
         value = t.needed("value", "three components")
-        force = np.array(value.numbers(SIZE_OF_FORCE)) * model.units.force
+        drives = model.drives(value, model.units.force, SIZE_OF_FORCE)
         on_sheet = _on_sheet(model, t, nodes, "the force")
         if len(on_sheet):
-            out.append(NodalForce(on_sheet, force, model.curve(value)))
+            out += [NodalForce(on_sheet, force, curve) for force, curve in _by_curve(drives)]
     return tuple(out)
 
 
-def match_facets(model: Model, quads: Ints, tag: FebTag, facets: Ints) -> tuple[Ints, Ints]:
-    """The one (k,) of the sheet's quads (ne, 4) that each facet (k, 4) is, both of mesh nodes; and
-    1 where it is wound alike, else -1.  Raises InputError for a facet that is none."""
-    both = np.concatenate([quads, facets])
+def _by_curve(drives: list[Drive]) -> list[tuple[Array, Curve | None]]:
+    """The components (3,) that share a curve, with it; components that are zero go with any."""
+    curves = list(dict.fromkeys(d.curve for d in drives if d.value)) or [drives[0].curve]
+    return [(np.array([d.value * (d.curve == c) for d in drives]), c) for c in curves]
+
+
+def match_facets(model: Model, parts: Parts, tag: FebTag, facets: Facets) -> tuple[Ints, Ints]:
+    """The elements (k,) of the sheet that the facets are; and 1 where the facet is wound alike,
+    else -1.  Raises InputError for a facet that is none."""
+    quads, wanted = parts.corners, facets.corners
+    both = np.concatenate([quads, wanted])
     both[both[:, 2] == both[:, 3], 3] = -1
     both.sort(axis=1)
     _, number = np.unique(both, axis=0, return_inverse=True)
     number = number.reshape(-1)
     order = np.argsort(number[: len(quads)], kind="stable")
-    wanted = number[len(quads) :]
-    at = np.searchsorted(number[: len(quads)], wanted, sorter=order)
+    sought = number[len(quads) :]
+    at = np.searchsorted(number[: len(quads)], sought, sorter=order)
     quad = order[np.minimum(at, len(order) - 1)]
-    wrong = np.flatnonzero(number[quad] != wanted)
+    wrong = np.flatnonzero(number[quad] != sought)
     if len(wrong):
-        ids = model.mesh.node_ids[facets[wrong[0]]]
+        ids = model.mesh.node_ids[wanted[wrong[0]]]
         raise tag.fault(f"the facet with nodes {ids.tolist()} is no element of the shell")
-    return quad, np.where(_turn(model, facets, quads[quad]) > 0, 1, -1)
+    sign = np.where(_turn(model, wanted, quads[quad]) > 0, 1, -1)
+    elements, which = parts.elements_of(quad)
+    return elements, sign[which]
 
 
 def _turn(model: Model, a: Ints, b: Ints) -> Array:
@@ -156,7 +179,7 @@ def _turn(model: Model, a: Ints, b: Ints) -> Array:
     return np.asarray(np.einsum("ki,ki->k", *normals))
 
 
-def read_pressures(model: Model, sheet_quads: Ints, tags: list[FebTag]) -> tuple[Pressure, ...]:
+def read_pressures(model: Model, parts: Parts, tags: list[FebTag]) -> tuple[Pressure, ...]:
     """FEBio's positive pressure pushes against the normal of the facets.
 
     Raises InputError for a load that is not read."""
@@ -165,13 +188,62 @@ def read_pressures(model: Model, sheet_quads: Ints, tags: list[FebTag]) -> tuple
         kind, value = t.attribute("type"), t.one("pressure")
         if kind != "pressure" or value is None:
             raise t.fault(f"the surface load {kind!r} is not read, only pressure with <pressure>")
-        if t.flag("shell_bottom"):
-            raise t.fault("<shell_bottom> other than 0 is not read")
         t.all("symmetric_stiffness")
         facets = model.mesh.surface_of(t, t.attribute("surface"))
-        quads, sign = match_facets(model, sheet_quads, t, facets)
+        quads, sign = match_facets(model, parts, t, facets)
         drive = model.drive(value, model.units.stress)
+        if t.flag("shell_bottom"):
+            sign = -sign
+            _tell_back_face(model, parts.sheet, quads, t)
         out.append(Pressure(quads, sign, drive, t.flag("linear")))
+    return tuple(out)
+
+
+def _tell_back_face(model: Model, sheet: Sheet, quads: Ints, t: FebTag) -> None:
+    """Note by how much the area of the back faces of quads (k,) differs from that of the nodes,
+    where it does."""
+    back = (
+        sheet.points
+        + 2 * node_means(sheet.height, sheet.quads, len(sheet.points))[:, None] * sheet.directors
+    )
+    front, behind = (element_areas(x, sheet.quads[quads]) for x in (sheet.points, back))
+    off = float(np.abs(behind / front - 1).max(initial=0.0))
+    if off > SAME_AREA:
+        model.notes.append(
+            f"{t.path} (line {t.line}): the pressure on the back face acts on the nodes' face, "
+            f"whose area differs by up to {100 * off:.2g} %"
+        )
+
+
+def read_body_forces(model: Model, parts: Parts, tags: list[FebTag]) -> tuple[BodyForce, ...]:
+    """The forces on the mass of the sheet's elements: FEBio's is the material's density times the
+    body load, *against* it (FEBioMech/FEElasticShellDomain.cpp takes it off the residual as it
+    does the internal forces, NIKE3D's convention), although its user manual (3.13, Body Loads)
+    writes the balance with the opposite sign.
+
+    Raises InputError for a load that is not read, and where a density is not told."""
+    out = []
+    for t in tags:
+        kind = t.kind_of("body load", BODY_LOADS)
+        if kind == "body force":
+            drives = model.drives(t.needed("force", "three components"), model.units.length, 3)
+        else:
+            children = [t.one(axis) for axis in AXES]
+            drives = [
+                Drive() if c is None else model.drive(c, model.units.length) for c in children
+            ]
+        quads = np.arange(len(parts.density))
+        if "elem_set" in t.attributes:
+            chosen = model.mesh.elements_of(t, t.attributes["elem_set"])
+            quads = np.flatnonzero(np.isin(parts.sheet.element_ids, chosen))
+        density = parts.density[quads] * model.units.density
+        if not (np.isfinite(density) & (density >= 0)).all():
+            raise t.fault(
+                "a mixture of several densities, or a negative one, has no weight that is read; "
+                "give one density to the material"
+            )
+        x, y, z = (replace(d, value=-d.value) for d in drives)
+        out.append(BodyForce(quads, density, (x, y, z)))
     return tuple(out)
 
 
@@ -211,7 +283,7 @@ def _spring_law(model: Model, t: FebTag) -> SpringLaw:
     force, scale = t.needed("force"), t.value("scale", 1.0) * units.force
     if force.attributes.get("type") == "point":
         return SpringLaw(0.0, False, read_curve(force, units.length, scale))
-    curve = model.curve(force)
+    curve = model.points(force)
     if curve is None:
         raise force.fault("expected a force of type point, or a load curve lc")
     scale *= force.numbers(1)[0]

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cosim.errors import InputError
+from fe_solver.febio.values import Values
 from fe_solver.febio.xml import Element, FebTag, tag
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
@@ -112,24 +113,25 @@ def needs_fibre(law: Law) -> bool:
     return isinstance(law, fibrous | CrossedFibres | CrossedLinear)
 
 
-def read_law(t: FebTag, stress: float) -> tuple[Law, FebTag, float]:
-    """The law of a material, the tag that says its fibre, and the fibres' stretch in situ.
+def read_law(t: FebTag, stress: float, values: Values) -> tuple[Law, FebTag, float]:
+    """The law of a material, the tag that says its fibre, and the fibres' stretch in situ; `values`
+    reads its parameters.
 
     Raises InputError for a material or a parameter that is not known, or not allowed."""
     kind = t.attribute("type")
     if kind == MIXTURE:
-        return *_mixture(t, stress), 1.0
+        return *_mixture(t, stress, values), 1.0
     if kind in (PRESTRAIN, "prestrain elastic"):
-        return _read_prestrain(t, stress)
+        return _read_prestrain(t, stress, values)
     if kind not in PLAIN:
         raise t.fault(
             f"the material {kind!r} is not known; known: {', '.join(PLAIN)}, {MIXTURE}, "
             f"{PRESTRAIN}, rigid body"
         )
-    return _read(t, stress), t, 1.0
+    return _read(t, stress, values), t, 1.0
 
 
-def _read(t: FebTag, stress: float, volume: FebTag | None = None) -> Any:
+def _read(t: FebTag, stress: float, values: Values, volume: FebTag | None = None) -> Any:
     """The law of one tag; its bulk modulus is said in the tag `volume`, of a material that wraps
     it."""
     law = BY_KIND[t.attribute("type")]
@@ -142,14 +144,16 @@ def _read(t: FebTag, stress: float, volume: FebTag | None = None) -> Any:
     for p, holder in holders.items():
         if p.default is None and p.like is None and holder.one(p.tag) is None:
             raise holder.fault(f"the parameter <{p.tag}> is missing")
-    values: dict[str, float] = {}
+    read: dict[str, Real] = {}
     for p, holder in holders.items():
-        values[p.tag] = holder.value(p.tag, values[p.like] if p.like else p.default or 0.0)
+        found = holder.one(p.tag)
+        like = read[p.like] if p.like else p.default or 0.0
+        read[p.tag] = like if found is None else values.value(found, 0.0)
     with t.naming_place():
-        return law.make(**{p.field: values[p.tag] * p.factor(stress) for p in law.parameters})
+        return law.make(**{p.field: read[p.tag] * p.factor(stress) for p in law.parameters})
 
 
-def _read_prestrain(t: FebTag, stress: float) -> tuple[Law, FebTag, float]:
+def _read_prestrain(t: FebTag, stress: float, values: Values) -> tuple[Law, FebTag, float]:
     """A law whose fibres are stretched in situ."""
     inner, made = t.one("elastic"), t.one("prestrain")
     if inner is None or made is None:
@@ -165,10 +169,10 @@ def _read_prestrain(t: FebTag, stress: float) -> tuple[Law, FebTag, float]:
     stretch = made.value("stretch", 0.0)
     if not (np.isfinite(stretch) and stretch > 0):
         raise made.fault(f"the stretch must be positive, got {stretch:g}")
-    return _read(inner, stress, t), inner, stretch
+    return _read(inner, stress, values, t), inner, stretch
 
 
-def _mixture(t: FebTag, stress: float) -> tuple[Law, FebTag]:
+def _mixture(t: FebTag, stress: float, values: Values) -> tuple[Law, FebTag]:
     """Matrix and one or two fibre families: a Mooney-Rivlin law with or without a fibre, and
     `uncoupled fiber-exp-linear` fibres."""
     solids = t.all("solid")
@@ -182,15 +186,17 @@ def _mixture(t: FebTag, stress: float) -> tuple[Law, FebTag]:
             f"one or two families in all; got {', '.join(kinds) or 'none'}"
         )
     plain = matrices[0].attribute("type") == MATRICES[0]
-    law = _read(matrices[0], stress, t)
+    law = _read(matrices[0], stress, values, t)
     holder = fibres[0] if plain else matrices[0]
     if plain:
         with fibres[0].naming_place():
-            law = replace(law, **vars(_read(fibres[0], stress)))
+            law = replace(law, **vars(_read(fibres[0], stress, values)))
     if families == 1:
         return law, holder
     with t.naming_place():
-        return CrossedFibres(law, _read(fibres[-1], stress), _turn(holder, fibres[-1])), holder
+        return CrossedFibres(
+            law, _read(fibres[-1], stress, values), _turn(holder, fibres[-1])
+        ), holder
 
 
 def _turn(first: FebTag, second: FebTag) -> float:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.port import Array
+from cosim.port import Array, Ints
 from fe_solver.febio.laws import fibre_in_axes, read_law
-from fe_solver.febio.mesh import rows_of
+from fe_solver.febio.values import ElementData, Place
 from fe_solver.febio.xml import FebTag
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
-from fe_solver.materials.linear import Law, Orthotropic
+from fe_solver.materials.linear import Law, Orthotropic, Real
 
 RIGID = "rigid body"
+DENSITY = 1.0
+"""FEBio's, where a material says none."""
 IN_PLANE = 0.9
 """Least cosine between the third material axis and the sheet's normal."""
 
@@ -26,24 +29,40 @@ class Material:
     tag: FebTag
     name: str
     number: str
-    law: Law | None
-    """None of a rigid one."""
+    rigid: bool
+    """Whether it is a rigid body."""
     centre: Array | None
     """(3,) of a rigid one, in the file's units, where it is given."""
+
+
+@dataclass(frozen=True)
+class ShellMaterial:
+    """What a part of the sheet is made of."""
+
+    tag: FebTag
+    law: Law
     holder: FebTag
     """The tag in which its (first) fibre is said."""
-    in_situ_stretch: float = 1.0
-
-    @property
-    def rigid(self) -> bool:
-        """Whether it is a rigid body."""
-        return self.law is None
+    in_situ_stretch: float
+    density: Real | None
+    """In the file's units; None where the tags within say more than one."""
 
 
-def read_materials(section: FebTag, stress: float) -> list[Material]:
-    """The materials, stresses in units of `stress` Pa.
+def shell_material(m: Material, stress: float, place: Place) -> ShellMaterial:
+    """A material where it is, stresses in units of `stress` Pa.
 
     Raises InputError for a material or a parameter that is not known, or not allowed."""
+    law, holder, stretch = read_law(m.tag, stress, place)
+    inner = m.tag.one("elastic")
+    given = [t.one("density") for t in (m.tag, *m.tag.all("solid"), *([inner] if inner else []))]
+    told = [t for t in given if t is not None]
+    density = place.value(told[0] if told else None, DENSITY)
+    alone = not m.tag.all("solid") and len({t.text.strip() for t in told}) <= 1
+    return ShellMaterial(m.tag, law, holder, stretch, density if alone else None)
+
+
+def read_materials(section: FebTag) -> list[Material]:
+    """The materials by name and number."""
     out: list[Material] = []
     for t in section.all("material"):
         number = t.attributes.get("id", str(len(out) + 1))
@@ -52,10 +71,9 @@ def read_materials(section: FebTag, stress: float) -> list[Material]:
             raise t.fault(f"two materials are called {name!r}")
         t.all("density")
         if t.attribute("type") == RIGID:
-            out.append(Material(t, name, number, None, _centre(t), t))
+            out.append(Material(t, name, number, True, _centre(t)))
         else:
-            law, holder, stretch = read_law(t, stress)
-            out.append(Material(t, name, number, law, None, holder, stretch))
+            out.append(Material(t, name, number, False, None))
     return out
 
 
@@ -76,15 +94,21 @@ def _centre(t: FebTag) -> Array | None:
 
 
 def fibre_directions(
-    m: Material, corners: Array, given: dict[str, FebTag], maps: dict[str, FebTag]
+    m: ShellMaterial,
+    corners: Array,
+    ids: Ints,
+    special: Mapping[str, Sequence[ElementData]],
+    maps: Mapping[str, ElementData],
 ) -> Array:
-    """Directions (k, 3) of axis 1 on elements with corners (k, 4, 3), not yet in their planes.
+    """Directions (k, 3) of axis 1 on elements with corners (k, 4, 3) and numbers (k,), not yet in
+    their planes.
 
-    `given` holds the part's ElementData by type (`fiber`, `mat_axis`), `maps` all others by name.
+    `special` holds ElementData by type (`fiber`, `mat_axis`), `maps` all others by name.
     Raises InputError where they cannot be told."""
-    axes = _axes(m, corners, given)
-    if isinstance(m.law, TransIsoMooneyRivlin) and m.law.c3 + m.law.c5 > 0:
-        return np.einsum("kij,kj->ki", axes, _fibre(m, corners, given, maps))
+    axes = _axes(m, corners, ids, special["mat_axis"])
+    if isinstance(m.law, TransIsoMooneyRivlin) and np.any(np.add(m.law.c3, m.law.c5) > 0):
+        fibre = _fibre(m, corners, ids, special["fiber"], maps)
+        return np.einsum("kij,kj->ki", axes, fibre)
     if isinstance(m.law, CrossedFibres):
         _check_axes_up(m, corners, axes)
         return np.einsum("kij,j->ki", axes, fibre_in_axes(m.holder))
@@ -98,7 +122,7 @@ def fibre_directions(
     return corners[:, 1] - corners[:, 0]
 
 
-def _check_axes_up(m: Material, corners: Array, axes: Array) -> None:
+def _check_axes_up(m: ShellMaterial, corners: Array, axes: Array) -> None:
     """Check that the third material axis is the elements' normal, about which one family is turned
     from the other.  Raises InputError where it is not."""
     normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
@@ -120,16 +144,18 @@ def _frame(a: Array, d: Array) -> Array:
     return np.stack([_unit(a), _unit(np.cross(e3, a)), _unit(e3)], axis=-1)
 
 
-def _axes(m: Material, corners: Array, given: dict[str, FebTag]) -> Array:
+def _given_to(data: Sequence[ElementData], ids: Ints) -> ElementData | None:
+    """The last that gives something to one of the elements (k,)."""
+    given = [d for d in data if np.isin(ids, d.elements).any()]
+    return given[-1] if given else None
+
+
+def _axes(m: ShellMaterial, corners: Array, ids: Ints, given: Sequence[ElementData]) -> Array:
     k = len(corners)
-    data, tag = given.get("mat_axis"), m.tag.one("mat_axis")
+    data, tag = _given_to(given, ids), m.tag.one("mat_axis")
     if data is not None:
-        rows = [c for c in data.children if c.name in ("e", "elem")]
-        if len(rows) != k:
-            raise data.fault(f"expected axes of {k} elements, got {len(rows)}")
         vectors = np.empty((k, 2, 3))
-        for i, row in enumerate(rows):
-            row.used = True
+        for i, row in enumerate(data.tags_at(ids)):
             vectors[i] = vector_in(row, "a"), vector_in(row, "d")
         return _frame(vectors[:, 0], vectors[:, 1])
     if tag is None:
@@ -162,21 +188,23 @@ def _local(tag: FebTag, count: int, default: tuple[int, ...]) -> list[int]:
     return [int(v) - 1 for v in values]
 
 
-def _fibre(m: Material, corners: Array, given: dict[str, FebTag], maps: dict[str, FebTag]) -> Array:
+def _fibre(
+    m: ShellMaterial,
+    corners: Array,
+    ids: Ints,
+    given: Sequence[ElementData],
+    maps: Mapping[str, ElementData],
+) -> Array:
     """The fibre directions (k, 3) in the material axes."""
     k, tag = len(corners), m.holder.one("fiber")
     kind = "" if tag is None else tag.attributes.get("type", "vector")
-    data = given.get("fiber")
+    data = _given_to(given, ids)
     if tag is not None and kind == "map":
         data = maps.get(tag.text.strip())
         if data is None:
             raise tag.fault(f"there is no ElementData called {tag.text.strip()!r}")
-        data.used = True
     if data is not None:
-        _, _, values = rows_of(data, 3)
-        if len(values) != k:
-            raise data.fault(f"expected fibres of {k} elements, got {len(values)}")
-        return values
+        return data.all_at(ids, (3,))
     if tag is None or kind == "user":
         raise (tag or m.tag).fault("no fibre directions: give <fiber> or ElementData of type fiber")
     if kind == "vector":

@@ -17,7 +17,6 @@ from cosim.port import Ints
 from fe_solver.febio.bodies import (
     GROUND,
     Model,
-    Units,
     owners,
     read_bodies,
     read_curves,
@@ -26,6 +25,7 @@ from fe_solver.febio.bodies import (
 from fe_solver.febio.conditions import (
     match_facets,
     nodes_at_rest,
+    read_body_forces,
     read_displacements,
     read_forces,
     read_pressures,
@@ -36,8 +36,10 @@ from fe_solver.febio.materials import read_materials
 from fe_solver.febio.mesh import FebMesh, read_mesh_section
 from fe_solver.febio.notes import collect_notes
 from fe_solver.febio.parts import Parts, read_parts
+from fe_solver.febio.units import Units
 from fe_solver.febio.xml import FebTag, read_xml
 from fe_solver.job.checks import check_mesh, within
+from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import Job, Step
 from fe_solver.supports import Body, ContactPair
 
@@ -46,6 +48,8 @@ SECTIONS = (
     "Module Control Globals Material Mesh MeshDomains MeshData MeshAdaptor Initial Boundary Rigid "
     "Loads Contact Constraints Discrete LoadData Step Output Include Code"
 ).split()
+LOADING = ("Loads", "Initial")
+"""Sections whose conditions may belong to one of several steps."""
 REFUSED = ("Constraints", "MeshAdaptor", "Include", "Code")
 
 
@@ -74,9 +78,9 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     notes: list[str] = []
     units = Units(length_unit, force_unit)
     mesh = read_mesh_section(sections.one("Mesh"))
-    materials = read_materials(sections.one("Material"), units.stress)
+    materials = read_materials(sections.one("Material"))
     data = root.one("MeshData")
-    parts = read_parts(sections.one("MeshDomains"), data, mesh, materials, length_unit, notes)
+    parts = read_parts(sections.one("MeshDomains"), data, mesh, materials, units, notes)
     sheet = parts.sheet
     with within(str(path)):
         check_mesh(sheet.points, sheet.quads, sheet.node, sheet.element)
@@ -86,33 +90,81 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     shell[parts.nodes] = np.arange(len(parts.nodes))
     body = owners(mesh, parts, sections.all("Boundary", "bc"), rigid, materials)
     curves = read_curves(root.one("LoadData"))
-    model = Model(mesh, units, materials, rigid, shell, body, curves, notes)
-    job = _job(path.stem, model, parts, sections)
+    steps = _steps(sections)
+    windows = sections.windows(steps)
+    if windows:
+        notes.append(
+            "Step: loads of a step rise, and those of the one before fall, over its first "
+            "increment; FEBio changes them at once, which is the same at the ends of increments"
+        )
+    model = Model(mesh, units, materials, rigid, shell, body, curves, notes, windows)
+    job = _job(path.stem, model, parts, sections, steps)
     return replace(job, notes=collect_notes(root, notes))
 
 
 class _Sections:
-    """Top-level sections; those of a single step count as its file's."""
+    """Top-level sections; those of a single step count as its file's, those of several last as
+    long as their step."""
 
     def __init__(self, root: FebTag) -> None:
         self.root = root
         holder = root.one("Step")
         self.steps = holder.all("step") if holder is not None else []
-        if len(self.steps) > 1:
-            for t in [t for step in self.steps for t in step.children]:
-                if t.name not in ("Control", "Output"):
-                    raise t.fault(
-                        "conditions that belong to one of several steps are not read; move them to "
-                        "the top level and let a load curve switch them"
-                    )
 
     def all(self, section: str, kind: str) -> list[FebTag]:
-        """The tags of one kind in a section."""
-        places = [self.root, *(self.steps if len(self.steps) == 1 else [])]
-        return [t for place in places for s in place.all(section) for t in s.all(kind)]
+        """The tags of one kind in a section, those of several steps once where each has them.
+
+        Raises InputError for a condition of some of several steps that is no load: what holds or
+        touches the sheet does not change in a solve."""
+        top = _within(self.root, section, kind)
+        by_step = [_within(step, section, kind) for step in self.steps]
+        if section in LOADING or len(by_step) < 2:
+            return [*top, *(t for tags in by_step for t in tags)]
+        signs = [[_signature(t) for t in tags] for tags in by_step]
+        for tags, own in zip(by_step, signs, strict=True):
+            for t, sign in zip(tags, own, strict=True):
+                if not all(sign in other for other in signs):
+                    raise t.fault(
+                        "it belongs to some of several steps, and what holds or touches the shell "
+                        "stays the same in a solve: give it in every step alike, or at the top "
+                        "level, with a load curve where it moves; or solve the steps apart"
+                    )
+                if t.flag("relative"):
+                    raise t.fault("<relative> other than 0 is not read in one of several steps")
+                if tags is not by_step[0]:
+                    t.pass_over()
+        return [*top, *by_step[0]]
+
+    def windows(self, steps: tuple[Step, ...]) -> dict[int, LoadCurve]:
+        """By the `id` of each load's tag in one of several steps: what is 1 while the step lasts.
+        It rises and falls over the first increment of a step, so that at the ends of increments it
+        is as in FEBio, which changes loads at once."""
+        out: dict[int, LoadCurve] = {}
+        if len(self.steps) < 2:
+            return out
+        begins = [0.0, *(s.end for s in steps)]
+        risen = [b + (s.end - b) / s.increments for b, s in zip(begins, steps, strict=False)]
+        for i, holder in enumerate(self.steps):
+            points = [(begins[i], 0.0), (risen[i], 1.0)] if i else []
+            points += [(begins[i + 1], 1.0)] if not points or risen[i] < begins[i + 1] else []
+            points += [(risen[i + 1], 0.0)] if i + 1 < len(steps) else []
+            times, values = zip(*points, strict=True)
+            for t in [t for s in holder.all("Loads") for t in s.children]:
+                out[id(t)] = LoadCurve(times, values)
+        return out
 
     def one(self, name: str) -> FebTag:
         return self.root.needed(name, "a section of every FEBio 4 file")
+
+
+def _within(place: FebTag, section: str, kind: str) -> list[FebTag]:
+    return [t for s in place.all(section) for t in s.all(kind)]
+
+
+def _signature(t: FebTag) -> tuple[object, ...]:
+    """What a condition says, but for its name."""
+    said = sorted((k, v) for k, v in t.attributes.items() if k not in ("name", "id"))
+    return t.name, tuple(said), " ".join(t.text.split()), *map(_signature, t.children)
 
 
 def _check_header(root: FebTag) -> None:
@@ -142,7 +194,9 @@ def _check_initial(sections: _Sections, notes: list[str]) -> None:
         t.pass_over()
 
 
-def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
+def _job(
+    name: str, model: Model, parts: Parts, sections: _Sections, steps: tuple[Step, ...]
+) -> Job:
     boundary = sections.all("Boundary", "bc")
     tied = read_ties(model, boundary)
     held, directors = read_displacements(model, boundary, tied)
@@ -153,8 +207,7 @@ def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
         nodes_at_rest(model, boundary),
     )
     pairs = _contact_tags(model.mesh, sections.all("Contact", "contact"))
-    quads = parts.nodes[parts.sheet.quads]
-    sides = [_sides(model, quads, t, pair) for t, pair in pairs]
+    sides = [_sides(model, parts, t, pair) for t, pair in pairs]
     touched: dict[int, list[Ints]] = {}
     for _, _, body, facets in sides:
         touched.setdefault(body, []).append(facets)
@@ -172,10 +225,11 @@ def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
         held_directors=directors,
         springs=springs,
         forces=read_forces(model, sections.all("Loads", "nodal_load")),
-        pressures=read_pressures(model, quads, sections.all("Loads", "surface_load")),
+        pressures=read_pressures(model, parts, sections.all("Loads", "surface_load")),
+        body_forces=read_body_forces(model, parts, sections.all("Loads", "body_load")),
         contacts=contacts,
         bodies=bodies,
-        steps=_steps(sections),
+        steps=steps,
         name=name,
     )
 
@@ -215,17 +269,17 @@ def _contact_tags(mesh: FebMesh, tags: list[FebTag]) -> list[tuple[FebTag, tuple
 
 
 def _sides(
-    model: Model, quads: Ints, t: FebTag, pair: tuple[str, str]
+    model: Model, parts: Parts, t: FebTag, pair: tuple[str, str]
 ) -> tuple[Ints, Ints, int, Ints]:
-    """The elements (k,) on one side of a pair, of the sheet's `quads` (ne, 4) of mesh nodes, and
-    how their facets are wound; the body, and the facets (nt, 4) on its side."""
+    """The elements (k,) of the sheet on one side of a pair, and how their facets are wound; the
+    body, and the facets (nt, 4) on its side."""
     first, second = (model.mesh.surface_of(t, name) for name in pair)
-    if (model.body[first] >= 0).all():
+    if (model.body[first.nodes] >= 0).all():
         first, second = second, first
-    owner = np.unique(np.where(model.shell[second] >= 0, -1, model.body[second]))
+    owner = np.unique(np.where(model.shell[second.nodes] >= 0, -1, model.body[second.nodes]))
     if len(owner) != 1 or owner[0] < 0:
         raise t.fault("contact is read between the shell and one rigid body only")
-    return *match_facets(model, quads, t, first), int(owner[0]), second
+    return *match_facets(model, parts, t, first), int(owner[0]), second.pieces
 
 
 def _contact(model: Model, t: FebTag, quads: Ints, triangles: Ints, body: int) -> ContactPair:

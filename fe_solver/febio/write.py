@@ -12,9 +12,10 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.port import Array, Ints
-from fe_solver.febio.bodies import Units
+from fe_solver.elements.mitc9 import IN_TURN
 from fe_solver.febio.laws import law_tag, needs_fibre
-from fe_solver.febio.write_conditions import SAME_POINT, Conditions, curve_tags
+from fe_solver.febio.units import Units
+from fe_solver.febio.write_conditions import SAME_POINT, Conditions, controller_tag
 from fe_solver.febio.xml import Element, tag, write_xml
 from fe_solver.job.job import Job
 from fe_solver.materials.linear import Law
@@ -58,6 +59,8 @@ def _check_names(job: Job) -> None:
             f"{job.name}: the body {shapes[0]!r} has a surface that is not of triangles, which "
             "FEBio's format has no word for; give it vertices and triangles"
         )
+    if job.body_forces:
+        raise InputError(f"{job.name}: a force on the mass of elements is not written for FEBio")
     if not job.steps:
         raise InputError(f"{job.name}: it has no time steps to write")
 
@@ -80,10 +83,7 @@ def _document(w: Conditions) -> Element:
         steps = [tag("step", c, id=i + 1, name=names[i]) for i, c in enumerate(controls)]
         controls, steps = [], [tag("Step", *steps)]
     variables = [tag("var", type=variable) for variable in PLOTTED]
-    curves = [
-        tag("load_controller", *curve_tags(c), id=number, type="loadcurve")
-        for c, number in w.curves.items()
-    ]
+    curves = [controller_tag(c, number) for c, number in w.curves.items()]
     return tag(
         "febio_spec",
         tag("Module", type="solid"),
@@ -102,25 +102,32 @@ def _document(w: Conditions) -> Element:
 
 
 class _Block(NamedTuple):
-    """Elements of one part and one kind: their nodes' numbers (k, 3) or (k, 4)."""
+    """Elements of one part and one kind."""
 
     name: str
     part: str
     law: Law
     elements: Ints
-    corners: int
+    nodes: list[int]
+    """Which of an element's, in FEBio's order."""
+
+    @property
+    def kind(self) -> str:
+        """FEBio's word."""
+        return {3: "tri3", 4: "q4ans", 9: "quad9"}[len(self.nodes)]
 
 
 def _blocks(job: Job) -> Iterator[_Block]:
     triangle = job.sheet.quads[:, 2] == job.sheet.quads[:, 3]
+    full = IN_TURN if job.sheet.quads.shape[1] == 9 else [0, 1, 2, 3]
     for index, part in enumerate(job.sheet.parts):
         of_part = job.sheet.part == index
         quads, triangles = np.flatnonzero(of_part & ~triangle), np.flatnonzero(of_part & triangle)
         if len(quads):
-            yield _Block(part.name, part.name, part.law, quads, 4)
+            yield _Block(part.name, part.name, part.law, quads, full)
         if len(triangles):
             name = f"{part.name} (triangles)" if len(quads) else part.name
-            yield _Block(name, part.name, part.law, triangles, 3)
+            yield _Block(name, part.name, part.law, triangles, [0, 1, 2])
 
 
 def _materials(w: Conditions) -> Iterator[Element]:
@@ -172,9 +179,8 @@ def axes_tag(name: str, corners: Array, fibre: Array) -> Element:
 def _elements(w: Conditions, blocks: list[_Block]) -> Iterator[Element]:
     job = w.job
     for b in blocks:
-        nodes = job.sheet.node_ids[job.sheet.quads[b.elements, : b.corners]]
-        kind = "tri3" if b.corners == 3 else "q4ans"
-        yield elements_tag(kind, b.name, nodes, job.sheet.element_ids[b.elements])
+        nodes = job.sheet.node_ids[job.sheet.quads[b.elements][:, b.nodes]]
+        yield elements_tag(b.kind, b.name, nodes, job.sheet.element_ids[b.elements])
     following = int(job.sheet.element_ids.max()) + 1
     for index, body in enumerate(job.bodies):
         count = len(body.triangles)
@@ -193,7 +199,7 @@ def _domains(w: Conditions, blocks: list[_Block]) -> Iterator[Element]:
 
 
 def _mesh_data(w: Conditions, b: _Block) -> Iterator[Element]:
-    thickness = w.job.sheet.thickness[b.elements, : b.corners] / w.units.length
+    thickness = w.job.sheet.thickness[b.elements][:, b.nodes] / w.units.length
     if np.ptp(thickness):
         rows = [tag("e", values, lid=i) for i, values in enumerate(thickness, 1)]
         yield tag("ElementData", *rows, type="shell thickness", elem_set=b.name)

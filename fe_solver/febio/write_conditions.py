@@ -9,15 +9,19 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints
-from fe_solver.febio.bodies import AXES, DOFS, Units
+from fe_solver.elements.mitc9 import IN_TURN
+from fe_solver.febio.bodies import AXES, DOFS
+from fe_solver.febio.units import Units
 from fe_solver.febio.xml import Element, tag
 from fe_solver.forces.ramp import ramp
-from fe_solver.job.curves import Drive, Extension, LoadCurve
+from fe_solver.job.curves import Curve, Drive, Extension, LoadCurve, ProductCurve
 from fe_solver.job.job import Job
 from fe_solver.supports import SpringLaw, SpringSet
 
 TOE_POINTS = 21
 """Of the table that a spring's toe becomes."""
+TURNED = [3, 2, 1, 0, 7, 5, 6, 4, 8]
+"""Our nine nodes as FEBio's of a facet that is wound the other way."""
 SAME_POINT = 1e-12
 """m: an anchor that near a vertex of its body is that vertex."""
 SAME_LENGTH = 1e-12
@@ -32,7 +36,7 @@ class Conditions:
     points: Array
     """(n, 3) m, the nodes on the face that FEBio puts them on."""
     units: Units
-    curves: dict[LoadCurve, int] = field(default_factory=dict)
+    curves: dict[Curve, int] = field(default_factory=dict)
     """Number of each load curve."""
     sets: list[Element] = field(default_factory=list)
     extra: list[tuple[int, Array]] = field(default_factory=list)
@@ -54,7 +58,7 @@ class Conditions:
             discrete,
         ]
 
-    def _scaled(self, kind: str, value: object, curve: LoadCurve | None) -> Element:
+    def _scaled(self, kind: str, value: object, curve: Curve | None) -> Element:
         """A value that a load curve, where there is one, scales."""
         if curve is None:
             return tag(kind, value)
@@ -65,7 +69,7 @@ class Conditions:
 
     def _surface(self, name: str, facets: Iterable[tuple[int, ...]]) -> None:
         rows = [
-            tag("tri3" if len(facet) == 3 else "quad4", facet, id=i)
+            tag({3: "tri3", 4: "quad4", 9: "quad9"}[len(facet)], facet, id=i)
             for i, facet in enumerate(facets, 1)
         ]
         self.sets.append(tag("Surface", *rows, name=name))
@@ -73,8 +77,11 @@ class Conditions:
     def _facets(self, quads: Ints, sign: Ints) -> Iterator[tuple[int, ...]]:
         for i, s in zip(quads, sign, strict=True):
             facet = tuple(self.job.sheet.node_ids[self.job.sheet.quads[i]].tolist())
-            facet = facet[:3] if facet[2] == facet[3] else facet
-            yield facet if s > 0 else facet[::-1]
+            if len(facet) == 9:
+                yield tuple(facet[j] for j in (IN_TURN if s > 0 else TURNED))
+            else:
+                facet = facet[:3] if facet[2] == facet[3] else facet
+                yield facet if s > 0 else facet[::-1]
 
     def _on_nodes(
         self, kind: str, name: str, ids: Iterable[int], how: str, *content: Element
@@ -232,6 +239,24 @@ def _toe_table(stiffness: float, toe: float) -> LoadCurve:
     stretch = toe * np.concatenate([[-2.0], np.linspace(-1.0, 1.0, TOE_POINTS), [2.0]])
     times, values = tuple(stretch.tolist()), tuple((stiffness * ramp(stretch, toe)[1]).tolist())
     return LoadCurve(times, values, extension=Extension.EXTRAPOLATE)
+
+
+def controller_tag(curve: Curve, number: int) -> Element:
+    """A curve as a load controller.  Raises InputError for a product, which FEBio cannot say."""
+    match curve:
+        case LoadCurve():
+            return tag("load_controller", *curve_tags(curve), id=number, type="loadcurve")
+        case ProductCurve():
+            raise InputError(
+                "FEBio has no load curve that is a product of two, as of a load that ends with its "
+                "step; give its points"
+            )
+    formula = tag("math", curve.text)
+    if curve.interval is None:
+        return tag("load_controller", formula, id=number, type="math")
+    ends = (tag("left_extend", curve.before), tag("right_extend", curve.after))
+    inner = (tag("interval", curve.interval), *ends, formula)
+    return tag("load_controller", *inner, id=number, type="math-interval")
 
 
 def curve_tags(c: LoadCurve, across: float = 1.0, along: float = 1.0) -> list[Element]:

@@ -12,7 +12,8 @@ from lxml import etree
 
 from cosim import xml_tree
 from cosim.errors import InputError
-from cosim.xml_tree import Limits, Rows, read_tree
+from cosim.xml_tree import Limits, Rows, read_tree, short
+from fe_solver.job.expressions import Expression, split_formulas
 
 LIMITS = Limits(
     bytes=1 << 30,
@@ -29,7 +30,7 @@ class FebTag(xml_tree.Tag):
     __slots__ = ()
     SEPARATORS: ClassVar[str] = ","
     ROWS: ClassVar[frozenset[str]] = frozenset(
-        {"node", "elem", "e", "n", "delem", "pt", "point", "face", "quad4", "tri3"}
+        ("node elem e n delem pt point face quad4 tri3 tri6 quad8 quad9 line2 line3 edge").split()
     )
 
     @property
@@ -81,11 +82,28 @@ class FebTag(xml_tree.Tag):
         return child
 
     def number(self) -> float:
-        """A number that does not change in time or space."""
-        for name in ("lc", "type"):
-            if self.attributes.get(name, "const") != "const":
-                raise self.fault(f"only a constant is read here, not one with {name}=")
-        return self.numbers(1)[0]
+        """A number, or a formula of numbers: neither changes in time or space."""
+        if self.attributes.get("lc", "0").strip() not in ("", "0"):
+            raise self.fault("only a constant is read here, not one with lc=")
+        (formula,) = self.formulas(1, ())
+        return float(formula.value({}))
+
+    def formulas(self, count: int, variables: tuple[str, ...]) -> list[Expression]:
+        """So many formulas of some variables: FEBio's math parameters, or plain numbers.
+
+        Raises InputError where they are neither, and for a parameter of another type."""
+        kind = self.attributes.get("type", "const")
+        if kind not in ("const", "math"):
+            raise self.fault(f"a value of type {kind!r} is not read here")
+        values = self.split(self.text)
+        if kind == "const" and values is not None:
+            return [Expression(repr(v), ()) for v in self.numbers(count)]
+        texts = split_formulas(self.text)
+        if len(texts) != count:
+            many = f"{count} numbers or formulas" if count > 1 else "a number or a formula"
+            raise self.fault(f"expected {many}, got {short(self.text)}")
+        with self.naming_place():
+            return [Expression(t, variables) for t in texts]
 
     def value(self, name: str, default: float) -> float:
         """The number in the child of that name."""

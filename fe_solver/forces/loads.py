@@ -31,6 +31,19 @@ class Inertia:
         return float(np.vdot(gx, x) + np.vdot(gd, d)) / 2, gx, gd
 
 
+def node_volumes(x: Array, thickness: Array) -> Array:
+    """The shares (ne, k) m3 of an even body force that go to the nodes of elements with a
+    mid-surface x (ne, k, 3) and a thickness (ne, k) at them: the integrals of their shape
+    functions."""
+    element, out = kind_of(x), np.zeros(x.shape[:2])
+    for factor, (r, s) in zip(element.factors, element.gauss, strict=True):
+        n, nr, ns = element.shape(r, s)
+        area = np.cross(np.einsum("a,nak->nk", nr, x), np.einsum("a,nak->nk", ns, x))
+        volume = factor * np.linalg.norm(area, axis=1) * (thickness @ n)
+        out += volume[:, None] * n
+    return out
+
+
 def pressure_forces(x: Array, pressure: Array) -> Array:
     """The forces (ne, k, 3) N of the pressure (ne,) on the nodes of elements x (ne, k, 3)."""
     element, out = kind_of(x), np.zeros_like(x)

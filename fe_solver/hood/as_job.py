@@ -105,7 +105,7 @@ def _writable_sheet(hood: ShellHood) -> Sheet:
         raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
     if sheet.quads.shape[1] != 4:
         raise InputError(
-            "a hood of nine-node elements cannot be written: FEBio's format has no such shell; set "
+            "a hood of nine-node elements is not written, only one of four-node elements; set "
             'hood.mesh.elements to "linear"'
         )
     if any(part.bending.any() for part in sheet.parts):

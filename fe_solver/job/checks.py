@@ -59,7 +59,7 @@ def _check_pieces(job: Job) -> None:
 
 
 def check_mesh(points: Array, quads: Ints, node: Name, element: Name) -> None:
-    """Points (n, 3) and quads (ne, 4), triangles as (a, b, c, c).
+    """Points (n, 3) and quads (ne, 4), triangles as (a, b, c, c), or (ne, 9).
 
     Raises InputError for values that are not finite, node indices out of range, elements without
     area, reflex or crossing corners, a node named twice, two elements with the same nodes,
@@ -101,6 +101,7 @@ def _check_names(quads: Ints, node: Name, element: Name) -> None:
 
 
 def _check_corners(points: Array, quads: Ints, element: Name) -> None:
+    quads = quads[:, :4]
     x = points[quads]
     normal = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
     area = np.linalg.norm(normal, axis=1)
@@ -125,7 +126,8 @@ def _check_corners(points: Array, quads: Ints, element: Name) -> None:
 
 
 def _edges(quads: Ints) -> tuple[Ints, Ints]:
-    """Directed edges (m, 2) and their elements (m,), without those of no length."""
+    """Directed edges (m, 2) between corners and their elements (m,), without those of no length."""
+    quads = quads[:, :4]
     edges = np.stack([quads, np.roll(quads, -1, axis=1)], axis=2).reshape(-1, 2)
     owner = np.repeat(np.arange(len(quads)), 4)
     real = edges[:, 0] != edges[:, 1]
@@ -163,8 +165,8 @@ def _check_places(points: Array, quads: Ints, node: Name) -> None:
 
 
 def _check_shapes(job: Job) -> None:
-    sheet, ne = job.sheet, len(job.sheet.quads)
-    shapes = {"thickness": (ne, 4), "height": (ne, 4), "fibre": (ne, 3), "part": (ne,)}
+    sheet, (ne, k) = job.sheet, job.sheet.quads.shape
+    shapes = {"thickness": (ne, k), "height": (ne, k), "fibre": (ne, 3), "part": (ne,)}
     for name, shape in shapes.items():
         if getattr(sheet, name).shape != shape:
             raise InputError(
@@ -213,7 +215,8 @@ def check_supports(quads: Ints, held: Ints, joined: Ints, node: Name) -> None:
 
     Raises InputError naming a node of a piece that nothing holds."""
     n = int(max(quads.max(), held.max(initial=0), joined.max(initial=0))) + 1
-    edges = np.concatenate([_edges(quads)[0], joined])
+    spokes = [quads[:, [0, i]] for i in range(1, quads.shape[1])]
+    edges = np.concatenate([*spokes, joined])
     graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
     _, piece = connected_components(graph, directed=False)
     used = np.unique(quads)

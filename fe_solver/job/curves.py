@@ -1,5 +1,7 @@
-"""Piecewise curves that drive loads and motions: values over time, with a rule between the points
-and one beyond them.  The rules are those of FEBio's load curves (FECore/PointCurve.cpp)."""
+"""Curves that drive loads and motions: values over time by points, by a formula, or by a product.
+
+Points have a rule between them and one beyond; the rules are those of FEBio's load curves
+(FECore/PointCurve.cpp)."""
 
 from __future__ import annotations
 
@@ -7,8 +9,11 @@ import math
 from bisect import bisect_left
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
+from typing import TypeAlias
 
 from cosim.errors import InputError
+from fe_solver.job.expressions import Expression
 
 
 class Interpolation(StrEnum):
@@ -124,12 +129,81 @@ class LoadCurve:
         return value + (time - end) * (self._inside(near) - value) / (near - end)
 
 
+class Outside(StrEnum):
+    """Beyond a formula's interval: nothing; the end's value; the same again."""
+
+    ZERO = "zero"
+    CONSTANT = "constant"
+    REPEAT = "repeat"
+
+
+@dataclass(frozen=True)
+class FormulaCurve:
+    """A formula of the time t (s).
+
+    Raises InputError where it is no arithmetic of t, or the interval has no length; `at` raises it
+    where the formula has no finite value.
+
+    >>> from fe_solver.job.curves import FormulaCurve
+    >>> FormulaCurve("2*t^2").at(3.0)
+    18.0
+    """
+
+    text: str
+    interval: tuple[float, float] | None = None
+    """s, outside which the formula is not asked; None is everywhere."""
+    before: Outside = Outside.CONSTANT
+    """How it goes on before the interval."""
+    after: Outside = Outside.CONSTANT
+    """How it goes on after the interval."""
+
+    def __post_init__(self) -> None:
+        _ = self._formula
+        if self.interval is not None and not self.interval[0] < self.interval[1]:
+            raise InputError(f"a formula's interval must ascend, got {self.interval}")
+
+    @cached_property
+    def _formula(self) -> Expression:
+        return Expression(self.text, ("t",))
+
+    def at(self, time: float) -> float:
+        """The value at a time."""
+        if self.interval is not None and not self.interval[0] <= time <= self.interval[1]:
+            low, high = self.interval
+            how = self.before if time < low else self.after
+            if how == Outside.ZERO:
+                return 0.0
+            repeated = low + (time - low) % (high - low)
+            time = repeated if how == Outside.REPEAT else min(max(time, low), high)
+        return float(self._formula.value({"t": time}))
+
+
+@dataclass(frozen=True)
+class ProductCurve:
+    """The product of curves."""
+
+    factors: tuple[Curve, ...]
+
+    def at(self, time: float) -> float:
+        """The value at a time."""
+        return math.prod(f.at(time) for f in self.factors)
+
+
+Curve: TypeAlias = LoadCurve | FormulaCurve | ProductCurve
+
+
+def product_of(*curves: Curve | None) -> Curve | None:
+    """The product of those curves that are given; None where there are none."""
+    factors = tuple(c for c in curves if c is not None)
+    return ProductCurve(factors) if len(factors) > 1 else next(iter(factors), None)
+
+
 @dataclass(frozen=True)
 class Drive:
     """A quantity over time: `value` times the curve, or `value` at all times."""
 
     value: float = 0.0
-    curve: LoadCurve | None = None
+    curve: Curve | None = None
 
     def at(self, time: float) -> float:
         """Return the quantity at a time (s), in the unit of `value`."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.port import Array, Ints
-from fe_solver.job.curves import Drive, LoadCurve
+from fe_solver.job.curves import Curve, Drive
 from fe_solver.sheet import Sheet
 from fe_solver.supports import WALL, ZERO, Body, ContactPair, SpringSet, Tied
 
@@ -46,7 +46,7 @@ class NodalForce:
     """(k,)."""
     force: Array
     """(3,) N on each of the nodes."""
-    curve: LoadCurve | None = None
+    curve: Curve | None = None
     """Its factor over time; None leaves it as it is at all times."""
 
     def __post_init__(self) -> None:
@@ -66,6 +66,18 @@ class Pressure:
     """Pa."""
     dead: bool = False
     """Whether it keeps the direction and area of the start."""
+
+
+@dataclass(frozen=True)
+class BodyForce:
+    """A force on the mass of elements, in the world frame, as gravity is."""
+
+    quads: Ints
+    """(k,) the elements."""
+    density: Array
+    """(k,) kg/m3, as laid."""
+    acceleration: tuple[Drive, Drive, Drive]
+    """m/s2 along x, y, z: the force on a mass of 1 kg."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +112,8 @@ class Job:
     """Dead loads on nodes."""
     pressures: Sequence[Pressure] = ()
     """Pressures that follow the elements."""
+    body_forces: Sequence[BodyForce] = ()
+    """Forces on the mass of the elements."""
     contacts: Sequence[ContactPair] = ()
     """Faces of the sheet that touch a body."""
     bodies: Sequence[Body] = ()
@@ -122,6 +136,6 @@ class Job:
             object.__setattr__(self, name, value)
         for name in (
             *("held", "held_directors", "springs", "forces"),
-            *("pressures", "contacts", "steps", "notes"),
+            *("pressures", "body_forces", "contacts", "steps", "notes"),
         ):
             object.__setattr__(self, name, tuple(getattr(self, name)))

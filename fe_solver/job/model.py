@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cosim.array_cache import user_cache
 from cosim.errors import InputError
 from cosim.port import Array, Ints
+from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.mesh_geometry import node_areas, node_means
 from fe_solver.forces.contact import Contact, needed_distance
 from fe_solver.forces.guides import Guides, Ties
@@ -99,7 +100,13 @@ class JobModel:
         shares its sparsity with all others."""
         kept = self.base.contacts if contacts is None else contacts
         dead, pressure = dead_loads(self.job, time), follower_pressure(self.job, time)
-        return self.base.with_changes(dead=dead, pressure=pressure, contacts=kept)
+        couples, weight = None, body_loads(self.job, time)
+        if weight is not None:
+            tables, quads = self.base.tables, self.job.sheet.quads
+            np.add.at(dead, quads, weight)
+            couples = np.zeros_like(dead)
+            np.add.at(couples, quads, (tables.height * tables.mitre)[:, :, None] * weight)
+        return self.base.with_changes(dead=dead, couples=couples, pressure=pressure, contacts=kept)
 
 
 def body_poses(bodies: Sequence[Body], time: float) -> tuple[Array, Array]:
@@ -110,8 +117,21 @@ def body_poses(bodies: Sequence[Body], time: float) -> tuple[Array, Array]:
     return np.stack([p for p, _ in poses]), np.stack([r for _, r in poses])
 
 
+def body_loads(job: Job, time: float) -> Array | None:
+    """Return the forces on the mass of the elements at a time, (ne, k, 3) N, which act on the
+    mid-surface below or above each node; None where there are none."""
+    if not job.body_forces:
+        return None
+    out = np.zeros((*job.sheet.quads.shape, 3))
+    for b in job.body_forces:
+        size = np.array([d.at(time) for d in b.acceleration])
+        out[b.quads] += (b.density[:, None] * job.sheet.volumes[b.quads])[:, :, None] * size
+    return out
+
+
 def dead_loads(job: Job, time: float) -> Array:
-    """Return the loads on the nodes at a time that keep their direction, (n, 3) N."""
+    """Return the loads on the nodes at a time that keep their direction, (n, 3) N, but for those on
+    the elements' mass."""
     out = np.zeros_like(job.sheet.points)
     for load in job.forces:
         scale = 1.0 if load.curve is None else load.curve.at(time)
@@ -256,11 +276,12 @@ def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> C
 def sheet_stiffness(sheet: Sheet, quads: Ints) -> float:
     """Return the modulus over the thickness, N/m3, the mean over quads (k,); of a law that is not
     isotropic the larger of its two initial plane-stress moduli."""
-    moduli = []
-    for part in sheet.parts:
-        tangent = part.law.response(np.zeros((1, 1, 1, 3))).tangent
-        moduli.append(float(np.max(tangent[..., range(2), range(2)])))
-    return float(np.mean(np.array(moduli)[sheet.part[quads]] / sheet.thickness[quads].mean(axis=1)))
+    moduli, points = np.zeros(len(sheet.quads)), len(kind_of(sheet.quads).gauss)
+    for i, part in enumerate(sheet.parts):
+        own = sheet.part == i
+        tangent = part.law.response(np.zeros((int(own.sum()), points, 3))).tangent
+        moduli[own] = tangent[..., range(2), range(2)].max(axis=-1).mean(axis=1)
+    return float(np.mean(moduli[quads] / sheet.thickness[quads].mean(axis=1)))
 
 
 def _surface(job: Job, pair: ContactPair, offset: float, options: JobOptions) -> Surface:

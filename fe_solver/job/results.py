@@ -13,6 +13,7 @@ import numpy as np
 
 from cosim.files import output_folder
 from cosim.port import Array
+from fe_solver.elements.mitc9 import IN_TURN
 from fe_solver.job.job import Job
 from fe_solver.job.solve import JobResult, JobState
 
@@ -143,13 +144,16 @@ def _write_xdmf(path: Path, result: JobResult, cells: _Cells) -> None:
 
 
 class _Cells:
-    """Quads and triangles as meshio has them, apart."""
+    """Quads, of four nodes or nine, and triangles as meshio has them, apart."""
 
     def __init__(self, job: Job) -> None:
-        triangle = job.sheet.quads[:, 2] == job.sheet.quads[:, 3]
-        kinds = [("quad", ~triangle, 4), ("triangle", triangle, 3)]
+        quads = job.sheet.quads
+        triangle = quads[:, 2] == quads[:, 3]
+        kinds = [("quad", ~triangle, [0, 1, 2, 3]), ("triangle", triangle, [0, 1, 2])]
+        if quads.shape[1] == 9:
+            kinds = [("quad9", ~triangle, IN_TURN)]
         self._rows = [np.flatnonzero(mask) for _, mask, _ in kinds if mask.any()]
-        self.blocks = [(kind, job.sheet.quads[mask, :n]) for kind, mask, n in kinds if mask.any()]
+        self.blocks = [(kind, quads[mask][:, nodes]) for kind, mask, nodes in kinds if mask.any()]
 
     def split(self, data: Mapping[str, Array]) -> dict[str, list[Array]]:
         return {name: [values[rows] for rows in self._rows] for name, values in data.items()}

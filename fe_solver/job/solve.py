@@ -280,7 +280,7 @@ def predict(
 
     last_model, c, e = solution.model, solution.configuration, solution.evaluation
     turn = Rotation.from_matrix(rotation @ np.swapaxes(c.rotation, 1, 2)) if len(rotation) else None
-    right = -loads_in_bases(model, c, e.bases[0]) + loads_in_bases(last_model, c, e.bases[0])
+    right = -loads_in_bases(model, c, e.bases) + loads_in_bases(last_model, c, e.bases)
     if turn is not None:
         twist = np.hstack([position - c.position, turn.as_rotvec()])
         if twist.any():
@@ -290,10 +290,13 @@ def predict(
     return model.move_bodies(model.take_step(c, e.bases, step), position, rotation)
 
 
-def loads_in_bases(model: ShellModel, c: Configuration, bases: Array) -> Array:
-    """Return the dead loads and the pressure in the nodes' bases (n, 3, 3), (5n,) N."""
+def loads_in_bases(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:
+    """Return the dead loads and the pressure in the nodes' bases A (n, 3, 3) and T (n, 3, 2),
+    (5n,) N and N m."""
     out = np.zeros((len(c.x), 5))
-    out[:, :3] = np.einsum("nij,ni->nj", bases, nodal_loads(model, c.x))
+    out[:, :3] = np.einsum("nij,ni->nj", bases[0], nodal_loads(model, c.x))
+    if model.couples is not None:
+        out[:, 3:] = np.einsum("nij,ni->nj", bases[1], model.couples)
     return out.ravel()
 
 
@@ -310,7 +313,8 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
     shell, c, e = solution.model, solution.configuration, solution.evaluation
     wrench = wrenches(shell, c, e, NO_TENSION)
     loads = nodal_loads(shell, c.x)
-    applied = np.concatenate([loads.sum(axis=0), np.cross(c.x, loads).sum(axis=0)])
+    arms = np.cross(c.x, loads) + (0.0 if shell.couples is None else np.cross(c.d, shell.couples))
+    applied = np.concatenate([loads.sum(axis=0), arms.sum(axis=0)])
     total = np.asarray(sum(wrench.values()))
     force = total[:, :3].sum(axis=0) - applied[:3]
     moment = (total[:, 3:] + np.cross(c.position, total[:, :3])).sum(axis=0) - applied[3:]

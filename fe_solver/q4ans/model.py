@@ -24,6 +24,7 @@ from fe_solver.forces.springs import NodeSprings, Springs, node_springs, spring_
 from fe_solver.job.checks import check_job, within
 from fe_solver.job.job import Job
 from fe_solver.job.model import (
+    body_loads,
     body_poses,
     check_supports,
     dead_loads,
@@ -60,6 +61,9 @@ def _obstacles(job: Job) -> Iterator[str]:
         reason = law_obstacle(part.law)
         if reason is not None:
             yield f"part {part.name!r}: the law {type(part.law).__name__} {reason}"
+    if job.sheet.quads.shape[1] != 4:
+        yield "its elements have nine nodes"
+        return
     off = np.abs(2 * np.abs(job.sheet.height) - job.sheet.thickness) > ON_FACE * job.sheet.thickness
     off |= job.sheet.height * job.sheet.height[0, 0] <= 0
     if off.any():
@@ -102,7 +106,7 @@ class Loads(NamedTuple):
     rotation: Array
     """(nb, 3, 3), of the bodies."""
     dead: Array
-    """(n, 3) N."""
+    """(2n, 3) N."""
     pressure: Array | None
     """(ne,) Pa, which follows the quads."""
     multipliers: tuple[Array | float, ...]
@@ -177,7 +181,14 @@ class SolidModel:
 
     def at(self, time: float, multipliers: tuple[Array | float, ...] | None = None) -> Loads:
         """The loads of a time; contact without multipliers where None."""
-        dead, pressure = dead_loads(self.job, time), follower_pressure(self.job, time)
+        n, pressure = len(self.job.sheet.points), follower_pressure(self.job, time)
+        dead = np.zeros_like(self.rest)
+        dead[:n] = dead_loads(self.job, time)
+        weight = body_loads(self.job, time)
+        if weight is not None:
+            # half on each face: the mass lies evenly between them
+            np.add.at(dead, self.job.sheet.quads, weight / 2)
+            np.add.at(dead, self.job.sheet.quads + n, weight / 2)
         if multipliers is None:
             multipliers = (0.0,) * len(self.facets)
         met = (None,) * len(self.facets)
@@ -243,8 +254,7 @@ class SolidModel:
     def imbalance(self, terms: Sequence[Term], loads: Loads) -> Array:
         """The forces (2n, 3) N with which the nodes resist more than the dead loads ask for: zero
         at free components in equilibrium, reactions at given ones."""
-        out = np.zeros_like(self.rest)
-        out[: len(loads.dead)] = -loads.dead
+        out = -loads.dead
         for term in terms:
             np.add.at(out, term.nodes, term.force)
         return out

@@ -151,7 +151,7 @@ class _SolidSteps(TimeSteps):
         given = m.place(last.z, time) - last.z
         right = np.zeros_like(last.z)
         if self.effort.steps:
-            right[: len(new.dead)] = last.loads.dead - new.dead
+            right[:] = last.loads.dead - new.dead
         turn = _turns(last.loads.rotation, new.rotation)
         shift = new.position - last.loads.position
         for t in last.terms:

@@ -102,8 +102,7 @@ def _wrenches(model: SolidModel, equilibrium: SolidEquilibrium) -> dict[str, Arr
 
 def _load_wrench(model: SolidModel, equilibrium: SolidEquilibrium) -> Array:
     """The wrench (6,) N and N m of the loads about the world's origin."""
-    x = equilibrium.z[: len(equilibrium.loads.dead)]
-    out = _about(x, equilibrium.loads.dead)
+    out = _about(equilibrium.z, equilibrium.loads.dead)
     if equilibrium.loads.pressure is not None:
         (term,) = (t for t in equilibrium.terms if t.source == Source.PRESSURE)
         out -= _about(equilibrium.z[term.nodes].reshape(-1, 3), term.force.reshape(-1, 3))

@@ -104,6 +104,8 @@ class ShellModel:
     """(nb,) names."""
     dead: Array | None = None
     """(n, 3) N on the nodes, which stay as they are in the world frame."""
+    couples: Array | None = None
+    """(n, 3) N m on the directors: of dead loads off the nodes, their arms along the directors."""
     pressure: Array | None = None
     """(ne,) Pa, which follows the quads and pushes against their normals."""
     links: NodeSprings = field(default_factory=NodeSprings.none)
@@ -269,6 +271,9 @@ class ShellModel:
         if self.dead is not None:
             gx -= self.dead
             energy -= float(np.vdot(self.dead, c.x - self.reference))
+        if self.couples is not None:
+            gd -= self.couples
+            energy -= float(np.vdot(self.couples, c.d - self.directors))
         follower = self._follower(c.x)
         gx -= follower
         if self.inertia is not None:

@@ -105,7 +105,7 @@ class Solution:
         the tensions.  What moves with all the bodies as one is known, so that the first body's
         twists follow from those of the others, unless loads or inertia stand fast in the world."""
         m, c = self.model, self.configuration
-        if m.dead is not None or m.inertia is not None:
+        if any(loads is not None for loads in (m.dead, m.couples, m.inertia)):
             return -self.factor.solve(self.residual_derivative)
         out, twists = np.empty_like(self.residual_derivative), common_twist(c)[6:]
         out[:, 6:] = -self.factor.solve(self.residual_derivative[:, 6:])

@@ -31,6 +31,7 @@ from rigid.opensim.osim import import_osim
 from rigid.opensim.sto import read_sto
 from rigid.verification.osim_rows import shipped_models
 from tests.helpers.feb_files import feb_text
+from tests.helpers.feb_strips import quadratic_text
 from tests.helpers.folders import ROOT
 from tests.helpers.own_anatomy import user_hood
 
@@ -135,6 +136,7 @@ FORMATS: dict[str, tuple[str, Seed, Callable[[Path], Any], int]] = {
     "tables of OpenSim": (".sto", lambda _: STO, lambda p: read_sto(p, ("EDC",)), FILES),
     "MJCF": (".xml", lambda _: mjcf_of(load_case("split_edc")).encode(), read_mjcf, FILES),
     "FEBio": (".feb", lambda _: feb_text().encode(), read_feb, FILES),
+    "FEBio, quadratic": (".feb", lambda _: quadratic_text().encode(), read_feb, FILES),
     "CSV": (".csv", lambda _: CSV, lambda p: read_csv(p, "a,b"), FILES),
     "measured values": (".csv", lambda _: CSV, read_targets, FILES),
 }

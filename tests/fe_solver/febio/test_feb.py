@@ -102,11 +102,24 @@ def test_the_sections_of_a_single_step_are_the_files(tmp_path: Path) -> None:
 def test_what_is_left_out_is_listed_with_its_line(tmp_path: Path) -> None:
     extra = {
         **change_section("Contact", "<penalty>", "<search_tol>0.01</search_tol><penalty>"),
-        **change_section("Mesh", "<Surface name", '<Edge name="rim"/><Surface name'),
+        **change_section("Mesh", "<Surface name", '<Loop name="rim"/><Surface name'),
+        **change_section(
+            "MeshDomains",
+            "<shell_thickness>",
+            "<shell_normal_nodal>0</shell_normal_nodal><shell_thickness>",
+        ),
         "Initial": '<Initial><ic type="velocity"/></Initial>',
     }
     notes = "\n".join(read(tmp_path, extra).notes)
-    for part in ("search_tol", "Edge 'rim'", "Initial", "Output", "locking-free", "line "):
+    for part in (
+        "mean normals",
+        "search_tol",
+        "Loop 'rim'",
+        "Initial",
+        "Output",
+        "locking-free",
+        "line ",
+    ):
         assert part in notes
 
 
@@ -269,7 +282,7 @@ BAD: dict[str, tuple[Sections, str]] = {
         change_section("Material", "<E>100", "<prestrain>1</prestrain><E>100"),
         "prestrain.*may change the answer",
     ),
-    "modulus over time": (change_section("Material", "<E>100", '<E lc="1">100'), "only a constant"),
+    "modulus over time": (change_section("Material", "<E>100", '<E lc="1">100'), "with time"),
     "missing modulus": (change_section("Material", "<E>100</E>", ""), "<E> is missing"),
     "impossible nu": (change_section("Material", "<v>0.4", "<v>0.6"), "nu"),
     "solid element": (
@@ -280,7 +293,7 @@ BAD: dict[str, tuple[Sections, str]] = {
         ),
         "tet4",
     ),
-    "unknown element": (change_section("Mesh", 'type="tri3"', 'type="quad9"'), "quad9"),
+    "unknown element": (change_section("Mesh", 'type="tri3"', 'type="tri7"'), "tri7"),
     "unknown node": (change_section("Mesh", "1,2,5,4</elem>", "1,2,5,400</elem>"), "no node 400"),
     "doubled node": (
         change_section("Mesh", '<node id="2">', '<node id="1">'),

@@ -55,8 +55,8 @@ STRANGE: dict[str, tuple[Sections, str]] = {
     ),
     "prestrain": ({"Initial": '<Initial><ic type="prestrain"/></Initial>'}, "'prestrain' is not"),
     "body force": (
-        change_section("Loads", "<Loads>", '<Loads><body_load type="body force"/>'),
-        "body_load.*may change",
+        change_section("Loads", "<Loads>", '<Loads><body_load type="moving frame"/>'),
+        "'moving frame' is not read",
     ),
     "contact switched off": (
         change_section("Contact", '<contact name="c"', '<contact name="c" active="0"'),
@@ -66,6 +66,14 @@ STRANGE: dict[str, tuple[Sections, str]] = {
         change_section("Contact", "<penalty>", "<gap_offset>1</gap_offset><penalty>"),
         "gap_offset.*may change",
     ),
+    "pulling contact": (
+        change_section("Contact", "<penalty>", "<tension>1</tension><penalty>"),
+        "also pulls",
+    ),
+    "tied": (
+        change_section("Contact", "sliding-elastic", "tied-elastic"),
+        "'tied-elastic' is not read",
+    ),
     "flipped": (
         change_section("Contact", "<penalty>", "<flip_primary>1</flip_primary><penalty>"),
         "flip_primary.*turn",
@@ -74,9 +82,9 @@ STRANGE: dict[str, tuple[Sections, str]] = {
         change_section("Material", "<E>100", "<viscosity>1</viscosity><E>100"),
         "viscosity.*may change",
     ),
-    "curve from a formula": (
-        change_section("LoadData", '"loadcurve"', '"math"'),
-        "'math' is not read",
+    "curve from a controller": (
+        change_section("LoadData", '"loadcurve"', '"PID"'),
+        "'PID' is not read",
     ),
     "row with two attributes": (
         change_section("Mesh", '<elem id="2">', '<elem id="2" mat="1">'),

@@ -23,6 +23,7 @@ from fe_solver.materials.fibres import (
 from fe_solver.materials.linear import Law, Orthotropic
 from fe_solver.q4ans.model import obstacles
 from tests.helpers.feb_files import ISOTROPIC, change_section, read, same
+from tests.helpers.febio_schema import faults
 from tests.helpers.jobs import change_job
 
 TENDON = TransIsoMooneyRivlin(1e6, 2e5, 3e5, 50.0, 9e7, 1.05, 1e9)
@@ -41,6 +42,7 @@ def with_law(job: Job, law: Law, stretch: float = 1.0) -> Job:
 def test_what_is_written_reads_back(tmp_path: Path, law: Law, stretch: float) -> None:
     job = dataclasses.replace(with_law(read(tmp_path), law, stretch), name="again")
     write_feb(job, tmp_path / "again.feb")
+    assert faults(tmp_path / "again.feb") == []
     again = dataclasses.replace(read_feb(tmp_path / "again.feb"), notes=())
     assert obstacles(dataclasses.replace(again, contacts=())) == []
     found, wanted = again.sheet.parts[0].law, job.sheet.parts[0].law

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from fe_solver.materials.linear import Isotropic, Law, Orthotropic
 from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.supports import Body, ContactPair, SpringLaw, SpringSet, Tied
 from tests.helpers.feb_files import change_section, read, same
+from tests.helpers.febio_schema import faults
 from tests.helpers.jobs import change_job
 
 INTS = np.array
@@ -30,6 +32,7 @@ SLACK = np.array([1e-4, 2e-4])
 def test_a_file_written_reads_back_as_the_same_job(tmp_path: Path) -> None:
     job = dataclasses.replace(read(tmp_path), name="again", notes=())
     write_feb(job, tmp_path / "again.feb")
+    assert faults(tmp_path / "again.feb") == []
     same(dataclasses.replace(read_feb(tmp_path / "again.feb"), notes=()), job)
     assert [p.name for p in tmp_path.iterdir() if p.suffix == ".part"] == []
 
@@ -166,6 +169,7 @@ def jobs(draw: st.DrawFn) -> Job:
 def test_any_job_reads_back(tmp_path: Path, job: Job, length: float, force: float) -> None:
     path = tmp_path / "job.feb"
     write_feb(job, path, length_unit=length, force_unit=force)
+    assert faults(path) == []
     back = read_feb(path, length_unit=length, force_unit=force)
     same(dataclasses.replace(back, notes=()), job)
 
@@ -178,6 +182,7 @@ def test_slack_springs_become_tables(tmp_path: Path) -> None:
             job.springs[0], law=SpringLaw(7e3, only), length=job.springs[0].length + SLACK
         )
         write_feb(dataclasses.replace(job, springs=(s,)), tmp_path / "slack.feb")
+        assert faults(tmp_path / "slack.feb") == []
         back = read_feb(tmp_path / "slack.feb").springs
         assert [len(b.nodes) for b in back] == [1, 1]
         for b, slack, rest in zip(back, SLACK, job.springs[0].length, strict=True):
@@ -228,3 +233,26 @@ def test_what_febio_cannot_say_is_not_written(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be written"):
         write_feb(job, tmp_path / "file" / "x.feb")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<v>0.4</v>", "<nu>0.4</nu>", "Element material"),
+        ("<E>100.0</E>", "<E>1e</E>", "Element E"),
+        ('lc="1"', 'lc="7"', "there is no ..7"),
+        ("sliding-elastic", "sliding elastic", "contact"),
+        ('node_set="held 1"', 'node_set="held 9"', "there is no ..held 9"),
+        ('<elem id="2">2,3,6,5', '<elem id="2">2,3,6,55', "there is no node ..55"),
+        ("ShellDomain", "SolidDomain", "SolidDomain"),
+    ],
+)
+def test_the_schema_of_febios_documentation_finds_faults(
+    tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    path = tmp_path / "again.feb"
+    write_feb(read(tmp_path), path)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    assert re.search(words, " ".join(faults(path)))

@@ -19,6 +19,7 @@ from fe_solver.job.model import move_to_mid_surface
 from fe_solver.job.solve import solve_job
 from fe_solver.supports import Body, SpringLaw, SpringSet, Tied
 from fe_solver.verification.febio.compare import quantities
+from tests.helpers.febio_schema import faults
 from tests.helpers.folders import TEST_DATA
 from tests.helpers.jobs import (
     COARSE,
@@ -52,6 +53,7 @@ def test_a_hood_and_its_job_agree_and_so_does_the_file(tmp_path):
 
     faced = job_of_hood(hood, motion, tension, bones)
     write_feb(faced, tmp_path / "hood.feb")
+    assert faults(tmp_path / "hood.feb") == []
     again = read_feb(tmp_path / "hood.feb")
     (own,), (read,) = (solve_job(j, options=COARSE).states for j in (faced, again))
     assert np.abs(own.configuration.x - read.configuration.x).max() < 1e-4 * moved
@@ -82,6 +84,7 @@ def test_ropes_and_springs_with_a_toe_pull_the_same_in_a_file(tmp_path):
 
     faced = job_of_hood(hood, motion, tension, bones)
     write_feb(faced, tmp_path / "hood.feb")
+    assert faults(tmp_path / "hood.feb") == []
     again = read_feb(tmp_path / "hood.feb")
     (own,), (read,) = (solve_job(j, options=COARSE).states for j in (faced, again))
     assert np.abs(own.configuration.x - read.configuration.x).max() < 1e-6
