@@ -14,7 +14,7 @@ CEILINGS = {
     "cases": 3070,
     "cosim": 4590,
     "cosim/analyses": 6466,
-    "cosim/anatomy": 857,
+    "cosim/anatomy": 861,
     "cosim/case": 961,
     "cosim/commands": 4425,
     "cosim/coupling": 2155,
