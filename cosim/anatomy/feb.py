@@ -54,7 +54,11 @@ def read_feb_mesh(path: Path) -> RawMesh:
         _mid_surface(mesh.points, quads, h),
         quads,
         {name: of_set for name, of_set in cells.items() if len(of_set)},
-        {**_nodes_of(mesh.discrete), **{n: f.nodes for n, f in mesh.surfaces.items()}, **mesh.node_sets},
+        {
+            **_nodes_of(mesh.discrete),
+            **{n: f.nodes for n, f in mesh.surfaces.items()},
+            **mesh.node_sets,
+        },
         mesh.discrete,
         tuple(dropped),
         h if h.any() else None,

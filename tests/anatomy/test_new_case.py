@@ -200,7 +200,10 @@ def test_a_finger_alone_is_a_case_of_its_own_tendons(files: Path, tmp_path: Path
     [
         ([], "give a hood's mesh"),
         (["--hood", "none.vtu"], "there is no such file"),
-        (["--hood", "none.xyz"], "expected a mesh file ending in .feb, .vtu, .msh, .inp"),
+        (
+            ["--hood", "none.xyz"],
+            "expected a mesh file ending in .feb, .vtu, .vtp, .vtk, .msh, .inp",
+        ),
         (["--finger", "none.xml"], "there is no such file"),
         (["--finger", "f.xml", "--length-scale", "1.1"], "--length-scale"),
         (["--finger", "f.xml", "--axes", "x x y"], "--axes"),

@@ -58,7 +58,7 @@ def test_pictures_tables_and_a_page_that_needs_nothing_else(tmp_path):
     assert page.count("<table>") == 1  # the one that is small
     assert "figure_2_table.csv" in page
     assert "Said &amp; seen." in page
-    assert "://" not in page
+    assert "://" not in page.replace("http://www.w3.org/2000/svg", "")  # a name, not an address
     assert "cosim reproduce mine --only one" in page
     assert len(pd.read_csv(tmp_path / "out/figure_2_table.csv")) == 100
     assert (tmp_path / "out/figure_1.png").read_bytes().startswith(b"\x89PNG")

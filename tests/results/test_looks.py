@@ -25,7 +25,7 @@ from cosim.results.ledger_plot import draw_ledger
 from cosim.results.looks import look
 from cosim.results.parts import LedgerRow
 from cosim.results.read import read_run
-from tests.helpers.report_runs import run_into, write_motion_run
+from tests.helpers.report_runs import run_into
 
 MANY = 40
 TIMES = (0.0, 0.1, 0.2, 0.3)
@@ -154,11 +154,8 @@ def test_runs_of_a_report_differ(hood):
     assert len({(arrow.ink, arrow.dashes) for arrow in arrows}) == 2 * MANY  # loaded and at rest
 
 
-def test_curves_of_a_page_differ(hood, tmp_path):
-    history = page_module._history(read_run(write_motion_run(hood, tmp_path / "moved")))
-    curves = max(len(history[key]) for key in ("angles", "force", "tensions"))
-    looks = page_module._line_looks([history])
-    assert len({json.dumps(one) for one in looks}) == len(looks) == curves
-    many = {**history, "tensions": dict.fromkeys(map(str, range(MANY)))}
-    looks = page_module._line_looks([many])
-    assert len({json.dumps(one) for one in looks}) == MANY
+@pytest.mark.parametrize("count", [3, MANY])
+def test_curves_of_a_page_differ(count: int) -> None:
+    histories = [{"charts": [{"curves": [{}] * n} for n in (1, count, 2)]}]
+    looks = page_module._line_looks(histories)
+    assert len({json.dumps(one) for one in looks}) == len(looks) == count
