@@ -40,12 +40,20 @@ def import_model(
         str,
         typer.Option(help="By how much the length of an imported muscle may be off OpenSim's."),
     ] = "0.1 mm",
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Take this body, with what carries it, or this muscle; with * and ?.  Repeat it.",
+        ),
+    ] = None,
 ) -> None:
     """Turn an OpenSim model into MJCF and list what was dropped or changed; the numbers of its
     muscles and joint limits go into a JSON file beside.  Ends with code 2 where the model has
     muscles and none could be imported."""
     with exit_on_error():
-        imported = import_osim(model, quantity("--tolerance", tolerance, units.LENGTH))
+        off = quantity("--tolerance", tolerance, units.LENGTH)
+        imported = import_osim(model, off, only or ())
         written = write_import(imported, out or Path(f"{model.stem}.xml"))
         for line in report(imported.losses):
             typer.echo(line)

@@ -36,18 +36,22 @@ REASONS = (
 
 NEUTRAL = {"default_speed_value": "0", "is_free_to_satisfy_constraints": "false"}
 """What some tags say where they say nothing."""
+GROUPS = {
+    "unasked": "that were not asked for",
+    "drawn": "that only say how things are drawn",
+}
 
 
 @dataclass(frozen=True)
 class Loss:
-    """An element that is not in the MJCF, or is there as something else; a `drawn` one only
-    says how things look."""
+    """An element that is not in the MJCF, or is there as something else; those of a `group` are
+    told in one line."""
 
     what: Literal["dropped", "changed"]
     place: str
     line: int
     reason: str
-    drawn: bool = False
+    group: Literal["", "drawn", "unasked"] = ""
 
     def __str__(self) -> str:
         return f"{self.what}, line {self.line}: {self.place}: {self.reason}"
@@ -64,11 +68,17 @@ def drop(tag: OsimTag, reason: str) -> Loss:
     return Loss("dropped", tag.place, tag.line, reason)
 
 
+def unasked(tag: OsimTag) -> Loss:
+    """Return the loss of an element that was not asked for; all within it counts as read."""
+    tag.pass_over()
+    return Loss("dropped", tag.place, tag.line, "it was not asked for", "unasked")
+
+
 def unread(root: OsimTag) -> Iterator[Loss]:
     """One loss per element that nothing has read; empty ones hold nothing that could be lost."""
     for tag in root.unread():
         if tag.kind in LOOKS:
-            yield Loss("dropped", tag.place, tag.line, "how things are drawn", drawn=True)
+            yield Loss("dropped", tag.place, tag.line, "how things are drawn", "drawn")
         elif tag.children or tag.text.strip() not in _neutral(tag.kind):
             yield Loss("dropped", tag.place, tag.line, _reason(tag.kind))
 
@@ -83,9 +93,10 @@ def _reason(kind: str) -> str:
 
 
 def report(losses: tuple[Loss, ...]) -> list[str]:
-    """A line per element, in the file's order; those that are only drawn in one line."""
-    drawn = [loss for loss in losses if loss.drawn]
-    lines = [str(loss) for loss in sorted(losses, key=lambda x: x.line) if not loss.drawn]
-    if drawn:
-        lines.append(f"dropped: {len(drawn)} elements that only say how things are drawn")
+    """A line per element, in the file's order, and one per group."""
+    lines = [str(loss) for loss in sorted(losses, key=lambda x: x.line) if not loss.group]
+    for group, what in GROUPS.items():
+        count = sum(loss.group == group for loss in losses)
+        if count:
+            lines.append(f"dropped: {count} elements {what}")
     return lines or ["nothing was dropped or changed"]

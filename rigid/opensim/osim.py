@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import fnmatch
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from cosim.errors import InputError
+from cosim.errors import InputError, nearest_names
 from cosim.files import output_file
 from rigid.chain.joint_torques import JointLaw
 from rigid.opensim.components import Components, components
@@ -25,11 +26,11 @@ from rigid.opensim.forces import (
     read_spring,
 )
 from rigid.opensim.functions import Quartic, quartic, read_function
-from rigid.opensim.losses import Loss, change_of, drop, report, unread
+from rigid.opensim.losses import Loss, change_of, drop, report, unasked, unread
 from rigid.opensim.mjcf import Coupling, MjcfSite, mjcf_xml
-from rigid.opensim.paths import UnusablePathError, Way, read_way
+from rigid.opensim.paths import UnaskedPathError, UnusablePathError, Way, read_way
 from rigid.opensim.plain_points import Postures, as_plain, jumps
-from rigid.opensim.skeleton import OsimSkeleton, read_skeleton
+from rigid.opensim.skeleton import UNASKED, OsimSkeleton, read_skeleton
 from rigid.opensim.xml import OsimTag, read_xml
 
 OLDEST = 40000
@@ -77,18 +78,22 @@ class Imported:
     """By joint of the MJCF that is no coordinate, or a coordinate that follows another."""
     losses: tuple[Loss, ...]
     path_actuators: int = 0
-    """Muscles and actuators along a path in the file, imported or not."""
+    """Muscles and actuators along a path in the file that were asked for, imported or not."""
 
     def law(self, joints: tuple[str, ...]) -> JointLaw:
         """The limits and springs as our own joint law; see `law_of`."""
         return law_of(joints, self.limits, self.springs)
 
 
-def import_osim(path: Path, tolerance: float = TOLERANCE) -> Imported:
+def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = ()) -> Imported:
     """Import an OpenSim 4 model: MJCF text, muscles, limits, and a list of all that was dropped or
     changed.  A muscle whose length would be off by more than `tolerance` (m) is dropped.
 
-    Raises InputError (naming file, line and element) for what cannot be read or imported.
+    `only` names bodies and muscles, with * and ? for letters: of the muscles those, where one is
+    named, and of the bodies those and what carries them, where one is named.
+
+    Raises InputError (naming file, line and element) for what cannot be read or imported, and for a
+    name that the model does not hold.
 
     >>> from importlib.resources import as_file, files
     >>> from rigid.opensim.osim import import_osim
@@ -104,8 +109,9 @@ def import_osim(path: Path, tolerance: float = TOLERANCE) -> Imported:
         raise root.fault("holds no <Model>; expected a model of OpenSim 4")
     parts = components(model)
     parts.of_kind("Ground")
-    skeleton = read_skeleton(parts)
-    muscles, ways, count, losses = _muscles(parts, skeleton, tolerance)
+    bodies, chosen = _asked(parts, only)
+    skeleton = read_skeleton(parts, bodies)
+    muscles, ways, count, losses = _muscles(parts, skeleton, tolerance, chosen)
     losses += _drop_jumping(parts, skeleton, muscles, ways)
     limits, springs, more = _passive(parts, skeleton)
     couplings, tied = _couplings(parts, skeleton)
@@ -143,22 +149,51 @@ def _first(tag: OsimTag, kind: str) -> OsimTag | None:
     return next((found for c in tag.children if (found := _first(c, kind))), None)
 
 
+def _asked(model: Components, only: Sequence[str]) -> tuple[frozenset[str], frozenset[str]]:
+    """The paths of the bodies and of the muscles that names with * and ? stand for."""
+    bodies = {p: t.name for p, t in model.by_path.items() if t.kind == "Body"}
+    muscles = {p: t.name for p, t in model.by_path.items() if _has_path(t)}
+    for pattern in only:
+        if not fnmatch.filter([*bodies.values(), *muscles.values()], pattern):
+            near = nearest_names(pattern, [*bodies.values(), *muscles.values()], 3)
+            hint = f"; near it are {', '.join(near)}" if near else ""
+            raise InputError(f"no body or muscle of the model is named {pattern!r}{hint}")
+    asked = [
+        frozenset(p for p, name in named.items() for o in only if fnmatch.fnmatchcase(name, o))
+        for named in (bodies, muscles)
+    ]
+    return asked[0], asked[1]
+
+
+def _paths(tag: OsimTag) -> list[OsimTag]:
+    """The paths that a force holds, of any kind."""
+    holders = (tag, *(child for child in tag.children if child.kind == "path"))
+    return [c for h in holders for c in h.children if c.kind in (PATH, *OTHER_PATHS)]
+
+
+def _has_path(tag: OsimTag) -> bool:
+    """Whether it is a muscle or an actuator along a path."""
+    return tag.kind not in STRETCHED and bool(_paths(tag))
+
+
 def _muscles(
-    model: Components, skeleton: OsimSkeleton, tolerance: float
+    model: Components, skeleton: OsimSkeleton, tolerance: float, asked: frozenset[str]
 ) -> tuple[dict[str, Muscle], dict[str, Way], int, list[Loss]]:
-    """The muscles and actuators along a path, their ways, how many the file has, and what is lost
-    of them."""
+    """The muscles and actuators along a path, their ways, how many the file has of those asked
+    for (all, where none is named), and what is lost of them."""
     muscles: dict[str, Muscle] = {}
     ways: dict[str, Way] = {}
     losses: list[Loss] = []
     count, postures = 0, None
-    for tag in model.by_path.values():
-        holders = (tag, *(child for child in tag.children if child.kind == "path"))
-        paths = [c for h in holders for c in h.children if c.kind in (PATH, *OTHER_PATHS)]
+    for place, tag in model.by_path.items():
+        paths = _paths(tag)
         if not paths:
             continue
         if tag.kind in STRETCHED:
             losses.append(drop(tag, "its stretch alone makes it pull; the force is not applied"))
+            continue
+        if asked and place not in asked:
+            losses.append(unasked(tag))
             continue
         count += 1
         if len(paths) > 1:
@@ -174,6 +209,10 @@ def _muscles(
             continue
         try:
             way = read_way(path, model, skeleton)
+        except UnaskedPathError:
+            losses.append(unasked(tag))
+            count -= 1
+            continue
         except UnusablePathError as reason:
             losses.append(drop(tag, f"{reason}; a tendon here would have another length"))
             continue
@@ -298,7 +337,9 @@ def _markers(model: Components, skeleton: OsimSkeleton) -> tuple[list[MjcfSite],
         frame = model.frame(tag, "parent_frame")
         position = frame.transform.at(np.array(tag.values("location", (0.0,) * 3)))
         tag.flag("fixed", False)
-        if frame.body in skeleton.left_out:
+        if skeleton.left_out.get(frame.body) == UNASKED:
+            losses.append(unasked(tag))
+        elif frame.body in skeleton.left_out:
             losses.append(drop(tag, "its body is left out"))
         else:
             out.append(MjcfSite(tag.name, frame.body, position))

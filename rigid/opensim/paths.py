@@ -16,7 +16,7 @@ import numpy as np
 from cosim.port import Array
 from rigid.opensim.components import IDENTITY, Components, Transform, rotate_xyz
 from rigid.opensim.functions import Curve, read_function
-from rigid.opensim.skeleton import OsimSkeleton
+from rigid.opensim.skeleton import UNASKED, OsimSkeleton
 from rigid.opensim.xml import OsimTag
 
 WRAPS = ("WrapCylinder", "WrapSphere")
@@ -27,6 +27,10 @@ SIDES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 class UnusablePathError(Exception):
     """A path that cannot be kept, with the reason."""
+
+
+class UnaskedPathError(Exception):
+    """A path with a point on a body that was not asked for."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +105,8 @@ def point_wraps(way: Way, kept: Sequence[int]) -> tuple[Wrap | None, ...]:
 
 
 def read_way(path: OsimTag, model: Components, skeleton: OsimSkeleton) -> Way:
-    """Read a path.  Raises UnusablePathError where it cannot be kept, InputError if unreadable."""
+    """Read a path.  Raises UnusablePathError where it cannot be kept, UnaskedPathError where it
+    leads over a body that was not asked for, InputError if unreadable."""
     tags = path.within("PathPointSet", "objects")
     points = tuple(_point(tag, model, skeleton) for tag in tags)
     if len(points) < 2:
@@ -119,8 +124,10 @@ def read_way(path: OsimTag, model: Components, skeleton: OsimSkeleton) -> Way:
 
 
 def _check_there(what: str, body: str, skeleton: OsimSkeleton) -> None:
-    if body in skeleton.left_out:
-        joint = skeleton.left_out[body]
+    joint = skeleton.left_out.get(body)
+    if joint == UNASKED:
+        raise UnaskedPathError
+    if joint is not None:
         raise UnusablePathError(
             f"{what} is fixed to a body that is left out with the joint {joint!r}"
         )

@@ -12,7 +12,7 @@ from cosim.errors import InputError
 from cosim.port import Array
 from rigid.opensim.components import GROUND, Components
 from rigid.opensim.joints import KINDS, Coordinate, Joint, Screw, read_joint
-from rigid.opensim.losses import Loss, change_of, drop
+from rigid.opensim.losses import Loss, change_of, drop, unasked
 from rigid.opensim.xml import OsimTag
 
 MOST_BODIES = 5000
@@ -25,6 +25,9 @@ MOST_SHORT = 0.5
 """Share of the largest moment of inertia by which the others may fall short of it."""
 SLACK = 1e-9
 """Relative, by which two principal moments may fall short of the third (rounding in the file)."""
+
+UNASKED = ""
+"""Among the bodies that are left out, the mark of those that were not asked for."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,8 @@ class OsimSkeleton:
     branches: Mapping[str, tuple[str, ...]]
     losses: tuple[Loss, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
-    """By the path of a body that is left out, the name of the joint that cannot be read."""
+    """By the path of a body that is left out, the name of the joint that cannot be read; or
+    UNASKED."""
 
     @cached_property
     def followers(self) -> tuple[Screw, ...]:
@@ -72,13 +76,19 @@ class OsimSkeleton:
         return carried | dict.fromkeys(self.unborne, False)
 
 
-def read_skeleton(model: Components) -> OsimSkeleton:
-    """Read bodies and joints from the ground on.  Raises InputError for closed loops, bodies that
+def read_skeleton(model: Components, asked: frozenset[str] = frozenset()) -> OsimSkeleton:
+    """Read bodies and joints from the ground on; where the paths of some bodies are `asked` for,
+    those and what carries them.  Raises InputError for closed loops, bodies that
     nothing carries, joints or inertias that MuJoCo cannot have, and names that come twice."""
     tags = [t for t in model.by_path.values() if t.kind.endswith("Joint")]
     read_joints, refused = [], dict[str, tuple[OsimTag, InputError]]()
+    losses: list[Loss] = []
+    left_out = _unasked_bodies(tags, model, asked) if asked else {}
     for tag in tags:
         tag.used = True
+        if left_out and model.frame(tag, "child_frame").body in left_out:
+            losses.append(unasked(tag))
+            continue
         try:
             if tag.kind not in KINDS:
                 known = ", ".join(KINDS)
@@ -91,14 +101,15 @@ def read_skeleton(model: Components) -> OsimSkeleton:
     if len(bodies) > MOST_BODIES:
         file = next(iter(bodies.values())).file
         raise InputError(f"{file}: more than {MOST_BODIES} bodies")
-    left_out = _left_out(bodies, all_joints, refused)
+    losses += [unasked(bodies[path]) for path in left_out]
+    left_out |= _left_out(bodies, all_joints, refused)
     joints = {path: joint for path, joint in all_joints.items() if path not in left_out}
     if refused and not joints:
         raise next(iter(refused.values()))[1]
     for path in left_out:
         bodies.pop(path).pass_over()
     branches = _branches(bodies, joints)
-    losses = [loss for joint in joints.values() for loss in _coordinate_losses(joint)]
+    losses += [loss for joint in joints.values() for loss in _coordinate_losses(joint)]
     losses += [_refusal(tag, error, left_out) for tag, error in refused.values()]
     read = {}
     for path, tag in bodies.items():
@@ -107,6 +118,21 @@ def read_skeleton(model: Components) -> OsimSkeleton:
     _unique([*bodies.values()])
     _unique([c.tag for joint in joints.values() for c in joint.coordinates])
     return OsimSkeleton(read, joints, branches, tuple(losses), left_out)
+
+
+def _unasked_bodies(
+    tags: list[OsimTag], model: Components, asked: frozenset[str]
+) -> dict[str, str]:
+    """The bodies that are neither asked for nor carry one that is."""
+    parents = {
+        model.frame(tag, "child_frame").body: model.frame(tag, "parent_frame").body for tag in tags
+    }
+    kept = set[str]()
+    for path in asked:
+        while path in parents and path not in kept:
+            kept.add(path)
+            path = parents[path]
+    return dict.fromkeys((path for path in parents if path not in kept), UNASKED)
 
 
 def _left_out(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from rigid.opensim.osim import Imported, import_osim
@@ -80,11 +81,11 @@ def model(
     )
 
 
-def import_text(folder: Path, text: str) -> Imported:
+def import_text(folder: Path, text: str, only: Sequence[str] = ()) -> Imported:
     """The import of a text, by way of a file."""
     path = folder / "model.osim"
     path.write_text(text, encoding="utf-8")
-    return import_osim(path)
+    return import_osim(path, only=only)
 
 
 def reasons(result: Imported, place: str) -> str:

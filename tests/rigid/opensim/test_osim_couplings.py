@@ -13,10 +13,12 @@ import pytest
 from cosim.errors import InputError
 from rigid.opensim.components import components
 from rigid.opensim.functions import quartic, read_function, straight
+from rigid.opensim.losses import report
 from rigid.opensim.osim import Imported, import_osim
 from rigid.opensim.skeleton import OsimSkeleton, read_skeleton
 from rigid.opensim.xml import read_xml
 from tests.helpers.osim_files import (
+    PIN,
     PLAIN,
     TWO_POINTS,
     axis,
@@ -263,3 +265,45 @@ def test_a_muscle_whose_length_jumps_is_left_out_with_the_size(tmp_path: Path) -
     jumping = made("-0.5 2.9")
     assert not jumping.muscles
     assert "mm to another side" in reasons(jumping, "mus")
+
+
+THREE = body("b") + body("c") + body("d")
+BRANCHED = (
+    PIN
+    + joint("to_c", "/bodyset/b", "/bodyset/c", coordinate("r"))
+    + joint("to_d", "/bodyset/b", "/bodyset/d", coordinate("s"), kind="ScapulothoracicJoint")
+)
+TO_D = point("p0", "/ground", "-1 1 0") + point("p1", "/bodyset/d", "1 1 0")
+OVER_ALL = muscle("short", TWO_POINTS) + muscle("long", TWO_POINTS) + muscle("far", TO_D)
+MARK = (
+    '<MarkerSet name="markerset"><objects><Marker name="on_d"><socket_parent_frame>/bodyset/d'
+    "</socket_parent_frame></Marker></objects></MarkerSet>"
+)
+
+
+@pytest.mark.parametrize(
+    ("only", "bodies", "muscles", "of"),
+    [
+        ((), {"b", "c"}, ["short", "long"], 3),
+        (("c",), {"b", "c"}, ["short", "long"], 2),
+        (("b",), {"b"}, ["short", "long"], 2),
+        (("s*",), {"b", "c"}, ["short"], 1),
+        (("b", "?on[g]"), {"b"}, ["long"], 1),
+    ],
+)
+def test_only_what_is_asked_for_comes(
+    tmp_path: Path, only: tuple[str, ...], bodies: set[str], muscles: list[str], of: int
+) -> None:
+    made = import_text(tmp_path, model(THREE, BRANCHED, OVER_ALL, MARK), only)
+    compiled = mujoco.MjModel.from_xml_string(made.xml)
+    assert {compiled.body(i).name for i in range(1, compiled.nbody)} == bodies
+    assert list(made.muscles) == muscles
+    assert made.path_actuators == of
+    told = "\n".join(report(made.losses))
+    assert ("ScapulothoracicJoint" in told) == (not set(only) & {"b", "c"})
+    assert ("not asked for" in told) == bool(only)
+
+
+def test_a_name_that_is_not_there_is_met_with_those_near_it(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"'shrot'; near it are short"):
+        import_text(tmp_path, model(THREE, BRANCHED, OVER_ALL), ("b", "shrot"))

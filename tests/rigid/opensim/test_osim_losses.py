@@ -61,7 +61,7 @@ def test_what_a_file_says_without_effect_is_no_loss(tmp_path: Path) -> None:
 def test_the_finger_loses_what_it_must_and_no_more() -> None:
     finger, _ = shipped_models()
     lost = [
-        (loss.what, loss.place.rpartition(" > ")[2]) for loss in finger.losses if not loss.drawn
+        (loss.what, loss.place.rpartition(" > ")[2]) for loss in finger.losses if not loss.group
     ]
     passive = [f'CoordinateLimitForce "{name}_limit"' for name in finger.coordinates]
     passive.append('SpringGeneralizedForce "MCP_spring"')

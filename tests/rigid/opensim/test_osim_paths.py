@@ -146,4 +146,4 @@ def test_a_kind_as_opensim_writes_it_is_taken(
     written.printToXML("m.osim")
     read = import_text(tmp_path, (tmp_path / "m.osim").read_text())
     assert read.muscles["x"].kind == kind
-    assert [loss for loss in read.losses if kind in loss.place and not loss.drawn] == []
+    assert [loss for loss in read.losses if kind in loss.place and not loss.group] == []
