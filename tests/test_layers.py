@@ -112,6 +112,7 @@ ROOMS_OF_SOLVERS = ("cosim.fingers", "cosim.hoods")
 LIVE = {"cosim.models.states", "cosim.commands.febio"}
 KNOW_THE_SOLVERS = {
     "cosim.analyses.estimate.joint_motion",
+    "cosim.analyses.estimate.markers",
     "cosim.analyses.estimate.of_case",
     "cosim.analyses.estimate.tensions",
     "cosim.analyses.growth",

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 import typer
 
 from cosim.analyses.estimate.feasible import ForceSet, force_set
 from cosim.analyses.estimate.files import muscle_table, write_answer, write_motion
-from cosim.analyses.estimate.joint_motion import JointMotion, read_motion
+from cosim.analyses.estimate.joint_motion import JointMotion, as_motion, read_motion
+from cosim.analyses.estimate.markers import read_seen_motion
 from cosim.analyses.estimate.of_case import (
     EstimateAnswer,
     MotionEstimate,
@@ -76,8 +79,15 @@ def estimate(
     motion: Annotated[
         Path | None,
         typer.Option(
-            help="Joint angles over time, .sto, .mot or .csv (time, PIP_deg, ...); torques by "
-            "inverse dynamics."
+            help="Joint angles over time, .sto, .mot or .csv (time, PIP_deg, ...), or markers, "
+            ".trc; torques by inverse dynamics."
+        ),
+    ] = None,
+    markers: Annotated[
+        Path | None,
+        typer.Option(
+            help="Of a .trc: where its markers are on the straight finger, .csv (name, body, "
+            "distal_mm, radial_mm, dorsal_mm)."
         ),
     ] = None,
     cost: Annotated[CostName, typer.Option(help="Power of the tensions in the cost.")] = (
@@ -120,8 +130,10 @@ def estimate(
         ]
         if len(given) > 1:
             raise InputError(f"{' and '.join(given)}: one of them")
-        if motion is None and (samples, cutoff, reserve) != (None, None, None):
-            raise InputError("--samples, --cutoff and --reserve belong to --motion")
+        if motion is None and (samples, cutoff, reserve, markers) != (None,) * 4:
+            raise InputError("--samples, --cutoff, --reserve and --markers belong to --motion")
+        if motion is not None and (markers is None) == (motion.suffix.lower() == ".trc"):
+            raise InputError("--markers belongs to a --motion of markers, a .trc, and that to it")
         started = time.perf_counter()
         checked = load_case(case, settings or ())
         folder = out / checked.name
@@ -135,7 +147,7 @@ def estimate(
             quantities("--most", most, units.FORCE),
         )
         if motion is not None:
-            asked = _read_motion(problem, motion, samples, cutoff)
+            asked = _read_motion(problem, motion, markers, samples, cutoff)
             lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
             estimated = for_motion(problem, asked, _say, lacking)
             write_motion(folder, problem, estimated, time.perf_counter() - started)
@@ -153,9 +165,23 @@ def _say(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def _read_motion(s: Setup, path: Path, samples: int | None, cutoff: str | None) -> JointMotion:
+def _read_motion(
+    s: Setup, path: Path, markers: Path | None, samples: int | None, cutoff: str | None
+) -> JointMotion:
     highest = None if cutoff is None else quantity("--cutoff", cutoff, units.FREQUENCY)
-    return read_motion(path, s.models.finger.joints, s.models.posture, samples, highest)
+    finger, posture = s.models.finger, s.models.posture
+    if markers is None:
+        return read_motion(path, finger.joints, posture, samples, highest)
+    _say("finding the angles that the markers show")
+    seen = read_seen_motion(path, markers, finger, posture)
+    k = int(np.argmax(seen.miss))
+    miss = float(np.sqrt(np.mean(seen.miss**2)))
+    _say(
+        f"the markers are {1e3 * miss:.2g} mm off the finger's in the mean, "
+        f"{1e3 * seen.miss[k]:.2g} mm at most, at {seen.time[k]:g} s"
+    )
+    motion = as_motion(path, seen.time, seen.angle, samples, highest)
+    return replace(motion, markers_miss=miss)
 
 
 def _answer(s: Setup, force: str | None, torque: list[str] | None) -> EstimateAnswer | None:

@@ -11,12 +11,12 @@ from time import perf_counter, process_time
 import numpy as np
 
 from cosim.port import Array
+from rigid.chain.pose import estimate
 from rigid.fingers.robot import robot_finger
 from rigid.mujoco.dynamics import ConstantTension, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage
 from rigid.papers.xu2012.control import JOINT_GAINS, forces_for_torques, joint_forces, remember
-from rigid.papers.xu2012.pose import estimate
 from rigid.papers.xu2012.tracking import MARKERS, NOISE, poses
 from rigid.verification.forward import simulate
 from rigid.verification.thesis_twin import POSTURE, TENSIONS, tensions, twin_law, twin_model

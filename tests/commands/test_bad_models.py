@@ -148,7 +148,7 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "huge node number": (sub(('id="6"', f'id="{10**18}"')), "whole number as its id"),
     "huge node named": (sub(("2,3,6,5</elem>", f"2,3,{10**18},5</elem>")), "numbers of nodes"),
     "negative node": (sub(('id="6"', 'id="-6"')), "whole number as its id"),
-    "unknown element": (sub(('"q4ans"', '"quad8"')), "'quad8' are not read"),
+    "unknown element": (sub(('"q4ans"', '"quad5"')), "'quad5' are not read"),
     # names
     "node set": (sub(('node_set="edge"', 'node_set="rim"')), "no node set 'rim'"),
     "node in a set": (sub(('edge">1,4', 'edge">1,44')), "there is no node 44"),
@@ -165,8 +165,11 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     # values
     "zero thickness": (sub((THICK, THICK.replace("0.2", "0"))), "element 1 (part 'sheet') has the"),
     "negative thickness": (sub((THICK, THICK.replace("0.2", "-1"))), "thickness -0.001 m"),
-    "nan thickness": (sub((THICK, THICK.replace("0.2", "nan"))), "shell_thickness>: expected"),
-    "no thickness": (sub((THICK, "")), "the thickness is missing"),
+    "nan thickness": (
+        sub((THICK, THICK.replace("0.2", "nan"))),
+        "shell_thickness>: the formula 'nan'",
+    ),
+    "no thickness": (sub((THICK, "")), "the thickness of element 1 is missing"),
     "absurd thickness": (sub((THICK, THICK.replace("0.2", "1e9"))), "check the units"),
     "fibre across": (add_fibre('<fiber type="vector">0,0,1</fiber>'), "normal to the shell"),
     "no fibre": (

@@ -29,6 +29,7 @@ from meshes.imported.write import write_vtu
 from rigid.mjcf.read import read_mjcf
 from rigid.opensim.osim import import_osim
 from rigid.opensim.sto import read_sto
+from rigid.opensim.trc import read_trc
 from rigid.verification.osim_rows import shipped_models
 from tests.helpers.feb_files import feb_text
 from tests.helpers.feb_strips import quadratic_text
@@ -126,6 +127,11 @@ STO = (
     b"time\tEDC\tFDP\n0\t1\t2\n1\t2\t3\n"
 )
 CSV = b"name,quantity,value,sd,low,high,source\na,slip_ratio,1,0.1,,,s\nb,wall_s,1,,0,2,s\n"
+TRC = (
+    b"PathFileType\t4\t(X/Y/Z)\tt.trc\nDataRate Units NumMarkers\n10 mm 2\n"
+    b"Frame#\tTime\ta\t\t\tb\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n"
+    b"1\t0.0\t1.5\t2\t3\t4\t5\t6\n2\t0.1\t1\t2\t3\t\t\t\n"
+)
 Seed = Callable[[Path], bytes]
 FORMATS: dict[str, tuple[str, Seed, Callable[[Path], Any], int]] = {
     "Abaqus": (".inp", lambda _: (ROOT / "cases/own/hood.inp").read_bytes(), read_inp, FILES),
@@ -134,6 +140,7 @@ FORMATS: dict[str, tuple[str, Seed, Callable[[Path], Any], int]] = {
     "STL": (".stl", an_stl, lambda p: load_surface(p, "bone"), FILES),
     "OpenSim": (".osim", an_osim, import_osim, FILES),
     "tables of OpenSim": (".sto", lambda _: STO, lambda p: read_sto(p, ("EDC",)), FILES),
+    "markers": (".trc", lambda _: TRC, read_trc, FILES),
     "MJCF": (".xml", lambda _: mjcf_of(load_case("split_edc")).encode(), read_mjcf, FILES),
     "FEBio": (".feb", lambda _: feb_text().encode(), read_feb, FILES),
     "FEBio, quadratic": (".feb", lambda _: quadratic_text().encode(), read_feb, FILES),

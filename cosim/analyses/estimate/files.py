@@ -80,6 +80,8 @@ def write_motion(folder: Path, s: Setup, result: MotionEstimate, wall: float) ->
             * float(np.abs(result.torque - result.required_torque).max()),
             "hood_solves": result.rounds,
         }
+        if (miss := result.motion.markers_miss) is not None:
+            audit["markers_miss_mm"] = 1e3 * miss
         most = dict(zip(s.capacity.names, result.tension.max(axis=0), strict=True))
         _json(part / MARK, {**_head(s, wall), "largest_tension_N": most, "audit": audit})
         _csv(part / "estimate.csv", pd.DataFrame(table))

@@ -28,6 +28,8 @@ class JointMotion:
     angle: Array
     rate: Array
     acceleration: Array
+    markers_miss: float | None = None
+    """m, root of the mean square by which the markers that it is from miss the finger's."""
 
 
 def read_motion(
@@ -44,8 +46,6 @@ def read_motion(
     at `cutoff` Hz where one is given; `samples` times in equal steps replace the file's.  Raises
     InputError."""
     time, columns = (_csv if path.suffix.lower() == ".csv" else _sto)(path, joints)
-    if len(time) < FEWEST or not (np.diff(time) > 0).all():
-        raise InputError(f"{path}: expected at least {FEWEST} times that rise; got {len(time)}")
     if not columns:
         raise InputError(
             f"{path}: has no column of a joint; the joints are {', '.join(joints)}, and a .csv "
@@ -54,6 +54,16 @@ def read_motion(
     angle = np.column_stack(
         [columns.get(joint, np.full(len(time), posture.get(joint, 0.0))) for joint in joints]
     )
+    return as_motion(path, time, angle, samples, cutoff)
+
+
+def as_motion(
+    path: Path, time: Array, angle: Array, samples: int | None, cutoff: float | None
+) -> JointMotion:
+    """Angles (n, nq) rad of a file at times (n,) s, as `read_motion` smooths them.  Raises
+    InputError."""
+    if len(time) < FEWEST or not (np.diff(time) > 0).all():
+        raise InputError(f"{path}: expected at least {FEWEST} times that rise; got {len(time)}")
     if not np.isfinite(angle).all():
         raise InputError(f"{path}: holds an angle that is not finite")
     smooth = angle if cutoff is None else _filter(path, time, angle, cutoff)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -70,13 +70,14 @@ def check_names(names: Sequence[str]) -> None:
         seen.add(name)
 
 
-def read_points(path: Path) -> dict[str, Place]:
+def read_points(path: Path, also: Collection[str] = ()) -> dict[str, Place]:
     """The points of a CSV file by name: a column `name`, and one for each of the world's axes with
     its unit, `distal_mm`, `radial_mm` and `dorsal_mm`.  Lines that begin with `#` are for people.
+    Other columns are left out, which is told of those that are not `also` the caller's.
 
     Raises InputError, which names the line."""
     table = read_csv(path, HEAD)
-    units_of = _units(table)
+    units_of = _units(table, also)
     places: dict[str, Place] = {}
     for row in table.rows:
         name = row.cells["name"]
@@ -93,14 +94,14 @@ def read_points(path: Path) -> dict[str, Place]:
 HEAD = ",".join(("name", *(f"{axis}_mm" for axis in AXES)))
 
 
-def _units(table: CsvTable) -> dict[str, str]:
+def _units(table: CsvTable, also: Collection[str]) -> dict[str, str]:
     """The unit of each axis, from the names of the columns."""
     unit_of_axis: dict[str, str] = {}
     left_out = []
     for title in table.columns:
         axis, _, unit = title.partition("_")
         if title != "name" and axis not in AXES:
-            left_out.append(title)
+            left_out += [title] if title not in also else []
             continue
         if title != "name" and not _is_length(unit):
             raise InputError(

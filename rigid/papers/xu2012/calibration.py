@@ -21,8 +21,8 @@ import numpy as np
 from cosim.errors import ConvergenceError
 from cosim.port import Array
 from rigid.chain.kinematics import Indices
+from rigid.chain.pose import BodyMarkers
 from rigid.mujoco.finger import MujocoFinger
-from rigid.papers.xu2012.pose import BodyMarkers
 
 MOST_ROUNDS = 30
 SMALL = 1e-6

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from cosim.port import Array
+from rigid.chain.pose import BodyMarkers, estimate
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot_tables import JOINTS
 from rigid.model import FingerModel
@@ -28,7 +29,6 @@ from rigid.papers.xu2012.control import (
     tendon_forces,
 )
 from rigid.papers.xu2012.plant import STEP, Plant
-from rigid.papers.xu2012.pose import BodyMarkers, estimate
 
 NOISE = 1e-4
 """m, standard deviation of a marker's coordinate and of a tendon's length (assumption)."""

@@ -1,4 +1,4 @@
-"""Joint angles from markers: Gauss-Newton with a cubic line search (section VI).
+"""Joint angles from markers: Gauss-Newton with a cubic line search (Xu et al. 2012, section VI).
 
 With residuals r(q), Jacobian J and the value f = |r|^2 / 2, a step solves (J'J + w I) d = -J' r;
 the cubic through f and its slope at both ends of the step gives how far to go along it.
@@ -13,7 +13,7 @@ import numpy as np
 from cosim.errors import ConvergenceError
 from cosim.port import Array
 from rigid.chain.kinematics import Indices, point_jacobian
-from rigid.mujoco.finger import MujocoFinger
+from rigid.chain.statics import ChainFinger
 
 WEIGHT = 0.3
 """Weight of |r|^2: bounds a step where markers do not tell two joints apart (a fingertip at the end
@@ -37,7 +37,7 @@ class BodyMarkers:
     body: Indices
     place: Array
 
-    def at(self, finger: MujocoFinger, angle: Array) -> tuple[Array, Array]:
+    def at(self, finger: ChainFinger, angle: Array) -> tuple[Array, Array]:
         """World points (nm, 3) and their Jacobian (nm, 3, nq)."""
         chain = finger.chain(angle)
         turn = chain.motion.rotation[self.body]
@@ -67,7 +67,7 @@ def cubic_minimum(f0: float, slope0: float, f1: float, slope1: float) -> float:
     return float(at) if 0 < at < 1 else 1.0
 
 
-def estimate(finger: MujocoFinger, markers: BodyMarkers, seen: Array, start: Array) -> PoseFit:
+def estimate(finger: ChainFinger, markers: BodyMarkers, seen: Array, start: Array) -> PoseFit:
     """The pose whose markers come nearest to those seen (nm, 3) m, in the world.
 
     Raises ConvergenceError where the search does not end."""
@@ -94,14 +94,14 @@ def estimate(finger: MujocoFinger, markers: BodyMarkers, seen: Array, start: Arr
 
 
 def _off(
-    finger: MujocoFinger, markers: BodyMarkers, seen: Array, angle: Array
+    finger: ChainFinger, markers: BodyMarkers, seen: Array, angle: Array
 ) -> tuple[Array, Array]:
     point, jacobian = markers.at(finger, angle)
     return (point - seen).ravel(), jacobian.reshape(-1, len(angle))
 
 
 def _search(
-    finger: MujocoFinger,
+    finger: ChainFinger,
     markers: BodyMarkers,
     seen: Array,
     angle: Array,
