@@ -6,7 +6,9 @@ from __future__ import annotations
 import resource
 import signal
 import sys
+import tempfile
 import warnings
+import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +22,7 @@ from cosim.anatomy.bones import load_surface
 from cosim.anatomy.read import read_hood
 from cosim.case.file import load_case
 from cosim.errors import CosimError
+from cosim.fmu.archive import UnpackedFmu, unpack_fmu
 from cosim.mesh_file import read_mesh_file
 from cosim.models.build import hood_mesh, mjcf_of
 from cosim.results.compare import read_targets
@@ -122,6 +125,33 @@ def an_osim(folder: Path) -> bytes:
     return (ROOT / "rigid" / "verification" / "data" / "finger.osim").read_bytes()
 
 
+def a_case(folder: Path) -> bytes:
+    text = (ROOT / "cases" / "base" / "index_finger.toml").read_bytes()
+    return text.replace(b'"bare_finger.toml"', b'"base/bare_finger.toml"')
+
+
+def read_description(path: Path) -> UnpackedFmu:
+    """What an FMU with this description is."""
+    import fmpy
+
+    binary = f"binaries/{fmpy.platform}/m{fmpy.sharedLibraryExtension}"
+    with tempfile.TemporaryDirectory() as room:
+        fmu = Path(room) / "m.fmu"
+        with zipfile.ZipFile(fmu, "w") as archive:
+            archive.writestr("modelDescription.xml", path.read_bytes())
+            archive.writestr(binary, b"")
+        return unpack_fmu(fmu, Path(room) / "unpacked")
+
+
+FMU = b"""<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="m" guid="{1}">
+<CoSimulation modelIdentifier="m" canGetAndSetFMUstate="true"/>
+<UnitDefinitions> <Unit name="mm"> <BaseUnit m="1" factor="0.001"/> </Unit> </UnitDefinitions>
+<ModelVariables> <ScalarVariable name="x" valueReference="0" causality="output" initial="exact">
+<Real start="0" unit="mm"/> </ScalarVariable> </ModelVariables>
+<ModelStructure> <Outputs> <Unknown index="1"/> </Outputs> </ModelStructure>
+</fmiModelDescription>
+"""
 STO = (
     b"forces\nversion=1\nnRows=2\nnColumns=3\ninDegrees=no\nendheader\n"
     b"time\tEDC\tFDP\n0\t1\t2\n1\t2\t3\n"
@@ -144,6 +174,8 @@ FORMATS: dict[str, tuple[str, Seed, Callable[[Path], Any], int]] = {
     "MJCF": (".xml", lambda _: mjcf_of(load_case("split_edc")).encode(), read_mjcf, FILES),
     "FEBio": (".feb", lambda _: feb_text().encode(), read_feb, FILES),
     "FEBio, quadratic": (".feb", lambda _: quadratic_text().encode(), read_feb, FILES),
+    "FMU": (".xml", lambda _: FMU, read_description, FILES),
+    "case files": (".toml", a_case, load_case, FILES),
     "CSV": (".csv", lambda _: CSV, lambda p: read_csv(p, "a,b"), FILES),
     "measured values": (".csv", lambda _: CSV, read_targets, FILES),
 }
