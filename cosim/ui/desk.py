@@ -10,7 +10,7 @@ import re
 import shutil
 import tomllib
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -24,7 +24,6 @@ from cosim.case.schema import Case, check_name
 from cosim.case.usual import unusual_values
 from cosim.errors import ConvergenceError, CosimError, InputError, StoppedError
 from cosim.files import shown_path
-from cosim.hoods.kinds import KINDS
 from cosim.models.fit import check_fit
 from cosim.outcome import one_line
 from cosim.processes import ProcessEndedError, WorkerProcess, do_with_memory
@@ -37,7 +36,8 @@ from cosim.results.quantities import key_quantities
 from cosim.results.result import Result
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.solve.motion import SolvedMotion
-from cosim.text_tables import read_toml, toml_settings, toml_text
+from cosim.text_tables import toml_settings, toml_text
+from cosim.ui.choices import rungs_in_words
 from cosim.ui.controls import Control, changed_case, control_at_fault, controls_of, settings_of
 from cosim.ui.worker import Answer, SoFar, Start, answer, answer_of, motion_so_far
 
@@ -385,7 +385,7 @@ class Desk:
         self._stated = self._base = case
         self._opened += 1
         self._rung = case.hood.rung()
-        self._rungs = _rungs_in_words(case)
+        self._rungs = rungs_in_words(case)
         self._controls = controls_of(case) if self._is_live else ()
         self._changes: dict[str, str] = {}
         self._faults: dict[str, list[str]] = {}
@@ -681,35 +681,3 @@ def _is_of_file(case: Case) -> bool:
 def _named(result: Result, name: str) -> Result:
     """The result under another name."""
     return replace(result, name=name, summary={**result.summary, "case": name})
-
-
-def _rungs_in_words(case: Case) -> list[dict[str, str]]:
-    """The hoods that can be put on the case's finger: rung and words."""
-    if not case.finger.is_native:
-        return [{"name": case.hood.rung(), "label": case.hood.title}]
-    rungs = [
-        rung
-        for rung in rungs_of(case)
-        if rung == case.hood.rung() or case.finger.kind in _kind_on(rung).fits
-    ]
-    return [{"name": rung, "label": _rung_label(case, rung)} for rung in rungs]
-
-
-def _kind_on(rung: str) -> Any:
-    return next(kind.table for kind in KINDS.values() if rung in kind.table.rungs)
-
-
-def _rung_label(case: Case, rung: str) -> str:
-    own = rung == case.hood.rung()
-    return (
-        f"{rung}: {case.hood.title} (the case's own)" if own else f"{rung}: {_kind_on(rung).title}"
-    )
-
-
-def shipped() -> Sequence[Mapping[str, str]]:
-    """The packaged cases: name, family and title."""
-    rows = [
-        {"name": n, "family": p.parent.name, "title": str(read_toml(p).get("title", ""))}
-        for n, p in packaged_cases().items()
-    ]
-    return sorted(rows, key=lambda row: (row["family"], row["name"]))

@@ -24,7 +24,8 @@ from cosim.errors import CosimError, InputError
 from cosim.extras import require
 from cosim.json_text import json_text
 from cosim.report.templates import report_file, template
-from cosim.ui.desk import Desk, shipped
+from cosim.ui.choices import shipped
+from cosim.ui.desk import Desk
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette

@@ -94,7 +94,7 @@ def read_sto(path: Path, angles: Collection[str] | None = None) -> StoTable:
     ...     read_sto(Path(folder) / "forces.sto").columns
     ('EDC', 'FDP')
     """
-    lines = _lines(path)
+    lines = read_lines(path)
     header, at = _header(lines, path)
     fields = dict(_fields(header))
     if (kind := fields.get("datatype", "double")) != "double":
@@ -116,7 +116,8 @@ def read_sto(path: Path, angles: Collection[str] | None = None) -> StoTable:
         raise InputError(f"{path}: {error}") from error
 
 
-def _lines(path: Path) -> list[str]:
+def read_lines(path: Path) -> list[str]:
+    """The lines of a table over time, a text in UTF-8.  Raises InputError."""
     try:
         with open(path, "rb") as stream:
             raw = stream.read(MOST_BYTES + 1)
@@ -126,7 +127,7 @@ def _lines(path: Path) -> list[str]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text in UTF-8; expected a .sto or .mot table") from error
+        raise InputError(f"{path}: not a text in UTF-8; expected a table over time") from error
 
 
 def _header(lines: list[str], path: Path) -> tuple[list[str], int]:

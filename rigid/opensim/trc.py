@@ -14,11 +14,11 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
+from rigid.opensim.sto import read_lines
 
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 HEAD = 5
 """Lines before the rows."""
-MOST_BYTES = 256 << 20
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,7 @@ class MarkerMotion:
 
 def read_trc(path: Path) -> MarkerMotion:
     """Read a .trc.  Raises InputError, naming the line."""
-    try:
-        if path.stat().st_size > MOST_BYTES:
-            raise InputError(f"{path}: is larger than {MOST_BYTES >> 20} MB")
-        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    lines = read_lines(path)
     if len(lines) < HEAD + 1 or not lines[0].startswith("PathFileType"):
         raise InputError(
             f"{path}: is no .trc: expected PathFileType in line 1, keys, values, names and axes in "
@@ -75,19 +70,17 @@ def _row(place: str, line: str, markers: int) -> list[float]:
     if len(cells) < 2 or any(cells[most:]):
         raise InputError(f"{place}: {len(cells)} cells; expected at most {most}, parted by tabs")
     cells = [*cells[1:most], *[""] * (most - len(cells))]
-    try:
-        numbers = [float(cell or "nan") for cell in cells]
-    except ValueError:
-        wrong = next(cell for cell in cells if not _is_number(cell))
-        raise InputError(f"{place}: {wrong[:20]!r} is no number") from None
+    numbers = [_number(place, cell) for cell in cells]
     if not np.isfinite(numbers[0]) or np.isinf(numbers).any():
         raise InputError(f"{place}: expected a time and finite places")
     return numbers
 
 
-def _is_number(cell: str) -> bool:
+def _number(place: str, cell: str) -> float:
+    """The number in a cell, NaN in an empty one."""
     try:
-        float(cell or "nan")
+        if "_" not in cell:
+            return float(cell or "nan")
     except ValueError:
-        return False
-    return True
+        pass
+    raise InputError(f"{place}: {cell[:20]!r} is no number")

@@ -153,6 +153,7 @@ def test_markers_that_the_trial_has_not_are_told(tmp_path):
         ("\n3\t0.200", "\n3\t0.100", r"time must rise; 0\.1 s is followed by 0\.1 s"),
         ("\n3\t0.200\t", "\n3\t0.200\tlost\t", "line 9: "),
         ("\n3\t0.200", "\n3\t", "line 9: expected a time"),
+        ("\n3\t0.200\t", "\n3\t1_0\t", "line 9: '1_0' is no number"),
     ],
 )
 def test_a_bad_trial_is_refused_with_its_line(tmp_path, old, new, said):
