@@ -5,7 +5,7 @@ from __future__ import annotations
 import fnmatch
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import mujoco
@@ -28,9 +28,9 @@ from rigid.opensim.forces import (
 from rigid.opensim.functions import Quartic, quartic, read_function
 from rigid.opensim.losses import Loss, change_of, drop, report, unasked, unread
 from rigid.opensim.mjcf import Coupling, MjcfSite, mjcf_xml
-from rigid.opensim.paths import UnaskedPathError, UnusablePathError, Way, read_way
-from rigid.opensim.plain_points import Postures, as_plain, jumps
+from rigid.opensim.paths import Tendon, UnaskedPathError, UnusablePathError, Way, read_way
 from rigid.opensim.skeleton import UNASKED, OsimSkeleton, read_skeleton
+from rigid.opensim.tendons import Postures, made_tendon, off
 from rigid.opensim.xml import OsimTag, read_xml
 
 OLDEST = 40000
@@ -40,6 +40,8 @@ STRETCHED = ("Ligament", "Blankevoort1991Ligament", "PathSpring", "ExpressionBas
 """Forces along a path that nothing controls."""
 TOLERANCE = 1e-4
 """m, by which the length of a muscle may be off."""
+EXACT = 1e-6
+"""m, up to which a length is taken to be OpenSim's."""
 GRAVITY = (0.0, -9.80665, 0.0)
 """m/s2, OpenSim's default."""
 
@@ -78,7 +80,10 @@ class Imported:
     """By joint of the MJCF that is no coordinate, or a coordinate that follows another."""
     losses: tuple[Loss, ...]
     path_actuators: int = 0
-    """Muscles and actuators along a path in the file that were asked for, imported or not."""
+    """Muscles and actuators along a path in the file that were asked for and apply a force,
+    imported or not."""
+    beyond: Mapping[str, float] = field(default_factory=dict)
+    """By how much (m) the length is off, of each muscle left out for more than the tolerance."""
 
     def law(self, joints: tuple[str, ...]) -> JointLaw:
         """The limits and springs as our own joint law; see `law_of`."""
@@ -111,15 +116,19 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
     parts.of_kind("Ground")
     bodies, chosen = _asked(parts, only)
     skeleton = read_skeleton(parts, bodies)
-    muscles, ways, count, losses = _muscles(parts, skeleton, tolerance, chosen)
-    losses += _drop_jumping(parts, skeleton, muscles, ways)
-    limits, springs, more = _passive(parts, skeleton)
+    taken, count, losses = _muscles(parts, skeleton, chosen)
     couplings, tied = _couplings(parts, skeleton)
+    tendons, beyond, changed = _tendons(taken, skeleton, couplings, tolerance)
+    losses += changed
+    muscles = {
+        name: Muscle(taken[name].tag.kind, dict(properties(taken[name].tag))) for name in tendons
+    }
+    limits, springs, more = _passive(parts, skeleton)
     markers, lost = _markers(parts, skeleton)
     made_up = [change_of(*pair) for pair in parts.made_up]
     losses = [*made_up, *skeleton.losses, *losses, *more, *tied, *lost]
     gravity = model.values("gravity", GRAVITY)
-    xml = mjcf_xml(model.name or "model", gravity, skeleton, ways, markers, couplings)
+    xml = mjcf_xml(model.name or "model", gravity, skeleton, tendons, markers, couplings)
     _check_compiles(xml, str(path))
     coordinates = {
         c.name: CoordinateDefault(c.default, c.range, c.clamped, c.locked)
@@ -127,7 +136,17 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
     }
     all_losses = (*losses, *unread(root))
     return Imported(
-        path.name, version, xml, coordinates, muscles, limits, springs, couplings, all_losses, count
+        path.name,
+        version,
+        xml,
+        coordinates,
+        muscles,
+        limits,
+        springs,
+        couplings,
+        all_losses,
+        count,
+        beyond,
     )
 
 
@@ -176,15 +195,23 @@ def _has_path(tag: OsimTag) -> bool:
     return tag.kind not in STRETCHED and bool(_paths(tag))
 
 
+@dataclass(frozen=True)
+class _Taken:
+    """A muscle or actuator along a path that was asked for and can be read."""
+
+    tag: OsimTag
+    path: OsimTag
+    way: Way
+
+
 def _muscles(
-    model: Components, skeleton: OsimSkeleton, tolerance: float, asked: frozenset[str]
-) -> tuple[dict[str, Muscle], dict[str, Way], int, list[Loss]]:
-    """The muscles and actuators along a path, their ways, how many the file has of those asked
-    for (all, where none is named), and what is lost of them."""
-    muscles: dict[str, Muscle] = {}
-    ways: dict[str, Way] = {}
+    model: Components, skeleton: OsimSkeleton, asked: frozenset[str]
+) -> tuple[dict[str, _Taken], int, list[Loss]]:
+    """The muscles and actuators along a path, how many the file has of those asked for (all, where
+    none is named) and that apply a force, and what is lost of them."""
+    taken: dict[str, _Taken] = {}
     losses: list[Loss] = []
-    count, postures = 0, None
+    count = 0
     for place, tag in model.by_path.items():
         paths = _paths(tag)
         if not paths:
@@ -202,66 +229,57 @@ def _muscles(
         if path.kind != PATH:
             losses.append(drop(tag, f"its path is a {path.kind}; only a {PATH} is imported"))
             continue
-        if tag.name in muscles:
+        if tag.name in taken:
             raise tag.fault("another muscle has this name; rename one")
         if not tag.flag("appliesForce", True):
             losses.append(drop(tag, "it applies no force (appliesForce is false)"))
+            count -= 1
             continue
         try:
-            way = read_way(path, model, skeleton)
+            taken[tag.name] = _Taken(tag, path, read_way(path, model, skeleton))
         except UnaskedPathError:
             losses.append(unasked(tag))
             count -= 1
-            continue
         except UnusablePathError as reason:
             losses.append(drop(tag, f"{reason}; a tendon here would have another length"))
-            continue
-        if not way.is_plain:
-            postures = postures or Postures(skeleton)
-            way, off = as_plain(way, postures)
-            why = (
-                "points that come and go or move are plain here: its length between them, in "
-                f"straight lines, is at most {1e3 * off:.2g} mm off over the ranges of motion"
+    return taken, count, losses
+
+
+def _tendons(
+    taken: Mapping[str, _Taken],
+    skeleton: OsimSkeleton,
+    couplings: Mapping[str, Coupling],
+    tolerance: float,
+) -> tuple[dict[str, Tendon], dict[str, float], list[Loss]]:
+    """The tendons of the muscles, by how much (m) the length of each that is left out is off, and
+    what is lost or changed."""
+    unlike = {name: each.way for name, each in taken.items() if not each.way.is_plain}
+    postures = Postures(skeleton, couplings) if unlike else None
+    made = {name: made_tendon(name, way, postures) for name, way in unlike.items() if postures}
+    errors = off(made, postures) if postures else {}
+    tendons: dict[str, Tendon] = {}
+    beyond: dict[str, float] = {}
+    losses: list[Loss] = []
+    for name, each in taken.items():
+        if name in made:
+            size = (
+                f"its length is at most {1e3 * errors[name]:.2g} mm off OpenSim's over the ranges"
             )
-            if off > tolerance:
-                losses.append(drop(tag, f"{why}, more than the tolerance of {1e3 * tolerance:g}"))
+            why = "; ".join([f"{size} of motion", *made[name].changes])
+            if errors[name] > tolerance:
+                beyond[name] = errors[name]
+                losses.append(
+                    drop(each.tag, f"{why}: more than the {1e3 * tolerance:g} mm allowed")
+                )
                 continue
-            losses.append(change_of(tag, why))
-        tag.used = path.used = True
-        muscles[tag.name] = Muscle(tag.kind, dict(properties(tag)))
-        ways[tag.name] = way
-        losses += [change_of(*change) for change in way.changes]
-    return muscles, ways, count, losses + _wrap_losses(ways)
-
-
-def _drop_jumping(
-    model: Components, skeleton: OsimSkeleton, muscles: dict[str, Muscle], ways: dict[str, Way]
-) -> list[Loss]:
-    """Take out the muscles whose length jumps, which OpenSim's may not; what is lost."""
-    wrapping = {name: way for name, way in ways.items() if any(way.wraps)}
-    jumping = jumps(skeleton, wrapping) if wrapping else {}
-    out = []
-    for name, size in jumping.items():
-        del muscles[name], ways[name]
-        (tag, *_) = (t for t in model.by_name[name] if t.used)
-        why = f"over a surface its length in MuJoCo jumps by {1e3 * size:.2g} mm to another side"
-        out.append(drop(tag, f"{why}; OpenSim keeps a path to its quadrant otherwise"))
-    return out
-
-
-def _wrap_losses(ways: Mapping[str, Way]) -> list[Loss]:
-    wraps = {id(w.tag): w for way in ways.values() for w in way.wraps if w}
-    out = []
-    for wrap in wraps.values():
-        wrap.tag.used = True
-        if wrap.half_length is not None:
-            long = f"{2 * wrap.half_length:g} m long in OpenSim, endless for MuJoCo's tendons"
-            out.append(change_of(wrap.tag, long))
-        if wrap.side is not None:
-            out.append(
-                change_of(wrap.tag, "its quadrant became a site that shows the side to keep")
-            )
-    return out
+            if errors[name] > EXACT or made[name].changes:
+                losses.append(change_of(each.tag, why))
+        tendons[name] = made[name].tendon if name in made else Tendon.straight(each.way)
+        each.tag.used = each.path.used = True
+        for use in each.way.uses:
+            use.surface.tag.used = True
+        losses += [change_of(*change) for change in each.way.changes]
+    return tendons, beyond, losses
 
 
 def _passive(

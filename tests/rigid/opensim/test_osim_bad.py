@@ -185,7 +185,7 @@ CASES = {
         over("<radius>0.1</radius>", "<range>1 1.5</range>"),
         ("<range>", "2 points", "1 1.5"),
     ),
-    "wrap radius": (over("<radius>0</radius>"), ("radius and length must be positive",)),
+    "wrap radius": (over("<radius>0</radius>"), ("the radius must be positive",)),
     "wrap side": (
         over("<radius>1</radius><quadrant>north</quadrant>"),
         ("<quadrant>", "'north'"),
