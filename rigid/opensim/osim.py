@@ -1,4 +1,4 @@
-"""A 4.x .osim as MJCF, with what MJCF cannot hold beside it and a list of all that was lost."""
+"""An .osim as MJCF, with what MJCF cannot hold beside it and a list of all that was lost."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from rigid.opensim.forces import (
     read_spring,
 )
 from rigid.opensim.functions import Quartic, quartic, read_function
+from rigid.opensim.layout import read_model
 from rigid.opensim.losses import Loss, change_of, drop, report, unasked, unread
 from rigid.opensim.mjcf import Coupling, MjcfSite, mjcf_xml
 from rigid.opensim.paths import UnaskedPathError, UnusablePathError, Way, read_way
 from rigid.opensim.plain_points import Postures, as_plain, jumps
 from rigid.opensim.skeleton import UNASKED, OsimSkeleton, read_skeleton
-from rigid.opensim.xml import OsimTag, read_xml
+from rigid.opensim.xml import OsimTag
 
-OLDEST = 40000
 OTHER_PATHS = ("FunctionBasedPath", "Scholz2015GeometryPath")
 """OpenSim's kinds of paths that are not imported."""
 STRETCHED = ("Ligament", "Blankevoort1991Ligament", "PathSpring", "ExpressionBasedPathForce")
@@ -86,7 +86,7 @@ class Imported:
 
 
 def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = ()) -> Imported:
-    """Import an OpenSim 4 model: MJCF text, muscles, limits, and a list of all that was dropped or
+    """Import an OpenSim model: MJCF text, muscles, limits, and a list of all that was dropped or
     changed.  A muscle whose length would be off by more than `tolerance` (m) is dropped.
 
     `only` names bodies and muscles, with * and ? for letters: of the muscles those, where one is
@@ -102,11 +102,7 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
     >>> list(finger.coordinates)
     ['MCP_abduction', 'MCP', 'PIP', 'DIP']
     """
-    root = read_xml(path)
-    version = _version(root)
-    model = root.one("Model")
-    if model is None:
-        raise root.fault("holds no <Model>; expected a model of OpenSim 4")
+    model, version, changed = read_model(path)
     parts = components(model)
     parts.of_kind("Ground")
     bodies, chosen = _asked(parts, only)
@@ -117,7 +113,7 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
     couplings, tied = _couplings(parts, skeleton)
     markers, lost = _markers(parts, skeleton)
     made_up = [change_of(*pair) for pair in parts.made_up]
-    losses = [*made_up, *skeleton.losses, *losses, *more, *tied, *lost]
+    losses = [*changed, *made_up, *skeleton.losses, *losses, *more, *tied, *lost]
     gravity = model.values("gravity", GRAVITY)
     xml = mjcf_xml(model.name or "model", gravity, skeleton, ways, markers, couplings)
     _check_compiles(xml, str(path))
@@ -125,28 +121,10 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
         c.name: CoordinateDefault(c.default, c.range, c.clamped, c.locked)
         for c in skeleton.coordinates.values()
     }
-    all_losses = (*losses, *unread(root))
+    all_losses = (*losses, *unread(model))
     return Imported(
         path.name, version, xml, coordinates, muscles, limits, springs, couplings, all_losses, count
     )
-
-
-def _version(root: OsimTag) -> int:
-    text = root.attributes.get("Version", "")
-    if not (text.isascii() and text.isdecimal() and len(text) < 10):
-        raise root.fault(f"the attribute Version is {text[:20]!r}, expected a number such as 40600")
-    old = _first(root, "location_in_parent")
-    if int(text) < OLDEST or old is not None:
-        raise (old or root).fault(
-            f"this is the layout of OpenSim 3 (version {text}); open it with OpenSim 4 and save it"
-        )
-    return int(text)
-
-
-def _first(tag: OsimTag, kind: str) -> OsimTag | None:
-    if tag.kind == kind:
-        return tag
-    return next((found for c in tag.children if (found := _first(c, kind))), None)
 
 
 def _asked(model: Components, only: Sequence[str]) -> tuple[frozenset[str], frozenset[str]]:
