@@ -250,6 +250,9 @@ def _passive(
     losses: list[Loss] = []
     for tag in model.of_kind("CoordinateLimitForce", "SpringGeneralizedForce"):
         coordinate = tag.word("coordinate", "")
+        if coordinate in skeleton.unasked:
+            losses.append(unasked(tag))
+            continue
         if coordinate not in skeleton.coordinates:
             if skeleton.left_out and coordinate in {c.name for c in model.of_kind("Coordinate")}:
                 losses.append(drop(tag, "its coordinate is of a joint that is left out"))
@@ -284,6 +287,9 @@ def _couplings(model: Components, skeleton: OsimSkeleton) -> tuple[dict[str, Cou
             continue
         by = tag.word("independent_coordinate_names", "").split()
         name, function = tag.word("dependent_coordinate_name", ""), _inner_function(tag)
+        if {*by, name} & skeleton.unasked:
+            losses.append(unasked(tag))
+            continue
         if len(by) != 1 or not {*by, name} <= set(skeleton.moving) or function is None:
             why = "a coordinate is locked or left out, or follows several"
             losses.append(drop(tag, f"{why}: the coordinates that it ties together are free here"))

@@ -80,10 +80,6 @@ CASES = {
     ),
     "negative mass": (model(body("b", "<mass>-1</mass>")), ("no solid has the mass -1",)),
     "two bodies of one name": (model(body("b") + body("b")), ('Body "b"', "taken", "line 5")),
-    "two coordinates of one name": (
-        model(LOOP, PIN + joint("k", "/bodyset/b", "/bodyset/c", coordinate("q"))),
-        ('Coordinate "q"', "taken"),
-    ),
     "no name": (model(body("")), ("no component", "'/bodyset/b'")),
     "no joint": (model(body("b") + body("c")), ('Body "c"', "no joint")),
     "closed loop": (
