@@ -33,7 +33,7 @@ opensim = typer.Typer(
 
 
 def import_model(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.osim", help="A model of OpenSim 4.")],
+    model: Annotated[Path, typer.Argument(metavar="MODEL.osim", help="A model of OpenSim 2 to 4.")],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="The MJCF to write; else MODEL.xml in this folder."),

@@ -1,4 +1,4 @@
-"""A 4.x .osim as MJCF, with what MJCF cannot hold beside it and a list of all that was lost."""
+"""An .osim as MJCF, with what MJCF cannot hold beside it and a list of all that was lost."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from rigid.opensim.forces import (
     read_spring,
 )
 from rigid.opensim.functions import Quartic, quartic, read_function
+from rigid.opensim.layout import read_model
 from rigid.opensim.losses import Loss, change_of, drop, report, unasked, unread
 from rigid.opensim.mjcf import Coupling, MjcfSite, mjcf_xml
 from rigid.opensim.paths import Tendon, UnaskedPathError, UnusablePathError, Way, read_way
 from rigid.opensim.skeleton import UNASKED, OsimSkeleton, read_skeleton
 from rigid.opensim.tendons import Postures, made_tendon, off
-from rigid.opensim.xml import OsimTag, read_xml
+from rigid.opensim.xml import OsimTag
 
-OLDEST = 40000
 OTHER_PATHS = ("FunctionBasedPath", "Scholz2015GeometryPath")
 """OpenSim's kinds of paths that are not imported."""
 STRETCHED = ("Ligament", "Blankevoort1991Ligament", "PathSpring", "ExpressionBasedPathForce")
@@ -91,7 +91,7 @@ class Imported:
 
 
 def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = ()) -> Imported:
-    """Import an OpenSim 4 model: MJCF text, muscles, limits, and a list of all that was dropped or
+    """Import an OpenSim model: MJCF text, muscles, limits, and a list of all that was dropped or
     changed.  A muscle whose length would be off by more than `tolerance` (m) is dropped.
 
     `only` names bodies and muscles, with * and ? for letters: of the muscles those, where one is
@@ -107,11 +107,7 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
     >>> list(finger.coordinates)
     ['MCP_abduction', 'MCP', 'PIP', 'DIP']
     """
-    root = read_xml(path)
-    version = _version(root)
-    model = root.one("Model")
-    if model is None:
-        raise root.fault("holds no <Model>; expected a model of OpenSim 4")
+    model, version, changed = read_model(path)
     parts = components(model)
     parts.of_kind("Ground")
     bodies, chosen = _asked(parts, only)
@@ -126,7 +122,7 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
     limits, springs, more = _passive(parts, skeleton)
     markers, lost = _markers(parts, skeleton)
     made_up = [change_of(*pair) for pair in parts.made_up]
-    losses = [*made_up, *skeleton.losses, *losses, *more, *tied, *lost]
+    losses = [*changed, *made_up, *skeleton.losses, *losses, *more, *tied, *lost]
     gravity = model.values("gravity", GRAVITY)
     xml = mjcf_xml(model.name or "model", gravity, skeleton, tendons, markers, couplings)
     _check_compiles(xml, str(path))
@@ -134,7 +130,7 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
         c.name: CoordinateDefault(c.default, c.range, c.clamped, c.locked)
         for c in skeleton.coordinates.values()
     }
-    all_losses = (*losses, *unread(root))
+    all_losses = (*losses, *unread(model))
     return Imported(
         path.name,
         version,
@@ -148,24 +144,6 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
         count,
         beyond,
     )
-
-
-def _version(root: OsimTag) -> int:
-    text = root.attributes.get("Version", "")
-    if not (text.isascii() and text.isdecimal() and len(text) < 10):
-        raise root.fault(f"the attribute Version is {text[:20]!r}, expected a number such as 40600")
-    old = _first(root, "location_in_parent")
-    if int(text) < OLDEST or old is not None:
-        raise (old or root).fault(
-            f"this is the layout of OpenSim 3 (version {text}); open it with OpenSim 4 and save it"
-        )
-    return int(text)
-
-
-def _first(tag: OsimTag, kind: str) -> OsimTag | None:
-    if tag.kind == kind:
-        return tag
-    return next((found for c in tag.children if (found := _first(c, kind))), None)
 
 
 def _asked(model: Components, only: Sequence[str]) -> tuple[frozenset[str], frozenset[str]]:
@@ -290,6 +268,9 @@ def _passive(
     losses: list[Loss] = []
     for tag in model.of_kind("CoordinateLimitForce", "SpringGeneralizedForce"):
         coordinate = tag.word("coordinate", "")
+        if coordinate in skeleton.unasked:
+            losses.append(unasked(tag))
+            continue
         if coordinate not in skeleton.coordinates:
             if skeleton.left_out and coordinate in {c.name for c in model.of_kind("Coordinate")}:
                 losses.append(drop(tag, "its coordinate is of a joint that is left out"))
@@ -324,6 +305,9 @@ def _couplings(model: Components, skeleton: OsimSkeleton) -> tuple[dict[str, Cou
             continue
         by = tag.word("independent_coordinate_names", "").split()
         name, function = tag.word("dependent_coordinate_name", ""), _inner_function(tag)
+        if {*by, name} & skeleton.unasked:
+            losses.append(unasked(tag))
+            continue
         if len(by) != 1 or not {*by, name} <= set(skeleton.moving) or function is None:
             why = "a coordinate is locked or left out, or follows several"
             losses.append(drop(tag, f"{why}: the coordinates that it ties together are free here"))

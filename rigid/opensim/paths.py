@@ -185,13 +185,13 @@ def _point(tag: OsimTag, model: Components, skeleton: OsimSkeleton) -> Point:
 
 def _coordinate(tag: OsimTag, socket: str, skeleton: OsimSkeleton) -> str:
     """The coordinate on which a point depends.  Raises UnusablePathError for one that is left
-    out, or of which there are two."""
+    out."""
     said = tag.one(f"socket_{socket}")
-    text = said.text if said else tag.word(socket, "")
-    name = text.strip().rpartition("/")[2]
-    if name not in skeleton.coordinates:
+    text = (said.text if said else tag.word(socket, "")).strip()
+    name = skeleton.named(text)
+    if name is None:
         raise UnusablePathError(
-            f"path point {tag.name!r} depends on the coordinate {name!r}, which is not there"
+            f"path point {tag.name!r} depends on the coordinate {text!r}, which is not there"
         )
     return name
 
