@@ -19,6 +19,11 @@ from rigid.opensim.skeleton import LEAST_INERTIA, LEAST_MASS, OsimBody, OsimSkel
 
 INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """MuJoCo's order of `fullinertia`."""
+SLIDE_INERTIA = 0.01
+"""kg, that resist each slide of a point that moves and weigh nothing: what holds a slide to its
+coordinate gives way to a tendon's force by as much less as they are more."""
+FIRM = {"solref": "0.004 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
+"""MuJoCo's stiffest equality that a step of 2 ms allows."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,19 @@ class MjcfSite:
     position: Array
 
 
+@dataclass(frozen=True)
+class MovingSite:
+    """A named point that `slides` move from a place in a body (path): a light body of its own."""
+
+    name: str
+    body: str
+    place: Transform
+    slides: Sequence[Screw]
+
+
+Part = MjcfSite | MovingSite | Wrap
+
+
 def mjcf_xml(
     name: str,
     gravity: Sequence[float],
@@ -55,10 +73,10 @@ def mjcf_xml(
     etree.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
     option = etree.SubElement(root, "option", gravity=_text(gravity))
     etree.SubElement(option, "flag", contact="disable")
-    fixed: dict[str, list[MjcfSite | Wrap]] = defaultdict(list)
+    fixed: dict[str, list[Part]] = defaultdict(list)
     surfaces = _wraps(tendons)
     sites = [*markers, *_path_sites(tendons), *_side_sites(surfaces)]
-    parts: list[MjcfSite | Wrap] = [*sites, *surfaces.values()]
+    parts: list[Part] = [*sites, *surfaces.values()]
     for part in parts:
         fixed[part.body].append(part)
     order: list[Screw] = []
@@ -80,9 +98,11 @@ def _wraps(tendons: Mapping[str, Tendon]) -> dict[str, Wrap]:
     return {wrap.name: wrap for tendon in tendons.values() for wrap in tendon.wraps if wrap}
 
 
-def _path_sites(tendons: Mapping[str, Tendon]) -> list[MjcfSite]:
+def _path_sites(tendons: Mapping[str, Tendon]) -> list[MjcfSite | MovingSite]:
     return [
-        MjcfSite(f"{name}-{k}", point.body, point.position)
+        MovingSite(at, point.body, point.rest, slides)
+        if (slides := point.slides(at := f"{name}-{k}"))
+        else MjcfSite(at, point.body, point.position)
         for name, tendon in tendons.items()
         for k, point in enumerate(tendon.points)
     ]
@@ -100,13 +120,15 @@ def _fill(
     element: etree._Element,
     path: str,
     skeleton: OsimSkeleton,
-    fixed: Mapping[str, list[MjcfSite | Wrap]],
+    fixed: Mapping[str, list[Part]],
     order: list[Screw],
 ) -> None:
     """The sites, wraps and bodies within a body; `order` gains the joints as they come."""
     for part in fixed.get(path, ()):
         if isinstance(part, MjcfSite):
             _add_site(element, part)
+        elif isinstance(part, MovingSite):
+            order += _add_moving_site(element, part, skeleton)
         else:
             _add_wrap(element, part)
     for child in skeleton.branches[path]:
@@ -124,6 +146,24 @@ def _add_site(element: etree._Element, site: MjcfSite) -> None:
     etree.SubElement(element, "site", name=site.name, pos=pos, size="0.0005")
 
 
+def _add_moving_site(
+    element: etree._Element, site: MovingSite, skeleton: OsimSkeleton
+) -> Sequence[Screw]:
+    inner = etree.SubElement(element, "body", name=site.name)
+    _place(inner, site.place)
+    _add_light(inner)
+    for slide in site.slides:
+        _add_joint(inner, slide, skeleton.coordinates[slide.coordinate].range)
+        inner[-1].set("armature", repr(SLIDE_INERTIA))
+    _add_site(inner, MjcfSite(site.name, site.body, np.zeros(3)))
+    return site.slides
+
+
+def _add_light(element: etree._Element) -> None:
+    tiny = {"mass": repr(LEAST_MASS), "diaginertia": _text([LEAST_INERTIA] * 3)}
+    etree.SubElement(element, "inertial", pos="0 0 0", **tiny)
+
+
 def value_of(screw: Screw, skeleton: OsimSkeleton) -> float:
     """The default value of a joint: that of its coordinate, or what follows from it."""
     default = skeleton.coordinates[screw.coordinate].default
@@ -133,8 +173,7 @@ def value_of(screw: Screw, skeleton: OsimSkeleton) -> float:
 def _bear(world: etree._Element, name: str, skeleton: OsimSkeleton) -> Screw:
     """A body beside the others whose one hinge is a coordinate that only followers show."""
     body = etree.SubElement(world, "body", name=f"coordinate {name}")
-    tiny = {"mass": repr(LEAST_MASS), "diaginertia": _text([LEAST_INERTIA] * 3)}
-    etree.SubElement(body, "inertial", pos="0 0 0", **tiny)
+    _add_light(body)
     screw = Screw(name, name, False, np.array([0.0, 0.0, 1.0]), np.zeros(3))
     _add_joint(body, screw, skeleton.coordinates[name].range)
     return screw
@@ -145,7 +184,8 @@ def _add_couplings(root: etree._Element, couplings: Mapping[str, Coupling]) -> N
         equality = etree.SubElement(root, "equality")
         for joint, coupling in couplings.items():
             of = {"joint1": joint, "joint2": coupling.coordinate}
-            etree.SubElement(equality, "joint", polycoef=_text(coupling.polynomial), **of)
+            polynomial = _text(coupling.polynomial)
+            etree.SubElement(equality, "joint", polycoef=polynomial, **of, **FIRM)
 
 
 def _add_joint(element: etree._Element, screw: Screw, span: tuple[float, float]) -> None:
