@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -38,24 +38,14 @@ class Coupling:
 
 @dataclass(frozen=True)
 class MjcfSite:
-    """A named point in the frame of a body (path), m."""
+    """A named point in the frame of a body (path), m; where `slides` move it, along the columns of
+    `rotation`, it is on a light body of its own."""
 
     name: str
     body: str
     position: Array
-
-
-@dataclass(frozen=True)
-class MovingSite:
-    """A named point that `slides` move from a place in a body (path): a light body of its own."""
-
-    name: str
-    body: str
-    place: Transform
-    slides: Sequence[Screw]
-
-
-Part = MjcfSite | MovingSite | Wrap
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    slides: Sequence[Screw] = ()
 
 
 def mjcf_xml(
@@ -73,10 +63,10 @@ def mjcf_xml(
     etree.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
     option = etree.SubElement(root, "option", gravity=_text(gravity))
     etree.SubElement(option, "flag", contact="disable")
-    fixed: dict[str, list[Part]] = defaultdict(list)
+    fixed: dict[str, list[MjcfSite | Wrap]] = defaultdict(list)
     surfaces = _wraps(tendons)
     sites = [*markers, *_path_sites(tendons), *_side_sites(surfaces)]
-    parts: list[Part] = [*sites, *surfaces.values()]
+    parts: list[MjcfSite | Wrap] = [*sites, *surfaces.values()]
     for part in parts:
         fixed[part.body].append(part)
     order: list[Screw] = []
@@ -98,13 +88,12 @@ def _wraps(tendons: Mapping[str, Tendon]) -> dict[str, Wrap]:
     return {wrap.name: wrap for tendon in tendons.values() for wrap in tendon.wraps if wrap}
 
 
-def _path_sites(tendons: Mapping[str, Tendon]) -> list[MjcfSite | MovingSite]:
+def _path_sites(tendons: Mapping[str, Tendon]) -> list[MjcfSite]:
     return [
-        MovingSite(at, point.body, point.rest, slides)
-        if (slides := point.slides(at := f"{name}-{k}"))
-        else MjcfSite(at, point.body, point.position)
+        MjcfSite(at, point.body, point.rest.position, point.rest.rotation, point.slides(at))
         for name, tendon in tendons.items()
         for k, point in enumerate(tendon.points)
+        for at in [f"{name}-{k}"]
     ]
 
 
@@ -120,15 +109,14 @@ def _fill(
     element: etree._Element,
     path: str,
     skeleton: OsimSkeleton,
-    fixed: Mapping[str, list[Part]],
+    fixed: Mapping[str, list[MjcfSite | Wrap]],
     order: list[Screw],
 ) -> None:
     """The sites, wraps and bodies within a body; `order` gains the joints as they come."""
     for part in fixed.get(path, ()):
         if isinstance(part, MjcfSite):
-            _add_site(element, part)
-        elif isinstance(part, MovingSite):
-            order += _add_moving_site(element, part, skeleton)
+            _add_site(element, part, skeleton)
+            order += part.slides
         else:
             _add_wrap(element, part)
     for child in skeleton.branches[path]:
@@ -141,22 +129,17 @@ def _fill(
         _fill(inner, child, skeleton, fixed, order)
 
 
-def _add_site(element: etree._Element, site: MjcfSite) -> None:
-    pos = _text(site.position)
-    etree.SubElement(element, "site", name=site.name, pos=pos, size="0.0005")
-
-
-def _add_moving_site(
-    element: etree._Element, site: MovingSite, skeleton: OsimSkeleton
-) -> Sequence[Screw]:
-    inner = etree.SubElement(element, "body", name=site.name)
-    _place(inner, site.place)
-    _add_light(inner)
-    for slide in site.slides:
-        _add_joint(inner, slide, skeleton.coordinates[slide.coordinate].range)
-        inner[-1].set("armature", repr(SLIDE_INERTIA))
-    _add_site(inner, MjcfSite(site.name, site.body, np.zeros(3)))
-    return site.slides
+def _add_site(element: etree._Element, site: MjcfSite, skeleton: OsimSkeleton) -> None:
+    position = site.position
+    if site.slides:
+        element = etree.SubElement(element, "body", name=site.name)
+        _place(element, Transform(site.rotation, position))
+        _add_light(element)
+        for slide in site.slides:
+            _add_joint(element, slide, skeleton.coordinates[slide.coordinate].range)
+            element[-1].set("armature", repr(SLIDE_INERTIA))
+        position = np.zeros(3)
+    etree.SubElement(element, "site", name=site.name, pos=_text(position), size="0.0005")
 
 
 def _add_light(element: etree._Element) -> None:

@@ -53,7 +53,9 @@ class Point:
     @property
     def rest(self) -> Transform:
         """The frame in its body along whose axes it moves, at what is constant of its place."""
-        constant = [0.0 if name else curve(0.0) for name, curve in self.moves or ()]
+        if self.moves is None:
+            return Transform(np.eye(3), self.position)
+        constant = [0.0 if name else curve(0.0) for name, curve in self.moves]
         return self.frame @ Transform(np.eye(3), np.array(constant))
 
     def slides(self, name: str) -> list[Screw]:

@@ -85,8 +85,10 @@ class Postures:
             start = len(self.values)
             self.values += [rest | {name: float(x)} for x in np.linspace(*span, SWEEP)]
             self.sweeps[name] = slice(start, len(self.values))
-        self._switches: dict[tuple[str, float, float], range] = {}
-        for name, low, high in {p.shown for way in ways for p in way.points if p.shown}:
+        self.switches: dict[tuple[str, float, float], range] = {}
+        """By what a point depends on, the postures where it comes and goes."""
+        shown = (p.shown for way in ways for p in way.points)
+        for name, low, high in dict.fromkeys(filter(None, shown)):
             start, (least, most) = len(self.values), ranges.get(name, (0.0, 0.0))
             for end in (low, high):
                 near = BESIDE * (most - least)
@@ -96,7 +98,7 @@ class Postures:
                         for side in (-near, near)
                         for k in range(AT_SWITCH)
                     ]
-            self._switches[name, low, high] = range(start, len(self.values))
+            self.switches[name, low, high] = range(start, len(self.values))
         self.values = [self._follow(values) for values in self.values]
         self._model, data = self._built({})
         rotation, place = [], []
@@ -146,7 +148,7 @@ class Postures:
         bodies = [p.body for p in way.points] + [use.surface.body for use in way.uses]
         shown = [p.shown for p in way.points if p.shown]
         coordinates = {name for name, *_ in shown}.union(*(p.moved_by for p in way.points))
-        rows = [*range(RANDOM), *(row for each in set(shown) for row in self._switches[each])]
+        rows = [*range(RANDOM), *(row for each in set(shown) for row in self.switches[each])]
         everything = np.arange(len(self.values))
         frames = [self.frames(body, everything) for body in bodies]
         turn, origin = frames[0]
@@ -211,7 +213,8 @@ class Made:
 
 
 _HOW_BENT = (
-    "{} of the points that come and go bend the path where the line would pass on their wrong side"
+    "{} of the points that come and go bend the path where the line would pass on their wrong side "
+    "(where OpenSim lets them come its own length jumps by up to {:.2g} mm)"
 )
 _HOW_MOVED = (
     "points that move follow their coordinate by quartics, at most {:.2g} mm off along an axis, on "
@@ -233,11 +236,12 @@ def made_tendon(name: str, way: Way, postures: Postures) -> Made:
     kept, vias = _keep_points(name, way, course)
     wraps, changes = _wraps(name, way, course, kept)
     for at, via in vias.items():
-        wraps[kept.index(at)] = via
+        wraps[kept.index(at)] = via.wrap
     points = tuple(replace(way.points[i], shown=None) for i in kept)
     tendon = Tendon(points, tuple(wraps))
     if vias:
-        changes.insert(0, _HOW_BENT.format(len(vias)))
+        jump = 1e3 * max(via.jump for via in vias.values())
+        changes.insert(0, _HOW_BENT.format(len(vias), jump))
     if sum(p.shown is not None for p in way.points) > len(vias):
         changes.insert(0, "points that come and go are plain or left out here")
     if slides := tendon.slides(name):
@@ -290,46 +294,44 @@ def _frames(surface: Surface, postures: Postures, rows: Rows) -> tuple[Array, Ar
     return rotation @ surface.place.rotation, place + rotation @ surface.place.position
 
 
-def _keep_points(name: str, way: Way, course: _Course) -> tuple[list[int], dict[int, Wrap]]:
+def _keep_points(name: str, way: Way, course: _Course) -> tuple[list[int], dict[int, _Via]]:
     """Which points are kept, and the spheres in the place of points that come and go, by the point
     before: those whose straight length is nearest to that between the points that are there."""
     coming = [i for i, point in enumerate(way.points) if point.shown is not None]
     always = [i for i in range(len(way.points)) if i not in coming]
-    vias = {i: via for i in coming[:MOST_CHOICES] if (via := _via(name, way, course, always, i))}
-    whats = [("kept", "left out", *["bent"] * (i in vias)) for i in coming]
-    choices = list(itertools.product(*whats))
-    if len(coming) > MOST_CHOICES:
-        choices = [("kept",) * len(coming), ("left out",) * len(coming)]
+    vias: dict[int, _Via] = {}
+    choices = [("kept",) * len(coming), ("left out",) * len(coming)]
+    if len(coming) <= MOST_CHOICES:
+        vias = {i: via for i in coming if (via := _via(name, way, course, always, i))}
+        whats = [("kept", "left out", *["bent"] * (i in vias)) for i in coming]
+        choices = list(itertools.product(*whats))
     true = np.array(
         [_straight(at[there]) for at, there in zip(course.places, course.there, strict=True)]
     )
-    best: tuple[float, list[int], dict[int, Wrap]] = (np.inf, [], {})
+    best: tuple[float, list[int], dict[int, _Via]] = (np.inf, [], {})
     for choice in choices:
         what = dict(zip(coming, choice, strict=True))
         kept = [i for i in range(len(way.points)) if what.get(i, "kept") == "kept"]
         bent = [i for i in coming if what[i] == "bent"]
-        before = [max(k for k in kept if k < i) for i in bent]
-        if len(set(before)) < len(before) or any(
-            {before_, after} - {vias[i].before, vias[i].after}
-            for i, before_ in zip(bent, before, strict=True)
-            for after in [min(k for k in kept if k > i)]
-        ):
+        alone = len({vias[i].between[0] for i in bent}) == len(bent)
+        beside = [(max(k for k in kept if k < i), min(k for k in kept if k > i)) for i in bent]
+        if len(kept) < 2 or not alone or beside != [vias[i].between for i in bent]:
             continue
         lengths = _straight(course.places[:, kept]) + sum(vias[i].extra for i in bent)
         error = float(np.abs(lengths - true).max())
-        found = {vias[i].before: vias[i].wrap for i in bent}
+        found = {vias[i].between[0]: vias[i] for i in bent}
         best = min(best, (error, kept, found), key=lambda each: each[0])
     return best[1], best[2]
 
 
 class _Via(NamedTuple):
     """The sphere in the place of a point that comes and goes, the points between which it is, and
-    how much longer (n,) m it makes the path."""
+    how much longer (n,) m it makes the path; `jump` is by how much (m) it makes OpenSim's jump."""
 
     wrap: Wrap
-    before: int
-    after: int
+    between: tuple[int, int]
     extra: Array
+    jump: float
 
 
 def _via(name: str, way: Way, course: _Course, always: Sequence[int], i: int) -> _Via | None:
@@ -357,7 +359,10 @@ def _via(name: str, way: Way, course: _Course, always: Sequence[int], i: int) ->
     side = sides[int(np.argmin((worst**2).sum(axis=0)))]
     place = Transform(np.eye(3), point.position)
     wrap = Wrap(f"{name}-{i}-via", point.body, place, VIA_RADIUS, None, side)
-    return _Via(wrap, before, after, np.where(line @ side < 0, longer, 0.0))
+    assert point.shown is not None
+    at_switch = np.isin(course.rows, course.postures.switches[point.shown])
+    jump = float(longer[at_switch].max(initial=0.0))
+    return _Via(wrap, (before, after), np.where(line @ side < 0, longer, 0.0), jump)
 
 
 def _straight(places: Array) -> Array:
