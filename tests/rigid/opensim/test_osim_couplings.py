@@ -297,6 +297,7 @@ def test_a_point_that_moves_has_opensim_s_length_and_the_arm_of_virtual_work(
     assert built.body("mus-1").mass[0] == 1e-9
     assert "bodies of 1e-09 kg" in reasons(made, "mus")
     assert "(no weight) on each slide" in reasons(made, "mus")
+    assert len(set(made.losses)) == len(made.losses)
 
     def length(q: float) -> float:
         return closed_length(q, 0.02 * q**3 + 0.1 * q + 0.3)
