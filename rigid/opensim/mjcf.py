@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -19,6 +19,11 @@ from rigid.opensim.skeleton import LEAST_INERTIA, LEAST_MASS, OsimBody, OsimSkel
 
 INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """MuJoCo's order of `fullinertia`."""
+SLIDE_INERTIA = 0.01
+"""kg, that resist each slide of a point that moves and weigh nothing: what holds a slide to its
+coordinate gives way to a tendon's force by as much less as they are more."""
+FIRM = {"solref": "0.004 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
+"""MuJoCo's stiffest equality that a step of 2 ms allows."""
 
 
 @dataclass(frozen=True)
@@ -33,11 +38,14 @@ class Coupling:
 
 @dataclass(frozen=True)
 class MjcfSite:
-    """A named point in the frame of a body (path), m."""
+    """A named point in the frame of a body (path), m; where `slides` move it, along the columns of
+    `rotation`, it is on a light body of its own."""
 
     name: str
     body: str
     position: Array
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    slides: Sequence[Screw] = ()
 
 
 def mjcf_xml(
@@ -82,9 +90,10 @@ def _wraps(tendons: Mapping[str, Tendon]) -> dict[str, Wrap]:
 
 def _path_sites(tendons: Mapping[str, Tendon]) -> list[MjcfSite]:
     return [
-        MjcfSite(f"{name}-{k}", point.body, point.position)
+        MjcfSite(at, point.body, point.rest.position, point.rest.rotation, point.slides(at))
         for name, tendon in tendons.items()
         for k, point in enumerate(tendon.points)
+        for at in [f"{name}-{k}"]
     ]
 
 
@@ -106,7 +115,8 @@ def _fill(
     """The sites, wraps and bodies within a body; `order` gains the joints as they come."""
     for part in fixed.get(path, ()):
         if isinstance(part, MjcfSite):
-            _add_site(element, part)
+            _add_site(element, part, skeleton)
+            order += part.slides
         else:
             _add_wrap(element, part)
     for child in skeleton.branches[path]:
@@ -119,9 +129,22 @@ def _fill(
         _fill(inner, child, skeleton, fixed, order)
 
 
-def _add_site(element: etree._Element, site: MjcfSite) -> None:
-    pos = _text(site.position)
-    etree.SubElement(element, "site", name=site.name, pos=pos, size="0.0005")
+def _add_site(element: etree._Element, site: MjcfSite, skeleton: OsimSkeleton) -> None:
+    position = site.position
+    if site.slides:
+        element = etree.SubElement(element, "body", name=site.name)
+        _place(element, Transform(site.rotation, position))
+        _add_light(element)
+        for slide in site.slides:
+            _add_joint(element, slide, skeleton.coordinates[slide.coordinate].range)
+            element[-1].set("armature", repr(SLIDE_INERTIA))
+        position = np.zeros(3)
+    etree.SubElement(element, "site", name=site.name, pos=_text(position), size="0.0005")
+
+
+def _add_light(element: etree._Element) -> None:
+    tiny = {"mass": repr(LEAST_MASS), "diaginertia": _text([LEAST_INERTIA] * 3)}
+    etree.SubElement(element, "inertial", pos="0 0 0", **tiny)
 
 
 def value_of(screw: Screw, skeleton: OsimSkeleton) -> float:
@@ -133,8 +156,7 @@ def value_of(screw: Screw, skeleton: OsimSkeleton) -> float:
 def _bear(world: etree._Element, name: str, skeleton: OsimSkeleton) -> Screw:
     """A body beside the others whose one hinge is a coordinate that only followers show."""
     body = etree.SubElement(world, "body", name=f"coordinate {name}")
-    tiny = {"mass": repr(LEAST_MASS), "diaginertia": _text([LEAST_INERTIA] * 3)}
-    etree.SubElement(body, "inertial", pos="0 0 0", **tiny)
+    _add_light(body)
     screw = Screw(name, name, False, np.array([0.0, 0.0, 1.0]), np.zeros(3))
     _add_joint(body, screw, skeleton.coordinates[name].range)
     return screw
@@ -145,7 +167,8 @@ def _add_couplings(root: etree._Element, couplings: Mapping[str, Coupling]) -> N
         equality = etree.SubElement(root, "equality")
         for joint, coupling in couplings.items():
             of = {"joint1": joint, "joint2": coupling.coordinate}
-            etree.SubElement(equality, "joint", polycoef=_text(coupling.polynomial), **of)
+            polynomial = _text(coupling.polynomial)
+            etree.SubElement(equality, "joint", polycoef=polynomial, **of, **FIRM)
 
 
 def _add_joint(element: etree._Element, screw: Screw, span: tuple[float, float]) -> None:

@@ -25,13 +25,13 @@ from rigid.opensim.forces import (
     read_limit,
     read_spring,
 )
-from rigid.opensim.functions import Quartic, quartic, read_function
+from rigid.opensim.functions import quartic, read_function
 from rigid.opensim.layout import read_model
 from rigid.opensim.losses import Loss, change_of, drop, report, unasked, unread
 from rigid.opensim.mjcf import Coupling, MjcfSite, mjcf_xml
 from rigid.opensim.paths import Tendon, UnaskedPathError, UnusablePathError, Way, read_way
 from rigid.opensim.skeleton import UNASKED, OsimSkeleton, read_skeleton
-from rigid.opensim.tendons import Postures, made_tendon, off
+from rigid.opensim.tendons import Postures, coupling_of, made_tendon, off
 from rigid.opensim.xml import OsimTag
 
 OTHER_PATHS = ("FunctionBasedPath", "Scholz2015GeometryPath")
@@ -107,7 +107,7 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
     >>> list(finger.coordinates)
     ['MCP_abduction', 'MCP', 'PIP', 'DIP']
     """
-    model, version, changed = read_model(path)
+    model, version, rewritten = read_model(path)
     parts = components(model)
     parts.of_kind("Ground")
     bodies, chosen = _asked(parts, only)
@@ -116,13 +116,18 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
     couplings, tied = _couplings(parts, skeleton)
     tendons, beyond, changed = _tendons(taken, skeleton, couplings, tolerance)
     losses += changed
+    couplings |= {
+        slide.name: coupling_of(slide, skeleton)
+        for name, tendon in tendons.items()
+        for slide in tendon.slides(name)
+    }
     muscles = {
         name: Muscle(taken[name].tag.kind, dict(properties(taken[name].tag))) for name in tendons
     }
     limits, springs, more = _passive(parts, skeleton)
     markers, lost = _markers(parts, skeleton)
     made_up = [change_of(*pair) for pair in parts.made_up]
-    losses = [*changed, *made_up, *skeleton.losses, *losses, *more, *tied, *lost]
+    losses = [*rewritten, *made_up, *skeleton.losses, *losses, *more, *tied, *lost]
     gravity = model.values("gravity", GRAVITY)
     xml = mjcf_xml(model.name or "model", gravity, skeleton, tendons, markers, couplings)
     _check_compiles(xml, str(path))
@@ -232,7 +237,7 @@ def _tendons(
     """The tendons of the muscles, by how much (m) the length of each that is left out is off, and
     what is lost or changed."""
     unlike = {name: each.way for name, each in taken.items() if not each.way.is_plain}
-    postures = Postures(skeleton, couplings) if unlike else None
+    postures = Postures(skeleton, couplings, unlike.values()) if unlike else None
     made = {name: made_tendon(name, way, postures) for name, way in unlike.items() if postures}
     errors = off(made, postures) if postures else {}
     tendons: dict[str, Tendon] = {}
@@ -293,12 +298,9 @@ def _couplings(model: Components, skeleton: OsimSkeleton) -> tuple[dict[str, Cou
     out: dict[str, Coupling] = {}
     losses: list[Loss] = []
     for screw in skeleton.followers:
-        assert screw.curve is not None
-        low, high = skeleton.coordinates[screw.coordinate].range
-        found = quartic(screw.curve, low, high)
-        out[screw.name] = Coupling(screw.coordinate, found.coefficients, found.error)
+        out[screw.name] = coupling_of(screw, skeleton)
         tag = skeleton.coordinates[screw.coordinate].tag
-        losses.append(change_of(tag, _follows(screw.name, screw.slide, found)))
+        losses.append(change_of(tag, _follows(screw.name, screw.slide, out[screw.name].error)))
     for tag in model.of_kind("CoordinateCouplerConstraint"):
         if not tag.flag("isEnforced", True):
             losses.append(drop(tag, "it is not enforced"))
@@ -316,7 +318,7 @@ def _couplings(model: Components, skeleton: OsimSkeleton) -> tuple[dict[str, Cou
         curve = read_function(function).times(tag.value("scale_factor", 1.0))
         found = quartic(curve, low, high)
         out[name] = Coupling(by[0], found.coefficients, found.error)
-        losses.append(change_of(tag, _follows(name, skeleton.moving[name], found)))
+        losses.append(change_of(tag, _follows(name, skeleton.moving[name], found.error)))
     return out, losses
 
 
@@ -328,8 +330,8 @@ def _inner_function(tag: OsimTag) -> OsimTag | None:
     return holder.children[0]
 
 
-def _follows(joint: str, slide: bool, found: Quartic) -> str:
-    size = f"{1e3 * found.error:.2g} mm" if slide else f"{np.degrees(found.error):.2g} deg"
+def _follows(joint: str, slide: bool, error: float) -> str:
+    size = f"{1e3 * error:.2g} mm" if slide else f"{np.degrees(error):.2g} deg"
     return f"MuJoCo's joint {joint} follows by a quartic, at most {size} off over the range"
 
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from cosim.port import Array
 from rigid.opensim.components import IDENTITY, Components, Transform, rotate_xyz
-from rigid.opensim.functions import Curve, read_function
+from rigid.opensim.functions import Curve, read_function, straight
+from rigid.opensim.joints import Screw
 from rigid.opensim.skeleton import UNASKED, OsimSkeleton
 from rigid.opensim.wrapping import Arc, over_cylinder, over_ellipsoid, over_sphere, over_torus
 from rigid.opensim.xml import OsimTag
@@ -48,6 +49,22 @@ class Point:
     def moved_by(self) -> tuple[str, ...]:
         """The coordinates by which it moves."""
         return tuple(name for name, _ in self.moves or () if name)
+
+    @property
+    def rest(self) -> Transform:
+        """The frame in its body along whose axes it moves, at what is constant of its place."""
+        if self.moves is None:
+            return Transform(np.eye(3), self.position)
+        constant = [0.0 if name else curve(0.0) for name, curve in self.moves]
+        return self.frame @ Transform(np.eye(3), np.array(constant))
+
+    def slides(self, name: str) -> list[Screw]:
+        """The slides of `name` that move it from its place at rest."""
+        return [
+            Screw(f"{name}-{axis}", of, True, np.eye(3)[k], np.zeros(3), curve)
+            for k, (axis, (of, curve)) in enumerate(zip("xyz", self.moves or (), strict=False))
+            if of
+        ]
 
     def at(self, values: Mapping[str, float]) -> Array:
         """Where it is (3,) m in its body at values of the coordinates."""
@@ -129,11 +146,15 @@ class Wrap:
 
 @dataclass(frozen=True)
 class Tendon:
-    """A path as MuJoCo's: plain points, and the wrap (if any) of the segment behind each point but
-    the last."""
+    """A path as MuJoCo's: points that are always there, and the wrap (if any) of the segment behind
+    each point but the last."""
 
     points: tuple[Point, ...]
     wraps: tuple[Wrap | None, ...]
+
+    def slides(self, name: str) -> list[Screw]:
+        """The slides of its points that move, for a tendon of a name."""
+        return [s for k, point in enumerate(self.points) for s in point.slides(f"{name}-{k}")]
 
     @classmethod
     def straight(cls, way: Way) -> Tendon:
@@ -177,6 +198,9 @@ def _point(tag: OsimTag, model: Components, skeleton: OsimSkeleton) -> Point:
     _check_there(f"path point {tag.name!r}", frame.body, skeleton)
     if tag.kind == "MovingPathPoint":
         moves = tuple(_move(tag, axis, skeleton) for axis in "xyz")
+        if not any(name for name, _ in moves):
+            fixed = frame.transform.at(np.array([curve(0.0) for _, curve in moves]))
+            return Point(tag.name, frame.body, fixed)
         return Point(tag.name, frame.body, np.zeros(3), None, moves, frame.transform)
     position = frame.transform.at(np.array(tag.values("location", (0.0,) * 3)))
     shown = _range(tag, skeleton) if tag.kind == "ConditionalPathPoint" else None
@@ -205,8 +229,8 @@ def _range(tag: OsimTag, skeleton: OsimSkeleton) -> tuple[str, float, float] | N
 
 
 def _move(tag: OsimTag, axis: str, skeleton: OsimSkeleton) -> tuple[str, Curve]:
-    """The coordinate and the function of it by which a point moves along an axis; of a constant no
-    coordinate."""
+    """The coordinate and the function of it by which a point moves along an axis; of a constant or
+    a locked coordinate none."""
     holder = tag.one(f"{axis}_location")
     if holder is None or len(holder.children) != 1:
         raise UnusablePathError(f"path point {tag.name!r} moves along {axis} by no function")
@@ -214,7 +238,8 @@ def _move(tag: OsimTag, axis: str, skeleton: OsimSkeleton) -> tuple[str, Curve]:
     holder.used = True
     if curve.line is not None and not curve.line[0]:
         return "", curve
-    return _coordinate(tag, f"{axis}_coordinate", skeleton), curve
+    of = skeleton.coordinates[_coordinate(tag, f"{axis}_coordinate", skeleton)]
+    return ("", straight(0.0, curve(of.default))) if of.locked else (of.name, curve)
 
 
 def _surface_of(use: OsimTag, model: Components) -> Surface | None:

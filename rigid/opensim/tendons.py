@@ -1,18 +1,21 @@
 """OpenSim's paths as MuJoCo's tendons, and by how much this changes their lengths.
 
 A tendon of MuJoCo runs through points that are always there, round one sphere or cylinder a
-segment.  Points that come and go are kept or left out, whichever is nearer over the ranges of
-motion; of the surfaces on a segment that is kept which bends it most; ellipsoids and tori have
-stand-ins.  What this changes is measured whole, as MuJoCo's length against that of OpenSim's path
-pulled tight, at postures at random and along each coordinate that moves it.
+segment.  A point that moves is a light body on slides that follow its coordinate by quartics.  One
+that comes and goes is kept, left out, or a tiny sphere that bends the path where the line would
+pass on its wrong side, whichever is nearest over the ranges of motion.  Of the surfaces on a
+segment that is kept which bends it most; ellipsoids and tori have stand-ins.  What this changes is
+measured whole, as MuJoCo's length against that of OpenSim's path pulled tight, at postures at
+random, along each coordinate that moves it, and where points come and go.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -21,10 +24,11 @@ from numpy.polynomial.polynomial import polyval
 
 from cosim.port import Array
 from rigid.opensim.components import GROUND, Transform
-from rigid.opensim.joints import Coordinate
-from rigid.opensim.mjcf import Coupling, mjcf_xml
+from rigid.opensim.functions import quartic
+from rigid.opensim.joints import Coordinate, Screw
+from rigid.opensim.mjcf import SLIDE_INERTIA, Coupling, mjcf_xml
 from rigid.opensim.paths import Point, Surface, Tendon, Use, Way, Wrap
-from rigid.opensim.skeleton import OsimSkeleton
+from rigid.opensim.skeleton import LEAST_MASS, OsimSkeleton
 from rigid.opensim.stand_ins import StandIn, stand_in_ellipsoid, stand_in_torus
 from rigid.opensim.wrapping import Laid, tight_length
 
@@ -40,15 +44,28 @@ MOVED = 1e-9
 """m or 1, by which a body moves against another where a coordinate moves it."""
 SHAPES = {"WrapCylinder": "cylinder", "WrapSphere": "sphere"}
 """MuJoCo's own kinds of surfaces."""
+VIA_RADIUS = 1e-6
+"""m, of the sphere that stands for a point."""
+BESIDE = 1e-9
+"""How far from the end of its range, of that of the coordinate, a point that comes is looked at."""
+AT_SWITCH = 10
+"""Postures at random where a point comes or goes, on either side."""
+DIRECTIONS = 400
+"""That are tried for the side of such a point."""
 SEED = 1
 Rows = npt.NDArray[np.intp]
 
 
 class Postures:
     """Where the bodies of a skeleton stand at sampled values of its coordinates (rad, m), of which
-    some follow others by `couplings`."""
+    some follow others by `couplings`, and where points of some ways come and go."""
 
-    def __init__(self, skeleton: OsimSkeleton, couplings: Mapping[str, Coupling]):
+    def __init__(
+        self,
+        skeleton: OsimSkeleton,
+        couplings: Mapping[str, Coupling],
+        ways: Iterable[Way] = (),
+    ):
         self.skeleton = skeleton
         known = skeleton.coordinates
         self._tied = {name: each for name, each in couplings.items() if name in known}
@@ -68,6 +85,20 @@ class Postures:
             start = len(self.values)
             self.values += [rest | {name: float(x)} for x in np.linspace(*span, SWEEP)]
             self.sweeps[name] = slice(start, len(self.values))
+        self.switches: dict[tuple[str, float, float], range] = {}
+        """By what a point depends on, the postures where it comes and goes."""
+        shown = (p.shown for way in ways for p in way.points)
+        for name, low, high in dict.fromkeys(filter(None, shown)):
+            start, (least, most) = len(self.values), ranges.get(name, (0.0, 0.0))
+            for end in (low, high):
+                near = BESIDE * (most - least)
+                if least < end < most:
+                    self.values += [
+                        self.values[k] | {name: end + side}
+                        for side in (-near, near)
+                        for k in range(AT_SWITCH)
+                    ]
+            self.switches[name, low, high] = range(start, len(self.values))
         self.values = [self._follow(values) for values in self.values]
         self._model, data = self._built({})
         rotation, place = [], []
@@ -83,7 +114,14 @@ class Postures:
             return {}
         model, data = self._built(tendons)
         out = []
+        slides = [
+            (s.name, s.coordinate, coupling_of(s, self.skeleton).polynomial)
+            for name, tendon in tendons.items()
+            for s in tendon.slides(name)
+        ]
         for values in self.values:
+            for name, of, polynomial in slides:
+                data.joint(name).qpos[0] = polyval(values[of], polynomial)
             self._pose(model, data, values)
             mujoco.mj_tendon(model, data)
             out.append(data.ten_length.copy())
@@ -104,10 +142,13 @@ class Postures:
             out[:, k] = place + np.einsum("nij,nj->ni", rotation, within)
         return out
 
-    def moving(self, bodies: Sequence[str], coordinates: set[str]) -> Rows:
-        """The postures at random, and those along each coordinate of a set or that moves some
-        bodies against each other."""
-        rows = list(range(RANDOM))
+    def rows_of(self, way: Way) -> Rows:
+        """The postures at random, those along each coordinate that moves a point of a way or its
+        bodies against each other, and where its points come and go."""
+        bodies = [p.body for p in way.points] + [use.surface.body for use in way.uses]
+        shown = [p.shown for p in way.points if p.shown]
+        coordinates = {name for name, *_ in shown}.union(*(p.moved_by for p in way.points))
+        rows = [*range(RANDOM), *(row for each in set(shown) for row in self.switches[each])]
         everything = np.arange(len(self.values))
         frames = [self.frames(body, everything) for body in bodies]
         turn, origin = frames[0]
@@ -171,19 +212,42 @@ class Made:
     changes: tuple[str, ...]
 
 
+_HOW_BENT = (
+    "{} of the points that come and go bend the path where the line would pass on their wrong side "
+    "(where OpenSim lets them come its own length jumps by up to {:.2g} mm)"
+)
+_HOW_MOVED = (
+    "points that move follow their coordinate by quartics, at most {:.2g} mm off along an axis, on "
+    "bodies of {:g} kg with {:g} kg of inertia (no weight) on each slide"
+)
+
+
+def coupling_of(screw: Screw, skeleton: OsimSkeleton) -> Coupling:
+    """The equality by which a joint of MuJoCo follows its coordinate."""
+    assert screw.curve is not None
+    found = quartic(screw.curve, *skeleton.coordinates[screw.coordinate].range)
+    return Coupling(screw.coordinate, found.coefficients, found.error)
+
+
 def made_tendon(name: str, way: Way, postures: Postures) -> Made:
     """The tendon of MuJoCo that comes nearest to a way, for a muscle of a name."""
-    bodies = [p.body for p in way.points] + [use.surface.body for use in way.uses]
-    of = {p.shown[0] for p in way.points if p.shown}
-    rows = postures.moving(bodies, of.union(*(p.moved_by for p in way.points)))
+    rows = postures.rows_of(way)
     course = _Course(way, postures, rows)
-    points, kept = _plain_points(way.points, course)
+    kept, vias = _keep_points(name, way, course)
     wraps, changes = _wraps(name, way, course, kept)
-    if any(p.shown for p in way.points):
+    for at, via in vias.items():
+        wraps[kept.index(at)] = via.wrap
+    points = tuple(replace(way.points[i], shown=None) for i in kept)
+    tendon = Tendon(points, tuple(wraps))
+    if vias:
+        jump = 1e3 * max(via.jump for via in vias.values())
+        changes.insert(0, _HOW_BENT.format(len(vias), jump))
+    if sum(p.shown is not None for p in way.points) > len(vias):
         changes.insert(0, "points that come and go are plain or left out here")
-    if any(p.moves for p in way.points):
-        changes.insert(0, "points that move stand at their mean place here")
-    return Made(Tendon(points, tuple(wraps)), rows, course.lengths, tuple(changes))
+    if slides := tendon.slides(name):
+        size = 1e3 * max(coupling_of(s, postures.skeleton).error for s in slides)
+        changes.insert(0, _HOW_MOVED.format(size, LEAST_MASS, SLIDE_INERTIA))
+    return Made(tendon, rows, course.lengths, tuple(changes))
 
 
 def off(made: Mapping[str, Made], postures: Postures) -> dict[str, float]:
@@ -200,6 +264,7 @@ class _Course:
     lengths (n,) m, and by surface and segment what is touched: posture, extra length, middle."""
 
     def __init__(self, way: Way, postures: Postures, rows: Rows):
+        self.postures, self.rows = postures, rows
         self.values = [postures.values[row] for row in rows]
         self.places = postures.place(way.points, rows)
         self.there = np.array([[_is_there(p, v) for p in way.points] for v in self.values])
@@ -229,29 +294,75 @@ def _frames(surface: Surface, postures: Postures, rows: Rows) -> tuple[Array, Ar
     return rotation @ surface.place.rotation, place + rotation @ surface.place.position
 
 
-def _plain_points(points: Sequence[Point], course: _Course) -> tuple[tuple[Point, ...], list[int]]:
-    """The points as they are kept, fixed in their bodies, and which these are: those whose straight
-    length is nearest to that between the points that are there."""
-    fixed = [
-        replace(p, position=np.mean([p.at(v) for v in course.values], axis=0), moves=None)
-        if p.moves
-        else p
-        for p in points
-    ]
-    coming = [i for i, point in enumerate(points) if point.shown is not None]
-    choices = list(itertools.product((True, False), repeat=min(len(coming), MOST_CHOICES)))
-    if len(coming) > MOST_CHOICES:
-        choices = [(True,) * len(coming), (False,) * len(coming)]
+def _keep_points(name: str, way: Way, course: _Course) -> tuple[list[int], dict[int, _Via]]:
+    """Which points are kept, and the spheres in the place of points that come and go, by the point
+    before: those whose straight length is nearest to that between the points that are there."""
+    coming = [i for i, point in enumerate(way.points) if point.shown is not None]
+    always = [i for i in range(len(way.points)) if i not in coming]
+    vias: dict[int, _Via] = {}
+    choices = [("kept",) * len(coming), ("left out",) * len(coming)]
+    if len(coming) <= MOST_CHOICES:
+        vias = {i: via for i in coming if (via := _via(name, way, course, always, i))}
+        whats = [("kept", "left out", *["bent"] * (i in vias)) for i in coming]
+        choices = list(itertools.product(*whats))
     true = np.array(
         [_straight(at[there]) for at, there in zip(course.places, course.there, strict=True)]
     )
-    best: tuple[float, list[int]] = (np.inf, [])
+    best: tuple[float, list[int], dict[int, _Via]] = (np.inf, [], {})
     for choice in choices:
-        left = {i for i, is_kept in zip(coming, choice, strict=True) if not is_kept}
-        kept = [i for i in range(len(points)) if i not in left]
-        error = float(np.abs(_straight(course.places[:, kept]) - true).max())
-        best = min(best, (error, kept), key=lambda pair: pair[0])
-    return tuple(replace(fixed[i], shown=None) for i in best[1]), best[1]
+        what = dict(zip(coming, choice, strict=True))
+        kept = [i for i in range(len(way.points)) if what.get(i, "kept") == "kept"]
+        bent = [i for i in coming if what[i] == "bent"]
+        alone = len({vias[i].between[0] for i in bent}) == len(bent)
+        beside = [(max(k for k in kept if k < i), min(k for k in kept if k > i)) for i in bent]
+        if len(kept) < 2 or not alone or beside != [vias[i].between for i in bent]:
+            continue
+        lengths = _straight(course.places[:, kept]) + sum(vias[i].extra for i in bent)
+        error = float(np.abs(lengths - true).max())
+        found = {vias[i].between[0]: vias[i] for i in bent}
+        best = min(best, (error, kept, found), key=lambda each: each[0])
+    return best[1], best[2]
+
+
+class _Via(NamedTuple):
+    """The sphere in the place of a point that comes and goes, the points between which it is, and
+    how much longer (n,) m it makes the path; `jump` is by how much (m) it makes OpenSim's jump."""
+
+    wrap: Wrap
+    between: tuple[int, int]
+    extra: Array
+    jump: float
+
+
+def _via(name: str, way: Way, course: _Course, always: Sequence[int], i: int) -> _Via | None:
+    """The sphere for a point; None where it is never there, always, or a surface is beside it."""
+    before = max((k for k in always if k < i), default=None)
+    after = min((k for k in always if k > i), default=None)
+    there = course.there[:, i]
+    if before is None or after is None or there.all() or not there.any():
+        return None
+    if any(before <= segment < after for _, segment in course.touched):
+        return None
+    point, (a, p, b) = way.points[i], (course.places[:, k] for k in (before, i, after))
+    along = b - a
+    part = ((p - a) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), MOVED**2)
+    turn = course.postures.frames(point.body, course.rows)[0]
+    line = a + np.clip(part, 0, 1)[:, None] * along - p
+    line = np.einsum("nji,nj->ni", turn, line)
+    longer = np.linalg.norm(p - a, axis=1) + np.linalg.norm(b - p, axis=1)
+    longer = longer - np.linalg.norm(along, axis=1)
+    sides = np.random.default_rng(SEED).normal(size=(DIRECTIONS, 3))
+    sides = np.array([line[~there].mean(axis=0), -line[there].mean(axis=0), *sides])
+    sides /= np.maximum(np.linalg.norm(sides, axis=1), MOVED)[:, None]
+    bent = line @ sides.T < 0
+    worst = np.where(bent == there[:, None], 0.0, longer[:, None])
+    side = sides[int(np.argmin((worst**2).sum(axis=0)))]
+    place = Transform(np.eye(3), point.position)
+    wrap = Wrap(f"{name}-{i}-via", point.body, place, VIA_RADIUS, None, side)
+    assert point.shown is not None
+    at_switch = np.isin(course.rows, course.postures.switches[point.shown])
+    jump = float(longer[at_switch].max(initial=0.0))
+    return _Via(wrap, (before, after), np.where(line @ side < 0, longer, 0.0), jump)
 
 
 def _straight(places: Array) -> Array:

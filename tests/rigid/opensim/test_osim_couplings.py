@@ -206,7 +206,7 @@ def test_a_point_that_comes_and_goes_is_sized(low: float, high: float, tmp_path:
     told = reasons(made, "mus")
     built = mujoco.MjModel.from_xml_string(made.xml)
     data, off = mujoco.MjData(built), []
-    for q in np.linspace(-1.5, 0.5, 41):
+    for q in np.linspace(-1.5, 0.5, 2001):
         data.qpos[0] = q
         mujoco.mj_kinematics(built, data)
         mujoco.mj_tendon(built, data)
@@ -218,6 +218,139 @@ def test_a_point_that_comes_and_goes_is_sized(low: float, high: float, tmp_path:
     stated = re.search(r"at most (\S+) mm off", told)
     assert stated
     assert float(stated[1]) == pytest.approx(1e3 * max(off), rel=0.06)
+
+
+SWITCH = float(np.arcsin(1.2 / np.hypot(1.2, 0.8)) - np.arctan2(0.8, 1.2))
+"""rad, where the line from (-1, 1) to (1, 1), turned, passes (0, 1.2)."""
+
+
+def tendon_length(built: mujoco.MjModel, made: Imported, q: float) -> tuple[float, float]:
+    """The length (m) of the first tendon at q, and by virtual work its arm (m) there."""
+    data, slopes = mujoco.MjData(built), np.zeros(built.nv)
+    for k in range(built.njnt):
+        tied = made.couplings.get(built.joint(k).name)
+        series = np.polynomial.Polynomial(tied.polynomial if tied else [0, 1])
+        data.qpos[k], slopes[k] = series(q), series.deriv()(q)
+    mujoco.mj_kinematics(built, data)
+    mujoco.mj_comPos(built, data)
+    mujoco.mj_tendon(built, data)
+    dense = np.zeros((built.ntendon, built.nv))
+    sparse = (built.ten_J_rownnz, built.ten_J_rowadr, built.ten_J_colind)
+    mujoco.mju_sparse2dense(dense, data.ten_J, *sparse)
+    return float(data.ten_length[0]), float(-dense[0] @ slopes)
+
+
+def test_a_point_that_comes_where_the_line_reaches_it_bends_the_path_there(tmp_path: Path) -> None:
+    """The length is OpenSim's, on either side and at the switch."""
+    made = import_text(tmp_path, with_point(-1.5, SWITCH))
+    assert "1 of the points that come and go bend the path" in reasons(made, "mus")
+    built = mujoco.MjModel.from_xml_string(made.xml)
+    for q in (-1.4, -0.3, SWITCH - 1e-3, SWITCH + 1e-3, 0.45):
+        end = np.array([np.cos(q) - np.sin(q), np.sin(q) + np.cos(q)])
+        way = np.array([(-1, 1), *[(0, 1.2)] * int(q < SWITCH), end])
+        length = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
+        assert tendon_length(built, made, q)[0] == pytest.approx(length, abs=2e-6)
+
+
+CUBIC = "<PolynomialFunction><coefficients>0.02 0 0.1 0.3</coefficients></PolynomialFunction>"
+
+
+def moving(functions: tuple[str, str, str], locked: str = "false") -> str:
+    inside = "".join(
+        f"<{axis}_location>{f}</{axis}_location>"
+        f"<socket_{axis}_coordinate>/jointset/p/q</socket_{axis}_coordinate>"
+        for axis, f in zip("xyz", functions, strict=True)
+    )
+    frame = (
+        '<components><PhysicalOffsetFrame name="f"><socket_parent>/bodyset/b</socket_parent>'
+        "<translation>0 0.5 0</translation><orientation>0 0 0.4</orientation>"
+        "</PhysicalOffsetFrame></components>"
+    )
+    at = f"{RANGE}<locked>{locked}</locked>"
+    joints = joint("p", "/ground", "/bodyset/b", coordinate("q", at))
+    ends = point("a", "/ground", "-1 1 0"), point("z", "/bodyset/b", "1 1 0")
+    between = point("c", "/bodyset/b/f", "0 0 0", "MovingPathPoint", inside)
+    forces = muscle("mus", ends[0] + between + ends[1])
+    return model(body("b", PLAIN + frame), joints, forces)
+
+
+def closed_length(q: float, along: float) -> float:
+    """Through a point `along` the x of the frame in b, and 0.1 along its y."""
+    turn = np.array([[np.cos(q), -np.sin(q)], [np.sin(q), np.cos(q)]])
+    inner = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    place = turn @ (np.array([0, 0.5]) + inner @ [along, 0.1])
+    way = np.array([(-1, 1), place, turn @ [1, 1]])
+    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+
+
+FIXED = "<Constant><value>{}</value></Constant>"
+
+
+def test_a_point_that_moves_has_opensim_s_length_and_the_arm_of_virtual_work(
+    tmp_path: Path,
+) -> None:
+    text = moving((CUBIC, FIXED.format(0.1), FIXED.format(0)))
+    made = import_text(tmp_path, text)
+    built = mujoco.MjModel.from_xml_string(made.xml)
+    assert [built.joint(k).name for k in range(built.njnt)] == ["q", "mus-1-x"]
+    assert made.couplings["mus-1-x"].error < 1e-12
+    assert built.body("mus-1").mass[0] == 1e-9
+    assert "bodies of 1e-09 kg" in reasons(made, "mus")
+    assert "(no weight) on each slide" in reasons(made, "mus")
+    assert len(set(made.losses)) == len(made.losses)
+
+    def length(q: float) -> float:
+        return closed_length(q, 0.02 * q**3 + 0.1 * q + 0.3)
+
+    for q in (-1.4, -0.3, 0.4):
+        found, arm = tendon_length(built, made, q)
+        assert found == pytest.approx(length(q), abs=1e-9)
+        assert arm == pytest.approx(-(length(q + 1e-5) - length(q - 1e-5)) / 2e-5, abs=1e-8)
+    data = mujoco.MjData(built)
+    mujoco.mj_resetDataKeyframe(built, data, 0)
+    mujoco.mj_forward(built, data)
+    assert data.ten_length[0] == pytest.approx(length(-0.3), abs=1e-9)
+
+
+def test_a_slide_gives_way_to_a_tendon_by_little(tmp_path: Path) -> None:
+    text = moving((CUBIC, FIXED.format(0.1), FIXED.format(0)))
+    made = import_text(tmp_path, text)
+    built = mujoco.MjModel.from_xml_string(made.xml)
+    built.opt.gravity[:] = 0
+    data = mujoco.MjData(built)
+    mujoco.mj_resetDataKeyframe(built, data, 0)
+    data.ctrl[0] = 100.0
+    series = np.polynomial.Polynomial(made.couplings["mus-1-x"].polynomial)
+    for _ in range(25):
+        mujoco.mj_step(built, data)
+        assert abs(data.qpos[1] - series(data.qpos[0])) < 1e-4
+
+
+def test_the_quartic_of_a_point_that_moves_counts_against_the_tolerance(tmp_path: Path) -> None:
+    """Its spline turns sharper than a quartic can."""
+    sharp = "<PiecewiseLinearFunction><x>-1.5 0 0.5</x><y>0.3 0.3 0.4</y></PiecewiseLinearFunction>"
+    text = moving((sharp, FIXED.format(0.1), FIXED.format(0)))
+    assert not import_text(tmp_path, text).muscles
+    made = import_osim(tmp_path / "model.osim", tolerance=0.1)
+    built = mujoco.MjModel.from_xml_string(made.xml)
+    off = [
+        abs(tendon_length(built, made, q)[0] - closed_length(q, 0.3 + 0.2 * max(q, 0)))
+        for q in np.linspace(-1.5, 0.5, 401)
+    ]
+    stated = re.search(r"at most (\S+) mm off OpenSim", reasons(made, "mus"))
+    assert stated
+    assert float(stated[1]) == pytest.approx(1e3 * max(off), rel=0.1)
+
+
+def test_a_point_that_moves_by_a_locked_coordinate_stands(tmp_path: Path) -> None:
+    text = moving((CUBIC, FIXED.format(0.1), FIXED.format(0)), locked="true")
+    made = import_text(tmp_path, text)
+    built = mujoco.MjModel.from_xml_string(made.xml)
+    assert built.njnt == 0
+    data = mujoco.MjData(built)
+    mujoco.mj_forward(built, data)
+    along = 0.02 * (-0.3) ** 3 + 0.1 * -0.3 + 0.3
+    assert data.ten_length[0] == pytest.approx(closed_length(-0.3, along), abs=1e-9)
 
 
 def test_a_coordinate_of_a_name_that_is_taken_is_called_by_its_joint_too(tmp_path: Path) -> None:
