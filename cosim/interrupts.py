@@ -1,0 +1,88 @@
+"""What asks the program to end: Ctrl-C, a closed terminal (SIGHUP), and SIGTERM, as a queue of jobs
+or a shutdown sends it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from _thread import interrupt_main
+from threading import Timer
+from types import FrameType
+from typing import Any
+
+NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+"""Those that this system knows: SIGHUP is not on Windows, SIGBREAK (Ctrl-Break, a closed console)
+is there alone."""
+ASKING = tuple(getattr(signal, name) for name in NAMES if hasattr(signal, name))
+STOPPED = 128
+"""Exit codes of a program that a signal ended, beside the signal's number."""
+AGAIN = 2.0
+"""Seconds in which requests count as one: shell and kernel both send SIGHUP."""
+LATER = 0.02
+"""Seconds after which a request that was lost is made again."""
+
+
+class _Request:
+    """The last signal that asked this process to end, and when."""
+
+    def __init__(self) -> None:
+        self.signal, self.at = 0, -AGAIN
+
+
+_REQUEST = _Request()
+
+
+def exit_on_request() -> None:
+    """Let the program end at once and in one line where it is asked to: while it loads, there is
+    nothing to clear away.  A request that its starter has it ignore (nohup) stays ignored."""
+    _handle(_exit)
+
+
+def interrupt_on_request() -> None:
+    """Let each request raise KeyboardInterrupt in the main thread, so that all of them end a command
+    in the same way."""
+    _handle(_interrupt)
+    sys.unraisablehook = _unraisable
+
+
+def ignore_requests() -> None:
+    """Let nothing cut short what the program clears away as it ends."""
+    _handle(signal.SIG_IGN)
+
+
+def exit_code(code: Any) -> Any:
+    """The exit code of a command that would end with `code`: 130, 143 or 129 where the user, SIGTERM
+    or SIGHUP ended it."""
+    if not _REQUEST.signal or (_REQUEST.signal == signal.SIGINT and not code):
+        return code
+    return STOPPED + _REQUEST.signal
+
+
+def _handle(handler: Any) -> None:
+    for number in ASKING:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handler)
+
+
+def _exit(number: int, _: FrameType | None) -> None:
+    os.write(2, b"cosim: stopped before it began\n")
+    os._exit(STOPPED + number)
+
+
+def _interrupt(number: int, _: FrameType | None) -> None:
+    now, asked = time.monotonic(), _REQUEST
+    is_repeated = number != signal.SIGINT and asked.signal and now - asked.at < AGAIN
+    asked.signal, asked.at = number, now
+    if not is_repeated:
+        raise KeyboardInterrupt
+
+
+def _unraisable(lost: sys.UnraisableHookArgs) -> None:
+    """Ask again, a little later, where a request met a function whose errors Python drops."""
+    if lost.exc_type is KeyboardInterrupt and _REQUEST.signal:
+        _REQUEST.at = -AGAIN
+        Timer(LATER, interrupt_main, (_REQUEST.signal,)).start()
+    else:
+        sys.__unraisablehook__(lost)
