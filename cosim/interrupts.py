@@ -8,7 +8,7 @@ import signal
 import sys
 import time
 from _thread import interrupt_main
-from threading import Timer
+from threading import Timer, main_thread
 from types import FrameType
 from typing import Any
 
@@ -41,8 +41,7 @@ def exit_on_request() -> None:
 
 
 def interrupt_on_request() -> None:
-    """Let each request raise KeyboardInterrupt in the main thread, so that all of them end a command
-    in the same way."""
+    """Let each request raise KeyboardInterrupt in the main thread: all end a command alike."""
     _handle(_interrupt)
     sys.unraisablehook = _unraisable
 
@@ -53,8 +52,8 @@ def ignore_requests() -> None:
 
 
 def exit_code(code: Any) -> Any:
-    """The exit code of a command that would end with `code`: 130, 143 or 129 where the user, SIGTERM
-    or SIGHUP ended it."""
+    """The exit code of a command that would end with `code`: 130 where the user ended it, 143
+    where SIGTERM did and 129 where SIGHUP did."""
     if not _REQUEST.signal or (_REQUEST.signal == signal.SIGINT and not code):
         return code
     return STOPPED + _REQUEST.signal
@@ -83,6 +82,13 @@ def _unraisable(lost: sys.UnraisableHookArgs) -> None:
     """Ask again, a little later, where a request met a function whose errors Python drops."""
     if lost.exc_type is KeyboardInterrupt and _REQUEST.signal:
         _REQUEST.at = -AGAIN
-        Timer(LATER, interrupt_main, (_REQUEST.signal,)).start()
+        Timer(LATER, _ask_again).start()
     else:
         sys.__unraisablehook__(lost)
+
+
+def _ask_again() -> None:
+    if sys.platform == "win32":
+        interrupt_main(_REQUEST.signal)
+    else:  # wakes it
+        signal.pthread_kill(main_thread().ident or 0, _REQUEST.signal)

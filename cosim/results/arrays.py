@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from io import BytesIO
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -131,10 +131,14 @@ class Arrays:
         return xarray.Dataset(dict(self.variables), dict(self.coordinates), self.attributes)
 
     def write(self, path: Path) -> None:
-        """Write the netCDF-4 file that `to_dataset().to_netcdf(path)` would, without the imports of
+        """Write `content()`.  Raises OSError."""
+        path.write_bytes(self.content())
+
+    def content(self) -> bytes:
+        """The netCDF-4 file that `to_dataset().to_netcdf(path)` would, without the imports of
         xarray: pandas and, where it is installed, the whole of dask.
 
-        It is made in memory, since HDF5 crashes on a full disk.  Raises OSError."""
+        It is made in memory: HDF5 crashes on a full disk."""
         import h5netcdf
         import h5py
 
@@ -161,4 +165,4 @@ class Arrays:
                 written.attrs.update(attributes)
             rest = " ".join(sorted(beside.keys() - named))
             file.attrs.update({**self.attributes, **({"coordinates": rest} if rest else {})})
-        path.write_bytes(content.getbuffer())
+        return content.getvalue()
