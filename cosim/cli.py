@@ -17,7 +17,8 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from cosim.errors import ReadingWarning
-from cosim.interrupts import exit_code, ignore_requests, interrupt_on_request
+from cosim.files import clear_again
+from cosim.interrupts import exit_code, ignore_requests, interrupt_on_request, is_asked
 from cosim.processes import prepare_process
 from cosim.version import __version__
 
@@ -259,6 +260,8 @@ def main() -> None:
         app(prog_name="cosim")
     except SystemExit as ended:
         ignore_requests()
+        if is_asked():
+            clear_again()
         raise SystemExit(exit_code(ended.code)) from None
 
 

@@ -25,6 +25,8 @@ PASSING = re.compile(r"\..+\.(?P<process>\d+)\.(?P<machine>[0-9a-f]{4})\w{8}\.(p
 """Names of what stands beside its place while it is written (`beside`)."""
 SLACK = 60.0
 """Seconds by which a process may seem to have begun after what it wrote: clocks are set."""
+_CLEARED: set[Path] = set()
+"""Folders of `clear_leftovers`."""
 PATIENCE = 2.0 if sys.platform == "win32" else 0.0
 """Seconds that a move waits for another process: Windows moves nothing that one has open, a
 scanner for viruses among them."""
@@ -89,6 +91,7 @@ def _machine() -> str:
 
 def clear_leftovers(folder: Path) -> None:
     """Remove what processes of this machine that were killed left half-written in a folder."""
+    _CLEARED.add(folder.absolute())
     with suppress(OSError):
         for path in sorted(folder.iterdir()):
             found = PASSING.fullmatch(path.name)
@@ -98,6 +101,12 @@ def clear_leftovers(folder: Path) -> None:
                 else:
                     with suppress(OSError):
                         path.unlink()
+
+
+def clear_again() -> None:
+    """Remove what the processes that this one ended left where it cleared before."""
+    for folder in list(_CLEARED):
+        clear_leftovers(folder)
 
 
 def _is_left(path: Path, number: int) -> bool:

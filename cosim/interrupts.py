@@ -51,10 +51,15 @@ def ignore_requests() -> None:
     _handle(signal.SIG_IGN)
 
 
+def is_asked() -> bool:
+    """Whether anything asked the program to end."""
+    return _REQUEST.signal != 0
+
+
 def exit_code(code: Any) -> Any:
     """The exit code of a command that would end with `code`: 130 where the user ended it, 143
     where SIGTERM did and 129 where SIGHUP did."""
-    if not _REQUEST.signal or (_REQUEST.signal == signal.SIGINT and not code):
+    if not is_asked() or (_REQUEST.signal == signal.SIGINT and not code):
         return code
     return STOPPED + _REQUEST.signal
 

@@ -23,6 +23,7 @@ from cosim.files import (
     beside,
     check_file,
     check_folder,
+    clear_again,
     clear_leftovers,
     output_file,
     output_folder,
@@ -120,6 +121,14 @@ def test_the_next_writer_removes_what_killed_ones_left(writer: str, tmp_path: Pa
     WRITERS[writer](tmp_path)
     assert not any(path.exists() for path in left)
     assert all(path.exists() for path in kept)
+
+
+def test_a_folder_that_was_cleared_is_cleared_again_at_the_end(tmp_path: Path) -> None:
+    """When the processes of a command that is ended were killed while they wrote."""
+    check_target(tmp_path, "run")
+    leavings(tmp_path, ended_process())
+    clear_again()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_number_that_is_used_again_keeps_nothing(tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ class Store:
             stored = json.loads(mark.read_bytes())
         except (OSError, ValueError) as error:
             raise InputError(f"{self.root}: cannot be used as a store ({error})") from error
-        for folder in (self.root, *(self.root / name for name in ("rows", "parts", "arrays"))):
+        for folder in (self.root, *self.root.glob("*/"), *self.root.glob("*/*/")):
             clear_leftovers(folder)
         if stored != FORMAT:
             raise InputError(f"{mark}: expected {FORMAT['format']!r}; choose another folder")
