@@ -258,11 +258,12 @@ def main() -> None:
             stream.reconfigure(errors="replace")
     try:
         app(prog_name="cosim")
-    except SystemExit as ended:
+    except (Exception, SystemExit) as ended:  # a library may make an error of a KeyboardInterrupt
+        if not is_asked():
+            raise
         ignore_requests()
-        if is_asked():
-            clear_again()
-        raise SystemExit(exit_code(ended.code)) from None
+        clear_again()
+        raise SystemExit(exit_code(getattr(ended, "code", None))) from None
 
 
 def _show_warning(

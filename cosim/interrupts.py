@@ -3,11 +3,13 @@ or a shutdown sends it."""
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
 import time
 from _thread import interrupt_main
+from contextlib import suppress
 from threading import Timer, main_thread
 from types import FrameType
 from typing import Any
@@ -25,10 +27,12 @@ LATER = 0.02
 
 
 class _Request:
-    """The last signal that asked this process to end, and when."""
+    """The last signal that asked this process to end, and when; whether its end is seen to, and
+    with which exit code."""
 
     def __init__(self) -> None:
-        self.signal, self.at = 0, -AGAIN
+        self.signal, self.at, self.is_met = 0, -AGAIN, False
+        self.code: Any = None
 
 
 _REQUEST = _Request()
@@ -38,10 +42,14 @@ def exit_on_request() -> None:
     """Let the program end at once and in one line where it is asked to: while it loads, there is
     nothing to clear away.  A request that its starter has it ignore (nohup) stays ignored."""
     _handle(_exit)
+    if not _REQUEST.is_met:
+        _REQUEST.is_met = True
+        atexit.register(_end)  # the first of them, and so called last
 
 
 def interrupt_on_request() -> None:
     """Let each request raise KeyboardInterrupt in the main thread: all end a command alike."""
+    exit_on_request()
     _handle(_interrupt)
     sys.unraisablehook = _unraisable
 
@@ -56,12 +64,24 @@ def is_asked() -> bool:
     return _REQUEST.signal != 0
 
 
-def exit_code(code: Any) -> Any:
+def exit_code(code: Any = None) -> Any:
     """The exit code of a command that would end with `code`: 130 where the user ended it, 143
-    where SIGTERM did and 129 where SIGHUP did."""
-    if not is_asked() or (_REQUEST.signal == signal.SIGINT and not code):
-        return code
-    return STOPPED + _REQUEST.signal
+    where SIGTERM did and 129 where SIGHUP did; 0 of one that Ctrl-C is to end (`cosim ui`)."""
+    if is_asked() and not (_REQUEST.signal == signal.SIGINT and code == 0):
+        code = STOPPED + _REQUEST.signal
+    _REQUEST.code = code
+    return code
+
+
+def _end() -> None:
+    """Leave with the exit code, where anything asked for it: Python would end by SIGINT where the
+    KeyboardInterrupt came from code that was made as a text, and libraries whose import was cut off
+    crash as they are unloaded."""
+    if is_asked():
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(Exception):  # a pipe that nobody reads any more
+                stream.flush()
+        os._exit(_REQUEST.code or 0)
 
 
 def _handle(handler: Any) -> None:

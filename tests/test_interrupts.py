@@ -81,3 +81,26 @@ sys.meta_path.insert(0, Ask())
 import cosim.__main__
 """
     assert run(script) == (143, "", "cosim: stopped before it began\n")
+
+
+CONVERTED = """
+import sys, types, cosim.commands
+module = types.ModuleType("cosim.commands.version_of")
+def stop():
+    import os, signal
+    try:
+        exec("os.kill(os.getpid(), signal.SIGTERM)", {"os": os, "signal": signal})
+    except KeyboardInterrupt as error:
+        raise RuntimeError("of a library") from error
+module.stop = stop
+sys.modules["cosim.commands.version_of"] = module
+from cosim import cli
+cli.COMMANDS["Run cases"]["stop"] = cli.Command("version_of.stop", "", "")
+sys.argv = ["cosim", "stop"]
+cli.main()
+"""
+"""Code that is made as a text has Python end by SIGINT."""
+
+
+def test_an_error_that_a_library_makes_of_a_request_is_none() -> None:
+    assert run(CONVERTED) == (143, "", "")

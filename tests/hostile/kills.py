@@ -150,6 +150,7 @@ def _marked(mark: bytes) -> Iterator[int]:
 
 def interrupt(job: Job, seconds: float, name: str, whole_group: bool) -> Kill:
     """Let a job begin, send it a signal after so many seconds, and look at what stays."""
+    before = job.half_written()
     process, number, faults = job.start(), getattr(signal, name), []
     with suppress(subprocess.TimeoutExpired):
         process.wait(seconds)
@@ -174,7 +175,7 @@ def interrupt(job: Job, seconds: float, name: str, whole_group: bool) -> Kill:
             os.kill(left, signal.SIGKILL)
     if "Traceback" in job.said() or "Exception ignored" in job.said():
         faults.append(f"a traceback: {job.said()}")
-    if name != "SIGKILL" and (half := job.half_written()):
+    if name != "SIGKILL" and (half := set(job.half_written()).difference(before)):
         faults.append(f"half written: {half}")
     how = f"{name} to {'all' if whole_group else 'one'} after {seconds:.2f} s"
     return Kill(job.name, how, was_running, tuple(faults))
@@ -182,7 +183,9 @@ def interrupt(job: Job, seconds: float, name: str, whole_group: bool) -> Kill:
 
 def kill_jobs(folder: Path, count: int, names: list[str], seed: int = SEED) -> list[Kill]:
     """So many interruptions, the same number for each job."""
-    rng, kills = random.Random(seed), []
+    rng, kills = random.Random(seed), list[Kill]()
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell has it so in the background
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     for i, name in enumerate(names):
         share = count // len(names) + (i < count % len(names))
         whole, cut = (Job(name, folder / f"{name}-{kind}") for kind in ("whole", "cut"))
