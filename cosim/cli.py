@@ -259,9 +259,9 @@ def main() -> None:
     try:
         app(prog_name="cosim")
     except (Exception, SystemExit) as ended:  # a library may make an error of a KeyboardInterrupt
+        ignore_requests()
         if not is_asked():
             raise
-        ignore_requests()
         clear_again()
         raise SystemExit(exit_code(getattr(ended, "code", None))) from None
 

@@ -76,7 +76,8 @@ def exit_code(code: Any = None) -> Any:
 def _end() -> None:
     """Leave with the exit code, where anything asked for it: Python would end by SIGINT where the
     KeyboardInterrupt came from code that was made as a text, and libraries whose import was cut off
-    crash as they are unloaded."""
+    crash as they are unloaded.  A request that comes later than this is too late."""
+    ignore_requests()
     if is_asked():
         for stream in (sys.stdout, sys.stderr):
             with suppress(Exception):  # a pipe that nobody reads any more

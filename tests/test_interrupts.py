@@ -83,6 +83,25 @@ import cosim.__main__
     assert run(script) == (143, "", "cosim: stopped before it began\n")
 
 
+LATE = """
+import os, signal
+class Last:
+    def __init__(self):
+        self.kill, self.number, self.pid = os.kill, signal.SIGTERM, os.getpid()
+    def __del__(self):
+        self.kill(self.pid, self.number)
+from cosim.interrupts import interrupt_on_request
+interrupt_on_request()
+os.last = Last()
+print("done")
+"""
+"""The last is forgotten after Python has taken back what signals do."""
+
+
+def test_a_request_to_a_program_that_has_done_its_work_is_too_late() -> None:
+    assert run(LATE) == (0, "done\n", "")
+
+
 CONVERTED = """
 import sys, types, cosim.commands
 module = types.ModuleType("cosim.commands.version_of")

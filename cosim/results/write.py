@@ -102,6 +102,8 @@ def write_files(folder: Path, run: CaseParts, target: Path | None = None) -> tup
         for name, content in contents.items():
             (folder / name).write_bytes(content)
     except OSError as error:
+        for name in contents:  # what is free is told without them
+            (folder / name).unlink(missing_ok=True)
         needed = sum(map(len, contents.values()))
         raise unwritable(target or folder, error, OTHER, needed) from error
     lacking, no_room = [], []
