@@ -16,7 +16,7 @@ CEILINGS = {
     "cosim/analyses": 6604,
     "cosim/anatomy": 861,
     "cosim/case": 961,
-    "cosim/commands": 4468,
+    "cosim/commands": 4470,
     "cosim/coupling": 2175,
     "cosim/fingers": 1144,
     "cosim/fmu": 1562,
