@@ -7,7 +7,6 @@ one's is not used, and the next writer replaces it.  No failure of the disk fail
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -18,6 +17,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from cosim.content_key import arrays_key
 from cosim.files import atomic_path
 
 VARIABLE = "COSIM_CACHE_DIR"
@@ -28,8 +28,8 @@ DIGEST = "digest"
 Kind = Literal["distances", "equilibria"]
 FOLDERS: tuple[str, ...] = ("distances", "equilibria", "")
 """Of the kinds; the last is where versions before this one kept distances."""
-OURS = re.compile(r"[0-9a-f]{64}\.npz|\.[0-9a-f]{40}\.\d+\.[0-9a-f]{8}\.part")
-"""Names of the files that the cache writes; it removes no others."""
+OURS = re.compile(r"[0-9a-f]{64}\.npz|\.[0-9a-f]{40}\.\d+\.[0-9a-f]{8,12}\.part")
+"""Names of the files that the cache writes, or a version before wrote; it removes no others."""
 
 
 class Contents(NamedTuple):
@@ -64,7 +64,7 @@ class ArrayCache:
         with suppress(Exception):  # whatever zipfile, zlib and numpy raise of a spoilt file
             with np.load(file, allow_pickle=False) as stored:
                 arrays = {name: stored[name] for name in stored.files}
-            if str(arrays.pop(DIGEST)) == _digest(kind, key, arrays):
+            if str(arrays.pop(DIGEST)) == arrays_key(f"{kind} {key}", arrays):
                 with suppress(OSError):
                     os.utime(file)
                 return arrays
@@ -76,7 +76,7 @@ class ArrayCache:
         file = self._file(kind, key)
         with suppress(OSError):
             with atomic_path(file) as part, part.open("wb") as stream:
-                digest = np.array(_digest(kind, key, arrays))
+                digest = np.array(arrays_key(f"{kind} {key}", arrays))
                 np.savez(stream, **{**arrays, DIGEST: digest})
             self._shrink(file)
 
@@ -132,13 +132,3 @@ def user_cache() -> ArrayCache | None:
     from platformdirs import user_cache_path
 
     return ArrayCache(user_cache_path("cosim", appauthor=False))
-
-
-def _digest(kind: str, key: str, arrays: Mapping[str, Any]) -> str:
-    """What tells that these arrays were written under this key."""
-    digest = hashlib.sha256(f"{kind} {key}".encode())
-    for name in sorted(arrays):
-        array = np.asarray(arrays[name])
-        digest.update(f"\n{name} {array.dtype.str} {array.shape}\n".encode())
-        digest.update(np.ascontiguousarray(array).data)
-    return digest.hexdigest()

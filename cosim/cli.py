@@ -1,7 +1,7 @@
 """The command line: which commands there are, and where.
 
 Exit codes: 0 done, 1 a solve did not converge, 2 the input is at fault, 3 a run missed its audit,
-130 the user stopped it.
+130 the user stopped it, 143 SIGTERM, 129 SIGHUP (the terminal was closed).
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from cosim.errors import ReadingWarning
+from cosim.files import clear_again
+from cosim.interrupts import exit_code, ignore_requests, interrupt_on_request, is_asked
 from cosim.processes import prepare_process
 from cosim.version import __version__
 
@@ -247,13 +249,21 @@ app = typer.Typer(
 
 def main() -> None:
     """The program `cosim`."""
+    interrupt_on_request()
     prepare_process()
     warnings.showwarning = _show_warning
     for stream in (sys.stdout, sys.stderr):
         # A Windows pipe has a code page of 256 characters: what it lacks is shown as "?".
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
-    app(prog_name="cosim")
+    try:
+        app(prog_name="cosim")
+    except (Exception, SystemExit) as ended:  # a library may make an error of a KeyboardInterrupt
+        ignore_requests()
+        if not is_asked():
+            raise
+        clear_again()
+        raise SystemExit(exit_code(getattr(ended, "code", None))) from None
 
 
 def _show_warning(

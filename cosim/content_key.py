@@ -6,7 +6,7 @@ import hashlib
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -75,6 +75,17 @@ def _add(update: Callable[[Any], None], value: Any, packages: tuple[str, ...]) -
                 _add(update, (part.name, getattr(value, part.name)), packages)
         case _:
             raise UnknownContentError(f"{kind}: its content is not known")
+
+
+def arrays_key(place: str, arrays: Mapping[str, Any]) -> str:
+    """The sha256 of arrays by name, and of the place for which they were written: what tells of a
+    file of them that it is whole, unchanged and in its place."""
+    digest = hashlib.sha256(place.encode())
+    for name in sorted(arrays):
+        array = np.asarray(arrays[name])
+        digest.update(f"\n{name} {array.dtype.str} {array.shape}\n".encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()
 
 
 def _is_of(value: Any, packages: tuple[str, ...]) -> bool:

@@ -146,5 +146,9 @@ class ConvergenceError(CosimError):
         self.reached = reached
 
 
+class NoRoomError(CosimError):
+    """A result could not be written for want of room on the disk (exit code 1)."""
+
+
 class StoppedError(CosimError):
     """The user stopped a run before its end; there is no result (exit code 130)."""

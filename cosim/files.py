@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+import errno
+import hashlib
 import os
+import re
 import shutil
+import socket
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from uuid import uuid4
 
-from cosim.errors import InputError
+from cosim.errors import CosimError, InputError, NoRoomError
 
+FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
+"""Faults of a disk without room, and of a file or user at their limit."""
+PASSING = re.compile(r"\..+\.(?P<process>\d+)\.(?P<machine>[0-9a-f]{4})\w{8}\.(part|old|probe)")
+"""Names of what stands beside its place while it is written (`beside`)."""
+SLACK = 60.0
+"""Seconds by which a process may seem to have begun after what it wrote: clocks are set."""
+_CLEARED: set[Path] = set()
+"""Folders of `clear_leftovers`."""
 PATIENCE = 2.0 if sys.platform == "win32" else 0.0
 """Seconds that a move waits for another process: Windows moves nothing that one has open, a
 scanner for viruses among them."""
@@ -59,11 +72,88 @@ def move_into_place(part: Path, target: Path) -> None:
             time.sleep(0.02)
 
 
+def beside(path: Path, ending: str = "part") -> Path:
+    """A name beside `path` that no writer has, on no machine; it says whose it is, for
+    `clear_leftovers`."""
+    mark = f"{os.getpid()}.{_machine()}{uuid4().hex[:8]}"
+    return path.with_name(f".{path.name[:40]}.{mark}.{ending}")
+
+
+@cache
+def _machine() -> str:
+    """Four digits for what numbers the processes: this machine, and in a container that."""
+    try:
+        numbering = os.readlink("/proc/self/ns/pid")
+    except OSError:  # not Linux
+        numbering = ""
+    return hashlib.sha256(f"{socket.gethostname()} {numbering}".encode()).hexdigest()[:4]
+
+
+def clear_leftovers(folder: Path) -> None:
+    """Remove what processes of this machine that were killed left half-written in a folder."""
+    _CLEARED.add(folder.absolute())
+    with suppress(OSError):
+        for path in sorted(folder.iterdir()):
+            found = PASSING.fullmatch(path.name)
+            if found and found["machine"] == _machine() and _is_left(path, int(found["process"])):
+                if path.is_dir() and not path.is_symlink():
+                    shutil.rmtree(path, ignore_errors=True)
+                else:
+                    with suppress(OSError):
+                        path.unlink()
+
+
+def clear_again() -> None:
+    """Remove what the processes that this one ended left where it cleared before."""
+    for folder in list(_CLEARED):
+        clear_leftovers(folder)
+
+
+def _is_left(path: Path, number: int) -> bool:
+    """Whether the process of that number that wrote to a path has ended; another one may have the
+    number now, which began later."""
+    import psutil
+
+    try:
+        process = psutil.Process(number)
+        began, is_ended = process.create_time(), process.status() == psutil.STATUS_ZOMBIE
+        return is_ended or began > path.lstat().st_mtime + SLACK
+    except psutil.NoSuchProcess:
+        return True
+    except (psutil.Error, OSError):
+        return False
+
+
+def temporary_folder(name: str) -> TemporaryDirectory[str]:
+    """A folder for files that pass, which goes with this value; after a process that was killed,
+    with the next one that asks for one."""
+    clear_leftovers(Path(gettempdir()))
+    start = f".{name}.{os.getpid()}.{_machine()}"
+    return TemporaryDirectory(prefix=start, suffix=".part", ignore_cleanup_errors=True)
+
+
+def unwritable(path: Path, error: OSError, choose: str, needed: int = 0) -> CosimError:
+    """The error in words for what could not be written: without room NoRoomError, with how much is
+    there and the bytes that were `needed`, if that is known; else InputError."""
+    if error.errno not in FULL:
+        return InputError(f"{path}: cannot be written ({error.strerror or error}); {choose}")
+    known = [f"{_size(needed)} are needed"] if needed else []
+    if error.errno == errno.ENOSPC:
+        place = next(p for p in path.absolute().parents if p.exists())
+        known.append(f"{_size(shutil.disk_usage(place).free)} are free")
+    words = ", ".join([error.strerror or str(error), *known])
+    return NoRoomError(f"{path}: there is no room for it ({words}); make room, or {choose}")
+
+
+def _size(size: float) -> str:
+    return f"{size / 1e6:.0f} MB" if size >= 1e7 else f"{size / 1e3:.0f} kB"
+
+
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
     """A place beside `path`, of this writer's own, to write to; moved to `path` once the block has
     ended well, and removed where it has not.  Makes the folder.  Raises OSError."""
-    part = path.with_name(f".{path.name[:40]}.{os.getpid()}.{uuid4().hex[:8]}.part")
+    part = beside(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield part
@@ -84,14 +174,13 @@ def output_file(path: Path) -> Iterator[Path]:
     ...     (Path(folder) / "numbers.csv").read_text()
     '1, 2'
 
-    Raises InputError where the file cannot be written."""
+    Raises InputError where the file cannot be written, NoRoomError on a full disk."""
     check_file(path)
     try:
         with atomic_path(path) as part:
             yield part
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"{path}: cannot be written ({reason}); choose another") from error
+        raise unwritable(path, error, "choose another") from error
 
 
 @contextmanager
@@ -99,18 +188,16 @@ def output_folder(target: Path, mark: str) -> Iterator[Path]:
     """An empty folder beside `target` to write to, moved there once the block has ended well.
 
     It replaces one that an earlier call left, known by its file `mark`, or an empty one.  Raises
-    InputError where it cannot be written, or where something else stands in its place."""
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    InputError where it cannot be written, or where something else stands in its place, and
+    NoRoomError on a full disk."""
+    part = beside(target)
     try:
         check_folder(target, mark)
         part.mkdir(parents=True)
         yield part
         replace_folder(target, part)
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(
-            f"{target}: cannot be written ({reason}); choose another folder"
-        ) from error
+        raise unwritable(target, error, "choose another folder") from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
@@ -144,9 +231,11 @@ def _check_place(path: Path) -> None:
     place = next(p for p in path.absolute().parents if p.exists())
     if not place.is_dir():
         raise InputError(f"{path}: cannot be written ({shown_path(place)} is no folder)")
+    clear_leftovers(place)
+    probe = beside(place / path.name, "probe")
     try:
-        with TemporaryDirectory(prefix=".cosim-", dir=place):  # rights alone do not tell
-            pass
+        probe.mkdir()  # rights alone do not tell
+        probe.rmdir()
     except OSError as error:
         where = f"{shown_path(place)} may not be written to: {error.strerror}"
         raise InputError(f"{path}: cannot be written ({where})") from error

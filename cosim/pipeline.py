@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from cosim.case.schema import Case
-from cosim.errors import ConvergenceError, Progress, quiet, relay_progress
+from cosim.errors import ConvergenceError, CosimError, Progress, quiet, relay_progress
 from cosim.files import shown_path
 from cosim.outcome import Outcome, outcome_of
 from cosim.processes import Memory, one_blas_thread, process_pool
@@ -64,8 +64,8 @@ def _failure(case: Case, reached: Result, session: Session) -> ConvergenceError:
         try:
             write_files(folder, reached)
             message += f". What it reached is in {shown_path(folder)} (converged: false)"
-        except OSError as error:
-            message += f". What it reached cannot be written ({error.strerror or error})"
+        except CosimError as error:
+            message += f". What it reached cannot be written: {error}"
     return ConvergenceError(message, reached)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import pickle
@@ -17,8 +18,10 @@ from queue import SimpleQueue
 from threading import Lock, Thread
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar, cast
+from weakref import WeakSet
 
 from cosim.errors import CosimError, InputError, StoppedError
+from cosim.interrupts import ASKING, ignore_requests
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -225,6 +228,8 @@ class WorkerProcess:
         """The pipe to the process, which is ready.  Raises EOFError where it ended before."""
         if self._pipe is None:
             context = process_context(self._environment)
+            atexit.unregister(_kill_all)
+            atexit.register(_kill_all)  # after that of multiprocessing, and so called before it
             self._pipe, theirs = context.Pipe()
             process = context.Process(  # type: ignore[attr-defined]
                 target=_serve, args=(theirs, self._environment), daemon=True
@@ -233,6 +238,7 @@ class WorkerProcess:
                 process.start()
             theirs.close()
             self._process = process
+            _ALIVE.add(self)
             if self._is_closed:
                 process.kill()
             self._pipe.recv_bytes()
@@ -267,6 +273,15 @@ class WorkerProcess:
         """End the process, which has nothing to do."""
         self._is_closed = True
         self._stop()
+
+
+_ALIVE: WeakSet[WorkerProcess] = WeakSet()
+
+
+def _kill_all() -> None:
+    """End the processes whose pools nobody ended: `multiprocessing` would wait for them."""
+    for process in list(_ALIVE):
+        process.kill()
 
 
 class ProcessPool:
@@ -401,8 +416,8 @@ def process_context(environment: Mapping[str, str] | None = None) -> BaseContext
     variables.update(PYTHONPATH=paths, PYTHONSAFEPATH="1")  # it imports what this process would
     with _starting:
         forkserver.set_forkserver_preload(list(PRELOADED))
-        resource_tracker.ensure_running()  # would unblock the signal below
-        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        resource_tracker.ensure_running()  # would unblock the signals below
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, ASKING)
         try:
             with _variables(variables):
                 forkserver.ensure_running()
@@ -448,20 +463,23 @@ def _unimportable_main() -> Iterator[None]:
 
 
 def _serve(pipe: Connection, environment: Mapping[str, str]) -> None:
-    """What a process of a pool does, until the pipe ends: Ctrl-C reaches it too, and the pool ends
-    it; the environment is that of the pool."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """What a process of a pool does, until the pipe ends, as it does where the process at its other
+    end does: by itself or by any signal, KILL too.  Ctrl-C and SIGTERM, which a terminal or a queue
+    of jobs sends to all processes, are for that one.  The environment is that of the pool."""
+    ignore_requests()
     signal.signal(STOP_SIGNAL, _CALLER.end_call)
     os.environ.clear()
     os.environ.update(environment)
-    for name in PRELOADED:  # the time of a call is that of its work
-        import_module(name)
     calls: SimpleQueue[bytes] = SimpleQueue()
     _CALLER.pipe = pipe
     Thread(target=_listen, args=(pipe, calls), daemon=True).start()
-    pipe.send_bytes(READY)
-    while True:
-        pipe.send_bytes(_answer(calls.get()))
+    for name in PRELOADED:  # the time of a call is that of its work
+        import_module(name)
+    with suppress(OSError):  # nobody waits for an answer any more
+        pipe.send_bytes(READY)
+        while True:
+            pipe.send_bytes(_answer(calls.get()))
+    os._exit(0)
 
 
 class _Caller:

@@ -32,9 +32,10 @@ ALLOWED = {
     ),
     "cosim.coupling.finger_equilibrium": ("cosim.port",),
     "cosim.files": ("cosim.port",),
-    "cosim.array_cache": ("cosim.files",),
+    "cosim.array_cache": ("cosim.files", "cosim.content_key"),
     "cosim.content_key": (),
-    "cosim.processes": ("cosim.port",),
+    "cosim.processes": ("cosim.port", "cosim.interrupts"),
+    "cosim.interrupts": (),
     "cosim.extras": (),
     "cosim.abaqus_file": (),
     "cosim.mesh_file": ("cosim.abaqus_file", "cosim.extras", "cosim.port"),
@@ -78,10 +79,18 @@ ALLOWED = {
 }
 # The rooms of cosim from the ground up: each may import its own modules and those of floors below.
 FLOORS = (
-    {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels", "cosim.json_text"},
+    {
+        "cosim.errors",
+        "cosim.version",
+        "cosim.vtu_child",
+        "cosim.kernels",
+        "cosim.json_text",
+        "cosim.interrupts",
+    },
     {"cosim.port", "cosim.extras", "cosim.abaqus_file"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
-    {"cosim.array_cache", "cosim.content_key"},
+    {"cosim.content_key"},
+    {"cosim.array_cache"},
     {"cosim.processes", "cosim.xml_tree", "cosim.text_tables", "cosim.static_response"},
     {"cosim.tendons"},
     {"cosim.coupling"},

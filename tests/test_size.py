@@ -12,12 +12,12 @@ from tests.helpers.folders import ROOT
 
 CEILINGS = {
     "cases": 3070,
-    "cosim": 4596,
-    "cosim/analyses": 6603,
+    "cosim": 4842,
+    "cosim/analyses": 6604,
     "cosim/anatomy": 861,
     "cosim/case": 961,
-    "cosim/commands": 4468,
-    "cosim/coupling": 2155,
+    "cosim/commands": 4470,
+    "cosim/coupling": 2175,
     "cosim/fingers": 1144,
     "cosim/fmu": 1562,
     "cosim/fmu_export": 1272,
@@ -25,13 +25,13 @@ CEILINGS = {
     "cosim/kernels": 362,
     "cosim/models": 684,
     "cosim/report": 2694,
-    "cosim/results": 5365,
+    "cosim/results": 5405,
     "cosim/schema": 580,
     "cosim/solve": 827,
-    "cosim/study": 2920,
+    "cosim/study": 2927,
     "cosim/tendons": 534,
-    "cosim/ui": 1529,
-    "cosim/validation": 2115,
+    "cosim/ui": 1522,
+    "cosim/validation": 2116,
     "cosim/verification": 990,
     "fe_solver": 477,
     "fe_solver/elements": 1478,
@@ -57,7 +57,7 @@ CEILINGS = {
     "rigid/opensim": 3712,
     "rigid/papers": 3274,
     "rigid/verification": 2498,
-    "tests": 47659,
+    "tests": 48300,
 }
 
 

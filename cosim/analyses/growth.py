@@ -6,11 +6,8 @@ Each mesh is solved in a process of its own, so that its peak memory is its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
 from functools import wraps
-from multiprocessing import get_context
 from time import process_time
 from typing import Any, NamedTuple
 
@@ -26,7 +23,7 @@ from cosim.analyses.pulls import (
     read_pulls,
 )
 from cosim.errors import InputError, Progress, quiet
-from cosim.processes import peak_mb
+from cosim.processes import Memory, ProcessEndedError, peak_mb, process_pool
 from fe_solver.solver import model
 from fe_solver.solver.assembly import Pattern
 
@@ -95,9 +92,9 @@ def measure_growth(
     for elements, quads in meshes_up_to(most, sizes):
         progress(f"{quads} quads, {elements}")
         try:
-            with ProcessPoolExecutor(1, get_context("spawn")) as process:
-                yield from process.submit(measure_mesh, elements, quads).result()
-        except BrokenProcessPool:
+            with process_pool(1, apart=True) as pool:
+                yield from pool.submit(0, _measure_mesh, elements, quads).result()
+        except ProcessEndedError:
             raise InputError(
                 f"the process that solved {quads} {elements} quads was ended from outside, "
                 f"perhaps for lack of memory; choose a smaller --most"
@@ -112,6 +109,10 @@ def meshes_up_to(most: int, sizes: Mapping[str, Sequence[int]] = QUADS) -> list[
         for n in quads
         if n * NODES[elements] <= most
     ]
+
+
+def _measure_mesh(_: Memory, elements: str, quads: int) -> list[SolveCost]:
+    return measure_mesh(elements, quads)
 
 
 def measure_mesh(elements: str, quads: int) -> list[SolveCost]:

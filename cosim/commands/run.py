@@ -36,7 +36,7 @@ from cosim.errors import (
     span,
 )
 from cosim.extras import require
-from cosim.files import output_file, shown_path
+from cosim.files import clear_leftovers, output_file, shown_path
 from cosim.json_text import json_text
 from cosim.models.fit import check_fit
 from cosim.outcome import Outcome, outcome_of
@@ -235,6 +235,8 @@ def _side_by_side(
 ) -> Iterator[tuple[Case, Outcome[Ended]]]:
     """Run and write cases in so many processes; each as it ends."""
     waiting = set(range(len(cases)))
+    for folder in filter(None, (checkpoint_folder(case, out) for case in cases)):
+        clear_leftovers(folder)  # and again, should the processes be ended
     if voice == "plain":
         typer.echo(f"0/{len(cases)}: {min(workers, len(cases))} processes begin", err=True)
     try:

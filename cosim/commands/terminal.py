@@ -14,10 +14,10 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from cosim.errors import CosimError, InputError, StoppedError, span
+from cosim.errors import CosimError, InputError, NoRoomError, StoppedError, span
 
-CODES = {InputError: 2, StoppedError: 130}
-"""Exit codes of errors; 1 of all others."""
+CODES = {NoRoomError: 1, InputError: 2, StoppedError: 130}
+"""Exit codes of errors, by the first that an error is; 1 of all others."""
 AUDIT_MISSED = 3
 """Exit code where a run missed its audit; its results are written."""
 INCOMPLETE = 3

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.content_key import arrays_key
 from cosim.coupling.motion import MotionFrame, MotionState
 from cosim.coupling.state_arrays import Special, flatten, rebuild
 from cosim.errors import InputError
@@ -21,6 +22,7 @@ from cosim.files import output_file
 from cosim.port import Array
 
 NAME = "checkpoint.npz"
+DIGEST = "digest"
 FRAMES, SHAPES = "frames", "shapes"
 
 
@@ -46,6 +48,7 @@ def write_checkpoint(
     for name in kept.shapes[0] if kept.shapes else ():
         arrays[f"{SHAPES}/{name}"] = np.array([shape[name] for shape in kept.shapes])
     arrays |= {"case": np.array(case), "code": np.array(code)}
+    arrays[DIGEST] = np.array(arrays_key(NAME, arrays))
     with output_file(folder / NAME) as part, part.open("wb") as file:
         np.savez(file, **arrays)
 
@@ -56,16 +59,16 @@ def read_checkpoint(
     """The motion that `write_checkpoint` left, of which `template` is the beginning, and the name
     of the program that computed it.
 
-    Raises InputError for a file that is none, that is cut off, whose state this program does not
-    have, or that belongs to another case."""
+    Raises InputError for a file that is none, that is cut off or was changed, whose state this
+    program does not have, or that belongs to another case."""
     path = folder / NAME
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays: dict[str, Any] = {name: file[name] for name in file.files}
+        arrays = _read_arrays(path)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no checkpoint to go on from") from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError) as error:
-        raise InputError(f"{path}: is no whole checkpoint ({error}); run the case anew") from error
+    except Exception as error:  # whatever zipfile, lzma, zlib and numpy raise of a spoilt file
+        reason = str(error) or type(error).__name__
+        raise InputError(f"{path}: is no whole checkpoint ({reason}); run the case anew") from error
     stated, code = (str(arrays.pop(key, "")) for key in ("case", "code"))
     if stated != case:
         raise InputError(f"{path}: belongs to another case than {folder / 'case.toml'} says")
@@ -77,6 +80,23 @@ def read_checkpoint(
     except (KeyError, ValueError, TypeError, IndexError) as error:
         raise InputError(f"{path}: is no whole checkpoint ({error}); run the case anew") from error
     return MotionHistory(moment, frames, tips, shapes), code
+
+
+def _read_arrays(path: Path) -> dict[str, Any]:
+    """The arrays of a checkpoint without their digest.  Raises any error of a file that is none,
+    and ValueError for one that was changed or that would take more room than its size."""
+    if path.exists() and not path.is_file():
+        raise ValueError("it is no file")
+    with zipfile.ZipFile(path) as archive:
+        if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
+            raise ValueError("it is packed, and none is")
+        if sum(entry.file_size for entry in archive.infolist()) > path.stat().st_size:
+            raise ValueError("it says that it is larger than it is")
+    with np.load(path, allow_pickle=False) as file:
+        arrays: dict[str, Any] = {name: file[name] for name in file.files}
+    if str(arrays.pop(DIGEST, "")) != arrays_key(NAME, arrays):
+        raise ValueError("it was changed after it was written: its digest differs")
+    return arrays
 
 
 def _under(arrays: dict[str, Any], start: str) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -130,14 +131,21 @@ class Arrays:
         return xarray.Dataset(dict(self.variables), dict(self.coordinates), self.attributes)
 
     def write(self, path: Path) -> None:
-        """Write the netCDF-4 file that `to_dataset().to_netcdf(path)` would, without the imports of
-        xarray: pandas and, where it is installed, the whole of dask."""
+        """Write `content()`.  Raises OSError."""
+        path.write_bytes(self.content())
+
+    def content(self) -> bytes:
+        """The netCDF-4 file that `to_dataset().to_netcdf(path)` would, without the imports of
+        xarray: pandas and, where it is installed, the whole of dask.
+
+        It is made in memory: HDF5 crashes on a full disk."""
         import h5netcdf
         import h5py
 
         beside = {k: set(v.dims) for k, v in self.coordinates.items() if k not in v.dims}
         named: set[str] = set()
-        with h5netcdf.File(path, "w") as file:
+        content = BytesIO()
+        with h5netcdf.File(content, "w") as file:
             for variable in (*self.variables.values(), *self.coordinates.values()):
                 for dim, size in zip(variable.dims, variable.values.shape, strict=True):
                     if dim not in file.dimensions:
@@ -157,3 +165,4 @@ class Arrays:
                 written.attrs.update(attributes)
             rest = " ".join(sorted(beside.keys() - named))
             file.attrs.update({**self.attributes, **({"coordinates": rest} if rest else {})})
+        return content.getvalue()

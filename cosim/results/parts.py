@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.hoods.view import HoodField
+from cosim.json_text import json_text
 from cosim.port import Array
 from cosim.results.arrays import Arrays
 from cosim.results.conventions import COMPONENTS, by_axis
@@ -104,6 +106,18 @@ class CaseParts:
     `Result.view` add the finger."""
     case_text: str
     """The case with every default written out, TOML."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_summary_text", json_text(self.summary))
+
+    def check_unchanged(self) -> None:
+        """Check that the summary is still the one that was solved, beside whose arrays it will be
+        written.  Raises InputError."""
+        if json_text(self.summary) != self.__dict__["_summary_text"]:
+            raise InputError(
+                f"{self.case}: the summary was changed after it was solved, and does not belong to "
+                "the arrays any more; change a copy: copy.deepcopy(result.summary)"
+            )
 
     @cached_property
     def data(self) -> xarray.Dataset:

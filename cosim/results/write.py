@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import itertools
 import logging
-import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 
 from cosim.case.file import case_of, moved_toml
 from cosim.errors import InputError
-from cosim.files import replace_folder
+from cosim.files import FULL, beside, clear_leftovers, replace_folder, unwritable
 from cosim.hoods.view import HoodField
 from cosim.json_text import json_text, plain
 from cosim.port import Array
@@ -28,6 +27,7 @@ from cosim.results.scene import decimate, scenes_of, tension_of
 T = TypeVar("T")
 BONE_TRIANGLES = 600
 """Of a bone for ParaView, at most: it is written anew in every frame of a motion."""
+OTHER = "choose another folder with --out"
 NOT_FINITE = "not_finite"
 """The key of a written summary under which the keys stand whose numbers are none."""
 
@@ -36,9 +36,12 @@ def write_run(folder: str | Path, run: CaseParts) -> tuple[Path, tuple[str, ...]
     """Write a run to `folder`/<case name>; that path, and what could not be made beside summary,
     arrays and case, a line each.
 
-    Raises InputError where the folder cannot be written, or where something that is not a run
-    stands in its place."""
-    return _whole(folder, run.case, lambda part: write_files(part, run))
+    Raises InputError where the folder cannot be written, where something that is not a run stands
+    in its place or where the summary was changed since the solve, and NoRoomError on a full
+    disk."""
+    run.check_unchanged()
+    target = Path(folder) / run.case
+    return _whole(folder, run.case, lambda part: write_files(part, run, target))
 
 
 def copy_run(folder: str | Path, name: str, left: Path) -> Path:
@@ -52,13 +55,13 @@ def _whole(folder: str | Path, name: str, fill: Callable[[Path], T]) -> tuple[Pa
     whole new one or not at all; its place, and what `fill` returned."""
     target = Path(folder) / name
     check_target(folder, name)
-    part = target.with_name(f".{name}.{os.getpid()}.part")
+    part = beside(target)
     try:
         part.mkdir()
         filled = fill(part)
         replace_folder(target, part)
     except OSError as error:
-        raise _unwritable(target, error) from error
+        raise unwritable(target, error, OTHER) from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return target, filled
@@ -71,37 +74,51 @@ def check_target(folder: str | Path, name: str) -> None:
     target = Path(folder) / name
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        probe = target.with_name(f".{name}.{os.getpid()}.probe")
+        clear_leftovers(target.parent)
+        probe = beside(target, "probe")
         probe.mkdir()
         probe.rmdir()
         is_run = (target / "summary.json").exists() or (
             target.is_dir() and not any(target.iterdir())
         )
     except OSError as error:
-        raise _unwritable(target, error) from error
+        raise unwritable(target, error, OTHER) from error
     if target.exists() and not is_run:
         raise InputError(f"{target}: is in the way and is no earlier run; choose another --out")
 
 
-def _unwritable(target: Path, error: OSError) -> InputError:
-    reason = error.strerror or str(error)
-    return InputError(f"{target}: cannot be written ({reason}); choose another folder with --out")
-
-
-def write_files(folder: Path, run: CaseParts) -> tuple[str, ...]:
+def write_files(folder: Path, run: CaseParts, target: Path | None = None) -> tuple[str, ...]:
     """Write a run's files: case, summary and arrays, then all that can be made of them; what could
-    not be made, a line each.  Raises OSError where the folder cannot be written."""
-    (folder / "case.toml").write_text(moved_toml(run.case_text, folder), encoding="utf-8")
-    summary = json_text(without_nan(run.summary), 2, ensure_ascii=True)
-    (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
-    run.arrays.write(folder / "results.nc")
-    lacking = []
+    not be made, a line each.  `target`: the place to name in an error, where it is another.
+
+    Raises InputError where the folder cannot be written, NoRoomError on a full disk."""
+    case, summary = moved_toml(run.case_text, folder), without_nan(run.summary)
+    contents = {
+        "case.toml": case.encode(),
+        "summary.json": f"{json_text(summary, 2, ensure_ascii=True)}\n".encode(),
+        "results.nc": run.arrays.content(),
+    }
+    try:
+        for name, content in contents.items():
+            (folder / name).write_bytes(content)
+    except OSError as error:
+        for name in contents:  # what is free is told without them
+            (folder / name).unlink(missing_ok=True)
+        needed = sum(map(len, contents.values()))
+        raise unwritable(target or folder, error, OTHER, needed) from error
+    lacking, no_room = [], []
     for name, write in _further_files(run):
         try:
             write(folder / name)
         except Exception as error:  # what is solved is not lost to a picture of it
             (folder / name).unlink(missing_ok=True)
-            lacking.append(f"{name} could not be made ({type(error).__name__}: {error})")
+            shutil.rmtree(folder / f"{Path(name).stem}_frames", ignore_errors=True)
+            if getattr(error, "errno", None) in FULL:
+                no_room.append(name)
+            else:
+                lacking.append(f"{name} could not be made ({type(error).__name__}: {error})")
+    if no_room:
+        lacking.append(f"there is no room for {', '.join(no_room)}; the numbers are whole")
     return tuple(lacking)
 
 

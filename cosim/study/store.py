@@ -24,8 +24,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from cosim.errors import InputError
-from cosim.files import atomic_path
+from cosim.errors import InputError, NoRoomError
+from cosim.files import FULL, atomic_path, clear_leftovers
 from cosim.json_text import json_text
 from cosim.outcome import Status
 
@@ -35,6 +35,10 @@ COLUMNS = ("key", "status", "reason", "summary", "case", "seconds", "host", "cod
 
 class StoreError(InputError):
     """The store cannot be written; what had finished stays."""
+
+
+class FullStoreError(StoreError, NoRoomError):
+    """There is no room for the store (exit code 1)."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,8 @@ class Store:
             stored = json.loads(mark.read_bytes())
         except (OSError, ValueError) as error:
             raise InputError(f"{self.root}: cannot be used as a store ({error})") from error
+        for folder in (self.root, *self.root.glob("*/"), *self.root.glob("*/*/")):
+            clear_leftovers(folder)
         if stored != FORMAT:
             raise InputError(f"{mark}: expected {FORMAT['format']!r}; choose another folder")
         return self
@@ -132,7 +138,8 @@ class Store:
 
     def unwritable(self, error: OSError) -> StoreError:
         """The fault in words."""
-        return StoreError(
+        kind = FullStoreError if error.errno in FULL else StoreError
+        return kind(
             f"the store {self.root} cannot be written ({error.strerror or error}); every run that "
             "had finished is kept: make room, and give the same command again"
         )

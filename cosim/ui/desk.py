@@ -7,14 +7,12 @@ of its own.  What is older is dropped, and a solve that nobody waits for any mor
 from __future__ import annotations
 
 import re
-import shutil
 import tomllib
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from tempfile import mkdtemp
 from threading import Condition, RLock, Thread, Timer
 from typing import Any, Literal
 
@@ -23,7 +21,7 @@ from cosim.case.file import base_name, case_of, load_case, packaged_cases, resol
 from cosim.case.schema import Case, check_name
 from cosim.case.usual import unusual_values
 from cosim.errors import ConvergenceError, CosimError, InputError, StoppedError
-from cosim.files import shown_path
+from cosim.files import shown_path, temporary_folder
 from cosim.models.fit import check_fit
 from cosim.outcome import one_line
 from cosim.processes import ProcessEndedError, WorkerProcess, do_with_memory
@@ -109,7 +107,8 @@ class Desk:
         self._changed = Condition(self._lock)
         self._listeners: list[Callable[[], None]] = []
         self._process = WorkerProcess() if is_live else None
-        self._folder = Path(mkdtemp(prefix="cosim-ui-"))
+        self._room = temporary_folder("cosim-ui")
+        self._folder = Path(self._room.name)
         self._version, self._picture, self._number, self._closed = 0, 0, 0, False
         self._wanted: Request | None = None
         self._running: Request | None = None
@@ -377,7 +376,7 @@ class Desk:
             self._process.kill()
             self._thread.join(PATIENCE)
             self._process.end()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._room.cleanup()
 
     # --- inside
 

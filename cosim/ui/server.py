@@ -10,14 +10,14 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
-import signal
 import socket
 import sys
+import time
 import webbrowser
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.resources import files
-from threading import Event, Thread
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from cosim.errors import CosimError, InputError
@@ -322,12 +322,6 @@ def _run(server: Server, at: socket.socket) -> None:
 
 def wait_for_end() -> None:
     """Return when the user presses Ctrl-C, or the program is asked to end (SIGTERM)."""
-    ended = Event()
-    before = signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    try:
-        while not ended.wait(1.0):  # a longer wait would not see a signal on Windows
-            pass
-    except KeyboardInterrupt:
-        pass
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    with suppress(KeyboardInterrupt):
+        while True:
+            time.sleep(1.0)  # a longer one would not see a signal on Windows

@@ -14,7 +14,7 @@ from typing import Any
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError, Progress, nearest_names, quiet, span
-from cosim.files import output_file
+from cosim.files import clear_leftovers, output_file
 from cosim.json_text import json_text
 from cosim.outcome import Outcome
 from cosim.pipeline import run_cases
@@ -165,6 +165,7 @@ def _outcomes(
     with process_pool(max(1, min(workers, len(others)))) as pool:
         yield from pool.in_order(partial(_solve_other, settings=tuple(settings)), others)
     cases = [_case(trial, settings) for trial in runs]
+    clear_leftovers(folder)
     for i, outcome in run_cases(cases, partial(_save, folder=folder), workers):
         if outcome.status == "refused":
             outcome.result()

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
+import zipfile
+from collections.abc import Iterator, Mapping
+from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -192,6 +196,35 @@ def test_a_checkpoint_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     np.savez(file.open("wb"), object=np.array([{}], dtype=object))
     with pytest.raises(InputError, match="is no whole checkpoint"):
         run_case(case, Session(checkpoints=tmp_path))
+    for spoilt, reason in spoilt_checkpoints(good):
+        file.write_bytes(spoilt)
+        with pytest.raises(InputError, match=f"is no whole checkpoint \\(.*{reason}"):
+            run_case(case, Session(checkpoints=tmp_path))
+    file.write_bytes(good)
+    run_case(case, Session(checkpoints=tmp_path))
+
+
+def spoilt_checkpoints(good: bytes) -> Iterator[tuple[bytes, str]]:
+    """The archive with other arrays, and packed in other ways, and what is said of each."""
+    with np.load(BytesIO(good)) as file:
+        arrays = {name: file[name] for name in file.files}
+    for name in ("state/coupled/time", "frames/angles"):
+        yield archive_of({**arrays, name: arrays[name] + 1e300}), "changed after"
+    yield archive_of({k: v for k, v in arrays.items() if k != "digest"}), "changed after"
+    for kind in (zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2):
+        yield archive_of(arrays, kind), "packed"
+    shape = re.search(rb"\(\d+, \d+\), ", good)
+    assert shape is not None
+    yield good.replace(shape.group(), (b"(%d,), " % 10**11).ljust(len(shape.group()))), ""
+
+
+def archive_of(arrays: Mapping[str, Any], kind: int = zipfile.ZIP_STORED) -> bytes:
+    content = BytesIO()
+    with zipfile.ZipFile(content, "w", kind) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w") as member:
+                np.lib.format.write_array(member, np.asarray(array))
+    return content.getvalue()
 
 
 def test_another_case_s_checkpoint_is_never_removed(tmp_path: Path) -> None:
