@@ -1,0 +1,36 @@
+"""What a case says of any FMU: where it is, and how it is loaded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cosim.fmu.unit import Loading
+from cosim.schema import units
+from cosim.schema.fields import quantity
+from cosim.schema.types import File, Switch, Table
+
+
+class FmuTable(Table):
+    """The keys of an FMU, in the table of a hood or of a finger."""
+
+    path: File
+    """The FMU; it runs code."""
+    assume_si: Switch = False
+    """Take variables without a stated unit as SI units."""
+    strict: Switch = False
+    """Refuse an FMU whose description breaks the standard; otherwise what can be read is read, with
+    a warning."""
+    time_limit: Annotated[float, quantity(units.TIME, above="0 s", most="1e6 s")] | None = None
+    """Longest time for loading the FMU and for each of its steps; without it 20 s and 120 s."""
+    in_process: Switch = False
+    """Load the FMU's library into the program itself: a step is faster, and a fault of the library
+    ends the program."""
+
+    def files(self) -> tuple[Path, ...]:
+        """The file that the FMU is."""
+        return (self.path,)
+
+    def loading(self) -> Loading:
+        """How the FMU is loaded."""
+        return Loading(self.strict, self.in_process, self.time_limit)
