@@ -86,4 +86,3 @@ def _data(attributes: Any) -> Iterator[tuple[str, Any]]:
         if not isinstance(array, vtkDataArray):
             sys.exit(f"its array {array.GetName()!r} holds no numbers; leave it out")
         yield array.GetName() or f"array {i}", vtk_to_numpy(array)
-

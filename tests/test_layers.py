@@ -37,7 +37,11 @@ ALLOWED = {
     "cosim.processes": ("cosim.port",),
     "cosim.extras": (),
     "cosim.abaqus_file": (),
-    "cosim.mesh_file": ("cosim.abaqus_file", "cosim.extras", "cosim.port"),
+    "cosim.foreign_process": ("cosim.port",),
+    "cosim.mesh_file": (
+        *("cosim.abaqus_file", "cosim.extras", "cosim.foreign_process"),
+        "cosim.port",
+    ),
     "cosim.xml_tree": ("cosim.port",),
     "cosim.vtu_child": (),
     "cosim.kernels": ("cosim.kernels",),
@@ -79,7 +83,7 @@ ALLOWED = {
 # The rooms of cosim from the ground up: each may import its own modules and those of floors below.
 FLOORS = (
     {"cosim.errors", "cosim.version", "cosim.vtu_child", "cosim.kernels", "cosim.json_text"},
-    {"cosim.port", "cosim.extras", "cosim.abaqus_file"},
+    {"cosim.port", "cosim.extras", "cosim.abaqus_file", "cosim.foreign_process"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
     {"cosim.array_cache", "cosim.content_key"},
     {"cosim.processes", "cosim.xml_tree", "cosim.text_tables", "cosim.static_response"},

@@ -51,16 +51,16 @@ class FmuFingerConfig(FmuTable, FingerConfig):
         from cosim.fmu.finger import FmuFinger as Unit
 
         names = self.bodies, self.joints, self.tendons
-        how = {"assume_si": self.assume_si, "loading": self.loading()}
-        return Unit(self.path, *names, self.map, **how)
+        si, loading = self.assume_si, self.loading()
+        return Unit(self.path, *names, self.map, assume_si=si, loading=loading)
 
     def in_motion(self) -> FmuMovingFinger:
         """The unit, for a motion in time.  Raises InputError."""
         from cosim.fmu.finger import FmuMovingFinger
 
         names = self.bodies, self.joints, self.tendons
-        how = {"assume_si": self.assume_si, "loading": self.loading()}
-        return FmuMovingFinger(self.path, *names, self.map, **how)
+        si, loading = self.assume_si, self.loading()
+        return FmuMovingFinger(self.path, *names, self.map, assume_si=si, loading=loading)
 
 
 KIND = FingerKind(FmuFingerConfig)

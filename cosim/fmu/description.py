@@ -30,8 +30,8 @@ VARIABILITIES = {
 def lenient_description(file: str) -> ModelDescription | None:
     """What a description says of its variables, units and co-simulation, whatever else is wrong in
     it: a variable without reference or type is left out, and a causality or variability that the
-    standard does not know is the default.  None where it cannot be told, or two variables have one
-    name.  The file is changed."""
+    standard does not know is the default.  None where it cannot be told, where no variable is left,
+    or two have one name.  The file is changed."""
     from fmpy import read_model_description
 
     tree = etree.parse(file)
@@ -50,7 +50,7 @@ def lenient_description(file: str) -> ModelDescription | None:
     except Exception:  # of any kind, as FMPy comes upon what it does not expect
         return None
     names = [variable.name for variable in description.modelVariables]
-    return description if len(set(names)) == len(names) else None
+    return description if names and len(set(names)) == len(names) else None
 
 
 def _mend_types(group: etree._Element) -> None:

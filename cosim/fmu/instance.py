@@ -8,7 +8,7 @@ from contextlib import chdir
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from cosim.foreign_process import remove_at_orphaning
 
@@ -27,16 +27,11 @@ class LibraryFacts:
     is_fmi2: bool
 
 
-class Failure(NamedTuple):
-    """The first of several calls that failed."""
-
-    index: int
-    reason: str
-    """What the unit logged, or else the error."""
-
-
 Calls = Sequence[tuple[str, tuple[Any, ...]]]
 """Names of methods, of FMPy's or of `Instance`'s own, and their arguments."""
+Answers = tuple[list[Any], str]
+"""What the calls returned up to the first that failed, and why that did: what the unit logged, or
+else the error; empty where none failed."""
 
 
 class Instance:
@@ -49,18 +44,19 @@ class Instance:
         self._states: dict[int, Any] = {}
         self._is_made = False
 
-    def do(self, calls: Calls) -> list[Any] | Failure:
-        """What the calls return; the first one that failed ends them."""
-        out = []
+    def do(self, calls: Calls) -> Answers:
+        """What the calls return; the first one that fails ends them."""
+        out: list[Any] = []
         if self._facts.is_fmi2:
             _listening()
-        for index, (name, args) in enumerate(calls):
+        for name, args in calls:
             self._log.clear()
             try:
                 out.append((getattr(self, name, None) or getattr(self._fmu, name))(*args))
             except Exception as failure:  # FMPy raises Exception itself
-                return Failure(index, "; ".join(self._log[-MOST_LOGGED:]) or str(failure))
-        return out
+                reason = "; ".join(self._log[-MOST_LOGGED:]) or str(failure)
+                return out, reason or type(failure).__name__
+        return out, ""
 
     def load(self) -> None:
         """Load the library."""
@@ -123,7 +119,7 @@ def begin(number: int, facts: LibraryFacts) -> None:
     _INSTANCES[number] = Instance(facts)
 
 
-def do(number: int, calls: Calls) -> list[Any] | Failure:
+def do(number: int, calls: Calls) -> Answers:
     """`Instance.do` of the instance of a number."""
     return _INSTANCES[number].do(calls)
 

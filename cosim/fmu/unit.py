@@ -18,14 +18,14 @@ import numpy as np
 from cosim.coupling.state_arrays import Arrays, Special
 from cosim.errors import ConvergenceError, CosimError, InputError
 from cosim.fmu.archive import UnpackedFmu, unpack_fmu
-from cosim.fmu.instance import Calls, Failure, Instance, LibraryFacts
+from cosim.fmu.instance import Instance, LibraryFacts
 from cosim.fmu.mapping import VariablePlace
 from cosim.fmu.unit_format import check_if_ours
 from cosim.foreign_process import ForeignError, ForeignProcess
 from cosim.port import Array
 
 LOAD_LIMIT, CALL_LIMIT, FREE_LIMIT = 20.0, 120.0, 5.0
-"""s, for loading a library and making its instance, for a step or any other call, and for its end."""
+"""s, for loading a library and making its instance, for any other call, and for its end."""
 Places = Mapping[str, VariablePlace]
 """Where a unit's quantities are, by name."""
 Values = Mapping[str, Array | float]
@@ -108,8 +108,13 @@ class Unit:
             self._process = _process_of_our_units() if is_ours else ForeignProcess()
             weakref.finalize(self, _free_apart, self._process, self._number, is_ours, room)
             self._call_apart("begin", facts, "cannot be loaded")
-        self._do(Command("load", (), InputError, "cannot be loaded"))
-        self._do(Command("create", (), InputError, "cannot be instantiated"))
+        try:
+            self._do(Command("load", (), InputError, "cannot be loaded"))
+            self._do(Command("create", (), InputError, "cannot be instantiated"))
+        except InputError:
+            if self._process is not None:  # what a unit of ours has imported stays in its process
+                self._process.kill()
+            raise
         self._limit = loading.time_limit or CALL_LIMIT
         self._initialise()
 
@@ -214,9 +219,7 @@ class Unit:
 
     def serialise(self, saved: SavedState) -> bytes:
         """A saved state as bytes, of a unit that serialises."""
-        content: bytes = self._do(
-            Command("serialise", (saved.key,), InputError, "wrote no state")
-        )
+        content: bytes = self._do(Command("serialise", (saved.key,), InputError, "wrote no state"))
         return content
 
     def read(self, content: bytes, time: float) -> SavedState:
@@ -251,7 +254,9 @@ class Unit:
 
     def _stepping(self, time: float, dt: float) -> Command:
         args = (time, dt) if self.is_fmi2 else (time, dt, False)
-        return Command("doStep", args, ConvergenceError, f"could not step from {time:g} s by {dt:g} s")
+        return Command(
+            "doStep", args, ConvergenceError, f"could not step from {time:g} s by {dt:g} s"
+        )
 
     def _restoring(self, saved: SavedState) -> list[Command]:
         """The way back to a saved state, if there is one to go."""
@@ -299,13 +304,13 @@ class Unit:
         if old:
             calls.insert(0, ("forget", (old,)))
         if self._instance is not None:
-            answer = self._instance.do(calls)
+            answers, reason = self._instance.do(calls)
         else:
-            answer = self._call_apart("do", calls, what)
-        if isinstance(answer, Failure):
-            failed = commands[max(answer.index - bool(old), 0)]
-            raise failed.error(f"{self.opened.path}: {failed.what}: {answer.reason}")
-        return answer[1:] if old else answer
+            answers, reason = self._call_apart("do", calls, what)
+        if reason:
+            failed = commands[max(len(answers) - bool(old), 0)]
+            raise failed.error(f"{self.opened.path}: {failed.what}: {reason}")
+        return answers[1:] if old else answers
 
     def _call_apart(self, function: str, argument: Any, what: str) -> Any:
         """What a function of `instance` returns in the process of the instance."""

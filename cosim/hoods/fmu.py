@@ -48,8 +48,15 @@ def build(hood: FmuHoodConfig, site: Site) -> BuiltHood:
     from cosim.fmu.hood import FmuHood as Unit
 
     names = site.rest.bodies, hood.tendons, hood.sources
-    how = {"rest_step": hood.rest_step, "assume_si": hood.assume_si, "loading": hood.loading()}
-    return BuiltHood(Unit(hood.path, *names, hood.map, **how))
+    unit = Unit(
+        hood.path,
+        *names,
+        hood.map,
+        rest_step=hood.rest_step,
+        assume_si=hood.assume_si,
+        loading=hood.loading(),
+    )
+    return BuiltHood(unit)
 
 
 BUILDER = HoodBuilder(build)
