@@ -20,7 +20,8 @@ from cosim.fmu.hood import SHORT
 from cosim.fmu.kinematics import OPTIONAL, POSE, QUERY_ANGLE, FmuKinematics, FmuPose
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import KINEMATICS, Quantity, finger_quantities, moving_quantities
-from cosim.fmu.unit import APART, Loading, SavedState, Unit
+from cosim.fmu.table import APART, Loading
+from cosim.fmu.unit import SavedState, Unit
 from cosim.port import AffineLoad, Array, Load, Motion
 
 OPEN = "the FMU's own: tendons, joints, limits"

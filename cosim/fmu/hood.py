@@ -14,7 +14,8 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.quantity import STATIC_STEP, TOLERANCE, WITH_TANGENT, hood_quantities, tangent_of
-from cosim.fmu.unit import APART, Loading, SavedState, Unit
+from cosim.fmu.table import APART, Loading
+from cosim.fmu.unit import SavedState, Unit
 from cosim.port import Array, HoodJacobian, Load, Motion, Response, check_step, skew
 
 TangentBy = Literal["outputs", "directional derivatives", "differences"]

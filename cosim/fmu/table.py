@@ -2,13 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from cosim.fmu.unit import Loading
 from cosim.schema import units
 from cosim.schema.fields import quantity
 from cosim.schema.types import File, Switch, Table
+
+LOAD_LIMIT, CALL_LIMIT = 20.0, 120.0
+"""s, where nothing else is said."""
+
+
+@dataclass(frozen=True)
+class Loading:
+    """How an FMU is loaded."""
+
+    strict: bool = False
+    """Whether small faults of its description are refused."""
+    in_process: bool = False
+    """Whether its library is loaded into this process."""
+    time_limit: float | None = None
+    """s, for loading it and for any call of it; None: LOAD_LIMIT and CALL_LIMIT.  Calls in this
+    process have none."""
+
+    @property
+    def load_limit(self) -> float:
+        """s, for loading its library and making its instance."""
+        return self.time_limit or LOAD_LIMIT
+
+    @property
+    def call_limit(self) -> float:
+        """s, for any other call."""
+        return self.time_limit or CALL_LIMIT
+
+
+APART = Loading()
+"""In a process of its own."""
 
 
 class FmuTable(Table):

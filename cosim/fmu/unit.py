@@ -20,32 +20,16 @@ from cosim.errors import ConvergenceError, CosimError, InputError
 from cosim.fmu.archive import UnpackedFmu, unpack_fmu
 from cosim.fmu.instance import Instance, LibraryFacts
 from cosim.fmu.mapping import VariablePlace
+from cosim.fmu.table import APART, Loading
 from cosim.fmu.unit_format import check_if_ours
 from cosim.foreign_process import ForeignError, ForeignProcess
 from cosim.port import Array
 
-LOAD_LIMIT, CALL_LIMIT, FREE_LIMIT = 20.0, 120.0, 5.0
-"""s, for loading a library and making its instance, for any other call, and for its end."""
+FREE_LIMIT = 5.0
+"""s, for the end of an instance."""
 Places = Mapping[str, VariablePlace]
 """Where a unit's quantities are, by name."""
 Values = Mapping[str, Array | float]
-
-
-@dataclass(frozen=True)
-class Loading:
-    """How an FMU is loaded."""
-
-    strict: bool = False
-    """Whether small faults of its description are refused."""
-    in_process: bool = False
-    """Whether its library is loaded into this process."""
-    time_limit: float | None = None
-    """s, for loading it and for any call of it; None: LOAD_LIMIT and CALL_LIMIT.  Calls in this
-    process have none."""
-
-
-APART = Loading()
-"""In a process of its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +74,7 @@ class Unit:
         self._owner, self._keys, self._forgotten = object(), count(), list[int]()
         self.time = 0.0
         self._current: SavedState | None = None
-        self._limit = loading.time_limit or LOAD_LIMIT
+        self._limit = loading.load_limit
         facts = LibraryFacts(
             Path(path).stem,
             str(self.opened.folder),
@@ -115,7 +99,7 @@ class Unit:
             if self._process is not None:  # what a unit of ours has imported stays in its process
                 self._process.kill()
             raise
-        self._limit = loading.time_limit or CALL_LIMIT
+        self._limit = loading.call_limit
         self._initialise()
 
     @property

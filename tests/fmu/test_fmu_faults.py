@@ -17,7 +17,8 @@ from cosim.case.schema import Case
 from cosim.errors import CosimError, InputError
 from cosim.fmu import unit as unit_module
 from cosim.fmu.hood import FmuHood
-from cosim.fmu.unit import Loading, Unit
+from cosim.fmu.table import Loading
+from cosim.fmu.unit import Unit
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.solve.session import Session
@@ -82,6 +83,13 @@ def test_a_library_that_ends_its_process_or_hangs_is_one_message(tmp_path, where
         step_once(path, SHORT if "sleep" in fault else Loading())
     assert len(str(error.value).splitlines()) == 1
     assert time.monotonic() - started < 40.0
+
+
+def test_a_token_that_the_library_refuses_is_one_message(tmp_path):
+    """GUIDs are compared by the library, which makes no instance for another one."""
+    path = faulty(tmp_path, "fmi2Instantiate", "")
+    with pytest.raises(InputError, match=r"faulty\.fmu: cannot be instantiated: "):
+        Unit(path)
 
 
 def test_what_a_library_said_last_is_told(tmp_path):

@@ -16,7 +16,8 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fmu.mapping import VariablePlace, places
-from cosim.fmu.unit import Command, Loading, Unit
+from cosim.fmu.table import Loading
+from cosim.fmu.unit import Command, Unit
 from cosim.fmu_export.run import part_of
 from cosim.verification.fmu import MOTION
 
