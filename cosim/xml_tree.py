@@ -8,7 +8,7 @@ Rows of numbers (`<node id="1">0,0,0</node>`) never become tags: they are kept a
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Generic, Self, TypeVar
@@ -166,17 +166,23 @@ def read_tree(path: Path, root: str, tag: type[T], limits: Limits) -> T:
 
     Raises InputError (naming file and line) where the file cannot be read, is not XML, declares a
     document type, or exceeds a limit."""
-    reader = _Reader(str(path), root, tag, limits)
     try:
         with open(path, "rb") as stream:
-            while chunk := stream.read(CHUNK):
-                reader.feed(chunk)
-            return reader.finish()
+            return parse_tree(iter(lambda: stream.read(CHUNK), b""), str(path), root, tag, limits)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def parse_tree(chunks: Iterable[bytes], file: str, root: str, tag: type[T], limits: Limits) -> T:
+    """The tree of an XML text in pieces, as `read_tree` does; `file` is named in errors."""
+    reader = _Reader(file, root, tag, limits)
+    try:
+        for chunk in chunks:
+            reader.feed(chunk)
+        return reader.finish()
     except expat.ExpatError as error:
         what = expat.ErrorString(error.code)
-        raise InputError(f"{path}, line {error.lineno}: not well-formed XML: {what}") from error
+        raise InputError(f"{file}, line {error.lineno}: not well-formed XML: {what}") from error
 
 
 class _Reader(Generic[T]):

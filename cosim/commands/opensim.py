@@ -22,6 +22,8 @@ from rigid.opensim.osim import import_osim, write_import
 
 ForceUnit = Literal["N", "mN", "kN"]
 LengthUnit = Literal["m", "cm", "mm", "um"]
+TOLERANCES = (5e-4, 1e-3, 2e-3, 5e-3)
+"""m, with which an import says how many muscles more would come."""
 opensim = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
@@ -31,7 +33,7 @@ opensim = typer.Typer(
 
 
 def import_model(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.osim", help="A model of OpenSim 4.")],
+    model: Annotated[Path, typer.Argument(metavar="MODEL.osim", help="A model of OpenSim 2 to 4.")],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="The MJCF to write; else MODEL.xml in this folder."),
@@ -60,6 +62,13 @@ def import_model(
         files = ", ".join(str(path) for path in written)
         muscles = f"{len(imported.muscles)} of {imported.path_actuators} muscles"
         typer.echo(f"{len(imported.coordinates)} coordinates and {muscles} in {files}")
+        more = [
+            f"{count} with {1e3 * size:g} mm"
+            for size in TOLERANCES
+            if (count := sum(off < each <= size for each in imported.beyond.values()))
+        ]
+        if more:
+            typer.echo(f"more muscles come with a wider --tolerance: {', '.join(more)}")
         if imported.path_actuators and not imported.muscles:
             raise InputError(f"{model}: {muscles} imported; {written[2]} says why of each")
 

@@ -9,7 +9,7 @@ joints that MuJoCo's equalities tie to it, by quartics.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -83,6 +83,15 @@ class Joint:
     coordinates: tuple[Coordinate, ...]
     place: Transform
     screws: tuple[Screw, ...]
+
+    def renamed(self, new: Mapping[str, str]) -> Joint:
+        """The joint with other names of coordinates, by their old ones."""
+        coordinates = tuple(replace(c, name=new.get(c.name, c.name)) for c in self.coordinates)
+        screws = tuple(
+            replace(s, name=new.get(s.name, s.name), coordinate=new.get(s.coordinate, s.coordinate))
+            for s in self.screws
+        )
+        return replace(self, coordinates=coordinates, screws=screws)
 
     @property
     def unborne(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from cosim.port import Array
 from rigid.opensim.components import GROUND, Transform
 from rigid.opensim.functions import SAMPLES
 from rigid.opensim.joints import Screw
-from rigid.opensim.paths import SIDE_AT, Way, Wrap
+from rigid.opensim.paths import SIDE_AT, Tendon, Wrap
 from rigid.opensim.skeleton import LEAST_INERTIA, LEAST_MASS, OsimBody, OsimSkeleton
 
 INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -44,7 +44,7 @@ def mjcf_xml(
     name: str,
     gravity: Sequence[float],
     skeleton: OsimSkeleton,
-    ways: Mapping[str, Way],
+    tendons: Mapping[str, Tendon],
     markers: Iterable[MjcfSite],
     couplings: Mapping[str, Coupling] = MappingProxyType({}),
 ) -> str:
@@ -56,8 +56,8 @@ def mjcf_xml(
     option = etree.SubElement(root, "option", gravity=_text(gravity))
     etree.SubElement(option, "flag", contact="disable")
     fixed: dict[str, list[MjcfSite | Wrap]] = defaultdict(list)
-    surfaces = _wraps(ways)
-    sites = [*markers, *_path_sites(ways), *_side_sites(surfaces)]
+    surfaces = _wraps(tendons)
+    sites = [*markers, *_path_sites(tendons), *_side_sites(surfaces)]
     parts: list[MjcfSite | Wrap] = [*sites, *surfaces.values()]
     for part in parts:
         fixed[part.body].append(part)
@@ -66,7 +66,7 @@ def mjcf_xml(
     _fill(world, GROUND, skeleton, fixed, order)
     order += [_bear(world, name, skeleton) for name in skeleton.unborne]
     _add_couplings(root, couplings)
-    _add_tendons(root, ways)
+    _add_tendons(root, tendons)
     _add_keyframe(root, [value_of(screw, skeleton) for screw in order])
     etree.indent(root)
     return str(etree.tostring(root, encoding="unicode")) + "\n"
@@ -76,15 +76,15 @@ def _text(numbers: Iterable[float]) -> str:
     return " ".join(repr(float(x)) for x in numbers)
 
 
-def _wraps(ways: Mapping[str, Way]) -> dict[str, Wrap]:
-    return {wrap.tag.name: wrap for way in ways.values() for wrap in way.wraps if wrap}
+def _wraps(tendons: Mapping[str, Tendon]) -> dict[str, Wrap]:
+    return {wrap.name: wrap for tendon in tendons.values() for wrap in tendon.wraps if wrap}
 
 
-def _path_sites(ways: Mapping[str, Way]) -> list[MjcfSite]:
+def _path_sites(tendons: Mapping[str, Tendon]) -> list[MjcfSite]:
     return [
         MjcfSite(f"{name}-{k}", point.body, point.position)
-        for name, way in ways.items()
-        for k, point in enumerate(way.points)
+        for name, tendon in tendons.items()
+        for k, point in enumerate(tendon.points)
     ]
 
 
@@ -178,25 +178,23 @@ def _add_inertial(element: etree._Element, body: OsimBody) -> None:
 def _add_wrap(element: etree._Element, wrap: Wrap) -> None:
     size = [wrap.radius] if wrap.half_length is None else [wrap.radius, wrap.half_length]
     kind = "sphere" if wrap.half_length is None else "cylinder"
-    geom = etree.SubElement(
-        element, "geom", name=wrap.tag.name, type=kind, size=_text(size), mass="0"
-    )
+    geom = etree.SubElement(element, "geom", name=wrap.name, type=kind, size=_text(size), mass="0")
     _place(geom, wrap.place)
     for key in ("contype", "conaffinity"):
         geom.set(key, "0")
     geom.set("rgba", ".5 .6 .8 .4")
 
 
-def _add_tendons(root: etree._Element, ways: Mapping[str, Way]) -> None:
+def _add_tendons(root: etree._Element, paths: Mapping[str, Tendon]) -> None:
     tendons, actuators = etree.SubElement(root, "tendon"), etree.SubElement(root, "actuator")
-    for name, way in ways.items():
+    for name, path in paths.items():
         spatial = etree.SubElement(tendons, "spatial", name=name, width="0.0004", rgba=".8 .2 .2 1")
-        for k, wrap in enumerate((*way.wraps, None)):
+        for k, wrap in enumerate((*path.wraps, None)):
             etree.SubElement(spatial, "site", site=f"{name}-{k}")
             if wrap is not None:
-                geom = etree.SubElement(spatial, "geom", geom=wrap.tag.name)
+                geom = etree.SubElement(spatial, "geom", geom=wrap.name)
                 if wrap.side is not None:
-                    geom.set("sidesite", f"{wrap.tag.name}-side")
+                    geom.set("sidesite", f"{wrap.name}-side")
         pull = {"gaintype": "fixed", "gainprm": "-1", "biastype": "none"}
         etree.SubElement(actuators, "general", name=name, tendon=name, **pull)
 

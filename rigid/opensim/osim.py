@@ -1,11 +1,11 @@
-"""A 4.x .osim as MJCF, with what MJCF cannot hold beside it and a list of all that was lost."""
+"""An .osim as MJCF, with what MJCF cannot hold beside it and a list of all that was lost."""
 
 from __future__ import annotations
 
 import fnmatch
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import mujoco
@@ -26,20 +26,22 @@ from rigid.opensim.forces import (
     read_spring,
 )
 from rigid.opensim.functions import Quartic, quartic, read_function
+from rigid.opensim.layout import read_model
 from rigid.opensim.losses import Loss, change_of, drop, report, unasked, unread
 from rigid.opensim.mjcf import Coupling, MjcfSite, mjcf_xml
-from rigid.opensim.paths import UnaskedPathError, UnusablePathError, Way, read_way
-from rigid.opensim.plain_points import Postures, as_plain, jumps
+from rigid.opensim.paths import Tendon, UnaskedPathError, UnusablePathError, Way, read_way
 from rigid.opensim.skeleton import UNASKED, OsimSkeleton, read_skeleton
-from rigid.opensim.xml import OsimTag, read_xml
+from rigid.opensim.tendons import Postures, made_tendon, off
+from rigid.opensim.xml import OsimTag
 
-OLDEST = 40000
 OTHER_PATHS = ("FunctionBasedPath", "Scholz2015GeometryPath")
 """OpenSim's kinds of paths that are not imported."""
 STRETCHED = ("Ligament", "Blankevoort1991Ligament", "PathSpring", "ExpressionBasedPathForce")
 """Forces along a path that nothing controls."""
 TOLERANCE = 1e-4
 """m, by which the length of a muscle may be off."""
+EXACT = 1e-6
+"""m, up to which a length is taken to be OpenSim's."""
 GRAVITY = (0.0, -9.80665, 0.0)
 """m/s2, OpenSim's default."""
 
@@ -78,7 +80,10 @@ class Imported:
     """By joint of the MJCF that is no coordinate, or a coordinate that follows another."""
     losses: tuple[Loss, ...]
     path_actuators: int = 0
-    """Muscles and actuators along a path in the file that were asked for, imported or not."""
+    """Muscles and actuators along a path in the file that were asked for and apply a force,
+    imported or not."""
+    beyond: Mapping[str, float] = field(default_factory=dict)
+    """By how much (m) the length is off, of each muscle left out for more than the tolerance."""
 
     def law(self, joints: tuple[str, ...]) -> JointLaw:
         """The limits and springs as our own joint law; see `law_of`."""
@@ -86,7 +91,7 @@ class Imported:
 
 
 def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = ()) -> Imported:
-    """Import an OpenSim 4 model: MJCF text, muscles, limits, and a list of all that was dropped or
+    """Import an OpenSim model: MJCF text, muscles, limits, and a list of all that was dropped or
     changed.  A muscle whose length would be off by more than `tolerance` (m) is dropped.
 
     `only` names bodies and muscles, with * and ? for letters: of the muscles those, where one is
@@ -102,51 +107,43 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
     >>> list(finger.coordinates)
     ['MCP_abduction', 'MCP', 'PIP', 'DIP']
     """
-    root = read_xml(path)
-    version = _version(root)
-    model = root.one("Model")
-    if model is None:
-        raise root.fault("holds no <Model>; expected a model of OpenSim 4")
+    model, version, changed = read_model(path)
     parts = components(model)
     parts.of_kind("Ground")
     bodies, chosen = _asked(parts, only)
     skeleton = read_skeleton(parts, bodies)
-    muscles, ways, count, losses = _muscles(parts, skeleton, tolerance, chosen)
-    losses += _drop_jumping(parts, skeleton, muscles, ways)
-    limits, springs, more = _passive(parts, skeleton)
+    taken, count, losses = _muscles(parts, skeleton, chosen)
     couplings, tied = _couplings(parts, skeleton)
+    tendons, beyond, changed = _tendons(taken, skeleton, couplings, tolerance)
+    losses += changed
+    muscles = {
+        name: Muscle(taken[name].tag.kind, dict(properties(taken[name].tag))) for name in tendons
+    }
+    limits, springs, more = _passive(parts, skeleton)
     markers, lost = _markers(parts, skeleton)
     made_up = [change_of(*pair) for pair in parts.made_up]
-    losses = [*made_up, *skeleton.losses, *losses, *more, *tied, *lost]
+    losses = [*changed, *made_up, *skeleton.losses, *losses, *more, *tied, *lost]
     gravity = model.values("gravity", GRAVITY)
-    xml = mjcf_xml(model.name or "model", gravity, skeleton, ways, markers, couplings)
+    xml = mjcf_xml(model.name or "model", gravity, skeleton, tendons, markers, couplings)
     _check_compiles(xml, str(path))
     coordinates = {
         c.name: CoordinateDefault(c.default, c.range, c.clamped, c.locked)
         for c in skeleton.coordinates.values()
     }
-    all_losses = (*losses, *unread(root))
+    all_losses = (*losses, *unread(model))
     return Imported(
-        path.name, version, xml, coordinates, muscles, limits, springs, couplings, all_losses, count
+        path.name,
+        version,
+        xml,
+        coordinates,
+        muscles,
+        limits,
+        springs,
+        couplings,
+        all_losses,
+        count,
+        beyond,
     )
-
-
-def _version(root: OsimTag) -> int:
-    text = root.attributes.get("Version", "")
-    if not (text.isascii() and text.isdecimal() and len(text) < 10):
-        raise root.fault(f"the attribute Version is {text[:20]!r}, expected a number such as 40600")
-    old = _first(root, "location_in_parent")
-    if int(text) < OLDEST or old is not None:
-        raise (old or root).fault(
-            f"this is the layout of OpenSim 3 (version {text}); open it with OpenSim 4 and save it"
-        )
-    return int(text)
-
-
-def _first(tag: OsimTag, kind: str) -> OsimTag | None:
-    if tag.kind == kind:
-        return tag
-    return next((found for c in tag.children if (found := _first(c, kind))), None)
 
 
 def _asked(model: Components, only: Sequence[str]) -> tuple[frozenset[str], frozenset[str]]:
@@ -176,15 +173,23 @@ def _has_path(tag: OsimTag) -> bool:
     return tag.kind not in STRETCHED and bool(_paths(tag))
 
 
+@dataclass(frozen=True)
+class _Taken:
+    """A muscle or actuator along a path that was asked for and can be read."""
+
+    tag: OsimTag
+    path: OsimTag
+    way: Way
+
+
 def _muscles(
-    model: Components, skeleton: OsimSkeleton, tolerance: float, asked: frozenset[str]
-) -> tuple[dict[str, Muscle], dict[str, Way], int, list[Loss]]:
-    """The muscles and actuators along a path, their ways, how many the file has of those asked
-    for (all, where none is named), and what is lost of them."""
-    muscles: dict[str, Muscle] = {}
-    ways: dict[str, Way] = {}
+    model: Components, skeleton: OsimSkeleton, asked: frozenset[str]
+) -> tuple[dict[str, _Taken], int, list[Loss]]:
+    """The muscles and actuators along a path, how many the file has of those asked for (all, where
+    none is named) and that apply a force, and what is lost of them."""
+    taken: dict[str, _Taken] = {}
     losses: list[Loss] = []
-    count, postures = 0, None
+    count = 0
     for place, tag in model.by_path.items():
         paths = _paths(tag)
         if not paths:
@@ -202,66 +207,57 @@ def _muscles(
         if path.kind != PATH:
             losses.append(drop(tag, f"its path is a {path.kind}; only a {PATH} is imported"))
             continue
-        if tag.name in muscles:
+        if tag.name in taken:
             raise tag.fault("another muscle has this name; rename one")
         if not tag.flag("appliesForce", True):
             losses.append(drop(tag, "it applies no force (appliesForce is false)"))
+            count -= 1
             continue
         try:
-            way = read_way(path, model, skeleton)
+            taken[tag.name] = _Taken(tag, path, read_way(path, model, skeleton))
         except UnaskedPathError:
             losses.append(unasked(tag))
             count -= 1
-            continue
         except UnusablePathError as reason:
             losses.append(drop(tag, f"{reason}; a tendon here would have another length"))
-            continue
-        if not way.is_plain:
-            postures = postures or Postures(skeleton)
-            way, off = as_plain(way, postures)
-            why = (
-                "points that come and go or move are plain here: its length between them, in "
-                f"straight lines, is at most {1e3 * off:.2g} mm off over the ranges of motion"
+    return taken, count, losses
+
+
+def _tendons(
+    taken: Mapping[str, _Taken],
+    skeleton: OsimSkeleton,
+    couplings: Mapping[str, Coupling],
+    tolerance: float,
+) -> tuple[dict[str, Tendon], dict[str, float], list[Loss]]:
+    """The tendons of the muscles, by how much (m) the length of each that is left out is off, and
+    what is lost or changed."""
+    unlike = {name: each.way for name, each in taken.items() if not each.way.is_plain}
+    postures = Postures(skeleton, couplings) if unlike else None
+    made = {name: made_tendon(name, way, postures) for name, way in unlike.items() if postures}
+    errors = off(made, postures) if postures else {}
+    tendons: dict[str, Tendon] = {}
+    beyond: dict[str, float] = {}
+    losses: list[Loss] = []
+    for name, each in taken.items():
+        if name in made:
+            size = (
+                f"its length is at most {1e3 * errors[name]:.2g} mm off OpenSim's over the ranges"
             )
-            if off > tolerance:
-                losses.append(drop(tag, f"{why}, more than the tolerance of {1e3 * tolerance:g}"))
+            why = "; ".join([f"{size} of motion", *made[name].changes])
+            if errors[name] > tolerance:
+                beyond[name] = errors[name]
+                losses.append(
+                    drop(each.tag, f"{why}: more than the {1e3 * tolerance:g} mm allowed")
+                )
                 continue
-            losses.append(change_of(tag, why))
-        tag.used = path.used = True
-        muscles[tag.name] = Muscle(tag.kind, dict(properties(tag)))
-        ways[tag.name] = way
-        losses += [change_of(*change) for change in way.changes]
-    return muscles, ways, count, losses + _wrap_losses(ways)
-
-
-def _drop_jumping(
-    model: Components, skeleton: OsimSkeleton, muscles: dict[str, Muscle], ways: dict[str, Way]
-) -> list[Loss]:
-    """Take out the muscles whose length jumps, which OpenSim's may not; what is lost."""
-    wrapping = {name: way for name, way in ways.items() if any(way.wraps)}
-    jumping = jumps(skeleton, wrapping) if wrapping else {}
-    out = []
-    for name, size in jumping.items():
-        del muscles[name], ways[name]
-        (tag, *_) = (t for t in model.by_name[name] if t.used)
-        why = f"over a surface its length in MuJoCo jumps by {1e3 * size:.2g} mm to another side"
-        out.append(drop(tag, f"{why}; OpenSim keeps a path to its quadrant otherwise"))
-    return out
-
-
-def _wrap_losses(ways: Mapping[str, Way]) -> list[Loss]:
-    wraps = {id(w.tag): w for way in ways.values() for w in way.wraps if w}
-    out = []
-    for wrap in wraps.values():
-        wrap.tag.used = True
-        if wrap.half_length is not None:
-            long = f"{2 * wrap.half_length:g} m long in OpenSim, endless for MuJoCo's tendons"
-            out.append(change_of(wrap.tag, long))
-        if wrap.side is not None:
-            out.append(
-                change_of(wrap.tag, "its quadrant became a site that shows the side to keep")
-            )
-    return out
+            if errors[name] > EXACT or made[name].changes:
+                losses.append(change_of(each.tag, why))
+        tendons[name] = made[name].tendon if name in made else Tendon.straight(each.way)
+        each.tag.used = each.path.used = True
+        for use in each.way.uses:
+            use.surface.tag.used = True
+        losses += [change_of(*change) for change in each.way.changes]
+    return tendons, beyond, losses
 
 
 def _passive(
@@ -272,6 +268,9 @@ def _passive(
     losses: list[Loss] = []
     for tag in model.of_kind("CoordinateLimitForce", "SpringGeneralizedForce"):
         coordinate = tag.word("coordinate", "")
+        if coordinate in skeleton.unasked:
+            losses.append(unasked(tag))
+            continue
         if coordinate not in skeleton.coordinates:
             if skeleton.left_out and coordinate in {c.name for c in model.of_kind("Coordinate")}:
                 losses.append(drop(tag, "its coordinate is of a joint that is left out"))
@@ -306,6 +305,9 @@ def _couplings(model: Components, skeleton: OsimSkeleton) -> tuple[dict[str, Cou
             continue
         by = tag.word("independent_coordinate_names", "").split()
         name, function = tag.word("dependent_coordinate_name", ""), _inner_function(tag)
+        if {*by, name} & skeleton.unasked:
+            losses.append(unasked(tag))
+            continue
         if len(by) != 1 or not {*by, name} <= set(skeleton.moving) or function is None:
             why = "a coordinate is locked or left out, or follows several"
             losses.append(drop(tag, f"{why}: the coordinates that it ties together are free here"))

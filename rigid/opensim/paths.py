@@ -1,15 +1,13 @@
-"""Muscle paths as MuJoCo's spatial tendons: fixed points, cylinders and spheres.
+"""Muscle paths: their points and the surfaces over which they wrap, as OpenSim's file has them and
+as MuJoCo's spatial tendons can have them.
 
-Whatever would give a tendon another length than OpenSim's and cannot be told at the path's points
-(an ellipsoid) takes its muscle out of the import; points that move or come and go are made plain
-in `plain_points`.
+What stands between the two, and by how much a length changes, is found in `tendons`.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,9 +15,9 @@ from cosim.port import Array
 from rigid.opensim.components import IDENTITY, Components, Transform, rotate_xyz
 from rigid.opensim.functions import Curve, read_function
 from rigid.opensim.skeleton import UNASKED, OsimSkeleton
+from rigid.opensim.wrapping import Arc, over_cylinder, over_ellipsoid, over_sphere, over_torus
 from rigid.opensim.xml import OsimTag
 
-WRAPS = ("WrapCylinder", "WrapSphere")
 SIDE_AT = 2.0
 """Radii from the axis to MuJoCo's side site; only its direction matters outside the surface."""
 SIDES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -60,48 +58,87 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Wrap:
-    """A cylinder (axis z) or sphere fixed in a body; `side` is the direction, in its own frame, of
-    the half that the path keeps to, if any."""
+class Surface:
+    """A wrap object fixed in a body; its size (m) is the radius and half the length of a cylinder
+    (axis z), the radius of a sphere, the radii of an ellipsoid, or the radii of a torus's circle
+    and tube (axis z).  `side` is the direction, in its own frame, of the half that the path keeps
+    to, if any."""
 
     tag: OsimTag
+    body: str
+    place: Transform
+    size: tuple[float, ...]
+    side: Array | None
+
+    def over(self, a: Array, b: Array) -> Arc | None:
+        """The way from a to b (3,) m of its own frame round it, if it bends it."""
+        match self.tag.kind:
+            case "WrapCylinder":
+                radius, half_length = self.size
+                return over_cylinder(a, b, radius, half_length, self.side)
+            case "WrapTorus":
+                return over_torus(a, b, *self.size)
+            case "WrapSphere":
+                return over_sphere(a, b, self.size[0], self.side)
+            case _:
+                return over_ellipsoid(a, b, np.array(self.size), self.side)
+
+    def clear_of(self, start: Array, end: Array) -> bool:
+        """Whether the straight segment between two points of its body's frame misses it."""
+        back = self.place.inverse()
+        a, b = back.at(start), back.at(end)
+        return replace(self, side=None).over(a, b) is None
+
+
+@dataclass(frozen=True)
+class Use:
+    """A surface that may bend one of the segments of a path from `first` up to but without
+    `last`."""
+
+    surface: Surface
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class Way:
+    """A path as OpenSim's: its points, and the surfaces over which it wraps."""
+
+    points: tuple[Point, ...]
+    uses: tuple[Use, ...] = ()
+    changes: tuple[tuple[OsimTag, str], ...] = ()
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether all its points are there always and fixed in their bodies, with no surface."""
+        return not self.uses and all(p.shown is None and p.moves is None for p in self.points)
+
+
+@dataclass(frozen=True)
+class Wrap:
+    """A geom of MuJoCo in a body over which a tendon wraps: a cylinder (axis z) or a sphere, m;
+    `side` is as a surface's, or (0, 0, 0) where the tendon goes through it."""
+
+    name: str
     body: str
     place: Transform
     radius: float
     half_length: float | None
     side: Array | None
 
-    def clear_of(self, start: Array, end: Array) -> bool:
-        """Whether the straight segment between two points of its body's frame misses it."""
-        back = self.place.inverse()
-        ends = np.array([back.at(start), back.at(end)])
-        if self.half_length is not None:
-            ends = ends[:, :2]  # infinite, as MuJoCo's
-        along = ends[1] - ends[0]
-        t = np.clip(-ends[0] @ along / max(along @ along, 1e-300), 0.0, 1.0)
-        return bool(np.linalg.norm(ends[0] + t * along) > self.radius)
-
 
 @dataclass(frozen=True)
-class Way:
-    """A path: its points, and the wrap (if any) of the segment behind each point but the last."""
+class Tendon:
+    """A path as MuJoCo's: plain points, and the wrap (if any) of the segment behind each point but
+    the last."""
 
     points: tuple[Point, ...]
     wraps: tuple[Wrap | None, ...]
-    changes: tuple[tuple[OsimTag, str], ...]
 
-    @property
-    def is_plain(self) -> bool:
-        """Whether all its points are there always and fixed in their bodies."""
-        return all(point.shown is None and point.moves is None for point in self.points)
-
-
-def point_wraps(way: Way, kept: Sequence[int]) -> tuple[Wrap | None, ...]:
-    """The wraps between the points of a way that are kept: the first that lies between two."""
-    return tuple(
-        next((wrap for wrap in way.wraps[a:b] if wrap is not None), None)
-        for a, b in itertools.pairwise(kept)
-    )
+    @classmethod
+    def straight(cls, way: Way) -> Tendon:
+        """The tendon of a way with no surface."""
+        return cls(way.points, (None,) * (len(way.points) - 1))
 
 
 def read_way(path: OsimTag, model: Components, skeleton: OsimSkeleton) -> Way:
@@ -111,16 +148,16 @@ def read_way(path: OsimTag, model: Components, skeleton: OsimSkeleton) -> Way:
     points = tuple(_point(tag, model, skeleton) for tag in tags)
     if len(points) < 2:
         raise path.fault(f"expected at least two path points, got {len(points)}")
-    wraps: list[Wrap | None] = [None] * (len(points) - 1)
+    uses: list[Use] = []
     changes: list[tuple[OsimTag, str]] = []
     for tag in path.within("PathWrapSet", "objects"):
-        wrap = _wrap(tag, model)
-        if wrap is not None:
-            _check_there(f"wrap object {wrap.tag.name!r}", wrap.body, skeleton)
-            changes += _lay(wrap, tag, points, wraps)
-        else:
+        surface = _surface_of(tag, model)
+        if surface is None:
             changes.append((tag, "its wrap object is not active: no surface here"))
-    return Way(points, tuple(wraps), tuple(changes))
+            continue
+        _check_there(f"wrap object {surface.tag.name!r}", surface.body, skeleton)
+        uses.append(Use(surface, *_range_of(tag, len(points))))
+    return Way(points, tuple(uses), tuple(changes))
 
 
 def _check_there(what: str, body: str, skeleton: OsimSkeleton) -> None:
@@ -148,13 +185,13 @@ def _point(tag: OsimTag, model: Components, skeleton: OsimSkeleton) -> Point:
 
 def _coordinate(tag: OsimTag, socket: str, skeleton: OsimSkeleton) -> str:
     """The coordinate on which a point depends.  Raises UnusablePathError for one that is left
-    out, or of which there are two."""
+    out."""
     said = tag.one(f"socket_{socket}")
-    text = said.text if said else tag.word(socket, "")
-    name = text.strip().rpartition("/")[2]
-    if name not in skeleton.coordinates:
+    text = (said.text if said else tag.word(socket, "")).strip()
+    name = skeleton.named(text)
+    if name is None:
         raise UnusablePathError(
-            f"path point {tag.name!r} depends on the coordinate {name!r}, which is not there"
+            f"path point {tag.name!r} depends on the coordinate {text!r}, which is not there"
         )
     return name
 
@@ -180,8 +217,8 @@ def _move(tag: OsimTag, axis: str, skeleton: OsimSkeleton) -> tuple[str, Curve]:
     return _coordinate(tag, f"{axis}_coordinate", skeleton), curve
 
 
-def _wrap(use: OsimTag, model: Components) -> Wrap | None:
-    """The wrap object that a PathWrap names; None where it is not active."""
+def _surface_of(use: OsimTag, model: Components) -> Surface | None:
+    """The surface of the wrap object that a PathWrap names; None where it is not active."""
     name = use.word("wrap_object", "")
     found = [t for t in model.by_name.get(name, []) if t.kind.startswith("Wrap")]
     if len(found) != 1:
@@ -189,68 +226,66 @@ def _wrap(use: OsimTag, model: Components) -> Wrap | None:
             f"<wrap_object>: {len(found)} wrap objects are named {name!r}, expected one"
         )
     tag = found[0]
+    use.word("method", "hybrid")
     if not tag.flag("active", True):
         return None
-    if tag.kind not in WRAPS:
-        raise UnusablePathError(
-            f"it wraps over {name!r}, a {tag.kind}, which MuJoCo's tendons cannot"
-        )
-    return _surface(tag, model)
-
-
-def _surface(tag: OsimTag, model: Components) -> Wrap:
+    if tag.kind not in SIZES:
+        raise UnusablePathError(f"it wraps over {name!r}, a {tag.kind}")
     place = rotate_xyz(
         tag.values("xyz_body_rotation", (0.0,) * 3), tag.values("translation", (0.0,) * 3)
     )
-    radius, half = tag.value("radius"), None
-    if tag.kind == "WrapCylinder":
-        half = tag.value("length", 1.0) / 2
-    if radius <= 0 or (half is not None and half <= 0):
-        raise tag.fault("radius and length must be positive")
     holder = model.path(tag).rsplit("/", 2)[0]
     if model.by_path[holder].kind not in ("Body", "Ground"):
         raise UnusablePathError(
             f"the wrap object {tag.name!r} hangs on a {model.by_path[holder].kind}"
         )
-    return Wrap(tag, holder, place, radius, half, _side(tag, half is not None))
+    return Surface(tag, holder, place, SIZES[tag.kind](tag), _side(tag))
 
 
-def _side(tag: OsimTag, cylinder: bool) -> Array | None:
+def _size_of_cylinder(tag: OsimTag) -> tuple[float, ...]:
+    return _positive(tag, "radius and length", tag.value("radius"), tag.value("length", 1.0) / 2)
+
+
+def _size_of_torus(tag: OsimTag) -> tuple[float, ...]:
+    tube, circle = tag.value("inner_radius"), tag.value("outer_radius")
+    if tube >= circle:
+        raise tag.fault("<inner_radius> must be less than <outer_radius>")
+    return _positive(tag, "both radii", circle, tube)
+
+
+def _positive(tag: OsimTag, what: str, *sizes: float) -> tuple[float, ...]:
+    if min(sizes) <= 0:
+        raise tag.fault(f"{what} must be positive")
+    return sizes
+
+
+SIZES: Mapping[str, Callable[[OsimTag], tuple[float, ...]]] = {
+    "WrapCylinder": _size_of_cylinder,
+    "WrapSphere": lambda tag: _positive(tag, "the radius", tag.value("radius")),
+    "WrapEllipsoid": lambda tag: _positive(
+        tag, "the dimensions", *tag.values("dimensions", (-1.0,) * 3)
+    ),
+    "WrapTorus": _size_of_torus,
+}
+"""How the size of a wrap object is read, by its kind."""
+
+
+def _side(tag: OsimTag) -> Array | None:
     word = tag.word("quadrant", "all").lower()
     if word in ("all", "unassigned", ""):
         return None
     axis = word.lstrip("+-")
-    if axis not in SIDES or (cylinder and axis == "z"):
+    if axis not in SIDES or (tag.kind == "WrapCylinder" and axis == "z"):
         raise tag.fault(f"<quadrant>: expected all, x, -x, y or -y, got {word[:20]!r}")
     return np.array(SIDES[axis]) * (-1.0 if word.startswith("-") else 1.0)
 
 
-def _lay(
-    wrap: Wrap, use: OsimTag, points: tuple[Point, ...], wraps: list[Wrap | None]
-) -> list[tuple[OsimTag, str]]:
-    """Put a wrap into the segments of its range; what this changes."""
-    count = len(points)
+def _range_of(use: OsimTag, count: int) -> tuple[int, int]:
+    """The segments that a surface may bend, from the first up to but without the last."""
     stated = use.values("range", (-1.0, -1.0))
     low, high = (int(v) for v in stated)
-    use.word("method", "hybrid")
     first, last = (max(low, 1), high if high >= 1 else count)
     if last > count or first >= last or stated != [low, high]:
         got = " ".join(f"{v:g}" for v in stated)
         raise use.fault(f"<range>: expected two of the path's {count} points, got {got}")
-    chosen = [k for k in range(first - 1, last - 1) if not _never(wrap, points[k], points[k + 1])]
-    if any(wraps[k] is not None for k in chosen):
-        raise UnusablePathError(
-            "two surfaces share a segment, where MuJoCo allows one; give each its own range"
-        )
-    for k in chosen:
-        wraps[k] = wrap
-    if len(chosen) > 1:
-        names = ", ".join(f"{points[k].name} - {points[k + 1].name}" for k in chosen)
-        why = f"OpenSim lets one segment of the path wrap, MuJoCo each of: {names}"
-        return [(use, f"{why}; the length differs where two of them meet the surface")]
-    return []
-
-
-def _never(wrap: Wrap, start: Point, end: Point) -> bool:
-    fixed = start.body == end.body == wrap.body
-    return fixed and wrap.clear_of(start.position, end.position)
+    return first - 1, last - 1

@@ -51,6 +51,8 @@ class OsimSkeleton:
     left_out: Mapping[str, str] = field(default_factory=dict)
     """By the path of a body that is left out, the name of the joint that cannot be read; or
     UNASKED."""
+    unasked: frozenset[str] = frozenset()
+    """The coordinates of the joints that were not asked for."""
 
     @cached_property
     def followers(self) -> tuple[Screw, ...]:
@@ -66,6 +68,18 @@ class OsimSkeleton:
     def coordinates(self) -> dict[str, Coordinate]:
         """Names of the skeleton's coordinates."""
         return {c.name: c for joint in self.joints.values() for c in joint.coordinates}
+
+    def named(self, said: str) -> str | None:
+        """The coordinate that a name or path means: of several of one name that of the joint in the
+        path, else the first."""
+        *_, joint, name = "", "", *said.strip().split("/")
+        found = {
+            j.tag.name: c.name
+            for j in reversed(list(self.joints.values()))
+            for c in j.coordinates
+            if c.tag.name == name
+        }
+        return found.get(joint, next(reversed(found.values()), None))
 
     @cached_property
     def moving(self) -> dict[str, bool]:
@@ -83,10 +97,12 @@ def read_skeleton(model: Components, asked: frozenset[str] = frozenset()) -> Osi
     tags = [t for t in model.by_path.values() if t.kind.endswith("Joint")]
     read_joints, refused = [], dict[str, tuple[OsimTag, InputError]]()
     losses: list[Loss] = []
+    unasked_names = set[str]()
     left_out = _unasked_bodies(tags, model, asked) if asked else {}
     for tag in tags:
         tag.used = True
         if left_out and model.frame(tag, "child_frame").body in left_out:
+            unasked_names |= {c.name for c in tag.within("coordinates")}
             losses.append(unasked(tag))
             continue
         try:
@@ -96,6 +112,8 @@ def read_skeleton(model: Components, asked: frozenset[str] = frozenset()) -> Osi
             read_joints.append(read_joint(tag, model))
         except InputError as error:
             refused[model.frame(tag, "child_frame").body] = tag, error
+    read_joints, renamed = _with_names_of_their_own(read_joints)
+    losses += renamed
     all_joints = _by_child(read_joints, model)
     bodies = {model.path(tag): tag for tag in model.of_kind("Body")}
     if len(bodies) > MOST_BODIES:
@@ -116,8 +134,24 @@ def read_skeleton(model: Components, asked: frozenset[str] = frozenset()) -> Osi
         read[path], more = _body(tag, bool(joints[path].screws))
         losses += more
     _unique([*bodies.values()])
-    _unique([c.tag for joint in joints.values() for c in joint.coordinates])
-    return OsimSkeleton(read, joints, branches, tuple(losses), left_out)
+    unasked_names -= {c.tag.name for joint in joints.values() for c in joint.coordinates}
+    not_asked = frozenset(unasked_names)
+    return OsimSkeleton(read, joints, branches, tuple(losses), left_out, not_asked)
+
+
+def _with_names_of_their_own(joints: list[Joint]) -> tuple[list[Joint], list[Loss]]:
+    """The joints, with a coordinate whose name another has called "joint/coordinate"; what was
+    renamed."""
+    out, losses, seen = list[Joint](), list[Loss](), set[str]()
+    for joint in joints:
+        new = {c.name: f"{joint.tag.name}/{c.name}" for c in joint.coordinates if c.name in seen}
+        for c in joint.coordinates:
+            if c.name in new:
+                why = f"another joint has a coordinate of this name: it is called {new[c.name]}"
+                losses.append(change_of(c.tag, why))
+        seen |= {c.name for c in joint.coordinates}
+        out.append(joint.renamed(new) if new else joint)
+    return out, losses
 
 
 def _unasked_bodies(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from cosim import xml_tree
 from cosim.errors import InputError
-from cosim.xml_tree import Limits, read_tree, short
+from cosim.xml_tree import Limits, parse_tree, read_tree, short
 
 LIMITS = Limits(bytes=32 << 20, tags=600_000, depth=64)
 """OpenSim's full-body models have 25 000 tags."""
@@ -65,25 +66,37 @@ class OsimTag(xml_tree.Tag):
 
 
 def read_xml(path: Path) -> OsimTag:
-    """The tree of an OpenSimDocument.
+    """The tree of an OpenSimDocument.  Two hyphens in a comment, which XML forbids, are read, as
+    OpenSim does.
 
     Raises InputError as `read_tree` does, and where the file is not UTF-8."""
     try:
         return read_tree(path, "OpenSimDocument", OsimTag, LIMITS)
-    except InputError:
-        _check_utf8(path)
-        raise
+    except InputError as error:
+        if not path.is_file() or path.stat().st_size > LIMITS.bytes:
+            raise
+        raw = path.read_bytes()
+        _check_utf8(raw, path)
+        if "not well-formed" not in str(error):
+            raise
+        return parse_tree(_without_comments(raw), str(path), "OpenSimDocument", OsimTag, LIMITS)
 
 
-def _check_utf8(path: Path) -> None:
+def _check_utf8(raw: bytes, path: Path) -> None:
     """Check that the file is UTF-8.  Raises InputError with the line where a text in another
     encoding begins."""
-    if not path.is_file() or path.stat().st_size > LIMITS.bytes:
-        return
-    raw = path.read_bytes()
     try:
         raw.decode("utf-8")
     except UnicodeDecodeError as error:
         line = 1 + raw.count(b"\n", 0, error.start)
         message = f"{path}, line {line}: not UTF-8; save the model with OpenSim 4"
         raise InputError(message) from error
+
+
+def _without_comments(raw: bytes) -> Iterator[bytes]:
+    """The text between comments, and the ends of their lines."""
+    at = 0
+    while (start := raw.find(b"<!--", at)) >= 0 and (end := raw.find(b"-->", start + 4)) >= 0:
+        yield raw[at:start] + b"\n" * raw.count(b"\n", start, end)
+        at = end + 3
+    yield raw[at:]

@@ -37,6 +37,7 @@ from rigid.verification.osim_rows import shipped_models
 from tests.helpers.feb_files import feb_text
 from tests.helpers.feb_strips import quadratic_text
 from tests.helpers.folders import ROOT
+from tests.helpers.osim_files import OLD_MODEL
 from tests.helpers.own_anatomy import user_hood
 
 FILES, SLOW_FILES = 2000, 150
@@ -125,6 +126,10 @@ def an_osim(folder: Path) -> bytes:
     return (ROOT / "rigid" / "verification" / "data" / "finger.osim").read_bytes()
 
 
+def an_old_osim(folder: Path) -> bytes:
+    return OLD_MODEL.encode()
+
+
 def a_case(folder: Path) -> bytes:
     text = (ROOT / "cases" / "base" / "index_finger.toml").read_bytes()
     return text.replace(b'"bare_finger.toml"', b'"base/bare_finger.toml"')
@@ -169,6 +174,7 @@ FORMATS: dict[str, tuple[str, Seed, Callable[[Path], Any], int]] = {
     "VTK, legacy": (".vtk", a_vtk, read_mesh_file, SLOW_FILES),
     "STL": (".stl", an_stl, lambda p: load_surface(p, "bone"), FILES),
     "OpenSim": (".osim", an_osim, import_osim, FILES),
+    "OpenSim 3": (".osim", an_old_osim, import_osim, FILES),
     "tables of OpenSim": (".sto", lambda _: STO, lambda p: read_sto(p, ("EDC",)), FILES),
     "markers": (".trc", lambda _: TRC, read_trc, FILES),
     "MJCF": (".xml", lambda _: mjcf_of(load_case("split_edc")).encode(), read_mjcf, FILES),

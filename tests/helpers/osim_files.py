@@ -81,6 +81,71 @@ def model(
     )
 
 
+_INERTIA = "".join(f"<inertia_{k}>{v}</inertia_{k}>" for k, v in zip(
+    ("xx", "yy", "zz", "xy", "yz"), (1, 2, 2.5, 0.1, 0.2), strict=True))  # fmt: skip
+_OLD_WRAP = (
+    '<WrapObjectSet><objects><WrapCylinder name="head"><xyz_body_rotation>0 0 0.1'
+    "</xyz_body_rotation><translation>0 0.5 0</translation><quadrant>x</quadrant><radius>0.1"
+    "</radius><length>1</length><VisibleObject name='v'><show_axes>false</show_axes>"
+    "</VisibleObject></WrapCylinder></objects></WrapObjectSet>"
+)
+_OLD_SPLINE = "<SimmSpline><x>-1 0 1 2</x><y>0 0.01 0 0.01</y></SimmSpline>"
+_OLD_AXES = "".join(
+    f'<TransformAxis name="{name}"><coordinates>{of}</coordinates><axis>{axis}</axis>'
+    f"<function>{function}</function></TransformAxis>"
+    for name, of, axis, function in (
+        (
+            *("rotation1", "q", "0 0 1"),
+            "<LinearFunction><coefficients>1 0</coefficients></LinearFunction>",
+        ),
+        ("rotation2", "", "0 1 0", "<Constant><value>0</value></Constant>"),
+        ("rotation3", "", "1 0 0", "<Constant><value>0</value></Constant>"),
+        ("translation1", "q", "1 0 0", _OLD_SPLINE),
+        ("translation2", "", "0 1 0", "<Constant><value>0.2</value></Constant>"),
+        ("translation3", "", "0 0 1", "<Constant><value>0</value></Constant>"),
+    )
+)
+
+
+def old_point(name: str, of: str, at: str, kind: str = "PathPoint", inside: str = "") -> str:
+    return f'<{kind} name="{name}"><location>{at}</location><body>{of}</body>{inside}</{kind}>'
+
+
+_OLD_PATH = old_point("p0", "ground", "0.3 1 0") + old_point("p1", "b", "0.4 -0.5 0")
+OLD_MODEL = f"""<?xml version="1.0" encoding="UTF-8"?>
+<OpenSimDocument Version="30000"><Model name="m">
+<defaults><Thelen2003Muscle name="default"><isDisabled>false</isDisabled>
+<max_isometric_force>546</max_isometric_force><Af>0.3</Af></Thelen2003Muscle></defaults>
+<length_units>meters</length_units><gravity>0 0 -9.8</gravity>
+<!-- two -- hyphens -->
+<BodySet name="bodies"><objects>
+<Body name="ground"><mass>0</mass>{_INERTIA}<Joint/>{_OLD_WRAP}</Body>
+<Body name="b"><mass>1</mass><mass_center>0 -0.1 0</mass_center>{_INERTIA}
+<Joint><CustomJoint name="j"><parent_body>ground</parent_body>
+<location_in_parent>0.1 0.2 0.3</location_in_parent>
+<orientation_in_parent>0.1 0 0.2</orientation_in_parent><location>0 0.05 0</location>
+<orientation>0 0.3 0</orientation><CoordinateSet><objects><Coordinate name="q">
+<motion_type>rotational</motion_type><default_value>0.2</default_value><range>-1 1</range>
+<locked>false</locked></Coordinate></objects><groups/></CoordinateSet><reverse>false</reverse>
+<SpatialTransform>{_OLD_AXES}</SpatialTransform></CustomJoint></Joint></Body>
+<Body name="c"><mass>1</mass>{_INERTIA}<Joint><PinJoint name="k"><parent_body>b</parent_body>
+<CoordinateSet><objects><Coordinate name="r"><range>0 1</range></Coordinate></objects>
+</CoordinateSet></PinJoint></Joint></Body>
+</objects></BodySet>
+<ForceSet name="forces"><objects>
+<Thelen2003Muscle name="over"><isDisabled>false</isDisabled><Af>0.4</Af><GeometryPath>
+<PathPointSet><objects>{_OLD_PATH}</objects></PathPointSet><PathWrapSet><objects><PathWrap name="w">
+<wrap_object>head</wrap_object></PathWrap></objects></PathWrapSet></GeometryPath></Thelen2003Muscle>
+<Thelen2003Muscle name="off"><isDisabled>true</isDisabled><GeometryPath>
+<PathPointSet><objects>{_OLD_PATH}</objects></PathPointSet></GeometryPath></Thelen2003Muscle>
+<CoordinateLimitForce name="l"><isDisabled>false</isDisabled><coordinate>q</coordinate>
+</CoordinateLimitForce></objects></ForceSet>
+<MarkerSet><objects><Marker name="mark"><body>b</body><location>0 1 0</location>
+<fixed>false</fixed></Marker></objects></MarkerSet></Model></OpenSimDocument>
+"""
+"""In the layout of OpenSim 3."""
+
+
 def import_text(folder: Path, text: str, only: Sequence[str] = ()) -> Imported:
     """The import of a text, by way of a file."""
     path = folder / "model.osim"

@@ -15,8 +15,8 @@ from cosim.port import Array
 from fe_solver.febio.log import RigidReactions, read_reactions
 from rigid.opensim.components import components
 from rigid.opensim.external_loads import BodyLoad, write_external_loads
+from rigid.opensim.layout import read_model
 from rigid.opensim.skeleton import read_skeleton
-from rigid.opensim.xml import read_xml
 
 THESIS_AXES = "-x -z -y"  # OpenSim's x, y, z in FEBio's axes (thesis, table 1)
 THESIS_DURATION = 2.0  # s (thesis, 2.1.3)
@@ -150,9 +150,6 @@ def axes_of(text: str) -> Array:
 def mass_centres(model: Path) -> dict[str, Array]:
     """The centre of mass (3,) m of each body of an .osim by its name, in the body's frame.  Raises
     InputError."""
-    root = read_xml(model)
-    tag = root.one("Model")
-    if tag is None:
-        raise root.fault("holds no <Model>; expected a model of OpenSim 4")
+    tag, _, _ = read_model(model)
     bodies = read_skeleton(components(tag)).bodies
     return {path.rpartition("/")[2]: body.centre for path, body in bodies.items()}

@@ -253,7 +253,7 @@ def test_the_command_prints_what_was_lost(tmp_path: Path) -> None:
 
 def test_the_command_refuses_with_code_2_and_writes_nothing(tmp_path: Path) -> None:
     path = tmp_path / "m.osim"
-    path.write_text(model(version="30516"))
+    path.write_text(model(version="10905"))
     result = CliRunner().invoke(APP, [str(path), "--out", str(tmp_path / "m.xml")])
     assert result.exit_code == 2
     assert "open it with OpenSim 4 and save it" in result.output

@@ -220,6 +220,38 @@ def test_a_point_that_comes_and_goes_is_sized(low: float, high: float, tmp_path:
     assert float(stated[1]) == pytest.approx(1e3 * max(off), rel=0.06)
 
 
+def test_a_coordinate_of_a_name_that_is_taken_is_called_by_its_joint_too(tmp_path: Path) -> None:
+    """A point that depends on it names it by its path; a bare name means the first."""
+    joints = joint("p", "/ground", "/bodyset/b", coordinate("q", RANGE))
+    joints += joint("k", "/bodyset/b", "/bodyset/c", coordinate("q", RANGE.replace("-0.3", "0.2")))
+    first, last = point("a", "/ground", "-1 1 0"), point("z", "/bodyset/b", "1 1 0")
+    always = coming(-2, 1).replace("/jointset/p/q", "/jointset/k/q")
+    limit = '<CoordinateLimitForce name="l"><coordinate>q</coordinate></CoordinateLimitForce>'
+    forces = muscle("mus", first + always + last) + limit
+    made, skeleton, built = read(tmp_path, model(body("b") + body("c"), joints, forces))
+    assert list(made.coordinates) == ["q", "k/q"]
+    assert [built.joint(i).name for i in range(built.njnt)] == ["q", "k/q"]
+    assert built.key_qpos[0] == pytest.approx([-0.3, 0.2])
+    assert "it is called k/q" in reasons(made, '"k" > Coordinate "q"')
+    assert made.limits["l"].coordinate == "q"
+    said = ("/jointset/k/q", "../../k/q", "q", "/jointset/p/q", "r")
+    assert [skeleton.named(name) for name in said] == ["k/q", "k/q", "q", "q", None]
+
+
+def test_limits_and_couplers_of_joints_that_were_not_asked_for_are_in_the_one_line(
+    tmp_path: Path,
+) -> None:
+    force = '<CoordinateLimitForce name="far"><coordinate>r</coordinate></CoordinateLimitForce>'
+    tie = (
+        '<ConstraintSet name="constraintset"><objects><CoordinateCouplerConstraint name="tie">'
+        "<independent_coordinate_names>q</independent_coordinate_names><dependent_coordinate_name>"
+        "r</dependent_coordinate_name></CoordinateCouplerConstraint></objects></ConstraintSet>"
+    )
+    made = import_text(tmp_path, model(THREE, BRANCHED, force, tie), ("b",))
+    assert {loss.group for loss in made.losses if "far" in loss.place} == {"unasked"}
+    assert {loss.group for loss in made.losses if "tie" in loss.place} == {"unasked"}
+
+
 def _refuse_without_muscles(made: Imported) -> None:
     if not made.muscles:
         raise InputError("import")
@@ -264,7 +296,8 @@ def test_a_muscle_whose_length_jumps_is_left_out_with_the_size(tmp_path: Path) -
     assert list(made("-0.5 0.1").muscles) == ["mus"]
     jumping = made("-0.5 2.9")
     assert not jumping.muscles
-    assert "mm to another side" in reasons(jumping, "mus")
+    assert "mm off OpenSim's over the ranges" in reasons(jumping, "mus")
+    assert jumping.beyond["mus"] > 0.3
 
 
 THREE = body("b") + body("c") + body("d")
