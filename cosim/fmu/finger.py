@@ -24,8 +24,6 @@ from cosim.fmu.table import APART, Loading
 from cosim.fmu.unit import SavedState, Unit
 from cosim.port import AffineLoad, Array, Load, Motion
 
-OPEN = "the FMU's own: tendons, joints, limits"
-"""What no ledger of a finger in an FMU holds."""
 AFFINE_LOAD = ("load_motion", "load_position", "load_rotation")
 """Quantities of a load that follows the bodies."""
 
