@@ -120,7 +120,7 @@ def _parse_xml(path: Path, text: bytes) -> etree._Element:
         _check_size(path, text)
         parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
         root = etree.fromstring(text, parser)
-    except (etree.XMLSyntaxError, expat.ExpatError) as error:
+    except (etree.XMLSyntaxError, expat.ExpatError, LookupError, ValueError) as error:
         raise InputError(f"{path}: {DESCRIPTION} is not well-formed XML ({error})") from error
     version = root.get("fmiVersion", "")
     if root.tag != "fmiModelDescription" or not (version == "2.0" or version.startswith("3.0")):

@@ -119,6 +119,8 @@ def test_a_size_that_the_archive_lies_about(hood, tmp_path):
     [
         (b"<fmiModelDescription", "not well-formed"),
         (b"", "not well-formed"),
+        (b'<?xml version="1.0" encoding="UZF-8"?><a/>', "not well-formed .*encoding"),
+        (b'<?xml version="1.0" encoding="shift-jis"?><a/>', "not well-formed .*encoding"),
         (BOMB, "document type or entities"),
         (OUTSIDE, "document type or entities"),
         (b'<fmiModelDescription fmiVersion="1.0"/>', "fmiVersion '1.0'"),
