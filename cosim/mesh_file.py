@@ -3,10 +3,6 @@ others by meshio."""
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
-import tempfile
 import zlib
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
@@ -20,6 +16,7 @@ from numpy.typing import NDArray
 from cosim.abaqus_file import read_inp
 from cosim.errors import InputError
 from cosim.extras import require
+from cosim.foreign_process import ForeignError, ForeignProcess
 
 if TYPE_CHECKING:
     from meshio import Mesh
@@ -38,6 +35,7 @@ BY_MESHIO = b"<!--This file was created by meshio v"
 HEAD = 500
 """Bytes of a file in which that stands."""
 IN_GMSH = "in gmsh put every surface and curve into one, or set Mesh.SaveAll = 0, and save it again"
+READER = "cosim.vtu_child:read_arrays"
 PATIENCE = 120.0
 """s that VTK may take for a file."""
 
@@ -45,6 +43,7 @@ PATIENCE = 120.0
 def read_mesh_file(path: Path) -> Mesh:
     """The mesh of a file: points (n, 3) in the file's unit, blocks of cells, and their arrays.
 
+    >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "triangle.obj"
     ...     _ = path.write_text("v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nf 1 2 3\\n")
@@ -146,22 +145,11 @@ def _name(path: Path, kind: int) -> str:
 
 def _arrays_of_vtu(path: Path) -> dict[str, Any]:
     """What `cosim.vtu_child` makes of a file."""
-    program = str(Path(__file__).with_name("vtu_child.py"))
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "mesh.npz"
-        call = [sys.executable, "-P", program, str(path.resolve()), str(target)]
-        try:
-            done = subprocess.run(call, capture_output=True, timeout=PATIENCE, check=False)
-        except subprocess.TimeoutExpired:
-            raise InputError(f"{path}: VTK did not read it in {PATIENCE:g} s") from None
-        if done.returncode:
-            raise InputError(f"{path}: VTK cannot read it: {_reason(done)}")
-        with np.load(target, allow_pickle=False) as file:
-            return dict(file)
-
-
-def _reason(done: subprocess.CompletedProcess[bytes]) -> str:
-    if done.returncode < 0:
-        return f"its process ended by {signal.Signals(-done.returncode).name}; the file is broken"
-    lines = done.stderr.decode(errors="replace").strip().splitlines()
-    return lines[-1] if lines else f"its process ended with exit code {done.returncode}"
+    process = ForeignProcess()
+    try:
+        arrays: dict[str, Any] = process.call(READER, str(path.resolve()), limit=PATIENCE)
+    except ForeignError as error:
+        raise InputError(f"{path}: VTK cannot read it: {error}") from error
+    finally:
+        process.kill()
+    return arrays

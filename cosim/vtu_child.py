@@ -1,12 +1,5 @@
-"""Read a file of VTK's (.vtu, .vtp, legacy .vtk) with VTK in a process of its own, since some
-broken files crash VTK.
-
-    python vtu_child.py SOURCE TARGET.npz
-
-The target holds the points (n, 3), of the cells VTK's types (ne,), the ends (ne,) of their nodes in
-`nodes`, and the arrays of points and cells by `point/NAME` and `cell/NAME`.  What is wrong with the
-source goes to the error stream, with exit code 1.
-"""
+"""Reading a file of VTK's (.vtu, .vtp, legacy .vtk) with VTK, for a process of its own
+(`foreign_process`), since some broken files crash VTK."""
 
 from __future__ import annotations
 
@@ -28,9 +21,11 @@ XML = {
 MESHES = ("vtkUnstructuredGrid", "vtkPolyData")
 
 
-def main(source: str, target: str) -> None:
-    """Write the mesh of `source` to `target`.  Raises SystemExit with VTK's reason where it
-    cannot be read."""
+def read_arrays(source: str) -> dict[str, Any]:
+    """The mesh of a file: points (n, 3), of the cells VTK's types (ne,), the ends (ne,) of their
+    nodes in `nodes`, and the arrays of points and cells by `point/NAME` and `cell/NAME`.
+
+    Raises SystemExit with VTK's reason where it cannot be read."""
     messages = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(messages)
     reader = _reader(source)
@@ -49,8 +44,7 @@ def main(source: str, target: str) -> None:
         arrays["types"] = vtk_to_numpy(grid.GetCellTypesArray())
     arrays |= {f"point/{name}": values for name, values in _data(grid.GetPointData())}
     arrays |= {f"cell/{name}": values for name, values in _data(grid.GetCellData())}
-    with open(target, "wb") as file:
-        np.savez(file, **arrays)
+    return {name: np.array(values) for name, values in arrays.items()}
 
 
 def _reader(source: str) -> Any:
@@ -92,7 +86,3 @@ def _data(attributes: Any) -> Iterator[tuple[str, Any]]:
         if not isinstance(array, vtkDataArray):
             sys.exit(f"its array {array.GetName()!r} holds no numbers; leave it out")
         yield array.GetName() or f"array {i}", vtk_to_numpy(array)
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])

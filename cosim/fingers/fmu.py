@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -10,8 +9,9 @@ from pydantic import Field, model_validator
 from cosim.fingers.common import FingerConfig
 from cosim.fingers.kind import FingerKind
 from cosim.fmu.quantity import FINGER_QUANTITIES
+from cosim.fmu.table import FmuTable
 from cosim.schema.fields import fault, name_of
-from cosim.schema.types import BodyName, File, Switch, TendonName
+from cosim.schema.types import BodyName, TendonName
 from meshes.skeleton import BODIES
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cosim.fmu.finger import FmuMovingFinger
 
 
-class FmuFingerConfig(FingerConfig):
+class FmuFingerConfig(FmuTable, FingerConfig):
     """A finger in an FMU of FMI 2 or 3, which is a program and runs as one; it holds its posture,
     joints and fingertip.  `bodies`, `joints` and `tendons` name its own, in its order; `map` says,
     by quantity, how its variables are called where they are not called as in our own units."""
@@ -27,8 +27,6 @@ class FmuFingerConfig(FingerConfig):
     title: ClassVar[str] = "a finger in an FMU"
     is_native: ClassVar[bool] = False
     kind: Literal["fmu"]
-    path: File
-    """The FMU; it runs code."""
     bodies: Annotated[tuple[BodyName, ...], Field(min_length=2)] = BODIES
     """Its bodies, in its order, from proximal to distal."""
     joints: Annotated[tuple[str, ...], Field(min_length=1)]
@@ -39,8 +37,6 @@ class FmuFingerConfig(FingerConfig):
         default_factory=dict
     )
     """How its variables are called, by quantity, where not as in our own units."""
-    assume_si: Switch = False
-    """Take variables without a stated unit as SI units."""
 
     @model_validator(mode="after")
     def _once(self) -> FmuFingerConfig:
@@ -50,22 +46,21 @@ class FmuFingerConfig(FingerConfig):
                 raise fault(f"{what}: names one twice")
         return self
 
-    def files(self) -> tuple[Path, ...]:
-        return (self.path,)
-
     def at_rest(self) -> Unit:
         """The unit, for equilibria.  Raises InputError."""
         from cosim.fmu.finger import FmuFinger as Unit
 
         names = self.bodies, self.joints, self.tendons
-        return Unit(self.path, *names, self.map, assume_si=self.assume_si)
+        si, loading = self.assume_si, self.loading()
+        return Unit(self.path, *names, self.map, assume_si=si, loading=loading)
 
     def in_motion(self) -> FmuMovingFinger:
         """The unit, for a motion in time.  Raises InputError."""
         from cosim.fmu.finger import FmuMovingFinger
 
         names = self.bodies, self.joints, self.tendons
-        return FmuMovingFinger(self.path, *names, self.map, assume_si=self.assume_si)
+        si, loading = self.assume_si, self.loading()
+        return FmuMovingFinger(self.path, *names, self.map, assume_si=si, loading=loading)
 
 
 KIND = FingerKind(FmuFingerConfig)

@@ -7,24 +7,35 @@ runs here; where it is loaded later, it runs with the user's rights, as every FM
 from __future__ import annotations
 
 import stat
+import struct
+import warnings
 import zipfile
 from collections import Counter
 from dataclasses import dataclass
+from lzma import LZMAError
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
+from xml.parsers import expat
 from zlib import error as ZlibError
 
 from lxml import etree
 
-from cosim.errors import InputError
+from cosim.errors import InputError, ReadingWarning
+from cosim.fmu.description import lenient_description
 
 if TYPE_CHECKING:
     from fmpy.model_description import ModelDescription
 
 MOST_FILES, MOST_BYTES, MOST_XML = 20_000, 2**30, 2**26
 """Limits of an unpacked archive, and of the description in it (bytes)."""
+MOST_TAGS, MOST_MARKUP, CHUNK = 1_000_000, 2**20, 2**16
+"""Tags and attributes of a description, bytes of one tag, and bytes parsed at once."""
+MOST_SHOWN = 3
 DESCRIPTION = "modelDescription.xml"
-UNREADABLE = (zipfile.BadZipFile, ZlibError, EOFError, NotImplementedError, RuntimeError, OSError)
+UNREADABLE = (
+    *(zipfile.BadZipFile, ZlibError, LZMAError, struct.error),
+    *(EOFError, NotImplementedError, RuntimeError, OSError, ValueError),
+)
 """What zipfile raises over archives that are damaged, encrypted or packed in unknown ways."""
 
 
@@ -44,8 +55,9 @@ class UnpackedFmu:
     """Whether its state can be written as bytes."""
 
 
-def unpack_fmu(path: Path, folder: Path) -> UnpackedFmu:
-    """The FMU at `path` unpacked into the empty `folder`.
+def unpack_fmu(path: Path, folder: Path, strict: bool = False) -> UnpackedFmu:
+    """The FMU at `path` unpacked into the empty `folder`.  A description that breaks the standard
+    and can be read all the same is read with a ReadingWarning; `strict` refuses it.
 
     Raises InputError for anything that is not a whole and harmless co-simulation FMU of FMI 2 or 3
     with binaries for this machine."""
@@ -54,16 +66,13 @@ def unpack_fmu(path: Path, folder: Path) -> UnpackedFmu:
             entries = archive.infolist()
             for fault in (_crowd(entries), *map(_path_fault, entries)):
                 _refuse_if(path, fault)
-            root = _parse_xml(path, _description(path, archive))
+            able = _capabilities(_parse_xml(path, _description(path, archive)))
             archive.extractall(folder)
     except UNREADABLE as error:
         raise InputError(f"{path}: cannot be read as an FMU ({error})") from error
-    described = _read_description(path, folder)
+    described = _read_description(path, folder, strict)
     _refuse_if(path, _unfit(described, folder))
-    rolls_back = _is_able(root, "canGetAndSetFMUstate")
-    derives = _is_able(root, "providesDirectionalDerivative")
-    writes = _is_able(root, "canSerializeFMUstate")
-    return UnpackedFmu(path, folder, described, rolls_back, derives, rolls_back and writes)
+    return UnpackedFmu(path, folder, described, *able)
 
 
 def _refuse_if(path: Path, fault: str) -> None:
@@ -105,15 +114,14 @@ def _description(path: Path, archive: zipfile.ZipFile) -> bytes:
 
 
 def _parse_xml(path: Path, text: bytes) -> etree._Element:
-    """The root, well-formed, with no document type: there are no entities to expand or fetch."""
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+    """The root, of few enough tags, with no document type: there are no entities to expand or
+    fetch."""
     try:
+        _check_size(path, text)
+        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
         root = etree.fromstring(text, parser)
-    except etree.XMLSyntaxError as error:
+    except (etree.XMLSyntaxError, expat.ExpatError, LookupError, ValueError) as error:
         raise InputError(f"{path}: {DESCRIPTION} is not well-formed XML ({error})") from error
-    info = root.getroottree().docinfo
-    if info.doctype or info.internalDTD is not None:
-        raise InputError(f"{path}: refused: its {DESCRIPTION} declares a document type or entities")
     version = root.get("fmiVersion", "")
     if root.tag != "fmiModelDescription" or not (version == "2.0" or version.startswith("3.0")):
         raise InputError(
@@ -121,6 +129,46 @@ def _parse_xml(path: Path, text: bytes) -> etree._Element:
             "fmiModelDescription of 2.0 or 3.0"
         )
     return root
+
+
+def _check_size(path: Path, text: bytes) -> None:
+    """Check the number of tags and their sizes, before a tree is made of them."""
+    tags = silent = 0
+
+    def count(_: str, attributes: dict[str, str]) -> None:
+        nonlocal tags, silent
+        tags, silent = tags + 1 + len(attributes), 0
+        if tags > MOST_TAGS:
+            most = f"{MOST_TAGS:,} tags and attributes"
+            raise InputError(f"{path}: refused: its {DESCRIPTION} has more than {most}")
+
+    def hear(_: str) -> None:
+        nonlocal silent
+        silent = 0
+
+    def refuse(*_: object) -> None:
+        raise InputError(f"{path}: refused: its {DESCRIPTION} declares a document type or entities")
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.StartDoctypeDeclHandler = count, refuse
+    parser.CharacterDataHandler = parser.CommentHandler = hear
+    for start in range(0, len(text), CHUNK):
+        silent += CHUNK
+        parser.Parse(text[start : start + CHUNK], False)
+        if silent > MOST_MARKUP:
+            raise InputError(
+                f"{path}: refused: a tag of its {DESCRIPTION} is longer than "
+                f"{MOST_MARKUP / 2**20:.0f} MiB"
+            )
+    parser.Parse(b"", True)
+
+
+def _capabilities(root: etree._Element) -> tuple[bool, bool, bool]:
+    """Whether its state can be got and set, it gives directional derivatives, and its state can be
+    written."""
+    rolls_back = _is_able(root, "canGetAndSetFMUstate")
+    derives = _is_able(root, "providesDirectionalDerivative")
+    return rolls_back, derives, rolls_back and _is_able(root, "canSerializeFMUstate")
 
 
 def _is_able(root: etree._Element, capability: str) -> bool:
@@ -131,15 +179,32 @@ def _is_able(root: etree._Element, capability: str) -> bool:
     return "true" in values or "1" in values
 
 
-def _read_description(path: Path, folder: Path) -> ModelDescription:
+def _read_description(path: Path, folder: Path, strict: bool) -> ModelDescription:
     from fmpy import read_model_description
+    from fmpy.model_description import ValidationError
 
+    file = str(folder / DESCRIPTION)
     try:
-        description: ModelDescription = read_model_description(str(folder), validate=True)
+        description: ModelDescription = read_model_description(file, validate=True)
+    except ValidationError as error:
+        faults = [" ".join(str(fault).split())[:200] for fault in error.problems]
+        more = f"; and {len(faults) - MOST_SHOWN} more" if len(faults) > MOST_SHOWN else ""
+        shown = "; ".join(faults[:MOST_SHOWN]) + more
     except Exception as error:  # FMPy raises Exception itself for what it does not understand
-        lines = " ".join(str(error).split())[:300]
-        raise InputError(f"{path}: {DESCRIPTION} is not valid: {lines}") from error
-    return description
+        shown = " ".join(str(error).split())[:300]
+    else:
+        return description
+    lenient = None if strict else lenient_description(file)
+    if lenient is None:
+        advice = "; leave out strict = true to have read what can be" if strict else ""
+        raise InputError(f"{path}: {DESCRIPTION} is not valid: {shown}{advice}")
+    warnings.warn(
+        f"{path}: its {DESCRIPTION} breaks the standard and is read all the same (strict = true "
+        f"refuses it): {shown}",
+        ReadingWarning,
+        stacklevel=4,
+    )
+    return lenient
 
 
 def _unfit(described: Any, folder: Path) -> str:
@@ -147,7 +212,7 @@ def _unfit(described: Any, folder: Path) -> str:
     if described.coSimulation is None:
         return "is not for co-simulation, expected a CoSimulation interface"
     identifier = described.coSimulation.modelIdentifier
-    if not identifier.isidentifier():
+    if not (identifier or "").isidentifier():
         return f"modelIdentifier {identifier!r} is no name in the sense of C"
     import fmpy
 

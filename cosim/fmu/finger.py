@@ -17,14 +17,13 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fmu.hood import SHORT
-from cosim.fmu.kinematics import OPTIONAL, QUERY_ANGLE, FmuKinematics, FmuPose
+from cosim.fmu.kinematics import OPTIONAL, POSE, QUERY_ANGLE, FmuKinematics, FmuPose
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import KINEMATICS, Quantity, finger_quantities, moving_quantities
+from cosim.fmu.table import APART, Loading
 from cosim.fmu.unit import SavedState, Unit
 from cosim.port import AffineLoad, Array, Load, Motion
 
-OPEN = "the FMU's own: tendons, joints, limits"
-"""What no ledger of a finger in an FMU holds."""
 AFFINE_LOAD = ("load_motion", "load_position", "load_rotation")
 """Quantities of a load that follows the bodies."""
 
@@ -74,6 +73,8 @@ class _UnitFinger(ABC, Generic[FingerState]):
 
     QUANTITIES: ClassVar[Callable[..., tuple[Quantity, ...]]]
     MAY_LACK: ClassVar[tuple[str, ...]]
+    ANSWERS: ClassVar[tuple[str, ...]]
+    """What is read after each step."""
 
     def __init__(
         self,
@@ -84,13 +85,20 @@ class _UnitFinger(ABC, Generic[FingerState]):
         names: Mapping[str, str] | None = None,
         *,
         assume_si: bool = False,
+        loading: Loading = APART,
     ) -> None:
         self.bodies, self.joints, self.tendons = bodies, joints, tendons
-        self.unit, quantities = Unit(path), type(self).QUANTITIES(bodies, joints, tendons)
+        self.unit, quantities = Unit(path, loading), type(self).QUANTITIES(bodies, joints, tendons)
         self._place = places(self.unit.opened, quantities, names or {}, self.MAY_LACK, assume_si)
         self.kinematics = FmuKinematics(self.unit, self._place, bodies)
-        self._begin: FingerState = self._read_state()
+        values = self.unit.values(self._place, self.ANSWERS)
+        self._begin: FingerState = self._state(values)
         self._first_motion = self.kinematics.at(self._begin.angles).motion
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the unit can be stepped: false once its process has ended."""
+        return self.unit.is_alive
 
     def rest(self) -> Motion:
         """The poses at zero angles; those of the start where the unit does not tell others."""
@@ -99,11 +107,11 @@ class _UnitFinger(ABC, Generic[FingerState]):
         return self._first_motion
 
     @abstractmethod
-    def _read_state(self) -> FingerState:
-        """The state that the unit is in."""
+    def _state(self, values: Mapping[str, Array]) -> FingerState:
+        """The state that the unit is in, by the values of ANSWERS there."""
 
-    def _get(self, name: str) -> Array:
-        return self.unit.get(self._place[name])
+    def _step(self, saved: SavedState, given: Mapping[str, Array], dt: float) -> FingerState:
+        return self._state(self.unit.step_from(saved, self._place, given, dt, self.ANSWERS))
 
     def _fingertip(self, pose: FmuPose, wrench: Array) -> dict[str, Array]:
         """The ledger of what the world does to the fingertip, which does `wrench` (6,) to it about
@@ -121,6 +129,7 @@ class FmuFinger(_UnitFinger[FmuFingerState]):
 
     QUANTITIES = staticmethod(finger_quantities)
     MAY_LACK = (*OPTIONAL, "load_motion")
+    ANSWERS = ("angle", *POSE, "tip_force")
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -192,13 +201,12 @@ class FmuFinger(_UnitFinger[FmuFingerState]):
                 f"{self.unit.opened.path}: this FMU takes constant loads only (no load_motion), "
                 'and this scheme needs one that follows; write coupling.scheme = "implicit"'
             )
-        self.unit.step_from(state.saved, self._place, {**given, "tension": tension}, SHORT)
-        return self._read_state()
+        return self._step(state.saved, {**given, "tension": tension}, SHORT)
 
-    def _read_state(self) -> FmuFingerState:
-        angles = self._get("angle")
-        pose, force = self.kinematics.read_pose(angles), self._get("tip_force")
-        return FmuFingerState(self.unit.save(), angles, pose, force)
+    def _state(self, values: Mapping[str, Array]) -> FmuFingerState:
+        angles = values["angle"]
+        pose = self.kinematics.keep(angles, values)
+        return FmuFingerState(self.unit.save(), angles, pose, values["tip_force"])
 
 
 class FmuMovingFinger(_UnitFinger[FmuMovingState]):
@@ -206,6 +214,7 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
 
     QUANTITIES = staticmethod(moving_quantities)
     MAY_LACK = (*AFFINE_LOAD, "tip", "tip_moment", QUERY_ANGLE, KINEMATICS.name)
+    ANSWERS = ("angle", "rate", "tip_force", "tip_moment", "energy", "dissipation", *POSE)
 
     def begin(self, posture: Mapping[str, float]) -> FmuMovingState:
         """The unit as it was initialised, in its own posture; raises InputError for another."""
@@ -276,8 +285,7 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
                 f"no {', '.join(AFFINE_LOAD)}), and the schemes linear and newton need one that "
                 'follows; write coupling.scheme = "explicit" or "implicit"'
             )
-        self.unit.step_from(state.saved, self._place, given, dt)
-        return self._read_state()
+        return self._step(state.saved, given, dt)
 
     def ledger(
         self,
@@ -291,10 +299,8 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
         """The fingertip's alone."""
         return self._fingertip(self.kinematics.at(now[0]), tip)
 
-    def _read_state(self) -> FmuMovingState:
-        answers = ("angle", "rate", "tip_force", "tip_moment", "energy", "dissipation")
-        values = self.unit.values(self._place, answers)
-        self.kinematics.read_pose(values["angle"])
+    def _state(self, values: Mapping[str, Array]) -> FmuMovingState:
+        self.kinematics.keep(values["angle"], values)
         tip = np.concatenate([values["tip_force"], values.get("tip_moment", np.zeros(3))])
         power = float(values["energy"]), float(values["dissipation"])
         return FmuMovingState(self.unit.save(), values["angle"], values["rate"], tip, *power)

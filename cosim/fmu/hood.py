@@ -14,11 +14,13 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.quantity import STATIC_STEP, TOLERANCE, WITH_TANGENT, hood_quantities, tangent_of
+from cosim.fmu.table import APART, Loading
 from cosim.fmu.unit import SavedState, Unit
 from cosim.port import Array, HoodJacobian, Load, Motion, Response, check_step, skew
 
 TangentBy = Literal["outputs", "directional derivatives", "differences"]
 ANSWERS = ("force", "moment", "excursion")
+PULLS = ("pull_force", "pull_moment")
 SHORT = 1e-3
 """s, the communication step of a unit that is asked for rest by its switch `static`."""
 SHIFT, TURN, PULL = 1e-6, 2e-5, 1e-3
@@ -46,6 +48,7 @@ class FmuHood:
 
     A state is a saved state of the unit, so that any may be advanced from any number of times.
     `tangent_by` says where `jacobian` comes from: outputs, directional derivatives, differences.
+    `loading`: how the unit is loaded.
 
     Raises InputError for an FMU that cannot be opened or does not map."""
 
@@ -59,9 +62,10 @@ class FmuHood:
         *,
         rest_step: float | None = None,
         assume_si: bool = False,
+        loading: Loading = APART,
     ) -> None:
         self.bodies, self.tendons, self.sources = bodies, tendons, sources
-        self.unit, self._rest_step, self._tolerance = Unit(path), rest_step, 0.0
+        self.unit, self._rest_step, self._tolerance = Unit(path, loading), rest_step, 0.0
         quantities = hood_quantities(bodies, sources, tendons)
         tangent = [q.name for q in tangent_of(bodies, tendons)]
         optional = (*tangent, STATIC_STEP.name, TOLERANCE.name, WITH_TANGENT.name)
@@ -74,6 +78,11 @@ class FmuHood:
             self.tangent_by = "outputs"
         self._begin = self.unit.save()
 
+    @property
+    def is_alive(self) -> bool:
+        """Whether the unit can be stepped: false once its process has ended."""
+        return self.unit.is_alive
+
     def start(self, motion: Motion) -> FmuState:
         """The unit as it was initialised; its first step finds the bodies where they are then."""
         return FmuState(self._begin, self._begin, motion, np.zeros(len(self.tendons)), np.inf)
@@ -84,9 +93,12 @@ class FmuHood:
         error."""
         tension = np.asarray(tension, dtype=float)
         check_step(str(self.unit.opened.path), self, motion, tension, dt)
-        load, excursion = self._do_step(state.after, motion, tension, dt)
+        answers = self._do_step(state.after, motion, tension, dt)
         new = FmuState(state.after, self.unit.save(), motion, tension, dt)
-        return Response(new, load, excursion)
+        wrench = np.concatenate([answers["force"], answers["moment"]], axis=2)
+        pull = np.hstack([answers[name] for name in PULLS])
+        load = Load(self.bodies, self.sources, wrench, pull)
+        return Response(new, load, answers["excursion"])
 
     def jacobian(self, state: FmuState) -> HoodJacobian:
         """The derivatives of the last step's outputs by its inputs."""
@@ -107,8 +119,9 @@ class FmuHood:
         return loose
 
     def _do_step(
-        self, start: SavedState, motion: Motion, tension: Array, dt: float
-    ) -> tuple[Load, Array]:
+        self, start: SavedState, motion: Motion, tension: Array, dt: float, *, keep: bool = True
+    ) -> dict[str, Array]:
+        """The unit's answers to a step."""
         given: dict[str, Array | float] = {
             "position": motion.position,
             "rotation": motion.rotation,
@@ -117,11 +130,8 @@ class FmuHood:
             TOLERANCE.name: self._tolerance,
             WITH_TANGENT.name: float(self.tangent_by == "outputs"),
         }
-        self.unit.step_from(start, self._place, given, self._communication_step(dt))
-        force, moment, excursion = self._answers()
-        pull = np.hstack([self._get("pull_force"), self._get("pull_moment")])
-        wrench = np.concatenate([force, moment], axis=2)
-        return Load(self.bodies, self.sources, wrench, pull), excursion
+        names, step = (*ANSWERS, *PULLS), self._communication_step(dt)
+        return self.unit.step_from(start, self._place, given, step, names, keep=keep)
 
     def _communication_step(self, dt: float) -> float:
         if not isinf(dt):
@@ -135,16 +145,9 @@ class FmuHood:
             )
         return self._rest_step
 
-    def _answers(self) -> list[Array]:
-        return [self._get(name) for name in ANSWERS]
-
-    def _get(self, name: str) -> Array:
-        return self.unit.get(self._place[name])
-
     def _read_jacobian(self, state: FmuState) -> HoodJacobian:
-        self.unit.restore(state.after)
         n, nt = 6 * len(self.bodies), len(self.tendons)
-        read = self.unit.values(self._place, self._tangent)
+        read = self.unit.values(self._place, self._tangent, at=state.after)
         return HoodJacobian(
             read["load_motion"].reshape(n, n),
             read["load_tension"].reshape(n, nt),
@@ -184,8 +187,8 @@ class FmuHood:
         ends = []
         for sign, tension in ((1, state.tension + step * pull), (-1, np.maximum(down, 0.0))):
             motion = state.motion.displace(sign * step * twist)
-            self._do_step(start, motion, tension, state.dt)
-            ends.append(_stack(self._answers()))
+            answers = self._do_step(start, motion, tension, state.dt, keep=False)
+            ends.append(_stack([answers[name] for name in ANSWERS]))
         span = 2 * step if not pull.any() else (step + min(step, float(state.tension @ pull)))
         slope: Array = (ends[0] - ends[1]) / span
         return slope

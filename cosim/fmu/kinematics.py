@@ -16,6 +16,8 @@ from cosim.fmu.unit import Unit
 from cosim.port import Array, Motion
 
 QUERY_ANGLE = "asked_angle"
+POSE = ("position", "rotation", "tip", "path")
+"""Quantities of a pose."""
 OPTIONAL = ("tip", "path", QUERY_ANGLE, KINEMATICS.name)
 """Quantities that a unit of a finger may lack."""
 MOST_KEPT = 64
@@ -58,9 +60,15 @@ class FmuKinematics:
         switched = KINEMATICS.name in self._place and QUERY_ANGLE in self._place
         return switched and self._unit.opened.rolls_back
 
-    def read_pose(self, angles: Array) -> FmuPose:
-        """The pose that the unit puts out now, at its angles (nq,) rad."""
-        return self._keep(angles, self._read())
+    def keep(self, angles: Array, values: Mapping[str, Array]) -> FmuPose:
+        """The pose that the unit put out by its quantities POSE, at its angles (nq,) rad; it is
+        kept for the next question."""
+        motion = Motion(self._bodies, values["position"], values["rotation"])
+        pose = FmuPose(motion, values.get("tip"), values.get("path", np.zeros(0)))
+        self._kept[np.asarray(angles).tobytes()] = pose
+        if len(self._kept) > MOST_KEPT:
+            self._kept.popitem(last=False)
+        return pose
 
     def at(self, angles: Array) -> FmuPose:
         """The unit's pose at joint angles.  Raises InputError for angles not reached of a unit that
@@ -86,16 +94,5 @@ class FmuKinematics:
                 "Without them: the scheme explicit of a motion, linear or newton of an equilibrium"
             )
         asked: dict[str, Array | float] = {QUERY_ANGLE: angles, KINEMATICS.name: 1.0}
-        self._unit.step_from(self._begin, self._place, asked, SHORT)
-        return self._keep(angles, self._read())
-
-    def _read(self) -> FmuPose:
-        values = self._unit.values(self._place, ("position", "rotation", "tip", "path"))
-        motion = Motion(self._bodies, values["position"], values["rotation"])
-        return FmuPose(motion, values.get("tip"), values.get("path", np.zeros(0)))
-
-    def _keep(self, angles: Array, pose: FmuPose) -> FmuPose:
-        self._kept[np.asarray(angles).tobytes()] = pose
-        if len(self._kept) > MOST_KEPT:
-            self._kept.popitem(last=False)
-        return pose
+        values = self._unit.step_from(self._begin, self._place, asked, SHORT, POSE, keep=False)
+        return self.keep(angles, values)

@@ -34,6 +34,8 @@ UNITS: Mapping[str, Mapping[str, int]] = {
     "W": {"kg": 1, "m": 2, "s": -3},
 }
 """Exponents of the base units; a quantity of none of these has no unit, or several in one array."""
+OPEN = "the FMU's own: tendons, joints, limits"
+"""What no ledger of a finger in an FMU holds."""
 
 
 @dataclass(frozen=True)

@@ -37,12 +37,14 @@ def read_about(resources: Path) -> Mapping[str, Any]:
     return about
 
 
-def check_if_ours(resources: Path) -> None:
-    """Check that a unit which cosim-hand wrote has this format and version; a foreign unit passes.
+def check_if_ours(resources: Path) -> bool:
+    """Whether cosim-hand wrote a unit, which then has this format and version.
     Raises InputError."""
     try:
         script = (resources / LOADED).read_text(encoding="utf-8").strip()
     except (OSError, ValueError):
-        return
+        return False
     if script in SCRIPT.values():
         read_about(resources)
+        return True
+    return False

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from cosim.fmu.quantity import HOOD_QUANTITIES
+from cosim.fmu.table import FmuTable
 from cosim.hoods.kind import BuiltHood, HoodBuilder, HoodConfig, HoodKind, Site
 from cosim.schema import units
 from cosim.schema.fields import name_of, quantity
-from cosim.schema.types import File, Switch, TendonName
+from cosim.schema.types import TendonName
 
 
-class FmuHoodConfig(HoodConfig):
+class FmuHoodConfig(FmuTable, HoodConfig):
     """A hood in an FMU of FMI 2 or 3, which is a program and runs as one.  `tendons` and `sources`
     name its own, in its order; `map` says, by quantity, how its variables are called where they are
     not called as in our own units; `rest_step` is a communication step in which it comes to rest,
@@ -24,8 +24,6 @@ class FmuHoodConfig(HoodConfig):
     fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot", "fmu")
     needs_no_tension: ClassVar[bool] = False
     kind: Literal["fmu"]
-    path: File
-    """The FMU; it runs code."""
     tendons: Annotated[tuple[TendonName, ...], Field(min_length=1)]
     """Its tendons, in its order."""
     sources: Annotated[tuple[str, ...], Field(min_length=1)]
@@ -36,17 +34,12 @@ class FmuHoodConfig(HoodConfig):
     """How its variables are called, by quantity, where not as in our own units."""
     rest_step: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] | None = None
     """Communication step in which it comes to rest, of a unit without the switch `static`."""
-    assume_si: Switch = False
-    """Take variables without a stated unit as SI units."""
 
     def tendon_names(self) -> tuple[str, ...]:
         return self.tendons
 
     def source_names(self) -> tuple[str, ...]:
         return self.sources
-
-    def files(self) -> tuple[Path, ...]:
-        return (self.path,)
 
 
 def build(hood: FmuHoodConfig, site: Site) -> BuiltHood:
@@ -55,7 +48,14 @@ def build(hood: FmuHoodConfig, site: Site) -> BuiltHood:
     from cosim.fmu.hood import FmuHood as Unit
 
     names = site.rest.bodies, hood.tendons, hood.sources
-    unit = Unit(hood.path, *names, hood.map, rest_step=hood.rest_step, assume_si=hood.assume_si)
+    unit = Unit(
+        hood.path,
+        *names,
+        hood.map,
+        rest_step=hood.rest_step,
+        assume_si=hood.assume_si,
+        loading=hood.loading(),
+    )
     return BuiltHood(unit)
 
 

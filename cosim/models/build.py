@@ -48,6 +48,11 @@ class Models:
         """The finger and the hood on it."""
         return Pair(self.finger, self.hood)
 
+    @property
+    def is_alive(self) -> bool:
+        """Whether they can be asked: not once the process of an FMU among them has ended."""
+        return all(getattr(part, "is_alive", True) for part in (self.finger, self.hood))
+
     def start(self) -> PairState:
         """The finger in its posture, and the hood on it."""
         finger = self.finger.start(self.posture)

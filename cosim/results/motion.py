@@ -12,7 +12,7 @@ from cosim.case.schema import Case
 from cosim.coupling.checkpoint import MotionHistory
 from cosim.coupling.motion import MotionFrame, MotionState
 from cosim.fingers.kinds import tip_support_kind
-from cosim.fmu.finger import OPEN
+from cosim.fmu.quantity import OPEN
 from cosim.hoods.view import audit_of, field_of, hood_field
 from cosim.models.double_count import pairs
 from cosim.models.motion import MovingModels

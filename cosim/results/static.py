@@ -11,7 +11,7 @@ from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.fingers.kinds import joint_ranges
-from cosim.fmu.finger import OPEN
+from cosim.fmu.quantity import OPEN
 from cosim.hoods.view import HoodView
 from cosim.models.build import Models
 from cosim.models.double_count import pairs

@@ -139,6 +139,8 @@ class Session:
 
     def _setting(self, case: Case, progress: Progress) -> _Setting:
         key = case.setting_key()
+        for ended in [k for k, setting in self._settings.items() if not setting.models.is_alive]:
+            del self._settings[ended]
         if key not in self._settings:
             progress("building the models")
             self._settings[key] = self._build(case)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
 import stat
+import tracemalloc
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.case.file import load_case
-from cosim.errors import InputError
+from cosim.errors import InputError, ReadingWarning
 from cosim.fmu import archive
 from cosim.fmu.archive import unpack_fmu
 from cosim.fmu.mapping import VariablePlace, places
@@ -116,8 +119,10 @@ def test_a_size_that_the_archive_lies_about(hood, tmp_path):
     [
         (b"<fmiModelDescription", "not well-formed"),
         (b"", "not well-formed"),
+        (b'<?xml version="1.0" encoding="UZF-8"?><a/>', "not well-formed .*encoding"),
+        (b'<?xml version="1.0" encoding="shift-jis"?><a/>', "not well-formed .*encoding"),
         (BOMB, "document type or entities"),
-        (OUTSIDE, "references external entity"),
+        (OUTSIDE, "document type or entities"),
         (b'<fmiModelDescription fmiVersion="1.0"/>', "fmiVersion '1.0'"),
         (b"<html/>", "is a <html>"),
     ],
@@ -137,6 +142,143 @@ def test_a_description_that_breaks_the_schema(hood, tmp_path):
     path = change_description(hood, tmp_path / "odd.fmu", "valueReference=", "valueReferenz=")
     with pytest.raises(InputError, match="is not valid"):
         unpack_fmu(path, tmp_path / "room")
+
+
+SMALL_FAULTS = {
+    "an attribute of another element": ("<fmiModelDescription ", '<fmiModelDescription canX="1" '),
+    "an unknown attribute": ("<CoSimulation ", '<CoSimulation stepSize="0.001" '),
+    "no GUID": (r'guid="[^"]*"', ""),
+    "no ModelStructure": (r"(?s)<ModelStructure>.*</ModelStructure>", ""),
+    "an output that is not there": (r'<Unknown index="\d+"', '<Unknown index="99999"'),
+    "parts in another order": (
+        r"(?s)(<ModelVariables>.*</ModelVariables>)\s*(<ModelStructure>.*</ModelStructure>)",
+        r"\2\1",
+    ),
+    "an unknown causality": (
+        "</ModelVariables>",
+        '<ScalarVariable name="odd" valueReference="99999" causality="none"><Real/>'
+        "</ScalarVariable></ModelVariables>",
+    ),
+    "a constant parameter": (
+        "</ModelVariables>",
+        '<ScalarVariable name="odd" valueReference="99999" causality="parameter" '
+        'variability="constant"><Real start="1"/></ScalarVariable></ModelVariables>',
+    ),
+    "a continuous switch": (
+        "</ModelVariables>",
+        '<ScalarVariable name="odd" valueReference="99999"><Boolean/></ScalarVariable>'
+        "</ModelVariables>",
+    ),
+    "a variable without type": (
+        "</ModelVariables>",
+        '<ScalarVariable name="odd" valueReference="99999"/></ModelVariables>',
+    ),
+    "a derivative of none": (
+        "</ModelVariables>",
+        '<ScalarVariable name="odd" valueReference="99999"><Real derivative="77777"/>'
+        "</ScalarVariable></ModelVariables>",
+    ),
+    "an unknown type": (
+        "</ModelVariables>",
+        '<ScalarVariable name="odd" valueReference="99999"><Real declaredType="None"/>'
+        "</ScalarVariable></ModelVariables>",
+    ),
+    "a unit that is not defined": (
+        "</ModelVariables>",
+        '<ScalarVariable name="odd" valueReference="99999"><Real unit="furlong"/>'
+        "</ScalarVariable></ModelVariables>",
+    ),
+    "an attribute of a type": (
+        "<ModelVariables>",
+        '<TypeDefinitions><SimpleType name="T"><Real odd="1"/></SimpleType></TypeDefinitions>'
+        "<ModelVariables>",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", SMALL_FAULTS)
+def test_a_small_fault_that_others_load_is_a_warning(hood, tmp_path, fault):
+    old, new = SMALL_FAULTS[fault]
+
+    def spoil(text: bytes) -> bytes:
+        changed, count = re.subn(old, new, text.decode(), count=1)
+        assert count
+        return changed.encode()
+
+    path = change_archive(hood, tmp_path / "odd.fmu", {XML: spoil})
+    with pytest.warns(ReadingWarning, match=r"odd\.fmu: .* breaks the standard .*strict = true"):
+        found = unpack_fmu(path, tmp_path / "room")
+    places(found, part_of(load_case("pulley_edc"), "hood").quantities, {})
+    assert found.rolls_back
+    with pytest.raises(InputError, match=r"is not valid: .*; leave out strict = true"):
+        unpack_fmu(path, tmp_path / "strict", strict=True)
+
+
+def test_small_faults_of_fmi_3_are_a_warning_too(hood3, tmp_path):
+    new = '<VendorAnnotations/><ModelVariables odd="1">'
+    path = change_description(hood3, tmp_path / "odd3.fmu", "<ModelVariables>", new)
+    with pytest.warns(ReadingWarning, match="VendorAnnotations"):
+        found = unpack_fmu(path, tmp_path / "room")
+    places(found, part_of(load_case("pulley_edc"), "hood").quantities, {})
+
+
+def test_two_variables_of_one_name_are_refused(hood, tmp_path):
+    path = change_description(hood, tmp_path / "two.fmu", '"tension.EI"', '"tension.EDC"')
+    with pytest.raises(InputError, match=r'is not valid: .*"tension\.EDC".* is not unique'):
+        unpack_fmu(path, tmp_path / "room")
+
+
+def describe(folder: Path, content: bytes) -> Path:
+    """An archive with that content among the variables of its description."""
+    path = folder / "large.fmu"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
+        start = b'<fmiModelDescription fmiVersion="2.0"><ModelVariables>'
+        new.writestr(XML, start + content + b"</ModelVariables></fmiModelDescription>")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"<a/>" * 2_000_000, "more than 1,000,000 tags and attributes"),
+        (b"<a " + b'b="" ' * 400_000 + b"/>", "longer than 1 MiB|not well-formed"),
+        (b"<a b='" + b"x" * 2**21 + b"'/>", "longer than 1 MiB"),
+        (b"<!--" + b"x" * 2**21 + b"-->", "longer than 1 MiB"),
+        (b"x" * 2**24, "not well-formed|is not valid"),
+    ],
+)
+def test_a_description_out_of_all_measure_is_refused_before_a_tree_is_made(
+    tmp_path, content, words
+):
+    path = describe(tmp_path, content)
+    del content
+    tracemalloc.start()
+    check_refusal(path, words, tmp_path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100e6
+
+
+def packed(hood: Path, path: Path, method: int) -> bytearray:
+    """The bytes of an archive of one long file, packed by a method."""
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr("resources/data", bytes(range(256)) * 200)
+        archive.writestr(XML, zipfile.ZipFile(hood).read(XML))
+    return bytearray(path.read_bytes())
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_a_fault_in_a_packed_file_is_refused_whatever_packed_it(hood, tmp_path, method):
+    path = tmp_path / "packed.fmu"
+    whole, rng, refused = packed(hood, path, method), np.random.default_rng(1), 0
+    for i in range(60):
+        spoilt = whole.copy()
+        spoilt[int(rng.integers(0, len(whole)))] ^= int(rng.integers(1, 256))
+        path.write_bytes(spoilt)
+        with pytest.raises(InputError) as error:  # at the latest as there is no binary
+            unpack_fmu(path, tmp_path / f"room{i}")
+        refused += "cannot be read as an FMU" in str(error.value)
+    assert refused > 5
 
 
 def test_no_archive_at_all(tmp_path):

@@ -27,7 +27,7 @@ from cosim.fmu_export.write import write_fmu
 from cosim.models.build import build, tensions
 from cosim.port import STATIC, PairState, Tensions, rotation_matrix
 from cosim.solve.solvers import solve
-from tests.helpers.fmus import NEEDS_FMU, InitialUnit, places_of, run_in_fmpy
+from tests.helpers.fmus import IN_PROCESS, NEEDS_FMU, InitialUnit, places_of, run_in_fmpy
 
 pytestmark = NEEDS_FMU
 PARTS = ("hood", "finger", "coupled")
@@ -203,7 +203,7 @@ class Panic(BaseException):
 @BOTH
 @pytest.mark.parametrize("fault", [ZeroDivisionError, Panic, SystemExit])
 def test_no_fault_of_the_program_crosses_the_border(written, monkeypatch, fmi, fault):
-    unit = Unit(written["hood", fmi])
+    unit = Unit(written["hood", fmi], IN_PROCESS)
 
     def broken(*_: object) -> None:
         raise fault("by nought")

@@ -71,15 +71,19 @@ def description() -> str:
     )
 
 
-@pytest.fixture(scope="module")
-def spring(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("foreign")
-    source, library = TEST_DATA / "spring_hood.c", folder / "spring.so"
-    subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", library, source], check=True)
-    with zipfile.ZipFile(folder / "spring.fmu", "w") as archive:
+def write_spring(folder: Path, source: Path) -> Path:
+    """The FMU of a C source with these variables, in a file of the source's name."""
+    library, path = folder / "spring.so", folder / f"{source.stem}.fmu"
+    subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-w", "-o", library, source], check=True)
+    with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", description())
         archive.write(library, "binaries/linux64/spring.so")
-    return folder / "spring.fmu"
+    return path
+
+
+@pytest.fixture(scope="module")
+def spring(tmp_path_factory) -> Path:
+    return write_spring(tmp_path_factory.mktemp("foreign"), TEST_DATA / "spring_hood.c")
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from cosim.models.build import Models, build, tensions
 from cosim.port import STATIC, Hood, Motion, Pair, PairState, Tensions
 from rigid.chain.joint_torques import joint_law
 from rigid.chain.moving_hinge import MovingHinge
-from tests.helpers.fmus import NEEDS_FMU, change_description
+from tests.helpers.fmus import IN_PROCESS, NEEDS_FMU, change_description
 
 pytestmark = NEEDS_FMU
 BOTH = pytest.mark.parametrize("fmi", [2, 3])
@@ -178,12 +178,14 @@ def test_any_state_may_be_advanced_from_any_number_of_times(written, models, fmi
 
 
 def test_states_are_let_go_of(written, models):
-    hood, pulls = hood_of(written["hood", 2], models), tensions(CASE, models)[0]
+    hood, pulls = hood_of(written["hood", 2], models, loading=IN_PROCESS), tensions(CASE, models)[0]
     motion = models.finger.motion(models.finger.start(models.posture))
     state = hood.start(motion)
     for _ in range(30):
         state = hood.advance(state, motion, pulls, STATIC).state
-    assert len(hood.unit._pointers) <= 5
+    instance = hood.unit._instance
+    assert instance is not None
+    assert len(instance._states) <= 5
 
 
 def test_states_outlive_other_units(written, models):
@@ -262,7 +264,7 @@ def test_what_a_hood_must_not_be_given(written, models):
 
 
 def test_a_failed_step_leaves_the_states_valid(written, models, monkeypatch):
-    hood, pulls = hood_of(written["hood", 2], models), tensions(CASE, models)[0]
+    hood, pulls = hood_of(written["hood", 2], models, loading=IN_PROCESS), tensions(CASE, models)[0]
     motion = models.finger.motion(models.finger.start(models.posture))
     state = hood.advance(hood.start(motion), motion, pulls, STATIC)
 
@@ -285,7 +287,7 @@ def test_a_unit_is_heard_beside_another_and_after_it(written, models, fmi):
 
     elsewhere = fmi2.fmi2CallbackFunctions()
     elsewhere.logger = fmi2.fmi2CallbackLoggerTYPE(lambda *facts: None)
-    units = [hood_of(written["hood", fmi], models) for _ in range(2)]
+    units = [hood_of(written["hood", fmi], models, loading=IN_PROCESS) for _ in range(2)]
     motion = models.finger.motion(models.finger.start(models.posture))
     mirrored = Motion(motion.bodies, motion.position, -motion.rotation)
     for _ in range(2):
@@ -297,7 +299,7 @@ def test_a_unit_is_heard_beside_another_and_after_it(written, models, fmi):
 
 
 def test_a_loose_hood_shares_the_unit(written, models, monkeypatch):
-    hood = hood_of(written["hood", 2], models)
+    hood = hood_of(written["hood", 2], models, loading=IN_PROCESS)
     asked = []
     monkeypatch.setattr(
         type(models.hood), "with_tolerance", lambda self, tolerance: asked.append(tolerance) or self
@@ -371,7 +373,7 @@ def test_schemes_that_repeat_no_step_run_without_rollback(planar, tmp_path, sche
 
 
 def test_static_and_timed_steps_reach_the_hood_inside(written, models, monkeypatch):
-    hood = hood_of(written["hood", 2], models)
+    hood = hood_of(written["hood", 2], models, loading=IN_PROCESS)
     motion = models.finger.motion(models.finger.start(models.posture))
     steps, native = [], type(models.hood).advance
     monkeypatch.setattr(

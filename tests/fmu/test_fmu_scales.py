@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cosim.fmu.instance import Instance, LibraryFacts
 from cosim.fmu.mapping import VariablePlace
 from cosim.fmu.quantity import Quantity
 from cosim.fmu.unit import Unit
@@ -35,9 +36,9 @@ class Recorded:
 @pytest.fixture
 def unit() -> Unit:
     made = object.__new__(Unit)
-    made._fmu = Recorded()
-    made._call = lambda call, kind, words: call()  # type: ignore[method-assign]
-    made._current = None
+    made._instance = Instance(LibraryFacts("u", "", "", "u", is_fmi2=False))
+    made._instance._fmu = Recorded()
+    made._current, made._forgotten = None, []
     made.is_fmi2 = True
     made.opened = type("Opened", (), {"rolls_back": False, "path": Path("u.fmu")})()
     return made
@@ -45,7 +46,7 @@ def unit() -> Unit:
 
 def test_a_value_goes_in_and_comes_out_in_si(unit: Unit) -> None:
     unit.set(MILLIMETRES, np.array([0.02, 0.51]))
-    assert unit._fmu.values == pytest.approx({1: 20.0, 2: 10.0})
+    assert unit._instance._fmu.values == pytest.approx({1: 20.0, 2: 10.0})
     assert unit.get(MILLIMETRES) == pytest.approx([0.02, 0.51])
 
 

@@ -16,7 +16,8 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fmu.mapping import VariablePlace, places
-from cosim.fmu.unit import Unit
+from cosim.fmu.table import Loading
+from cosim.fmu.unit import Command, Unit
 from cosim.fmu_export.run import part_of
 from cosim.verification.fmu import MOTION
 
@@ -33,6 +34,8 @@ NEEDS_FMU = [
     ),
 ]
 Change = Callable[[bytes], bytes]
+IN_PROCESS = Loading(in_process=True)
+"""For tests that put something in the place of what a unit runs."""
 SHORT = 'forward={duration="0.02 s",must_rest=false}'
 RAMP = 'tendons.EDC.signal={kind="points",at=[["0 s",0.02],["0.01 s",1.0]]}'
 FREE = (*MOTION, SHORT, RAMP, 'finger.gravity=["0 m/s**2","0 m/s**2","-9.81 m/s**2"]')
@@ -82,13 +85,12 @@ class InitialUnit(Unit):
     """A unit that is still in its initialization mode."""
 
     def _initialise(self) -> None:
-        if self.is_fmi2:
-            self._fmu.setupExperiment(startTime=0.0)
-        self._fmu.enterInitializationMode()
+        for call in ("setupExperiment", "enterInitializationMode")[not self.is_fmi2 :]:
+            self._do(Command(call, (), InputError, call))
 
     def leave_initialization(self) -> None:
         """Raises InputError."""
-        self._call(self._fmu.exitInitializationMode, InputError, "cannot be initialised")
+        self._do(Command("exitInitializationMode", (), InputError, "cannot be initialised"))
 
 
 def run_in_fmpy(path: Path, seconds: float) -> None:

@@ -1,0 +1,219 @@
+"""A process of its own for what may crash, hang or leave: a library of VTK, a foreign FMU."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from itertools import count
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Lock, Thread
+from typing import IO, Any
+
+from cosim.errors import InputError
+
+START = "from cosim.foreign_process import serve; serve()"
+PATIENCE = 2.0
+"""Seconds for a process that has nothing to do to end."""
+HEARTBEAT = 0.5
+"""Seconds between two looks at whether the parent is there."""
+TAIL = 50
+"""Last pieces of what the process printed that are kept, for the reason of its end."""
+
+
+class ForeignError(InputError):
+    """A call failed, or its process ended or was ended: the reason alone, to stand after what was
+    asked of whom."""
+
+
+class ForeignProcess:
+    """A process that does one call after the other, each within a time limit.  It ends with this
+    process, however that ends, and what its libraries print goes nowhere but into the reason of its
+    end.
+
+    >>> process = ForeignProcess()
+    >>> process.call("math:sqrt", 4.0, limit=60.0)
+    2.0
+    >>> process.end()
+    """
+
+    def __init__(self) -> None:
+        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+        group: dict[str, Any] = {"process_group": 0}  # Ctrl-C is the parent's
+        if sys.platform == "win32":
+            group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-c", START, str(os.getpid())],
+            env={**os.environ, "PYTHONPATH": paths, "PYTHONSAFEPATH": "1"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            **group,
+        )
+        self._answers: SimpleQueue[Any] = SimpleQueue()
+        self._printed: deque[bytes] = deque(maxlen=TAIL)
+        self._numbers, self._lock, self._parent = count(), Lock(), os.getpid()
+        self._readers = [
+            Thread(target=_read_answers, args=(self._process.stdout, self._answers), daemon=True),
+            Thread(target=_keep_tail, args=(self._process.stderr, self._printed), daemon=True),
+        ]
+        for reader in self._readers:
+            reader.start()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether it can take a call of this process."""
+        return self._parent == os.getpid() and self._process.poll() is None
+
+    def call(self, function: str, *args: Any, limit: float) -> Any:
+        """What `function` (module:name) returns there, within `limit` s.
+
+        Raises ForeignError."""
+        with self._lock:
+            number = next(self._numbers)
+            try:
+                self._send((number, function, args))
+            except (OSError, ValueError):  # it has ended, or was ended
+                raise ForeignError(self._end_reason()) from None
+            return self._answer(number, limit)
+
+    def _send(self, request: tuple[int, str, tuple[Any, ...]] | None) -> None:
+        assert self._process.stdin is not None
+        pickle.dump(request, self._process.stdin)
+        self._process.stdin.flush()
+
+    def _answer(self, number: int, limit: float) -> Any:
+        """The answer to a call.  A call that Ctrl-C interrupted is answered too, before it."""
+        end = time.monotonic() + limit
+        while True:
+            try:
+                answer = self._answers.get(timeout=max(end - time.monotonic(), 0.0))
+            except Empty:
+                self.kill()
+                raise ForeignError(f"it did not answer within {limit:g} s") from None
+            if answer is None:
+                raise ForeignError(self._end_reason())
+            if answer[0] == number:
+                break
+        _, succeeded, value = answer
+        if not succeeded:
+            raise ForeignError(value)
+        return value
+
+    def _end_reason(self) -> str:
+        """How the process ended, which it did."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(PATIENCE)
+        self.kill()
+        code = self._process.returncode
+        how = f"with exit code {code}" if code >= 0 else f"by {signal.Signals(-code).name}"
+        self._readers[1].join(HEARTBEAT)
+        lines = b"".join(self._printed).decode(errors="replace").split("\n")
+        said = next((line.strip() for line in reversed(lines) if line.strip()), "")
+        return f"its process ended {how}" + (f", after it said {said[-200:]!r}" if said else "")
+
+    def kill(self) -> None:
+        """End the process at once, and what it has started; without effect in a fork."""
+        if self._parent != os.getpid():
+            return
+        with suppress(OSError):
+            if sys.platform == "win32":
+                self._process.kill()
+            elif self._process.returncode is None:
+                os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        self._close()
+
+    def end(self) -> None:
+        """End the process, which has nothing to do."""
+        try:
+            with self._lock, suppress(OSError, ValueError):
+                self._send(None)
+            self._close()
+            self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self.kill()
+
+    def _close(self) -> None:
+        with suppress(OSError, ValueError):
+            assert self._process.stdin is not None
+            self._process.stdin.close()
+
+
+def _read_answers(stream: IO[bytes], answers: SimpleQueue[Any]) -> None:
+    """Hand on the answers of a process, and None at their end."""
+    with suppress(Exception), stream:  # whatever an end within an answer looks like
+        while True:
+            answers.put(pickle.load(stream))
+    answers.put(None)
+
+
+def _keep_tail(stream: IO[bytes], pieces: deque[bytes]) -> None:
+    with suppress(OSError, ValueError), stream:
+        while piece := os.read(stream.fileno(), 4096):
+            pieces.append(piece)
+
+
+_LEFT_BEHIND: list[Path] = []
+
+
+def remove_at_orphaning(folder: Path) -> None:
+    """Remove a folder if the parent of this process ends before it."""
+    _LEFT_BEHIND.append(folder)
+
+
+def serve() -> None:
+    """What the process does until its parent wants no more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(2, 1)  # what a library prints is no answer
+    Thread(target=_watch_parent, args=(int(sys.argv[1]),), daemon=True).start()
+    try:
+        while (request := pickle.load(requests)) is not None:
+            number, function, args = request
+            pickle.dump((number, *_do(function, args)), answers)
+            answers.flush()
+    except (OSError, EOFError, pickle.UnpicklingError):
+        _end_orphaned()
+    if sys.platform != "win32":
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_REAL, 5 * PATIENCE)  # a library may hang as it is unloaded
+
+
+def _do(function: str, args: tuple[Any, ...]) -> tuple[bool, Any]:
+    """Whether a call succeeded; what it returned, or the last line of why it failed."""
+    module, _, name = function.partition(":")
+    try:
+        call: Callable[..., Any] = getattr(import_module(module), name)
+        return True, call(*args)
+    except (Exception, SystemExit) as error:
+        return False, str(error) or type(error).__name__
+
+
+def _watch_parent(parent: int) -> None:
+    """End this process when its parent is gone, whatever it does."""
+    if sys.platform == "win32":
+        import _winapi
+
+        handle = _winapi.OpenProcess(0x00100000, False, parent)  # SYNCHRONIZE
+        _winapi.WaitForSingleObject(handle, _winapi.INFINITE)
+    else:
+        while os.getppid() == parent:
+            time.sleep(HEARTBEAT)
+    _end_orphaned()
+
+
+def _end_orphaned() -> None:
+    for folder in _LEFT_BEHIND:
+        shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)
