@@ -167,7 +167,7 @@ def _greatest(m: mujoco.MjModel, t: int) -> float:
     for a in np.flatnonzero(_pullers(m) & (m.actuator_trnid[:, 0] == t)):
         gear = abs(float(m.actuator_gear[a, 0]))
         if m.actuator_gaintype[a] == int(mujoco.mjtGain.mjGAIN_MUSCLE):
-            most += gear * _muscle_force(m, a)
+            most += gear * _muscle_force(m, int(a))
         elif m.actuator_forcelimited[a]:
             most += gear * float(np.abs(m.actuator_forcerange[a]).max())
     return most
