@@ -135,7 +135,7 @@ def describe_key(whole: Schema, key: str) -> Iterator[tuple[str, str, Rows]]:
             names = one.get("propertyNames", {}).get("enum", ["NAME"])
             rows = [_row(whole, "NAME", one["additionalProperties"])]
             what = str(one.get("description", "tables"))
-            yield heading, f"{what}, by name: {', '.join(names)}", rows
+            yield heading, f"{what.removesuffix('.')}, by name: {', '.join(names)}", rows
         else:
             yield heading, text, []
 
