@@ -1,8 +1,9 @@
-"""Tables in text files: TOML and CSV as people write them, and TOML as the program writes it."""
+"""Tables in text files: TOML, CSV and JSON as they are found, and TOML as the program writes it."""
 
 from __future__ import annotations
 
 import csv
+import json
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -49,6 +50,16 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"{shown_path(path)}: is not valid TOML: {error}") from error
     except RecursionError:
         raise InputError(f"{shown_path(path)}: tables are nested too deeply") from None
+
+
+def read_json_file(path: Path) -> Any:
+    """What a JSON file holds.  Raises InputError, with the line that is at fault."""
+    try:
+        return json.loads(read_text(path))
+    except ValueError as error:
+        raise InputError(f"{shown_path(path)}: is not valid JSON: {error}") from error
+    except RecursionError:
+        raise InputError(f"{shown_path(path)}: lists or tables are nested too deeply") from None
 
 
 def _toml_fault(shown: str, text: str, message: str) -> str:
