@@ -32,11 +32,15 @@ DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 def read_text(path: Path) -> str:
     """The text of a file in UTF-8, a byte order mark left out.  Raises InputError."""
     try:
+        if path.is_char_device():
+            raise InputError(f"{shown_path(path)}: is a device; name a file")
         return path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise InputError(f"{shown_path(path)}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{shown_path(path)}: is not a text file in UTF-8") from error
+    except ValueError as error:  # a character that no path has
+        raise InputError(f"{str(path)!a}: cannot be read: {error}") from error
 
 
 def read_toml(path: Path) -> dict[str, Any]:

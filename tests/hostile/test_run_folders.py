@@ -27,7 +27,7 @@ from cosim.results.sto import write_tables
 from tests.fuzz.test_readers import mutate
 from tests.hostile.kills import RAMP
 
-FEW, MANY = 4, 150
+FEW, MANY = 3, 40
 """Of each way to damage a file, in the default run and in the slow one."""
 COUNTS = [FEW, pytest.param(MANY, marks=pytest.mark.slow)]
 FILES = ("results.nc", "summary.json", "ledger.csv", "case.toml", "hood.vtu")
