@@ -25,7 +25,7 @@ CEILINGS = {
     "cosim/kernels": 362,
     "cosim/models": 689,
     "cosim/report": 2694,
-    "cosim/results": 5505,
+    "cosim/results": 5506,
     "cosim/schema": 580,
     "cosim/solve": 832,
     "cosim/study": 2933,

@@ -266,7 +266,8 @@ def misfit(summary: Mapping[str, Any]) -> str:
     for key in (key for key in SWITCHES if key in summary):
         if not isinstance(summary[key], bool):
             return f"{key} is neither true nor false"
-    faults = (_misfit(summary, quantity.path.split("."), ()) for quantity in QUANTITIES)
+    paths = (*(quantity.path for quantity in QUANTITIES), f"audit.{ANY}", f"iterations.{ANY}")
+    faults = (_misfit(summary, path.split("."), ()) for path in dict.fromkeys(paths))
     return next(filter(None, faults), "")
 
 
