@@ -4,14 +4,14 @@ that says what was expected."""
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
 from cosim.case.file import case_of, layers_of, load_case
 from cosim.case.schema import Case, as_stated
-from cosim.errors import InputError
+from cosim.errors import InputError, unexpected
+from cosim.files import is_path
 from cosim.results.read import check_converged, read_run
 from cosim.results.result import Result
 from cosim.schema import units
@@ -28,8 +28,10 @@ def case_from(given: object, settings: Sequence[str] = (), place: str = "case") 
     True
 
     Raises InputError."""
-    if isinstance(settings, str) or not all(isinstance(text, str) for text in settings):
-        raise _unexpected("settings", "a list of texts KEY=VALUE", settings)
+    texts = tuple(settings) if is_several(settings) else (None,)
+    if not all(isinstance(text, str) for text in texts):
+        raise unexpected("settings", "a list of texts KEY=VALUE", settings)
+    settings = texts
     match given:
         case Case():
             return given.with_layers(layers_of(settings)) if settings else given
@@ -43,14 +45,14 @@ def case_from(given: object, settings: Sequence[str] = (), place: str = "case") 
             return case_of(given, overrides=settings)
         case _ if is_path(given):
             return load_case(given, settings)
-    raise _unexpected(place, CASE, given)
+    raise unexpected(place, CASE, given)
 
 
 def cases_from(given: object) -> list[Case]:
     """Several cases, each as `case_from` takes it.  Raises InputError."""
     if is_several(given):
         return [case_from(case, place=f"cases[{i}]") for i, case in enumerate(given)]
-    raise _unexpected("cases", f"a list of cases, each {CASE}", given)
+    raise unexpected("cases", f"a list of cases, each {CASE}", given)
 
 
 def is_several(given: object) -> TypeGuard[Iterable[Any]]:
@@ -67,26 +69,14 @@ def result_from(given: object, place: str = "result") -> Result:
         return read_run(Path(given))
     if isinstance(given, Case):
         raise InputError(f"{place}: expected {RUN}, not a case; solve it first: cosim.run(case)")
-    raise _unexpected(place, RUN, given)
+    raise unexpected(place, RUN, given)
 
 
 def session_from(given: object) -> Session | None:
     """What runs share, if anything.  Raises InputError."""
     if given is None or isinstance(given, Session):
         return given
-    raise _unexpected("session", "a Session or None", given)
-
-
-def is_path(given: object) -> TypeGuard[str | Path]:
-    """Whether it is a text or a path that a file can have."""
-    return isinstance(given, str | os.PathLike) and "\0" not in os.fspath(given)
-
-
-def path_from(place: str, given: object) -> Path:
-    """A path.  Raises InputError."""
-    if not is_path(given):
-        raise _unexpected(place, "a path", given)
-    return Path(given)
+    raise unexpected("session", "a Session or None", given)
 
 
 def whole_number(place: str, given: object, least: int, most: int) -> int:
@@ -98,7 +88,7 @@ def whole_number(place: str, given: object, least: int, most: int) -> int:
     Raises InputError."""
     number = as_stated(given)
     if isinstance(number, bool) or not isinstance(number, int) or not least <= number <= most:
-        raise _unexpected(place, f"a whole number from {least} to {most}", given)
+        raise unexpected(place, f"a whole number from {least} to {most}", given)
     return number
 
 
@@ -115,19 +105,26 @@ def quantity_in_si(place: str, given: object, kind: units.Kind, least: float = -
             value = units.parse(value, kind)
         except ValueError as error:
             raise InputError(f"{place} = {given!r}: {error}") from error
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not _is_finite(value):
         expected = f'a finite number in {kind.si}, or a text with its unit ("{kind.example}")'
-        raise _unexpected(place, expected, given)
+        raise unexpected(place, expected, given)
     if value < least:
         raise InputError(f"{place} = {given!r}: must be {least:g} {kind.si} or more")
     return float(value)
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond the range of floating point
+        return False
 
 
 def fraction(place: str, given: object) -> float:
     """A number above 0 and below 1.  Raises InputError."""
     number = as_stated(given)
     if isinstance(number, bool) or not isinstance(number, float) or not 0 < number < 1:
-        raise _unexpected(place, "a number above 0 and below 1", given)
+        raise unexpected(place, "a number above 0 and below 1", given)
     return number
 
 
@@ -135,10 +132,4 @@ def by_name(place: str, given: object, example: str) -> Mapping[str, Any]:
     """Values by name.  Raises InputError."""
     if isinstance(given, Mapping) and all(isinstance(name, str) for name in given):
         return given
-    raise _unexpected(place, f"values by name, for example {example}", given)
-
-
-def _unexpected(place: str, expected: str, given: object) -> InputError:
-    text = ascii(given)
-    shown = text if len(text) <= 60 else f"{text[:57]}..."
-    return InputError(f"{place}: expected {expected}, not {shown} ({type(given).__name__})")
+    raise unexpected(place, f"values by name, for example {example}", given)

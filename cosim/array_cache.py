@@ -62,6 +62,8 @@ class ArrayCache:
         can be used.  They are marked as used last."""
         file = self._file(kind, key)
         with suppress(Exception):  # whatever zipfile, zlib and numpy raise of a spoilt file
+            if not file.is_file():  # a pipe would be waited for
+                return None
             with np.load(file, allow_pickle=False) as stored:
                 arrays = {name: stored[name] for name in stored.files}
             if str(arrays.pop(DIGEST)) == arrays_key(f"{kind} {key}", arrays):

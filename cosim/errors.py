@@ -135,6 +135,20 @@ class InputError(CosimError):
         return type(self), (str(self), self.faults)  # between processes
 
 
+def unexpected(place: str, expected: str, given: object) -> InputError:
+    """The error for an argument of another kind than expected.
+
+    >>> str(unexpected("steps", "a whole number", "x"))
+    "steps: expected a whole number, not 'x' (str)"
+    """
+    try:
+        text = ascii(given)
+    except ValueError:  # an integer of thousands of digits
+        text = "a huge number"
+    shown = text if len(text) <= 60 else f"{text[:57]}..."
+    return InputError(f"{place}: expected {expected}, not {shown} ({type(given).__name__})")
+
+
 class ConvergenceError(CosimError):
     """A solve did not converge; there is no result (exit code 1).
 
@@ -148,6 +162,29 @@ class ConvergenceError(CosimError):
 
 class NoRoomError(CosimError):
     """A result could not be written for want of room on the disk (exit code 1)."""
+
+
+class NoMemoryError(CosimError):
+    """There is not enough memory; there is no result (exit code 1).
+
+    >>> try:
+    ...     raise NoMemoryError(MemoryError("Unable to allocate 45 GiB"))
+    ... except CosimError as error:
+    ...     print(str(error).split(";")[0])
+    not enough memory: Unable to allocate 45 GiB
+    """
+
+    def __init__(self, error: object) -> None:
+        """`error`: what was needed, as a MemoryError says it."""
+        needed = " ".join(str(error).split()) or "the system gave no more"
+        self.needed = needed
+        super().__init__(
+            f"not enough memory: {needed}; a coarser mesh (hood.mesh.quads), fewer stored frames "
+            "(output.frames), a shorter motion, a smaller file, or fewer --workers need less"
+        )
+
+    def __reduce__(self) -> tuple[type[NoMemoryError], tuple[str]]:
+        return type(self), (self.needed,)  # between processes
 
 
 class StoppedError(CosimError):

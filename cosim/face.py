@@ -15,9 +15,7 @@ from cosim.arguments import (
     case_from,
     cases_from,
     fraction,
-    is_path,
     is_several,
-    path_from,
     quantity_in_si,
     result_from,
     session_from,
@@ -27,6 +25,7 @@ from cosim.case.file import packaged_cases, resolved_toml
 from cosim.case.schema import Case, check_name
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
 from cosim.errors import CosimError, InputError, Progress, quiet
+from cosim.files import is_path, path_from
 from cosim.models.build import build
 from cosim.outcome import Outcome
 from cosim.pipeline import run_case, run_cases

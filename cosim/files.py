@@ -15,9 +15,10 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
+from typing import TypeGuard
 from uuid import uuid4
 
-from cosim.errors import CosimError, InputError, NoRoomError
+from cosim.errors import CosimError, InputError, NoRoomError, unexpected
 
 FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 """Faults of a disk without room, and of a file or user at their limit."""
@@ -42,6 +43,28 @@ def shown_path(path: Path) -> str:
         return min(str(path), os.path.relpath(path), key=len)
     except ValueError:  # another drive
         return str(path)
+
+
+MOST_PART = 255
+"""Bytes of the name of a file or folder."""
+
+
+def is_path(given: object) -> TypeGuard[str | Path]:
+    """Whether it is a text or a path that a file can have."""
+    if not isinstance(given, str | os.PathLike) or not isinstance(os.fspath(given), str):
+        return False
+    try:
+        longest = max((len(os.fsencode(part)) for part in Path(given).parts), default=0)
+    except UnicodeEncodeError:
+        return False
+    return longest <= MOST_PART and "\0" not in os.fspath(given)
+
+
+def path_from(place: str, given: object) -> Path:
+    """A path that is an argument.  Raises InputError."""
+    if not is_path(given):
+        raise unexpected(place, "a path", given)
+    return Path(given)
 
 
 def relative_path(path: Path, folder: Path) -> str:

@@ -1,5 +1,5 @@
 """Reading a mesh file: VTK's by VTK where meshio did not write it, Abaqus' by a reader of our own,
-others by meshio."""
+others by meshio; a bone's triangles by trimesh."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import zlib
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from itertools import pairwise
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,8 @@ BY_MESHIO = b"<!--This file was created by meshio v"
 """What meshio writes into the head of a .vtu."""
 HEAD = 500
 """Bytes of a file in which that stands."""
+SURFACES = (".stl", ".obj", ".ply", ".off")
+"""Files of triangles and no more: others are archives, or call for further libraries."""
 IN_GMSH = "in gmsh put every surface and curve into one, or set Mesh.SaveAll = 0, and save it again"
 READER = "cosim.vtu_child:read_arrays"
 PATIENCE = 120.0
@@ -65,6 +68,29 @@ def read_mesh_file(path: Path) -> Mesh:
     return mesh
 
 
+def read_triangles(path: Path, place: str) -> Any:
+    """The surface of a bone as trimesh has it; `place` begins an error.
+
+    Raises InputError where the file is of another kind than SURFACES or cannot be read."""
+    import trimesh
+
+    advice = "give a closed surface as STL or OBJ"
+    if path.suffix.lower() not in SURFACES:
+        raise InputError(f"{place}: {path} is not one of {', '.join(SURFACES)}; {advice}")
+    try:
+        with np.errstate(all="ignore"):
+            mesh = trimesh.load_mesh(path)
+        _ = mesh.vertices, mesh.faces  # a cloud of points has none
+        return mesh
+    except MemoryError:
+        raise
+    except Exception as error:  # readers of surfaces raise anything of a spoilt file
+        reason = " ".join(str(error).split())[:300] or type(error).__name__
+        raise InputError(
+            f"{place}: {path} cannot be read as a triangle surface ({reason}); {advice}"
+        ) from error
+
+
 def _is_by_meshio(path: Path) -> bool:
     """Whether meshio wrote a .vtu, as all that the program writes."""
     with path.open("rb") as file:
@@ -79,6 +105,8 @@ def _read_by_meshio(path: Path) -> Mesh:
     """meshio's readers end in many ways on a broken file, some by leaving the program."""
     import meshio
 
+    if path.suffix.lower() == ".msh":
+        _check_counts(path)
     try:
         readers = {".vtu": meshio.vtu.read}
         # it prints empty lines and warnings
@@ -86,6 +114,8 @@ def _read_by_meshio(path: Path) -> Mesh:
             return readers.get(path.suffix.lower(), meshio.read)(path)
     except SystemExit as end:
         raise InputError(f"{path}: meshio knows no format for it, or finds it broken") from end
+    except MemoryError as error:
+        raise InputError(f"{path}: says it holds more than there is room for: {error}") from error
     except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError) as error:
         raise InputError(f"{path}: meshio cannot read it: {error!r}") from error
     except (OSError, RuntimeError, SyntaxError, ValueError, meshio.ReadError, zlib.error) as error:
@@ -93,6 +123,26 @@ def _read_by_meshio(path: Path) -> Mesh:
         if path.suffix.lower() == ".msh" and "gmsh:physical" in text:
             text = f"some of its elements are in no physical group ({text}); {IN_GMSH}"
         raise InputError(f"{path}: meshio cannot read it: {text}") from error
+
+
+def _check_counts(path: Path) -> None:
+    """Refuse a file of gmsh that says it holds more than it does, which meshio makes room for.
+    Raises InputError."""
+    size = path.stat().st_size
+    if not size:
+        return
+    for name in (b"$Nodes", b"$Elements"):
+        with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+            start = content.find(name) + len(name)
+            head = content[start : start + 34].lstrip() if start >= len(name) else b""
+        stated = [int(word[:20]) for word in head.split(b"\n")[0].split() if word.isdigit()][:2]
+        if not stated:  # of version 4, binary
+            stated = np.frombuffer(head[: len(head) // 8 * 8], dtype=np.uint64)[:2].tolist()
+        if max(stated, default=0) > size:
+            raise InputError(
+                f"{path}: {name.decode()} states {max(stated)} of them, more than a file of {size} "
+                "bytes holds; save it again"
+            )
 
 
 def _read_vtu(path: Path) -> Mesh:

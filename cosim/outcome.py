@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar, cast
 
-from cosim.errors import CosimError, InputError
+from cosim.errors import CosimError, InputError, NoMemoryError
 
 Status = Literal["converged", "failed", "refused", "timeout", "died"]
 """`failed`: without equilibrium; `refused`: the case does not allow it; `timeout`: over its time;
@@ -50,6 +50,8 @@ def outcome_of(run: Callable[[], T_co]) -> Outcome[T_co]:
     except CosimError as error:
         status: Status = "refused" if isinstance(error, InputError) else "failed"
         return Outcome(status, None, error, time.perf_counter() - started)
+    except MemoryError as needed:
+        return Outcome("failed", None, NoMemoryError(needed), time.perf_counter() - started)
     return Outcome("converged", value, None, time.perf_counter() - started)
 
 

@@ -1,8 +1,9 @@
-"""Tables in text files: TOML and CSV as people write them, and TOML as the program writes it."""
+"""Tables in text files: TOML, CSV and JSON as they are found, and TOML as the program writes it."""
 
 from __future__ import annotations
 
 import csv
+import json
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -31,11 +32,15 @@ DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 def read_text(path: Path) -> str:
     """The text of a file in UTF-8, a byte order mark left out.  Raises InputError."""
     try:
+        if path.is_char_device():
+            raise InputError(f"{shown_path(path)}: is a device; name a file")
         return path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise InputError(f"{shown_path(path)}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{shown_path(path)}: is not a text file in UTF-8") from error
+    except ValueError as error:  # a character that no path has
+        raise InputError(f"{str(path)!a}: cannot be read: {error}") from error
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -49,6 +54,16 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"{shown_path(path)}: is not valid TOML: {error}") from error
     except RecursionError:
         raise InputError(f"{shown_path(path)}: tables are nested too deeply") from None
+
+
+def read_json_file(path: Path) -> Any:
+    """What a JSON file holds.  Raises InputError, with the line that is at fault."""
+    try:
+        return json.loads(read_text(path))
+    except ValueError as error:
+        raise InputError(f"{shown_path(path)}: is not valid JSON: {error}") from error
+    except RecursionError:
+        raise InputError(f"{shown_path(path)}: lists or tables are nested too deeply") from None
 
 
 def _toml_fault(shown: str, text: str, message: str) -> str:

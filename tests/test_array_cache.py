@@ -85,6 +85,25 @@ def test_what_was_not_written_under_the_key_is_not_used(cache, content):
     assert cache.read("equilibria", KEY) is None
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes in the file system")
+def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(cache):
+    cache.write("equilibria", KEY, ARRAYS)
+    file = only_file(cache)
+    file.unlink()
+    os.mkfifo(file)
+    assert cache.read("equilibria", KEY) is None
+
+
+@pytest.mark.parametrize("head", [b"1000000000000000,", b"(99999999999,)", b"<O8"])
+def test_a_head_that_lies_is_not_used(cache, head):
+    cache.write("equilibria", KEY, {"x": np.zeros(3)})
+    file = only_file(cache)
+    whole = file.read_bytes()
+    start = whole.index(b"(3,)")
+    file.write_bytes(whole[:start] + head + whole[start + len(head) :])
+    assert cache.read("equilibria", KEY) is None
+
+
 def test_what_was_used_longest_ago_goes_first(tmp_path):
     keys = [digit * 64 for digit in "0123"]
     one = ArrayCache(tmp_path)

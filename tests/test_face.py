@@ -250,7 +250,7 @@ LONE = "\ud800"
         (lambda: cosim.load("split_edc").replace({}, name=3), "expected a name that a folder"),
         (lambda: cosim.load("split_edc").replace([1]), "replace: expected values by dotted key"),
         (lambda: cosim.load("split_edc").replace({1: 2}), "replace: expected values by dotted key"),
-        (lambda: cosim.load("split_edc" + LONE), "no such file"),
+        (lambda: cosim.load("split_edc" + LONE), "expected the name of a packaged case"),
     ],
 )
 def test_what_an_argument_cannot_be_is_said_with_what_was_expected(call, words):

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.fingers.index import UNREADABLE
+from cosim.mesh_file import read_triangles
 from cosim.port import Array
 from meshes.hull import Centreline
 from meshes.imported.checks import UNITS, Placing, wind_alike
@@ -81,6 +81,9 @@ def _read(path: Path, what: str, faults: list[str], notes: list[str]) -> Triangl
     if thin.any():
         mesh.update_faces(~thin)
         notes.append(f"{what}: {thin.sum()} triangles without area are left out")
+    if not len(mesh.faces) or not (mesh.area_faces > 0).any():
+        faults.append(f"{what}: none of its triangles has an area")
+        return none
     mesh = _largest(mesh, what, faults, notes)
     if not mesh.is_watertight:
         loose = len(_open_edges(mesh))
@@ -112,17 +115,9 @@ def _volume(points: Array, faces: np.ndarray) -> float:
 
 def load_surface(path: Path, what: str) -> Any:
     """A surface of triangles as trimesh has it.  Raises InputError where the file is none."""
-    import trimesh
-
     if not path.is_file():
         raise InputError(f"--bones: {what}: there is no file {path}")
-    try:
-        return trimesh.load_mesh(path)
-    except UNREADABLE as error:
-        raise InputError(
-            f"--bones: {what}: {path} cannot be read as a triangle surface ({error}); give a "
-            "closed STL or OBJ"
-        ) from error
+    return read_triangles(path, f"--bones: {what}")
 
 
 def _open_edges(mesh: Any) -> np.ndarray:

@@ -159,6 +159,8 @@ def _advice(place: Place, model: Model, values: Any) -> str:
     if words:
         return f"write {' or '.join(words)}"
     for facts in _texts(place, model, values):
+        if "enum" in facts:
+            return f"write one of {', '.join(facts['enum'])}"
         example = facts["examples"][0] if "examples" in facts else "..."
         return f'write: {facts["title"]}, for example "{example}"'
     if float in types or int in types:

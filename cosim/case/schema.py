@@ -249,7 +249,8 @@ class Case(CaseFile):
         250
 
         Raises InputError that lists every fault with its place and what to write instead."""
-        if not hasattr(values, "items") or not all(map(_is_text, values)):
+        is_table = hasattr(values, "items") and not isinstance(values, type)
+        if not is_table or not all(map(_is_text, values)):
             raise InputError(
                 f'replace: expected values by dotted key, for example {{"hood.mesh.quads": 250}}, '
                 f"not {ascii(values)[:60]}"

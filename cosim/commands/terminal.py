@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from cosim.errors import CosimError, InputError, NoRoomError, StoppedError, span
+from cosim.errors import CosimError, InputError, NoMemoryError, NoRoomError, StoppedError, span
 
 CODES = {NoRoomError: 1, InputError: 2, StoppedError: 130}
 """Exit codes of errors, by the first that an error is; 1 of all others."""
@@ -57,6 +57,8 @@ def exit_on_error() -> Iterator[None]:
         yield
     except CosimError as error:
         raise typer.Exit(tell(error)) from None
+    except MemoryError as error:
+        raise typer.Exit(tell(NoMemoryError(error))) from None
 
 
 def console() -> Console:

@@ -14,6 +14,7 @@ from cosim.errors import InputError
 from cosim.fingers.chain import build_on_mujoco
 from cosim.fingers.common import EQUAL_SHARES, Extensor, JointedFingerConfig
 from cosim.fingers.kind import Eyelets, FingerKind
+from cosim.mesh_file import read_triangles
 from cosim.port import Triangles
 from cosim.schema.fields import fault
 from cosim.schema.types import MUSCLES, BodyName, File, Number, Table
@@ -25,16 +26,6 @@ if TYPE_CHECKING:
 
 BONE_SIZE = (5, 200)
 """mm, the longest side of a user's bone."""
-UNREADABLE = (
-    OSError,
-    ValueError,
-    TypeError,
-    AttributeError,
-    KeyError,
-    IndexError,
-    NotImplementedError,
-)
-"""What a reader of surfaces raises over files that it does not understand."""
 
 
 class BoneConfig(Table):
@@ -159,17 +150,9 @@ def bones(finger: IndexFingerConfig, extensor: Extensor) -> Mapping[str, Triangl
 
 
 def _user_bone(body: str, bone: BoneConfig, finger: IndexFingerConfig) -> Triangles:
-    import trimesh
-
-    try:
-        loaded = trimesh.load_mesh(bone.surface)
-        points = np.array(loaded.vertices, dtype=float) * {"m": 1.0, "mm": 1e-3}[bone.unit]
-        faces = np.array(loaded.faces, dtype=np.intp)
-    except UNREADABLE as error:
-        raise InputError(
-            f"finger.bones.{body}.surface: {bone.surface.name} cannot be read as a triangle "
-            f"surface ({error}); give a watertight STL or OBJ"
-        ) from error
+    loaded = read_triangles(bone.surface, f"finger.bones.{body}.surface")
+    points = np.array(loaded.vertices, dtype=float) * {"m": 1.0, "mm": 1e-3}[bone.unit]
+    faces = np.array(loaded.faces, dtype=np.intp)
     size = 1e3 * float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     if len(faces) and not BONE_SIZE[0] <= size <= BONE_SIZE[1]:
         raise InputError(

@@ -29,7 +29,6 @@ a band; a file whose columns are parted by semicolons may have decimal commas.  
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -44,7 +43,7 @@ from cosim.json_text import json_text
 from cosim.port import AXES
 from cosim.results.conventions import OPPOSITE
 from cosim.schema.fields import is_number
-from cosim.text_tables import CsvRow, read_csv, read_text
+from cosim.text_tables import CsvRow, read_csv, read_json_file
 
 Kind = Literal[
     "experiment", "experiment at second hand", "published model", "inferred", "requirement"
@@ -370,10 +369,7 @@ def read_json(path: Path) -> tuple[Comparison, ...]:
     """The rows of a file that `write_json` wrote; differences and verdicts are found anew.
 
     Raises InputError, naming the row."""
-    try:
-        content = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: is no JSON ({error})") from error
+    content = read_json_file(path)
     rows = content.get("rows") if isinstance(content, dict) else None
     if rows is None or content.get("format") != FORMAT or not isinstance(rows, list):
         raise InputError(f'{path}: is no comparison; expected "format": "{FORMAT}" and "rows"')
@@ -438,8 +434,8 @@ def _float(place: str, column: str, value: Any) -> float | None:
         if isinstance(value, bool):
             raise ValueError
         out = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         out = np.nan
     if not np.isfinite(out):
-        raise InputError(f"{place}: {column} is {value!r}; expected a number or nothing")
+        raise InputError(f"{place}: {column} is {value!r:.60}; expected a number or nothing")
     return out

@@ -92,7 +92,7 @@ def read_shapes(folder: Path, arrays: Arrays) -> tuple[tuple[float, HoodField], 
         found = DATA_SET.findall(index.read_text(encoding="utf-8"))
         for k, (time, name) in enumerate(found):
             out.append((float(time), with_lines(read_hood(folder / name), arrays, k)))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, InputError, LookupError) as error:
         raise InputError(f"{index}: the shapes of the hood cannot be read ({error})") from error
     return tuple(out)
 

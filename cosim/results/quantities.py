@@ -248,6 +248,41 @@ def meaning_of(path: str, summary: Mapping[str, Any]) -> str:
     return next(fitting, "")
 
 
+TEXTS, SWITCHES = ("audit_missed", "warnings", "double_counted"), ("converged", "came_to_rest")
+"""What of a summary are lists of texts, and what is true or false."""
+
+
+def misfit(summary: Mapping[str, Any]) -> str:
+    """What in a summary is not of the kind that runs write there; empty where nothing is.
+
+    >>> misfit({"case": "a", "tension_N": {"EDC": 3.0}}), misfit({"case": "a", "tension_N": 3.0})
+    ('', 'tension_N is no table')
+    """
+    if not isinstance(summary.get("case"), str):
+        return "case is no text"
+    for key in (key for key in TEXTS if key in summary):
+        if not isinstance(summary[key], list) or not all(isinstance(t, str) for t in summary[key]):
+            return f"{key} is no list of texts"
+    for key in (key for key in SWITCHES if key in summary):
+        if not isinstance(summary[key], bool):
+            return f"{key} is neither true nor false"
+    paths = (*(quantity.path for quantity in QUANTITIES), f"audit.{ANY}", f"iterations.{ANY}")
+    faults = (_misfit(summary, path.split("."), ()) for path in dict.fromkeys(paths))
+    return next(filter(None, faults), "")
+
+
+def _misfit(value: Any, pattern: Keys, above: Keys) -> str:
+    """What is no table or no number at the paths of a pattern from a value on."""
+    if not pattern:
+        return "" if _is_number(value) else f"{'.'.join(above)} is no number"
+    if not isinstance(value, Mapping):
+        return f"{'.'.join(above)} is no table"
+    first, *rest = pattern
+    keys = value if first == ANY or first in NAMES else [first]
+    faults = (_misfit(value[key], rest, (*above, key)) for key in keys if key in value)
+    return next(filter(None, faults), "")
+
+
 def _fill(quantity: Quantity, path: str) -> str:
     """The meaning, with the keys of the path in the places of what stands for them."""
     meaning = quantity.meaning

@@ -1,9 +1,8 @@
-"""What a run's folder holds, read for the report."""
+"""What a run's folder holds, read and checked: reports, tables and sessions read it here alone."""
 
 from __future__ import annotations
 
 import csv
-import json
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -13,13 +12,19 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.results.arrays import Arrays
-from cosim.results.compare import Target, compare_with_targets, read_json
-from cosim.results.frames import read_hood, with_lines
+from cosim.hoods.view import HoodField
+from cosim.port import AXES
+from cosim.results.answer import answer, doubts
+from cosim.results.arrays import ARRAYS, Arrays
+from cosim.results.audit import Audit, describe_misses
+from cosim.results.compare import Target, compare_with_targets, numbers_of, read_json
+from cosim.results.frames import frames_of, read_hood, with_lines
+from cosim.results.load_and_rest import describe_rest
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
-from cosim.results.quantities import check_quantities
+from cosim.results.quantities import check_quantities, misfit
 from cosim.results.result import Result
 from cosim.results.write import with_nan
+from cosim.text_tables import read_json_file
 
 T = TypeVar("T")
 
@@ -35,27 +40,39 @@ def read_run(folder: Path, targets: tuple[Target, ...] = ()) -> Result:
 
 def _read_run(folder: Path) -> Result:
     """A run, compared with what its own `comparison.json` holds."""
-    lacking = [f for f in ("summary.json", "results.nc", "case.toml") if not (folder / f).is_file()]
-    if lacking:
-        raise InputError(
-            f"{folder}: is not the folder of a run (it has no {', '.join(lacking)}); "
-            "for example runs/isometric_edc"
-        )
+    _check_has(folder, "summary.json", "results.nc", "case.toml")
     summary = _read(folder / "summary.json", _summary)
     check_converged(summary, str(folder))
     comparison = folder / "comparison.json"
-    arrays = _read(folder / "results.nc", _arrays)
-    hood = _read(folder / "hood.vtu", read_hood) if (folder / "hood.vtu").is_file() else None
+    arrays = read_arrays(folder)
+    hood = None
+    if (path := folder / "hood.vtu").is_file():
+        hood = _read(path, lambda path: _hood(path, arrays))
     return Result(
         summary,
         arrays,
         _read(folder / "ledger.csv", _ledger) if (folder / "ledger.csv").is_file() else (),
-        Scene(None if hood is None else with_lines(hood, arrays, -1), (), ()),
+        Scene(hood, (), ()),
         _read(folder / "case.toml", _case),
         folder.resolve().name,
         folder,
         read_json(comparison) if comparison.is_file() else (),
     )
+
+
+def read_arrays(folder: Path) -> Arrays:
+    """The arrays of the run in a folder.  Raises InputError where it is none, or where they are not
+    what a run leaves."""
+    _check_has(folder, "results.nc")
+    return _read(folder / "results.nc", _arrays)
+
+
+def _check_has(folder: Path, *names: str) -> None:
+    if lacking := [name for name in names if not (folder / name).is_file()]:
+        raise InputError(
+            f"{folder}: is not the folder of a run (it has no {', '.join(lacking)}); "
+            "for example runs/isometric_edc"
+        )
 
 
 def check_converged(summary: Mapping[str, Any], place: str) -> None:
@@ -102,8 +119,14 @@ def _longer(run: Result, runs: Sequence[Result]) -> str:
 def _read(path: Path, reader: Callable[[Path], T]) -> T:
     try:
         return reader(path)
-    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
-        raise InputError(f"{path}: cannot be read as a part of a run ({error})") from error
+    except MemoryError:
+        raise
+    except Exception as error:  # HDF5 and VTK raise anything of a spoilt file
+        reason = " ".join(str(error).split())[:500]
+        raise InputError(
+            f"{path}: cannot be read as a part of a run ({reason or type(error).__name__}); "
+            "run the case again"
+        ) from error
 
 
 def _case(path: Path) -> str:
@@ -113,7 +136,7 @@ def _case(path: Path) -> str:
 
 
 def _summary(path: Path) -> Mapping[str, Any]:
-    content = json.loads(path.read_text(encoding="utf-8"))
+    content = read_json_file(path)
     if not isinstance(content, dict):
         raise ValueError("it is no table of numbers")
     if isinstance(content.get("fingertip_force_N"), list):
@@ -121,18 +144,69 @@ def _summary(path: Path) -> Mapping[str, Any]:
             "an earlier version wrote it, with forces by place as distal, palmar, radial; now they "
             "go by the axes distal, radial, dorsal: run the case again"
         )
-    return with_nan(content)
+    summary = with_nan(content)
+    if fault := misfit(summary):
+        raise ValueError(fault)
+    _ = Audit.read(summary), numbers_of(summary)
+    for words in (answer, doubts, describe_rest, describe_misses):
+        list(words(summary))  # what is lacking for a sentence is lacking here, not in a page
+    return summary
 
 
 def _arrays(path: Path) -> Arrays:
+    import h5py
     import xarray
 
+    with h5py.File(path, "r") as file:  # h5netcdf prints a traceback where this fails
+        dict(file.attrs)
     data = xarray.load_dataset(path, engine="h5netcdf")
     if not {"time", "state"} & set(data.dims):
         raise ValueError("its arrays have neither an axis state nor time")
     if not {"angle", "tip_force"} <= set(data):
         raise ValueError("it has no angle or no tip_force")
-    return Arrays.from_dataset(data)
+    arrays = Arrays.from_dataset(data)
+    _check_arrays(arrays)
+    return arrays
+
+
+OF_HOODS = {"point", "quad", "cell"}
+"""Axes of the arrays that a hood's view names, some as others that a run has."""
+UNNAMED = ("frame", "line_point", "state", "time")
+"""Axes of arrays along which nothing has a name, or which are checked on their own."""
+
+
+def _check_arrays(arrays: Arrays) -> None:
+    """Check types, axes and names of arrays.  Raises ValueError."""
+    along = "time" if "time" in arrays.dims else "state"
+    needed = {along: "numbers" if along == "time" else "names"}
+    for name, (dims, values, _) in arrays.variables.items():
+        if values.dtype.kind not in "fiu":
+            raise ValueError(f"its {name} holds no numbers")
+        if name in ARRAYS and not OF_HOODS & set(dims):
+            expected = ARRAYS[name].dims
+            if dims[1:] != expected or dims[0] not in (along, "frame"):
+                raise ValueError(f"its {name} has the axes {dims}, not {(along, *expected)}")
+            needed |= dict.fromkeys((d for d in expected if d not in UNNAMED), "names")
+    for dim, content in needed.items():
+        if dim not in arrays.coordinates:
+            raise ValueError(f"its axis {dim} has no {content}")
+        values = arrays.coordinates[dim].values
+        names = [str(value) for value in values]
+        wrong = values.dtype.kind not in ("f" if content == "numbers" else "UO")
+        if not names and dim != along:
+            continue
+        if not names or wrong or len(set(names)) < len(names):
+            raise ValueError(f"its axis {dim} has no {content} that all differ")
+        if dim == "axis" and tuple(names) != AXES:
+            raise ValueError(f"its axis {dim} is not {', '.join(AXES)}")
+
+
+def _hood(path: Path, arrays: Arrays) -> HoodField:
+    """The hood at the end.  Raises ValueError and others where it is not that of the arrays."""
+    hood = with_lines(read_hood(path), arrays, -1)
+    if "time" not in arrays.dims:
+        frames_of(arrays, hood, ())
+    return hood
 
 
 def _ledger(path: Path) -> tuple[LedgerRow, ...]:
@@ -140,6 +214,9 @@ def _ledger(path: Path) -> tuple[LedgerRow, ...]:
         header, *rows = csv.reader(file)
     if tuple(header) != LEDGER_HEADER:
         raise ValueError(f"its first line is not {','.join(LEDGER_HEADER)}")
+    for number, row in enumerate(rows, 2):
+        if len(row) != len(LEDGER_HEADER):
+            raise ValueError(f"row {number} has {len(row)} cells, the first {len(LEDGER_HEADER)}")
     return tuple(
         LedgerRow(state, body, source, wrench[:3], 1e-3 * wrench[3:])
         for (state, body, source, *numbers, _frame) in rows

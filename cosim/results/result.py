@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Literal
 
 from cosim.case.file import case_of, load_case
 from cosim.case.schema import Case
-from cosim.errors import InputError
+from cosim.errors import InputError, unexpected
 from cosim.extras import require
-from cosim.files import output_file
+from cosim.files import output_file, path_from
 from cosim.results.audit import Audit
 from cosim.results.compare import Comparison, numbers_of, unit_of
 from cosim.results.conventions import COMPONENTS, by_axis
@@ -156,6 +156,9 @@ class Result(CaseParts):
 
         Raises InputError for a kind that this run does not have, or a file that cannot be
         written."""
+        if not isinstance(kind, str):
+            raise unexpected("kind", "'scene', 'ledger' or 'history'", kind)
+        path = None if path is None else path_from("path", path)
         figure = as_plain_text(self._figure(kind))
         if path is not None:
             known, ending = figure.canvas.get_supported_filetypes(), _file_format(path)
@@ -194,7 +197,7 @@ class Result(CaseParts):
         Raises InputError for a run of one frame and for what cannot be written."""
         film = film_of(self.title, self.frames, self._film_scenes(), fps, speed, width)
         if path is not None:
-            film.write(Path(path))
+            film.write(path_from("path", path))
         return film
 
     def view(self) -> Plotter:
@@ -281,6 +284,7 @@ class Result(CaseParts):
         as it was left.  A picture or table that cannot be made is a warning.
 
         Raises InputError where it cannot be written."""
+        folder = path_from("folder", folder)
         if self.folder is not None:
             return copy_run(folder, self.case, self.folder)
         target, lacking = write_run(folder, self)

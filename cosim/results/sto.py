@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.errors import InputError
+from cosim.results.read import read_arrays
 
 if TYPE_CHECKING:
     import xarray
@@ -26,7 +26,7 @@ def write_tables(run: Path, out: Path) -> list[Path]:
     apart.  Raises InputError where `run` is none or `out` cannot be written."""
     from rigid.opensim.sto import StoTable, write_sto
 
-    data = _read(run / "results.nc")
+    data = read_arrays(run).to_dataset()
     axis, time = _times(data)
     angles = tuple(str(j) for j in data.joint.values)
     motion = StoTable(
@@ -39,17 +39,6 @@ def write_tables(run: Path, out: Path) -> list[Path]:
     for path, one in zip(paths, (motion, table), strict=True):
         write_sto(path, one)
     return paths
-
-
-def _read(path: Path) -> xarray.Dataset:
-    import xarray
-
-    if not path.is_file():
-        raise InputError(f"{path.parent}: is not the folder of a run; for example runs/split_edc")
-    try:
-        return xarray.load_dataset(path, engine="h5netcdf")
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as results of a run ({error})") from error
 
 
 def _times(data: xarray.Dataset) -> tuple[str, Any]:

@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from cosim.case.schema import Case
+from cosim.case.schema import Case, as_stated
 from cosim.coupling.equilibrium import Equilibrium, first_answer
-from cosim.errors import ConvergenceError, InputError, Progress
+from cosim.errors import ConvergenceError, InputError, Progress, unexpected
+from cosim.files import path_from
 from cosim.models.build import Models, build_any, with_own_finger
 from cosim.port import Array, Motion, PairState, Response, State, StorableHood, Tensions
+from cosim.schema.fields import is_number
 from cosim.solve.equilibrium import solve_equilibrium
 from cosim.tendons.muscles import live_muscles
 
@@ -88,9 +90,10 @@ class Session:
         warm: bool = False,
         watch: Callable[[Case, Any], None] | None = None,
     ) -> None:
-        if most < 1:
-            raise InputError(f"Session: most must be 1 or more settings, got {most}")
-        self.checkpoints = None if checkpoints is None else Path(checkpoints)
+        number = as_stated(most)
+        if not is_number(number) or not number >= 1:
+            raise unexpected("Session: most", "1 or more settings", most)
+        self.checkpoints = None if checkpoints is None else path_from("checkpoints", checkpoints)
         self.watch = watch
         self.lock = RLock()
         self._most, self._warm = most, warm

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, PlainValidator, ValidationError, WithJsonSchema
+from pydantic_core import PydanticCustomError
 
 from cosim.errors import InputError
 from cosim.schema import units
-from cosim.schema.fields import fault, is_number, quantity
+from cosim.schema.fields import check_texts, fault, is_number, quantity
 from cosim.schema.json_schema import choose, editor_schema, has
 from cosim.schema.types import Count, Switch, Table
 from cosim.study.distributions import (
@@ -270,7 +271,10 @@ def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:
     lines: list[str] = []
     checked = None
     try:
+        check_texts(values)
         checked = StudyFile.model_validate(values)
+    except PydanticCustomError as error:
+        lines.append(error.message().removeprefix(": "))
     except ValidationError as error:
         lines += faults_of(error, values, (), StudyFile)
     except RecursionError:

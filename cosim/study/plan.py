@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.case.file import Settings, find_case, load_case
+from cosim.case.schema import check_name
 from cosim.errors import InputError
 from cosim.port import Array
 from cosim.results.compare import Target, read_targets
@@ -74,6 +75,7 @@ def read_plan(
 
     Raises InputError."""
     source = find_study(path_or_name)
+    check_name(source.stem)  # the folder of what it leaves
     read, parameters = read_file(source)
     try:
         case = find_case(other) if other else find_case(read.case, source.parent)

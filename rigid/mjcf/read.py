@@ -7,6 +7,7 @@ origin in the joint) are replaced by ones that are: y is the flexion axis made n
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,21 @@ from rigid.model import FingerModel, Hinge, Segment, vector
 TIP = "tip"
 MOVED_BY = {"MCP": 1, "MCP_abduction": 1, "PIP": 2, "DIP": 3}
 """Index of the body that a joint turns."""
+MOST_NUMBER = 1e9
+NO_NUMBER = f"which is not finite or beyond {MOST_NUMBER:g}; leave it out where nothing is meant"
+COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+NUMBERS = re.compile(
+    r"\b(pos|quat|axis|range|euler|axisangle|xyaxes|zaxis|size|fromto|mass|ref|damping|armature"
+    r"|stiffness|frictionloss|diaginertia|fullinertia|gravity|springref|springlength|forcerange"
+    r"|ctrlrange|lengthrange|gear|data|qpos|ipos|iquat|density|scale)\s*=\s*(['\"])(.*?)\2",
+    re.DOTALL,
+)
+"""Attributes of numbers in a text of MJCF."""
+READ = (
+    *("body_pos", "body_quat", "body_mass", "body_inertia", "jnt_axis", "jnt_pos", "jnt_range"),
+    *("site_pos", "geom_pos", "geom_size"),
+)
+"""Arrays of a compiled model."""
 
 
 @dataclass(frozen=True)
@@ -145,11 +161,38 @@ def _metacarpal(where: Where, proximal: int, losses: list[str]) -> int:
 def _compile(path: Path) -> mujoco.MjModel:
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
+    _check_numbers(path)
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        m = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         text = " ".join(str(error).split())
         raise InputError(f"{path}: is no MuJoCo model: {text}") from error
+    for name in READ:
+        if not (np.abs(getattr(m, name)) < MOST_NUMBER).all():  # of a file that it includes
+            raise InputError(f"{path}: a file that it includes states a {name} that is {NO_NUMBER}")
+    return m
+
+
+def _check_numbers(path: Path) -> None:
+    """Refuse numbers that are not finite, which MuJoCo takes.  Raises InputError, with the line."""
+    text = path.read_bytes().decode("utf-8", "replace")
+    text = COMMENT.sub(lambda found: "\n" * found[0].count("\n"), text)
+    for found in NUMBERS.finditer(text):
+        wrong = next((word for word in found[3].split() if _is_no_number(word)), None)
+        if wrong is not None:
+            line = text.count("\n", 0, found.start()) + 1
+            element = text[text.rfind("<", 0, found.start()) + 1 : found.start()].split()[0]
+            raise InputError(
+                f"{path}, line {line}, <{element}>: {found[1]} has {wrong[:40]!r}, {NO_NUMBER}"
+            )
+
+
+def _is_no_number(word: str) -> bool:
+    """Whether a word is a number that no finger has; of what is none MuJoCo tells."""
+    try:
+        return not abs(float(word)) < MOST_NUMBER
+    except ValueError:
+        return False
 
 
 def _knuckle(m: mujoco.MjModel, body: Sequence[int], joint: Sequence[int]) -> int | None:

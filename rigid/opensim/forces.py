@@ -14,6 +14,8 @@ from rigid.opensim.xml import OsimTag
 DEGREES = math.degrees(1.0)
 PATH = "GeometryPath"
 Property = float | bool | str
+UNBOUNDED = ("min_control", "max_control")
+"""What OpenSim writes as infinite where there is no bound."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,9 @@ def read_spring(tag: OsimTag) -> Spring:
 
 def properties(tag: OsimTag, way: str = "") -> Iterator[tuple[str, Property]]:
     """Each number, flag or word that the file states of a force, by its place below the tag
-    ("ActiveForceLengthCurve/minimum_value"); what is not stated has OpenSim's default."""
+    ("ActiveForceLengthCurve/minimum_value"); what is not stated has OpenSim's default.
+
+    Raises InputError for a number that is not finite; bounds of a control may be infinite."""
     for child in tag.children:
         if child.kind == PATH:
             continue
@@ -88,10 +92,10 @@ def _value(tag: OsimTag) -> Property:
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     try:
-        float(text)
+        number = float(text)
     except ValueError:
         return text
-    return tag.numbers(1)[0] if math.isfinite(float(text)) else text
+    return text if math.isinf(number) and tag.kind in UNBOUNDED else tag.numbers(1)[0]
 
 
 def law_of(

@@ -43,7 +43,7 @@ def test_what_is_no_run_is_one_message(tmp_path: Path, run: tuple[Path, dict]) -
     (tmp_path / "results.nc").write_text("not netCDF")
     done = CliRunner().invoke(app, ["sto", str(tmp_path)])
     assert done.exit_code == 2
-    assert "cannot be read as results" in done.stderr
+    assert "cannot be read as a part of a run" in done.stderr
     (tmp_path / "file").touch()
     done = CliRunner().invoke(app, ["sto", str(run[0]), "--out", str(tmp_path / "file")])
     assert done.exit_code == 2
