@@ -21,11 +21,11 @@ CEILINGS = {
     "cosim/fingers": 1139,
     "cosim/fmu": 2027,
     "cosim/fmu_export": 1272,
-    "cosim/hoods": 4106,
+    "cosim/hoods": 4141,
     "cosim/kernels": 362,
     "cosim/models": 689,
-    "cosim/report": 2694,
-    "cosim/results": 5405,
+    "cosim/report": 2696,
+    "cosim/results": 5427,
     "cosim/schema": 580,
     "cosim/solve": 829,
     "cosim/study": 2927,
@@ -36,7 +36,7 @@ CEILINGS = {
     "fe_solver": 477,
     "fe_solver/elements": 1478,
     "fe_solver/febio": 3634,
-    "fe_solver/forces": 1239,
+    "fe_solver/forces": 1281,
     "fe_solver/hood": 1175,
     "fe_solver/job": 1896,
     "fe_solver/materials": 2842,
@@ -57,7 +57,7 @@ CEILINGS = {
     "rigid/opensim": 3712,
     "rigid/papers": 3274,
     "rigid/verification": 2498,
-    "tests": 48780,
+    "tests": 48813,
 }
 
 

@@ -42,6 +42,14 @@ BOUNDS = {
     "guide_depth_mm": Bound(
         0.05, "a tendon's line runs into the bone: raise its end on the metacarpal"
     ),
+    "friction_beyond_cone": Bound(
+        1e-4,
+        "friction exceeds its coefficient times the normal force; write a smaller "
+        "hood.contact.stiffness or a smaller solve.hood_tolerance",
+    ),
+    "friction_work_made": Bound(
+        1e-9, "friction drives the hood in place of holding it; load it in smaller steps"
+    ),
     "hood_unstable_modes": Bound(
         0,
         "the hood stands where the least push would move it away, as a strut that buckles; write "
@@ -61,6 +69,14 @@ ADVICE = {
     f"(artificial_energy_over_effort), so that its path is damped; {STEP}",
 }
 """What to try where a run misses what has no figure."""
+
+
+NOT_RECIPROCAL = (
+    "with friction, arms by force and by excursion differ by what sticks; the balance, "
+    "Coulomb's cone (friction_beyond_cone) and the sign of friction's work (friction_work_made) "
+    "are held to in its place"
+)
+"""Why the reciprocity of moment arms says nothing of a hood with friction."""
 
 
 @dataclass(frozen=True)

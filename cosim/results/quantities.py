@@ -104,6 +104,8 @@ STATE = (
     Quantity("tension_field_area_percent.<tension>", "part of the sheet that is <tension>"),
     Quantity("max_penetration_mm", "deepest penetration of the hood into a bone"),
     Quantity("guide_depth_mm", "tendons' lines under the bone"),
+    Quantity("friction_beyond_cone", "friction beyond its coefficient times the normal force"),
+    Quantity("friction_work_made", "work that friction made in place of taking it, relative"),
     Quantity("hood_unstable_modes", "ways in which the hood is unstable"),
 )
 """What a summary says of an equilibrium, loaded or `unloaded`, or of the end of a motion."""

@@ -17,7 +17,7 @@ from cosim.models.build import Models
 from cosim.models.double_count import pairs
 from cosim.port import AXES, Array, Finger
 from cosim.results.arrays import Arrays, along
-from cosim.results.audit import missed_bounds
+from cosim.results.audit import NOT_RECIPROCAL, missed_bounds
 from cosim.results.clamped_tip import arm_differences
 from cosim.results.conventions import FRAME, attributes, by_axis, is_slack, vector_of
 from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of
@@ -83,6 +83,7 @@ def summary(
             audit["interface_residual"] = loaded.interface_residual
     if states.reciprocity is not None:
         audit["reciprocity"] = states.reciprocity
+    not_judged = {"reciprocity": NOT_RECIPROCAL} if case.hood.has_friction else {}
     missed = missed_bounds(
         {**at_load, "audit": audit},
         posture_in_range=loaded.balance is None or _is_in_range(models, loaded),
@@ -98,6 +99,7 @@ def summary(
         | _clamped_arms(case, models, unloaded, loaded),
         "audit": audit,
         "audit_missed": missed,
+        **({"audit_not_judged": not_judged} if not_judged else {}),
         **({"not_in_ledger": OPEN} if loaded.balance is None else {}),
         **_muscles(case, models, states),
         **_one_way(case, models, states),

@@ -16,7 +16,7 @@ class States:
     unloaded: Equilibrium
     loaded: Equilibrium
     reciprocity: float | None
-    """None where the hood has no tendons to pull."""
+    """None where the hood has no tendons to pull, or rubs on the bones."""
     pull: MusclePull
     """The pull of the muscles that have a fibre, in the loaded state."""
     one_way: OneWayPass | None = None

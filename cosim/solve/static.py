@@ -34,7 +34,7 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
     models, unloaded = session.models(case, progress), session.unloaded_equilibrium(case, progress)
     loaded, pull = _loaded_from_nearby(case, session, models, unloaded, progress)
     session.remember(case, models, unloaded, loaded)
-    if not models.hood.tendons or loaded.balance is None:
+    if not models.hood.tendons or loaded.balance is None or case.hood.has_friction:
         return models, States(unloaded, loaded, None, pull)
     progress("auditing reciprocity")
     strongest = int(np.argmax(loaded.hood_tension))
