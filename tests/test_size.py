@@ -25,7 +25,7 @@ CEILINGS = {
     "cosim/kernels": 362,
     "cosim/models": 689,
     "cosim/report": 2696,
-    "cosim/results": 5427,
+    "cosim/results": 5525,
     "cosim/schema": 580,
     "cosim/solve": 829,
     "cosim/study": 2927,
@@ -57,7 +57,7 @@ CEILINGS = {
     "rigid/opensim": 3712,
     "rigid/papers": 3274,
     "rigid/verification": 2498,
-    "tests": 48813,
+    "tests": 48881,
 }
 
 

@@ -31,6 +31,12 @@ BOUNDS = {
         "arms by force and by excursion differ; a larger hood.contact.stiffness in place of "
         f"augmented contact or friction can help, else {TOLERANCE}",
     ),
+    "tip_force_over_reach": Bound(
+        2.0,
+        "the fingertip force is more than the tendons can make: the hood pushes by stress that it "
+        "has at rest (unloaded.joint_torque_Nmm.hood); write moduli of tendon, or lay the hood "
+        "nearer to the posture (hood.mesh.rest_posture)",
+    ),
     "torque_balance_at_rest": Bound(1e-3, "write a longer forward.duration"),
     "largest_interface_residual": Bound(0.05, STEP),
     "energy_put_in_over_effort": Bound(0.01, STEP),

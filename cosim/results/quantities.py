@@ -157,6 +157,7 @@ CHECKS = {
     "audit.finger_residual": "joint torques that do not add up, relative",
     "audit.interface_residual": "disagreement of hood and finger, relative",
     "audit.reciprocity": "tangents of load and excursion that differ, relative",
+    "audit.tip_force_over_reach": "fingertip force over what the tendons can make",
     "audit.torque_balance_at_rest": "torque of inertia at rest, relative",
     "audit.artificial_energy_over_effort": "energy that the method took or gave, relative",
     "audit.energy_put_in_over_effort": "energy that the method gave, relative",

@@ -25,6 +25,7 @@ from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
 from cosim.results.result import Result
 from cosim.results.scene import scene, with_measures
+from cosim.results.tip_reach import tip_force_over_reach
 from cosim.solve.states import States
 from cosim.version import __version__
 from meshes.skeleton import BODIES
@@ -84,6 +85,11 @@ def summary(
     if states.reciprocity is not None:
         audit["reciprocity"] = states.reciprocity
     not_judged = {"reciprocity": NOT_RECIPROCAL} if case.hood.has_friction else {}
+    over_reach = tip_force_over_reach(case, models, states)
+    if isinstance(over_reach, str):
+        not_judged["tip_force_over_reach"] = over_reach
+    else:
+        audit["tip_force_over_reach"] = over_reach
     missed = missed_bounds(
         {**at_load, "audit": audit},
         posture_in_range=loaded.balance is None or _is_in_range(models, loaded),
