@@ -15,9 +15,9 @@ CEILINGS = {
     "cosim": 5039,
     "cosim/analyses": 6604,
     "cosim/anatomy": 861,
-    "cosim/case": 961,
+    "cosim/case": 975,
     "cosim/commands": 4470,
-    "cosim/coupling": 2175,
+    "cosim/coupling": 2193,
     "cosim/fingers": 1139,
     "cosim/fmu": 2027,
     "cosim/fmu_export": 1272,
@@ -25,9 +25,9 @@ CEILINGS = {
     "cosim/kernels": 362,
     "cosim/models": 689,
     "cosim/report": 2696,
-    "cosim/results": 5525,
+    "cosim/results": 5579,
     "cosim/schema": 580,
-    "cosim/solve": 829,
+    "cosim/solve": 869,
     "cosim/study": 2927,
     "cosim/tendons": 534,
     "cosim/ui": 1522,
@@ -57,7 +57,7 @@ CEILINGS = {
     "rigid/opensim": 3712,
     "rigid/papers": 3274,
     "rigid/verification": 2498,
-    "tests": 48881,
+    "tests": 48973,
 }
 
 

@@ -21,6 +21,11 @@ STEP = (
     "hood and finger drift apart in time: write a smaller forward.step, a table forward.adaptive, "
     'or coupling.scheme = "newton"'
 )
+TWO = (
+    "another start leads to another equilibrium (second_start in summary.json): which one a finger "
+    "is in depends on how it was loaded; load it in a motion (forward), change what lets the hood "
+    "go slack, or write a smaller solve.tolerance"
+)
 BOUNDS = {
     "hood_force_balance": Bound(1e-9, CLOSURE),
     "hood_moment_balance": Bound(1e-9, CLOSURE),
@@ -61,6 +66,13 @@ BOUNDS = {
         "the hood stands where the least push would move it away, as a strut that buckles; write "
         "another hood.mesh.quads, or change posture or tension a little",
     ),
+    "unstable_modes_bones_free": Bound(
+        0,
+        "hood and finger stand where the least push on a joint would move them away; change "
+        'posture or tension a little, or write coupling.scheme = "newton"',
+    ),
+    "second_start_force_N": Bound(1e-3, TWO),
+    "second_start_angle_deg": Bound(1e-2, TWO),
 }
 """By the figure's name in the summary: in its audit, or beside it."""
 POSTURE, AT_REST, LITTLE_DAMPING = "posture_in_range", "at_rest", "little_numerical_damping"
@@ -83,6 +95,8 @@ NOT_RECIPROCAL = (
     "are held to in its place"
 )
 """Why the reciprocity of moment arms says nothing of a hood with friction."""
+
+PATH_DEPENDENT = "with friction the load depends on the path, so that two starts may differ"
 
 
 @dataclass(frozen=True)

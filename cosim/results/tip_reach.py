@@ -19,6 +19,7 @@ from cosim.solve.states import States
 
 NOT_ACTIVE = ("hood", "fingertip", "holder")
 """Sources of torque that are not counted: the hood's tendons are, by their arms."""
+PASSIVE = ("passive", "limit")
 LEAST_STIFFNESS = 1e-6
 """N m/rad of a joint, so that one without passive stiffness has an answer."""
 LITTLE_PULL = f"the tendons bear less than {LEAST_TENSION:g} N together"
@@ -46,18 +47,18 @@ def tip_force_over_reach(case: Case, models: Models, states: States) -> float | 
     if loaded.hood_tension.sum() + loaded.finger_tension.sum() < LEAST_TENSION:
         return LITTLE_PULL
     start = finger.start(models.posture)
-    if case.hood.has_friction:
-        torque = [e.known_balance.torque["hood"] for e in (loaded, unloaded)]
-        by_hood = float(tip_forces(finger, start, (torque[0] - torque[1])[None]).sum())
-    else:
-        arms = [moment_arms(finger, e).T for e in (loaded, unloaded)]
-        largest = np.max([tip_forces(finger, start, arm) for arm in arms], axis=0)
-        by_hood = float(largest @ loaded.hood_tension)
     torques = finger.balance(start, _no_load(finger), loaded.finger_tension).torque
-    resting = np.zeros(len(finger.joints))
-    others = [t for source, t in torques.items() if source not in (*NOT_ACTIVE, "passive", "limit")]
-    resting = sum((torques.get(source, resting) for source in ("passive", "limit")), resting)
-    reach = by_hood + float(tip_forces(finger, start, np.array([*others, resting])).sum())
+    active = {source: t for source, t in torques.items() if source not in NOT_ACTIVE}
+    passive = sum((active.pop(s) for s in PASSIVE if s in active), np.zeros(len(finger.joints)))
+    if case.hood.has_friction:
+        change = loaded.known_balance.torque["hood"] - unloaded.known_balance.torque["hood"]
+        pulls = np.array([[change], [change]])
+    else:
+        pulls = np.array([moment_arms(finger, e).T for e in (loaded, unloaded)])
+        pulls = pulls * loaded.hood_tension[:, None]
+    every = np.vstack([*pulls, *active.values(), passive])
+    forces, n = tip_forces(finger, start, every), pulls.shape[1]
+    reach = float(np.maximum(forces[:n], forces[n : 2 * n]).sum() + forces[2 * n :].sum())
     force = float(np.linalg.norm(finger.tip_force(loaded.finger_state)))
     return force / reach if reach > 0 else NO_TIP
 

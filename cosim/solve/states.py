@@ -10,6 +10,18 @@ from cosim.tendons.muscles import MusclePull
 
 
 @dataclass(frozen=True)
+class SecondStart:
+    """The loaded equilibrium that was found from another start."""
+
+    scheme: str
+    """By which scheme of the coupling."""
+    found: Equilibrium | None
+    """None where it did not converge."""
+    failure: str = ""
+    """Why it did not; empty where it did."""
+
+
+@dataclass(frozen=True)
 class States:
     """The two equilibria of an isometric case, and the audit of the loaded one."""
 
@@ -21,3 +33,5 @@ class States:
     """The pull of the muscles that have a fibre, in the loaded state."""
     one_way: OneWayPass | None = None
     """What a one-way pass handed over; None of a coupled equilibrium."""
+    second: SecondStart | None = None
+    """Where the case asks for it."""

@@ -141,6 +141,8 @@ MOST = {
     "finger_residual": 1e-6,
     "interface_residual": 1e-6,
     "reciprocity": 1e-3,
+    "tip_force_over_reach": 2.0,
+    "unstable_modes_bones_free": 0,
     "torque_balance_at_rest": 1e-3,
     "max_penetration_mm": 0.02,
     "guide_depth_mm": 0.05,
