@@ -11,7 +11,10 @@ import pytest
 
 from tests.helpers.folders import ROOT
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="sends signals")
+pytestmark = [
+    pytest.mark.skipif(os.name == "nt", reason="sends signals"),
+    pytest.mark.usefixtures("hears_hangups"),
+]
 LOADING = """
 import os, signal
 from cosim.interrupts import exit_on_request

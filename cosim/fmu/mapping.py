@@ -12,7 +12,7 @@ import numpy as np
 
 from cosim.errors import InputError, nearest_names
 from cosim.fmu.archive import UnpackedFmu
-from cosim.fmu.quantity import UNITS, Quantity
+from cosim.fmu.quantity import OPEN_AXES, UNITS, Quantity
 from cosim.port import Array
 from cosim.schema.units import Kind, parse
 
@@ -23,6 +23,8 @@ CAUSALITIES = {
     "output": ("output", "local", "calculatedParameter"),
     "parameter": ("parameter", "structuralParameter", "input"),
 }
+LOADS = ("force", "moment", "pull_force", "pull_moment")
+"""Outputs that may not be lost in part."""
 MOST_SHOWN = 6
 
 
@@ -82,6 +84,11 @@ def places(
         if missing:
             faults.append(_absent(q, missing, variables))
             continue
+        is_load = q.causality == "output" and q.name in LOADS
+        further = q.others(template, variables) if is_load and "{" in template else []
+        if further:
+            faults.append(_lost(q, further))
+            continue
         matched = [variables[name] for name in entries]
         found, scales = _misfits(q, matched, len(entries), _units(opened), assume_si)
         faults += found
@@ -98,6 +105,15 @@ def _absent(quantity: Quantity, missing: Sequence[str], variables: Mapping[str, 
     hint = f"; did you mean {near[0]}?" if near else ""
     return (
         f"{quantity.name}: the FMU has no variable {shown}{hint} (map.{quantity.name} names them)"
+    )
+
+
+def _lost(quantity: Quantity, further: Sequence[str]) -> str:
+    shown = ", ".join(further[:MOST_SHOWN]) + (" ..." if len(further) > MOST_SHOWN else "")
+    kinds = " or ".join(f"{what}s" for what, _ in quantity.axes if what in OPEN_AXES)
+    return (
+        f"{quantity.name}: the FMU also has {shown}, which would be lost; name all of its {kinds}, "
+        f"or write map.{quantity.name} so that only what belongs to it fits"
     )
 
 

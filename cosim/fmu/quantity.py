@@ -6,9 +6,11 @@ quantity and the labels of its axes: `force.distal.insertion.x`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import product
+from string import Formatter
 from typing import Literal
 
 import numpy as np
@@ -20,6 +22,8 @@ Values = Mapping[str, Array]
 Axis = tuple[str, tuple[str, ...]]
 """What an axis runs over, and the labels along it."""
 
+OPEN_AXES = frozenset({"body", "source", "tendon"})
+"""Axes whose labels are the case's own."""
 XYZ = ("x", "y", "z")
 TWIST = ("x", "y", "z", "rx", "ry", "rz")
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -75,6 +79,20 @@ class Quantity:
             )
             for chosen in every
         ]
+
+    def others(self, template: str, names: Iterable[str]) -> list[str]:
+        """Of some names those that fit the template with another body, source or tendon."""
+        every = set(self.entries(template))
+        pieces = list(Formatter().parse(template))
+        found = set[str]()
+        for open_axis in OPEN_AXES & {what for what, _ in self.axes}:
+            labels = {what: "|".join(map(re.escape, each)) for what, each in self.axes}
+            labels |= {f"{what}_index": r"\d+" for what, _ in self.axes}
+            labels[open_axis] = ".+"
+            parts = (re.escape(text) + (f"(?:{labels[k]})" if k else "") for text, k, *_ in pieces)
+            pattern = re.compile("".join(parts))
+            found |= {name for name in names if name not in every and pattern.fullmatch(name)}
+        return sorted(found)
 
     def zero(self) -> Array:
         """The array with every entry at zero."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import os
 import tempfile
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,6 +16,7 @@ import numpy as np
 
 from cosim.coupling.state_arrays import Arrays, Special
 from cosim.errors import ConvergenceError, CosimError, InputError
+from cosim.files import temporary_folder
 from cosim.fmu.archive import UnpackedFmu, unpack_fmu
 from cosim.fmu.instance import Instance, LibraryFacts
 from cosim.fmu.mapping import VariablePlace
@@ -61,9 +61,7 @@ class Unit:
     for one that another format of our own program wrote (`unit_format.check_if_ours`)."""
 
     def __init__(self, path: Path, loading: Loading = APART) -> None:
-        room = tempfile.TemporaryDirectory(
-            prefix=f".fmu.{os.getpid()}.", suffix=".part", ignore_cleanup_errors=True
-        )
+        room = temporary_folder("fmu")
         self.opened: UnpackedFmu = unpack_fmu(path, Path(room.name), loading.strict)
         try:
             is_ours = check_if_ours(self.opened.folder / "resources")

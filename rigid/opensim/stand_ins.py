@@ -6,7 +6,7 @@ are nearest to the surface's at the sampled postures.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -19,7 +19,9 @@ STARTS = (1.0, 0.5)
 """Radii at which a fit begins, of the surface's own radius of curvature along the path."""
 LENGTH_SCALE = 0.01
 """m, of places and radii in a fit."""
-MOST_STEPS = 60
+MOST_STEPS = 30
+GOOD = 1e-5
+"""m, the error of a fit that needs no other beside it."""
 WITHIN = 1e-9
 """Relative, by which a point on the surface is taken to be outside."""
 TINY = 1e-15
@@ -109,13 +111,27 @@ def stand_in_ellipsoid(a: Array, b: Array, lengths: Array, radii: Array, touched
     along /= np.linalg.norm(along)
     own = float(np.linalg.norm(slope) / (along**2 / radii**2).sum())
     across = np.cross(normal, along)
-    fits = []
-    for radius in (share * own for share in STARTS):
-        centre = middle - radius * normal
-        for side in (normal, None):
-            fits.append(_fit_sphere(a, b, lengths, centre, radius, side))
-            fits.append(_fit_cylinder(a, b, lengths, centre, across, radius, side))
-    return min(fits, key=lambda pair: pair[0])[1]
+    starts = [(share * own, side) for share in STARTS for side in (normal, None)]
+
+    def fits() -> Iterator[tuple[float, StandIn]]:
+        for radius, side in starts:
+            centre = middle - radius * normal
+            yield _fit_sphere(a, b, lengths, centre, radius, side)
+            yield _fit_cylinder(a, b, lengths, centre, across, radius, side)
+
+    return _best(fits())
+
+
+def _best(fits: Iterable[tuple[float, StandIn]]) -> StandIn:
+    """The fit with the least error, of those up to the first that is good."""
+    best: tuple[float, StandIn] | None = None
+    for fit in fits:
+        if best is None or fit[0] < best[0]:
+            best = fit
+        if best[0] < GOOD:
+            break
+    assert best is not None
+    return best[1]
 
 
 def stand_in_torus(a: Array, b: Array, lengths: Array, size: tuple[float, float]) -> StandIn:
@@ -125,10 +141,14 @@ def stand_in_torus(a: Array, b: Array, lengths: Array, size: tuple[float, float]
     mean = np.mean([place for _, place in filter(None, found)], axis=0)
     inward = -mean / np.linalg.norm(mean)
     along = np.cross(inward, (0.0, 0.0, -1.0))
-    fits = [_fit_cylinder(a, b, lengths, -circle * inward, along, tube, inward)]
-    for place, radius in ((np.zeros(3), circle - tube), (mean * (1 - tube / circle), LEAST_HOLE)):
-        fits.append(_fit_hole(a, b, lengths, place, radius))
-    return min(fits, key=lambda pair: pair[0])[1]
+    small = mean * (1 - tube / circle)
+
+    def fits() -> Iterator[tuple[float, StandIn]]:
+        yield _fit_cylinder(a, b, lengths, -circle * inward, along, tube, inward)
+        yield _fit_hole(a, b, lengths, np.zeros(3), circle - tube)
+        yield _fit_hole(a, b, lengths, small, LEAST_HOLE)
+
+    return _best(fits())
 
 
 def _fit_hole(

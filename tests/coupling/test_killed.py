@@ -97,6 +97,7 @@ def test_killed_at_any_moment_and_resumed_it_ends_in_the_same_bytes(tmp_path: Pa
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends signals to another process")
+@pytest.mark.usefixtures("hears_hangups")
 @pytest.mark.parametrize(("how", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
 def test_a_signal_keeps_a_motion_that_asked_for_nothing(
     how: str, code: int, tmp_path: Path

@@ -400,3 +400,12 @@ def test_a_fingers_state_may_be_stepped_again(written, models):
     assert np.array_equal(again.angles, first.angles)
     assert np.array_equal(again.tip_force, first.tip_force)
     assert np.linalg.norm(first.tip_force) > 0.01
+
+
+@pytest.mark.parametrize("part", ["bodies", "tendons"])
+def test_forces_that_the_case_does_not_name_are_refused(models, written, part) -> None:
+    own = models.hood
+    names = {"bodies": own.bodies, "tendons": own.tendons, "sources": own.sources}
+    names[part] = names[part][:-1]
+    with pytest.raises(InputError, match="would be lost; name all of its"):
+        FmuHood(written["hood", 2], **names, loading=IN_PROCESS)

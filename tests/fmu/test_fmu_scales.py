@@ -61,3 +61,15 @@ def test_entries_may_be_numbered() -> None:
     q = Quantity("force", "output", "N", "", axes)
     assert q.entries("r[{body_index},{axis_index}]") == ["r[1,1]", "r[1,2]", "r[2,1]", "r[2,2]"]
     assert q.entries("{body}.{axis_index}")[:2] == ["one.1", "one.2"]
+
+
+def test_an_entry_of_another_body_or_source_is_found() -> None:
+    axes = (("body", ("one", "two")), ("source", ("spring",)), ("axis", ("x", "y")))
+    q = Quantity("force", "output", "N", "", axes)
+    own = q.entries(q.template)
+    others = ["force.one.contact.x", "force.three.spring.y"]
+    unlike = ["force.one.spring.z", "moment.one.contact.x", "xforce.one.contact.x"]
+    assert q.others(q.template, [*own, *others, *unlike]) == others
+    assert q.others("F[{body_index},{source_index},{axis}]", ["F[1,1,x]", "F[3,1,y]"]) == [
+        "F[3,1,y]"
+    ]
