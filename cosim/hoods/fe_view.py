@@ -4,7 +4,7 @@ the lines on which its tendons' ends slide clear the bone."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -45,8 +45,6 @@ class FeView:
     """m, the deepest."""
     guide_depth: float
     """m, of `guide_depth`."""
-    friction: Mapping[str, float]
-    """What `friction_audit` says; empty of a hood without friction."""
     unstable_modes: int
     """In how many ways the hood would leave its equilibrium with bones and tensions held: the
     negative pivots of its tangent."""
@@ -60,6 +58,8 @@ class FeView:
     """Newton iterations since the hood's start."""
     attempt: str
     """Which attempt of the solver converged here, in words."""
+    friction: Mapping[str, float] = field(default_factory=dict)
+    """What `friction_audit` says; empty of a hood without friction."""
 
     def lines(self) -> Mapping[str, Array]:
         """What pictures draw of it as lines (k, 3) m, by name."""

@@ -86,10 +86,11 @@ def summary(
         audit["reciprocity"] = states.reciprocity
     not_judged = {"reciprocity": NOT_RECIPROCAL} if case.hood.has_friction else {}
     over_reach = tip_force_over_reach(case, models, states)
-    if isinstance(over_reach, str):
-        not_judged["tip_force_over_reach"] = over_reach
-    else:
-        audit["tip_force_over_reach"] = over_reach
+    match over_reach:
+        case str():
+            not_judged["tip_force_over_reach"] = over_reach
+        case _:
+            audit["tip_force_over_reach"] = over_reach
     if loaded.balance is not None:
         stiffness = coupled_stiffness(models.finger, loaded)
         audit["unstable_modes_bones_free"] = int((stiffness < 0).sum())

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from cosim.case.file import load_case
+from cosim.errors import quiet
 from cosim.pipeline import run_case
-from cosim.results.tip_reach import tip_forces
+from cosim.results.tip_reach import MOVING, NO_TIP, motion_over_reach, tip_forces
+from cosim.solve.motion import RestCheck
+from cosim.solve.session import Session
+from cosim.solve.solvers import solve_case
 from rigid.chain.support import CLAMPED, FREE, HELD
 from tests.helpers.fingers import POSTURE, mujoco_finger
 
@@ -66,3 +71,19 @@ def test_a_torque_that_the_tip_bears_gives_its_force():
         assert found == pytest.approx([np.linalg.norm(force)], rel=1e-6)
     free = mujoco_finger(FREE)
     assert not tip_forces(free, free.start(POSTURE), rng.normal(size=(2, 4))).any()
+
+
+def test_a_motion_is_judged_where_it_came_to_rest():
+    """The finger in its cage, a short way from its start, told to be at rest there; then with ten
+    times the force at its tip."""
+    case = load_case("forward_fdp", ['forward.duration="0.02 s"', "forward.must_rest=false"])
+    moved = solve_case(case, Session(), quiet)
+    moving, rested = (replace(moved, rest=RestCheck(rate, rate)) for rate in (1.0, 0.0))
+    assert motion_over_reach(case, moving) == MOVING
+    figure = motion_over_reach(case, rested)
+    tips = [10 * np.asarray(tip) for tip in moved.history.tips]
+    pushed = replace(rested, history=replace(moved.history, tips=tips))
+    assert figure > 0
+    assert motion_over_reach(case, pushed) == pytest.approx(10 * figure)
+    free = case.replace({"finger.tip.kind": "free"})
+    assert motion_over_reach(free, rested) == NO_TIP
