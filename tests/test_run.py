@@ -353,7 +353,7 @@ def test_a_run_that_does_not_converge_is_an_error_and_the_batch_goes_on(tmp_path
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 1
     (line,) = [x for x in done.stderr.splitlines() if x.startswith("cosim: ")]
-    assert line.startswith("cosim: frail: hood and finger did not agree in 1 rounds")
+    assert line.startswith("cosim: frail: hood and finger did not agree in 1 round")
     assert [path.name for path in out.iterdir()] == ["pulley_edc"]
     check_audit(json.loads((out / "pulley_edc" / "summary.json").read_text()))
 
@@ -428,3 +428,11 @@ def test_a_tendon_without_moment_arms_has_no_reciprocity_to_audit():
     assert result.audit.passed
     assert "reciprocity" not in result.summary["audit"]
     assert result.moment_arms.loc["EDC"].abs().max() == 0
+
+
+def test_a_balance_with_a_hood_solved_loosely_is_said_to_be_one():
+    """A finger held in its posture stands in balance from the first round on."""
+    held = ["finger.tip.kind=posture", "output.picture=false"]
+    with pytest.raises(ConvergenceError, match="in 1 round: in the last one they did, with the"):
+        run_case(load_case("pulley_edc", [*held, "solve.max_iterations=1"]))
+    assert run_case(load_case("pulley_edc", [*held, "solve.max_iterations=2"])).audit.passed

@@ -55,6 +55,11 @@ class CouplingOptions:
     tolerance: float = 5e-7
     max_iterations: int = 25
 
+    @property
+    def rounds(self) -> str:
+        """The most rounds, in words."""
+        return f"{self.max_iterations} round{'s' * (self.max_iterations > 1)}"
+
 
 @dataclass(frozen=True)
 class Equilibrium:
@@ -152,9 +157,11 @@ def equilibrium(
         exact = turn <= AT_REST if balance is None else interface <= NEAR
         way, part = _CouplingStep(finger_state, response.state, aim, interface), 1.0
         finger_state, state = aim, response.state
+    why = f"{_progress_text(interface, turn)}, allowed {_limit_text(interface, options.tolerance)}"
+    if _is_at_rest(interface, turn, options.tolerance):
+        why = "they did, with the hood solved loosely, which one more round solves exactly"
     raise ConvergenceError(
-        f"hood and finger did not agree in {options.max_iterations} rounds: in the last one "
-        f"{_progress_text(interface, turn)}, allowed {_limit_text(interface, options.tolerance)}. "
+        f"hood and finger did not agree in {options.rounds}: in the last one {why}. "
         "Try more rounds (solve.max_iterations), a smaller tension, or a stiffer passive joint."
     )
 

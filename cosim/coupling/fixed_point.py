@@ -64,7 +64,7 @@ def fixed_point(
     known = f"the relative residual is {interface:.1e} ({options.tolerance:.1e} is allowed) and "
     residual = "" if np.isnan(interface) else known
     raise ConvergenceError(
-        f"hood and finger did not agree in {options.max_iterations} rounds of the fixed point: "
+        f"hood and finger did not agree in {options.rounds} of the fixed point: "
         f"{residual}a joint would still turn by {turned:.1e} rad ({turn:.1e}). Try more rounds "
         '(solve.max_iterations), coupling.accelerator = "iqn_ils", or coupling.scheme = "newton"'
     )

@@ -75,7 +75,10 @@ def read_mjcf(
     body = [_metacarpal(where, phalanges[0], losses), *phalanges]
     joint = [where.find("joint", mujoco.mjtObj.mjOBJ_JOINT, name) for name in JOINTS]
     tip = where.find("site", mujoco.mjtObj.mjOBJ_SITE, TIP)
-    _check_tree(where, body, joint)
+    knuckle = _knuckle(m, body, joint)
+    _check_tree(where, body, joint, knuckle)
+    if knuckle is not None:
+        losses.append(_without(m, knuckle))
     sign = np.array([signs[j] for j in JOINTS])
     data = _at_zero(m, joint)
     frames = frames_of(where, data, body, joint, sign, data.site_xpos[tip], losses)
@@ -149,17 +152,34 @@ def _compile(path: Path) -> mujoco.MjModel:
         raise InputError(f"{path}: is no MuJoCo model: {text}") from error
 
 
-def _check_tree(where: Where, body: Sequence[int], joint: Sequence[int]) -> None:
+def _knuckle(m: mujoco.MjModel, body: Sequence[int], joint: Sequence[int]) -> int | None:
+    """The body between the metacarpal and the proximal phalanx that one of the MCP's two hinges
+    turns, if there is one."""
+    above = int(m.body_parentid[body[1]])
+    own = [j for j in np.flatnonzero(m.jnt_bodyid == above) if above not in (0, body[0])]
+    return above if own and set(own) < set(joint[:2]) else None
+
+
+def _without(m: mujoco.MjModel, knuckle: int) -> str:
+    return (
+        f"changed: the body {m.body(knuckle).name!r} between the MCP's hinges is left out, with "
+        f"its {1e3 * m.body_mass[knuckle]:.3g} g"
+    )
+
+
+def _check_tree(
+    where: Where, body: Sequence[int], joint: Sequence[int], knuckle: int | None
+) -> None:
     """Each phalanx hangs on the bone before it by its own hinges and no other joint."""
     m = where.model
     for name, j in zip(JOINTS, joint, strict=True):
         if m.jnt_type[j] != mujoco.mjtJoint.mjJNT_HINGE:
             raise where.fault(f"joint {m.joint(j).name!r} ({name}) is no hinge")
-        if m.jnt_bodyid[j] != body[MOVED_BY[name]]:
-            mover = m.body(m.jnt_bodyid[j]).name
+        turned = m.jnt_bodyid[j]
+        if turned != body[MOVED_BY[name]] and turned != knuckle:
             raise where.fault(
-                f"joint {m.joint(j).name!r} ({name}) turns the body {mover!r}, expected "
-                f"{m.body(body[MOVED_BY[name]]).name!r} ({BODIES[MOVED_BY[name]]})"
+                f"joint {m.joint(j).name!r} ({name}) turns the body {m.body(turned).name!r}, "
+                f"expected {m.body(body[MOVED_BY[name]]).name!r} ({BODIES[MOVED_BY[name]]})"
             )
     for i in (1, 2, 3):
         own = np.flatnonzero(m.jnt_bodyid == body[i])
@@ -169,7 +189,7 @@ def _check_tree(where: Where, body: Sequence[int], joint: Sequence[int]) -> None
                 f"finger here has the hinges {', '.join(JOINTS)}"
             )
         above = int(m.body_parentid[body[i]])
-        while above not in (body[i - 1], 0) and m.body_jntnum[above] == 0:
+        while above not in (body[i - 1], 0) and (m.body_jntnum[above] == 0 or above == knuckle):
             above = int(m.body_parentid[above])
         if above != body[i - 1]:
             raise where.fault(

@@ -167,10 +167,17 @@ def _greatest(m: mujoco.MjModel, t: int) -> float:
     for a in np.flatnonzero(_pullers(m) & (m.actuator_trnid[:, 0] == t)):
         gear = abs(float(m.actuator_gear[a, 0]))
         if m.actuator_gaintype[a] == int(mujoco.mjtGain.mjGAIN_MUSCLE):
-            most += gear * max(0.0, float(m.actuator_gainprm[a, 2]))
+            most += gear * _muscle_force(m, int(a))
         elif m.actuator_forcelimited[a]:
             most += gear * float(np.abs(m.actuator_forcerange[a]).max())
     return most
+
+
+def _muscle_force(m: mujoco.MjModel, a: int) -> float:
+    """The greatest force, N, of a muscle: where none is stated (a negative number) MuJoCo's own,
+    its scale over the acceleration that a unit force makes."""
+    force, scale = (float(x) for x in m.actuator_gainprm[a, 2:4])
+    return force if force >= 0 else scale / max(float(m.actuator_acc0[a]), mujoco.mjMINVAL)
 
 
 def _other_actuators(m: mujoco.MjModel) -> list[str]:

@@ -104,7 +104,7 @@ def test_a_rung_without_equilibrium_is_a_failure(quick, tmp_path):
     args = ["ladder", "network_edc", "-o", str(tmp_path), "--set", "solve.max_iterations=1"]
     ran = CliRunner().invoke(app, args)
     assert ran.exit_code == 1, ran.output
-    assert "network: failed: hood and finger did not agree in 1 rounds" in ran.output
+    assert "network: failed: hood and finger did not agree in 1 round" in ran.output
     assert (tmp_path / "network_edc" / "ladder.md").is_file()
 
 

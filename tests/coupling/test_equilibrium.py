@@ -386,7 +386,7 @@ def test_hood_and_finger_that_cannot_agree_are_an_error_and_no_result():
 
 
 def test_too_few_rounds_are_an_error():
-    with pytest.raises(ConvergenceError, match="did not agree in 1 rounds"):
+    with pytest.raises(ConvergenceError, match="did not agree in 1 round"):
         couple(
             finger(False), dorsal_and_palmar(), TENSION.repeat(2), options=CouplingOptions(1e-10, 1)
         )

@@ -7,6 +7,7 @@ import re
 from importlib.resources import files
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -239,3 +240,46 @@ def test_tendons_left_out_for_one_reason_are_one_line(tmp_path: Path):
     )
     losses = read_mjcf(write_finger(tmp_path / "finger.xml", more=more)).losses
     assert "dropped: tendons A, B: it pulls on no phalanx" in losses
+
+
+def test_a_body_between_the_hinges_of_the_mcp_is_left_out_and_told(tmp_path: Path):
+    """The same finger with both hinges, the abduction's first, on the proximal phalanx."""
+    text = write_finger(tmp_path / "plain.xml").read_text()
+    flexion = '<joint name="MCP" axis="0.0 1.0 0.0" range="-0.5 1.5"/>\n'
+    abduction = '<joint name="MCP_abduction" axis="0.1 0.0 1.0"/>\n'
+    assert '<body name="proximal">' + flexion + abduction in text
+    rest = text.replace(flexion + abduction, "")
+    plain = tmp_path / "ordered.xml"
+    plain.write_text(rest.replace('"proximal">', f'"proximal">{abduction}{flexion}'))
+    inertial = '<inertial pos="0 0 0" mass="0.001" diaginertia="1e-8 1e-8 1e-8"/>'
+    knuckle = f'<body name="knuckle">{abduction}{inertial}<body name="proximal">{flexion}'
+    with_knuckle = tmp_path / "knuckle.xml"
+    with_knuckle.write_text(
+        rest.replace('<body name="proximal">', knuckle).replace(
+            "</worldbody>", "</body></worldbody>"
+        )
+    )
+    one, other = read_mjcf(plain), read_mjcf(with_knuckle)
+    assert other.model.segments == one.model.segments
+    assert other.model.muscles == one.model.muscles
+    (told,) = set(other.losses) - set(one.losses)
+    assert told.endswith("the body 'knuckle' between the MCP's hinges is left out, with its 1 g")
+
+
+def test_a_muscle_that_states_no_force_has_mujocos_own(tmp_path: Path):
+    text = write_finger(tmp_path / "f.xml").read_text().replace('force="79"', 'scale="50"')
+    (tmp_path / "auto.xml").write_text(text)
+    m = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(m)
+    data.qpos[:], data.act[0] = m.qpos0, 1.0
+    mujoco.mj_forward(m, data)
+    at_rest = mujoco.mju_muscleGain(
+        m.actuator_length0[0], 0.0, m.actuator_lengthrange[0], m.actuator_acc0[0],
+        m.actuator_gainprm[0, :9],
+    )  # fmt: skip
+    curve = mujoco.mju_muscleGain(
+        m.actuator_length0[0], 0.0, m.actuator_lengthrange[0], m.actuator_acc0[0],
+        np.array([*m.actuator_gainprm[0, :2], 1.0, *m.actuator_gainprm[0, 3:9]]),
+    )  # fmt: skip
+    found = read_mjcf(tmp_path / "auto.xml").max_force["FDP"]
+    assert found * curve == pytest.approx(at_rest, rel=1e-9)
