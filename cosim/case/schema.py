@@ -40,6 +40,9 @@ class SolveConfig(Table):
     """Iterations of the coupled equilibrium; a solve that needs more fails."""
     hood_tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-10
     """The hood's own equilibrium: largest residual over the largest force."""
+    second_start: Switch = False
+    """Solve the loaded equilibrium a second time, by the other scheme and from the hood as it is
+    laid, and hold the one to the other: whether there are two.  Of an equilibrium alone."""
 
 
 class OneWayConfig(Table):
@@ -162,6 +165,17 @@ class CaseFile(Table):
     def _can_be_injured(self) -> CaseFile:
         if wrong := self.unfit_lesion():
             raise fault(wrong)
+        return self
+
+    @model_validator(mode="after")
+    def _can_start_again(self) -> CaseFile:
+        if self.solve.second_start and (
+            self.forward is not None or self.coupling.scheme == "one_way"
+        ):
+            raise fault(
+                "solve.second_start: a second start is of a coupled equilibrium; leave out "
+                'forward and coupling.scheme = "one_way", or write false'
+            )
         return self
 
     def unfit_lesion(self) -> str:

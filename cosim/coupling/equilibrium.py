@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cosim.coupling.finger_equilibrium import free_stiffness
 from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.port import (
     STATIC,
@@ -202,6 +203,16 @@ def moment_arms(finger: OpenFinger, e: Equilibrium) -> Array:
     """Moment arms (nq, nt) m by force: the derivative of the joint torques by each hood tendon's
     tension, d tau/d T at fixed pose (for a prestressed hood not the same as tau/T)."""
     return finger.jacobian(e.finger_state).T @ e.jacobian.load_tension
+
+
+def coupled_stiffness(finger: OpenFinger, e: Equilibrium) -> Array:
+    """The stiffness (k,) N m/rad, least first, of hood and finger together at their equilibrium
+    with the bones free: in the motions of the joints that the tip's support allows, the hood at
+    rest in each (its own degrees of freedom condensed).  The ways in which the whole leaves its
+    equilibrium are the negative ones here and those of the hood with bones held, since inertia is
+    additive (Haynsworth 1968, Linear Algebra Appl 1:73)."""
+    slope = finger.tangent(e.finger_state, e.load, e.finger_tension, e.jacobian.load_motion)
+    return free_stiffness(slope, len(finger.joints))
 
 
 NO_ARM = 1e-9

@@ -135,9 +135,16 @@ def _size(balance: Balance) -> float:
 def _softest(slope: Array, nq: int) -> float:
     """The largest eigenvalue (N m/rad) of the joints' tangent (n, n) over the motions that the
     tip's support allows; positive where the finger runs away from its equilibrium."""
+    return -float(free_stiffness(slope, nq).min(initial=np.inf))
+
+
+def free_stiffness(slope: Array, nq: int) -> Array:
+    """The stiffness (k,) N m/rad of a finger, least first, in the motions of its joints that the
+    tip's support allows, from the derivative (n, n) of its residual; none of a clamped finger of
+    four joints.  A negative one is a motion by which the finger leaves its equilibrium."""
     free = np.linalg.svd(slope[nq:, :nq])[2][len(slope) - nq :].T
-    allowed = free.T @ slope[:nq, :nq] @ free
-    return float(np.linalg.eigvalsh((allowed + allowed.T) / 2).max(initial=-np.inf))
+    allowed = -free.T @ slope[:nq, :nq] @ free
+    return np.asarray(np.linalg.eigvalsh((allowed + allowed.T) / 2))
 
 
 def _relax(

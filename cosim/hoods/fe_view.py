@@ -4,7 +4,7 @@ the lines on which its tendons' ends slide clear the bone."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from cosim.hoods.view import Field
 from cosim.port import Array, State
+from fe_solver.forces.contact import coulomb_defects
 from fe_solver.forces.springs import spring_state
 from fe_solver.hood.shell_hood import RETRIES
 from fe_solver.hood.shell_hood import ShellHood as FeHood
@@ -57,6 +58,8 @@ class FeView:
     """Newton iterations since the hood's start."""
     attempt: str
     """Which attempt of the solver converged here, in words."""
+    friction: Mapping[str, float] = field(default_factory=dict)
+    """What `friction_audit` says; empty of a hood without friction."""
 
     def lines(self) -> Mapping[str, Array]:
         """What pictures draw of it as lines (k, 3) m, by name."""
@@ -118,6 +121,7 @@ class FeView:
             "max_penetration_mm": 1e3 * self.penetration,
             "guide_depth_mm": 1e3 * self.guide_depth,
             "hood_unstable_modes": self.unstable_modes,
+            **self.friction,
         }
 
     def change(self, before: Any) -> Mapping[str, Any]:
@@ -148,6 +152,7 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
         spring_node=springs.node,
         penetration=max(0.0, -float(hood.gap(state).min())),
         guide_depth=depth,
+        friction=friction_audit(hood, state),
         unstable_modes=state.solution.factor.negative,
         glide=glide(
             lines.places,
@@ -159,6 +164,22 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
         iterations=state.iterations,
         attempt=state.attempt,
     )
+
+
+def friction_audit(hood: FeHood, state: State) -> dict[str, float]:
+    """How far the hood's friction exceeds Coulomb's cone, over the largest limit, and the work that
+    it has done in place of taking it, over its work without signs; empty without friction."""
+    c, contacts = state.configuration, state.solution.model.contacts
+    rubbing = [k for k in contacts if k.grip is not None]
+    if not rubbing:
+        return {}
+    defects = [coulomb_defects(k, c.x, c.position, c.rotation) for k in rubbing]
+    excess, limit = (max(getattr(d, name) for d in defects) for name in ("excess", "limit"))
+    made, work = (sum(getattr(d, name) for d in defects) for name in ("made", "work"))
+    return {
+        "friction_beyond_cone": excess / limit if limit > 0 else excess,
+        "friction_work_made": made / work if work > 0 else made,
+    }
 
 
 def rope_lines(hood: FeHood, state: State) -> dict[str, Array]:

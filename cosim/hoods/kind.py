@@ -65,6 +65,12 @@ class HoodConfig(Table):
         """Whether it is a sheet that answers small changes by its tangent."""
         return False
 
+    @property
+    def has_friction(self) -> bool:
+        """Whether it rubs on the bones, so that its load depends on its path and arms by force and
+        by excursion differ."""
+        return False
+
     def tendon_names(self) -> tuple[str, ...] | None:
         """The tendons that pull on it; None where only building tells."""
         return None

@@ -192,6 +192,8 @@ def _audit(run: Result, place: int) -> ReportTable:
         named = name if unit_of(name) == "1" else f"{name.rpartition('_')[0]}, {unit_of(name)}"
         value = None if value is None else float(value)
         rows.append((named.replace("_", " "), value, bound, word))
+    for name, reason in run.summary.get("audit_not_judged", {}).items():
+        rows.append((name.replace("_", " "), None, None, f"not judged: {reason}"))
     columns = ("check", "value", "bound", "verdict")
     return ReportTable(f"audit_{place}", f"Audit of {run.name}", columns, tuple(rows))
 

@@ -21,6 +21,11 @@ STEP = (
     "hood and finger drift apart in time: write a smaller forward.step, a table forward.adaptive, "
     'or coupling.scheme = "newton"'
 )
+TWO = (
+    "another start leads to another equilibrium (second_start in summary.json): which one a finger "
+    "is in depends on how it was loaded; load it in a motion (forward), change what lets the hood "
+    "go slack, or write a smaller solve.tolerance"
+)
 BOUNDS = {
     "hood_force_balance": Bound(1e-9, CLOSURE),
     "hood_moment_balance": Bound(1e-9, CLOSURE),
@@ -30,6 +35,12 @@ BOUNDS = {
         1e-3,
         "arms by force and by excursion differ; a larger hood.contact.stiffness in place of "
         f"augmented contact or friction can help, else {TOLERANCE}",
+    ),
+    "tip_force_over_reach": Bound(
+        2.0,
+        "the fingertip force is more than the tendons can make: the hood pushes by stress that it "
+        "has at rest (unloaded.joint_torque_Nmm.hood); write moduli of tendon, or lay the hood "
+        "nearer to the posture (hood.mesh.rest_posture)",
     ),
     "torque_balance_at_rest": Bound(1e-3, "write a longer forward.duration"),
     "largest_interface_residual": Bound(0.05, STEP),
@@ -42,11 +53,26 @@ BOUNDS = {
     "guide_depth_mm": Bound(
         0.05, "a tendon's line runs into the bone: raise its end on the metacarpal"
     ),
+    "friction_beyond_cone": Bound(
+        1e-4,
+        "friction exceeds its coefficient times the normal force; write a smaller "
+        "hood.contact.stiffness or a smaller solve.hood_tolerance",
+    ),
+    "friction_work_made": Bound(
+        1e-9, "friction drives the hood in place of holding it; load it in smaller steps"
+    ),
     "hood_unstable_modes": Bound(
         0,
         "the hood stands where the least push would move it away, as a strut that buckles; write "
         "another hood.mesh.quads, or change posture or tension a little",
     ),
+    "unstable_modes_bones_free": Bound(
+        0,
+        "hood and finger stand where the least push on a joint would move them away; change "
+        'posture or tension a little, or write coupling.scheme = "newton"',
+    ),
+    "second_start_force_N": Bound(1e-3, TWO),
+    "second_start_angle_deg": Bound(1e-2, TWO),
 }
 """By the figure's name in the summary: in its audit, or beside it."""
 POSTURE, AT_REST, LITTLE_DAMPING = "posture_in_range", "at_rest", "little_numerical_damping"
@@ -61,6 +87,16 @@ ADVICE = {
     f"(artificial_energy_over_effort), so that its path is damped; {STEP}",
 }
 """What to try where a run misses what has no figure."""
+
+
+NOT_RECIPROCAL = (
+    "with friction, arms by force and by excursion differ by what sticks; the balance, "
+    "Coulomb's cone (friction_beyond_cone) and the sign of friction's work (friction_work_made) "
+    "are held to in its place"
+)
+"""Why the reciprocity of moment arms says nothing of a hood with friction."""
+
+PATH_DEPENDENT = "with friction the load depends on the path, so that two starts may differ"
 
 
 @dataclass(frozen=True)

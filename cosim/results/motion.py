@@ -31,6 +31,7 @@ from cosim.results.scene import (
     origins_of,
     with_measures,
 )
+from cosim.results.tip_reach import motion_over_reach
 from cosim.solve.motion import SolvedMotion
 from cosim.version import __version__
 
@@ -101,6 +102,12 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         "rest": {"exempt": NO_UNLOADED},
         "iterations": {"steps": len(frames) - 1, "hood_solves": end.coupled.solves},
     }
+    over_reach = motion_over_reach(case, moved)
+    match over_reach:
+        case str():
+            out["audit_not_judged"] = {"tip_force_over_reach": over_reach}
+        case _:
+            out["audit"]["tip_force_over_reach"] = over_reach
     out["audit_missed"] = missed_bounds(
         out,
         posture_in_range=is_in_range(finger.joints, np.array([f.angles for f in frames]), t.ranges),

@@ -104,6 +104,8 @@ STATE = (
     Quantity("tension_field_area_percent.<tension>", "part of the sheet that is <tension>"),
     Quantity("max_penetration_mm", "deepest penetration of the hood into a bone"),
     Quantity("guide_depth_mm", "tendons' lines under the bone"),
+    Quantity("friction_beyond_cone", "friction beyond its coefficient times the normal force"),
+    Quantity("friction_work_made", "work that friction made in place of taking it, relative"),
     Quantity("hood_unstable_modes", "ways in which the hood is unstable"),
 )
 """What a summary says of an equilibrium, loaded or `unloaded`, or of the end of a motion."""
@@ -155,6 +157,10 @@ CHECKS = {
     "audit.finger_residual": "joint torques that do not add up, relative",
     "audit.interface_residual": "disagreement of hood and finger, relative",
     "audit.reciprocity": "tangents of load and excursion that differ, relative",
+    "audit.tip_force_over_reach": "fingertip force over what the tendons can make",
+    "audit.unstable_modes_bones_free": "ways in which hood and finger together are unstable",
+    "audit.second_start_force_N": "difference of the fingertip force from a second start",
+    "audit.second_start_angle_deg": "largest difference of a joint angle from a second start",
     "audit.torque_balance_at_rest": "torque of inertia at rest, relative",
     "audit.artificial_energy_over_effort": "energy that the method took or gave, relative",
     "audit.energy_put_in_over_effort": "energy that the method gave, relative",
@@ -171,6 +177,10 @@ CHECKS = {
 }
 """Figures of the audit and counts, by path."""
 OF_RUN = (
+    Quantity(
+        "second_start.fingertip_force_N.<axis>", "fingertip force from a second start, <axis>"
+    ),
+    Quantity("second_start.posture_deg.<joint>", "<joint> angle from a second start"),
     Quantity("wall_s", "wall time"),
     Quantity("hood_quads", "quads of the hood's mesh"),
     Quantity("hood_cells", "line cells of the hood"),

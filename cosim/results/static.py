@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
-from cosim.coupling.equilibrium import Equilibrium
+from cosim.coupling.equilibrium import Equilibrium, coupled_stiffness
 from cosim.fingers.kinds import joint_ranges
 from cosim.fmu.quantity import OPEN
 from cosim.hoods.view import HoodView
@@ -17,7 +17,7 @@ from cosim.models.build import Models
 from cosim.models.double_count import pairs
 from cosim.port import AXES, Array, Finger
 from cosim.results.arrays import Arrays, along
-from cosim.results.audit import missed_bounds
+from cosim.results.audit import NOT_RECIPROCAL, PATH_DEPENDENT, missed_bounds
 from cosim.results.clamped_tip import arm_differences
 from cosim.results.conventions import FRAME, attributes, by_axis, is_slack, vector_of
 from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of
@@ -25,6 +25,7 @@ from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
 from cosim.results.result import Result
 from cosim.results.scene import scene, with_measures
+from cosim.results.tip_reach import tip_force_over_reach
 from cosim.solve.states import States
 from cosim.version import __version__
 from meshes.skeleton import BODIES
@@ -83,6 +84,21 @@ def summary(
             audit["interface_residual"] = loaded.interface_residual
     if states.reciprocity is not None:
         audit["reciprocity"] = states.reciprocity
+    not_judged = {"reciprocity": NOT_RECIPROCAL} if case.hood.has_friction else {}
+    over_reach = tip_force_over_reach(case, models, states)
+    match over_reach:
+        case str():
+            not_judged["tip_force_over_reach"] = over_reach
+        case _:
+            audit["tip_force_over_reach"] = over_reach
+    if loaded.balance is not None:
+        stiffness = coupled_stiffness(models.finger, loaded)
+        audit["unstable_modes_bones_free"] = int((stiffness < 0).sum())
+    if states.second is not None:
+        if reason := PATH_DEPENDENT if case.hood.has_friction else states.second.failure:
+            not_judged["second_start"] = reason
+        else:
+            audit |= _differences(models, states.loaded, states.second.found or states.loaded)
     missed = missed_bounds(
         {**at_load, "audit": audit},
         posture_in_range=loaded.balance is None or _is_in_range(models, loaded),
@@ -98,12 +114,37 @@ def summary(
         | _clamped_arms(case, models, unloaded, loaded),
         "audit": audit,
         "audit_missed": missed,
+        **({"audit_not_judged": not_judged} if not_judged else {}),
         **({"not_in_ledger": OPEN} if loaded.balance is None else {}),
         **_muscles(case, models, states),
         **_one_way(case, models, states),
+        **_second_start(models, states),
         "iterations": iterations,
     }
     return {**head, **at_load, **beside}
+
+
+def _second_start(models: Models, states: States) -> dict[str, Any]:
+    """What was found from the second start."""
+    if states.second is None:
+        return {}
+    out: dict[str, Any] = {"scheme": states.second.scheme}
+    if (e := states.second.found) is not None:
+        out["fingertip_force_N"] = by_axis(models.finger.tip_force(e.finger_state))
+        out["posture_deg"] = _by_joint(models, np.rad2deg(models.finger.angles(e.finger_state)))
+    return {"second_start": out}
+
+
+def _differences(models: Models, first: Equilibrium, second: Equilibrium) -> dict[str, float]:
+    """How far one equilibrium is from another."""
+    finger, states = models.finger, (first.finger_state, second.finger_state)
+    force, angles = (
+        np.subtract(*map(quantity, states)) for quantity in (finger.tip_force, finger.angles)
+    )
+    return {
+        "second_start_force_N": float(np.linalg.norm(force)),
+        "second_start_angle_deg": float(np.rad2deg(np.abs(angles).max())),
+    }
 
 
 def _is_in_range(models: Models, e: Equilibrium) -> bool:

@@ -142,6 +142,8 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     yield "ways in which the hood is unstable", _number(_at(summary, "hood_unstable_modes"))
     for name, value in (_at(summary, "audit") or {}).items():
         yield f"audit: {name.replace('_', ' ')}", f"{value:.1e}"
+    for name, reason in (_at(summary, "audit_not_judged") or {}).items():
+        yield f"audit: {name.replace('_', ' ')}", f"not judged: {reason}"
     for name, count in (_at(summary, "iterations") or {}).items():
         word = name.replace("_", " ")
         yield word if name in COUNTS else f"{word} iterations", _number(count)

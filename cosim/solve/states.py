@@ -10,14 +10,28 @@ from cosim.tendons.muscles import MusclePull
 
 
 @dataclass(frozen=True)
+class SecondStart:
+    """The loaded equilibrium that was found from another start."""
+
+    scheme: str
+    """By which scheme of the coupling."""
+    found: Equilibrium | None
+    """None where it did not converge."""
+    failure: str = ""
+    """Why it did not; empty where it did."""
+
+
+@dataclass(frozen=True)
 class States:
     """The two equilibria of an isometric case, and the audit of the loaded one."""
 
     unloaded: Equilibrium
     loaded: Equilibrium
     reciprocity: float | None
-    """None where the hood has no tendons to pull."""
+    """None where the hood has no tendons to pull, or rubs on the bones."""
     pull: MusclePull
     """The pull of the muscles that have a fibre, in the loaded state."""
     one_way: OneWayPass | None = None
     """What a one-way pass handed over; None of a coupled equilibrium."""
+    second: SecondStart | None = None
+    """Where the case asks for it."""

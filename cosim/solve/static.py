@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from cosim.models.build import Models, tensions
 from cosim.port import Array, PairState, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
 from cosim.solve.session import Session
-from cosim.solve.states import States
+from cosim.solve.states import SecondStart, States
 from cosim.tendons.muscles import MusclePull
 
 AUDIT_STEP = 2e-5
@@ -34,12 +35,37 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
     models, unloaded = session.models(case, progress), session.unloaded_equilibrium(case, progress)
     loaded, pull = _loaded_from_nearby(case, session, models, unloaded, progress)
     session.remember(case, models, unloaded, loaded)
-    if not models.hood.tendons or loaded.balance is None:
-        return models, States(unloaded, loaded, None, pull)
+    second = _second_start(case, models, unloaded, progress) if case.solve.second_start else None
+    if not models.hood.tendons or loaded.balance is None or case.hood.has_friction:
+        return models, States(unloaded, loaded, None, pull, second=second)
     progress("auditing reciprocity")
     strongest = int(np.argmax(loaded.hood_tension))
     gap = reciprocity(models.finger, models.hood, loaded, strongest, AUDIT_STEP)
-    return models, States(unloaded, loaded, gap, pull)
+    return models, States(unloaded, loaded, gap, pull, second=second)
+
+
+def _second_start(
+    case: Case, models: Models, unloaded: Equilibrium, progress: Progress
+) -> SecondStart:
+    """The loaded equilibrium once more, from the finger in its posture and the hood as it is laid
+    and by the other scheme; by the case's own where that one finds none."""
+    own = case.coupling.scheme
+    failure = ""
+    for scheme in ("newton" if own == "implicit" else "implicit", own):
+        coupling = case.coupling.model_copy(update={"scheme": scheme})
+        again = case.model_copy(update={"coupling": coupling})
+        say = partial(_say, progress, f"second start, {scheme}")
+        try:
+            found, _ = _loaded_equilibrium(again, models, unloaded, models.start(), say)
+        except ConvergenceError as error:
+            failure = str(error)
+        else:
+            return SecondStart(scheme, found)
+    return SecondStart(own, None, failure)
+
+
+def _say(progress: Progress, what: str, text: str) -> None:
+    progress(f"{what}: {text}")
 
 
 def _loaded_from_nearby(

@@ -314,6 +314,48 @@ def contact_state(contact: Contact, x: Array, position: Array, rotation: Array) 
     return ContactState(gap, pressure, drag, status)
 
 
+class CoulombDefects(NamedTuple):
+    """How far a contact is from what Coulomb's law asks of its points."""
+
+    excess: float
+    """N, the most by which the friction on a point exceeds the coefficient times its normal
+    force."""
+    limit: float
+    """N, the largest of these products."""
+    made: float
+    """J, the work that friction has done on the points, not negative."""
+    work: float
+    """J, that of friction's forces over the slips since the anchors, without signs."""
+
+
+def coulomb_defects(contact: Contact, x: Array, position: Array, rotation: Array) -> CoulombDefects:
+    """The defects of a contact at node positions x (n, 3) and body poses; all zero of one without
+    friction.  The plastic slip is what a force -drag/stick leaves of the slip since the anchor."""
+    if contact.grip is None:
+        return CoulombDefects(0.0, 0.0, 0.0, 0.0)
+    state = contact_state(contact, x, position, rotation)
+    limit, size = contact.friction * state.pressure * contact.area, _length(state.drag)
+    local = contact.local(x, position, rotation)
+    slip = friction_of(contact, contact.grip, local).slip @ rotation[contact.body].T
+    elastic = np.divide(
+        state.drag,
+        contact.stick[:, None],
+        out=np.zeros_like(slip),
+        where=contact.stick[:, None] > 0,
+    )
+    done = np.einsum("ki,ki->k", state.drag, slip + elastic)
+    return CoulombDefects(
+        float((size - limit).max(initial=0.0)),
+        float(limit.max(initial=0.0)),
+        float(np.maximum(done, 0.0).sum()),
+        float((size * _length(slip)).sum()),
+    )
+
+
+def _length(vectors: Array) -> Array:
+    return np.asarray(np.linalg.norm(vectors, axis=-1))
+
+
 class ContactFields(NamedTuple):
     """All contacts by node and body, (n, nb); a node stands for the points it is nearest to."""
 

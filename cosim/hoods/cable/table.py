@@ -91,6 +91,10 @@ class CableHoodConfig(HoodConfig):
             raise fault(f"cables: the net also has {', '.join(lacking)}; name them")
         return self
 
+    @property
+    def has_friction(self) -> bool:
+        return self.contact.friction > 0
+
     def parts(self) -> InjurableParts:
         return PARTS
 

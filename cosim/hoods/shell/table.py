@@ -306,6 +306,10 @@ class ShellHoodConfig(HoodConfig):
     def has_smooth_tangent(self) -> bool:
         return self.contact.penetration is None and self.contact.friction == 0
 
+    @property
+    def has_friction(self) -> bool:
+        return self.contact.friction > 0
+
     def parts(self) -> InjurableParts:
         return PARTS
 

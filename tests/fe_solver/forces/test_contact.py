@@ -21,6 +21,7 @@ from fe_solver.forces.contact import (
     contact_fields,
     contact_forces,
     contact_state,
+    coulomb_defects,
     friction_of,
     inverse_ramp,
     join_point_forces,
@@ -264,6 +265,26 @@ def test_friction_by_hand():
     energy, gradient = friction.energy(), friction.linear(friction.sliding())[0]
     assert energy == pytest.approx([0, 0.5e-6, 2e-6, 2e-6, 4e-6], rel=1e-5)
     assert gradient == pytest.approx(np.outer([0, 1, 2, 2, 2], [0.6, 0.8, 0]), rel=1e-5)
+
+
+def test_friction_beyond_the_cone_and_friction_that_drives_are_found():
+    """On 1 N of normal force: the limit that is held, 3 N and 0.3 N, against 0.4 times it; and a
+    force along the slip in place of against it."""
+    n, up = 1, np.array([[0.0, 0, 1]])
+    floor = HalfSpace(np.zeros(3), up[0])
+    slip, pose = np.array([[5e-6, 0, -1e-6]]), (np.zeros((1, 3)), np.eye(3)[None])
+    grip = Grip(np.zeros((n, 3)), up, np.full(n, 0.4), np.zeros(n))
+    contact = Contact(
+        0, floor, np.arange(n), np.zeros(n), np.full(n, 1e-3), 1e9, 1e-12, friction=0.4, grip=grip
+    )
+    kept = coulomb_defects(contact, slip, *pose)
+    assert kept.excess == pytest.approx(0.0, abs=1e-9)
+    assert kept.limit == pytest.approx(0.4)
+    assert (kept.made, kept.work) == (0.0, pytest.approx(0.4 * 5e-6))
+    beyond = replace(contact, grip=replace(grip, limit=np.full(n, 3.0)))
+    assert coulomb_defects(beyond, slip, *pose).excess == pytest.approx(2.6)
+    driven = replace(contact, grip=replace(grip, limit=np.full(n, -0.4)))
+    assert coulomb_defects(driven, slip, *pose).made > 0.9 * 0.4 * 5e-6
 
 
 def test_shares_divide_the_load_and_none_lets_through():
