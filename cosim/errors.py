@@ -167,24 +167,18 @@ class NoRoomError(CosimError):
 class NoMemoryError(CosimError):
     """There is not enough memory; there is no result (exit code 1).
 
-    >>> try:
-    ...     raise NoMemoryError(MemoryError("Unable to allocate 45 GiB"))
-    ... except CosimError as error:
-    ...     print(str(error).split(";")[0])
+    >>> print(str(NoMemoryError.of(MemoryError("Unable to allocate 45 GiB"))).split(";")[0])
     not enough memory: Unable to allocate 45 GiB
     """
 
-    def __init__(self, error: object) -> None:
-        """`error`: what was needed, as a MemoryError says it."""
+    @classmethod
+    def of(cls, error: object) -> NoMemoryError:
+        """The error in words for what was needed, as a MemoryError says it."""
         needed = " ".join(str(error).split()) or "the system gave no more"
-        self.needed = needed
-        super().__init__(
+        return cls(
             f"not enough memory: {needed}; a coarser mesh (hood.mesh.quads), fewer stored frames "
             "(output.frames), a shorter motion, a smaller file, or fewer --workers need less"
         )
-
-    def __reduce__(self) -> tuple[type[NoMemoryError], tuple[str]]:
-        return type(self), (self.needed,)  # between processes
 
 
 class StoppedError(CosimError):

@@ -51,7 +51,7 @@ def outcome_of(run: Callable[[], T_co]) -> Outcome[T_co]:
         status: Status = "refused" if isinstance(error, InputError) else "failed"
         return Outcome(status, None, error, time.perf_counter() - started)
     except MemoryError as needed:
-        return Outcome("failed", None, NoMemoryError(needed), time.perf_counter() - started)
+        return Outcome("failed", None, NoMemoryError.of(needed), time.perf_counter() - started)
     return Outcome("converged", value, None, time.perf_counter() - started)
 
 

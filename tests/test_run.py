@@ -338,7 +338,7 @@ def test_results_of_a_run_read_back(tmp_path: Path):
 
 
 def test_what_does_not_converge_is_no_result():
-    with pytest.raises(ConvergenceError, match=r"1 rounds.*solve\.max_iterations"):
+    with pytest.raises(ConvergenceError, match=r"1 round:.*solve\.max_iterations"):
         run_case(load_case("pulley_edc", ["solve.max_iterations=1"]))
 
 

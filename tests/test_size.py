@@ -12,7 +12,7 @@ from tests.helpers.folders import ROOT
 
 CEILINGS = {
     "cases": 3070,
-    "cosim": 5158,
+    "cosim": 5152,
     "cosim/analyses": 6604,
     "cosim/anatomy": 856,
     "cosim/case": 984,

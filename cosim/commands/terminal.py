@@ -58,7 +58,7 @@ def exit_on_error() -> Iterator[None]:
     except CosimError as error:
         raise typer.Exit(tell(error)) from None
     except MemoryError as error:
-        raise typer.Exit(tell(NoMemoryError(error))) from None
+        raise typer.Exit(tell(NoMemoryError.of(error))) from None
 
 
 def console() -> Console:

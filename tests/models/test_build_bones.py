@@ -62,7 +62,7 @@ TRIANGLE = "v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nf 1 2 3\n"
         ("a.stl", b"hello", "no triangles"),
         ("a.stl", b"", "no triangles"),
         ("a.stl", bytes(range(256)) * 4, "no triangles"),
-        ("a.txt", b"hello", "cannot be read as a triangle surface"),
+        ("a.txt", b"hello", "is not one of .stl, .obj, .ply, .off; give a closed surface"),
         ("a.obj", b"v 0 0 0\nf 1 2 3\n", "cannot be read as a triangle surface"),
         ("a.obj", TRIANGLE.encode(), "not watertight"),
         ("a.obj", TRIANGLE.replace("0.01", "10").encode(), "is 1e+04 mm long as m"),

@@ -54,10 +54,10 @@ def force(kind: str, inside: str = "", path: str = '<GeometryPath name="path">{}
 def test_whatever_pulls_along_a_path_is_taken(tmp_path: Path, kind: str, path: str) -> None:
     if path == "wrapped":
         path = '<path><GeometryPath name="g">{}</GeometryPath></path>'
-    made = import_text(tmp_path, model(forces=force(kind, "<stiffness>NaN</stiffness>", path)))
+    made = import_text(tmp_path, model(forces=force(kind, "<stiffness>3</stiffness>", path)))
     assert made.losses == ()
     assert made.muscles["x"].kind == kind
-    assert made.muscles["x"].properties == {"optimal_force": 2.0, "stiffness": "NaN"}
+    assert made.muscles["x"].properties == {"optimal_force": 2.0, "stiffness": 3.0}
     assert made.path_actuators == 1
     built = mujoco.MjModel.from_xml_string(made.xml)
     assert built.tendon_num[built.tendon("x").id] == 2
