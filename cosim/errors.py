@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -60,11 +61,16 @@ def nearest_names(name: str, known: Iterable[str], most: int = 1, share: float =
     ['FDP']
     """
     word = name.casefold()
-    costs = []
+    near, letters = [], Counter(word)
     for term in known:
-        edits = _edits(word, term.casefold())
-        costs.append((min(edits, SWAP) if term.casefold().startswith(word) else edits, term))
-    near = [(edits, term) for edits, term in costs if edits <= share * max(len(word), len(term))]
+        other = term.casefold()
+        allowed, begins = share * max(len(word), len(term)), other.startswith(word)
+        shared = (letters & Counter(other)).total()
+        if not begins and max(len(word), len(other)) - shared > allowed:
+            continue  # each letter that the other lacks takes an edit
+        edits = min(_edits(word, other), SWAP) if begins else _edits(word, other)
+        if edits <= allowed:
+            near.append((edits, term))
     return [term for _, term in sorted(near, key=lambda pair: pair[0])[:most]]
 
 
@@ -81,6 +87,20 @@ def _edits(a: str, b: str) -> float:
                 edits = min(edits, last[j - 1] + SWAP)
             row.append(edits)
     return row[-1]
+
+
+def first_twice(names: Iterable[str]) -> str:
+    """The first name that was there before; empty where all differ.
+
+    >>> first_twice(["a", "b", "a", "b"])
+    'a'
+    """
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            return name
+        seen.add(name)
+    return ""
 
 
 class ReadingWarning(UserWarning):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cosim.abaqus_file import read_inp
 from cosim.errors import InputError
 from cosim.extras import require
+from cosim.file_size import MB, check_file_size
 from cosim.foreign_process import ForeignError, ForeignProcess
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ BY_MESHIO = b"<!--This file was created by meshio v"
 HEAD = 500
 """Bytes of a file in which that stands."""
 IN_GMSH = "in gmsh put every surface and curve into one, or set Mesh.SaveAll = 0, and save it again"
+MOST_BYTES = 256 * MB
 READER = "cosim.vtu_child:read_arrays"
 PATIENCE = 120.0
 """s that VTK may take for a file."""
@@ -54,6 +56,7 @@ def read_mesh_file(path: Path) -> Mesh:
     Raises InputError where it cannot be read."""
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
+    check_file_size(path, MOST_BYTES)
     if path.suffix.lower() == ".inp":
         return read_inp(path)
     if path.suffix.lower() in BY_VTK and not _is_by_meshio(path):

@@ -10,8 +10,10 @@ from typing import Any, Literal
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.file_size import check_file_size
 from cosim.fingers.index import UNREADABLE
 from cosim.port import Array
+from cosim.schema.types import MOST_SURFACE
 from meshes.hull import Centreline
 from meshes.imported.checks import UNITS, Placing, wind_alike
 from meshes.skeleton import BODIES, index_finger
@@ -116,6 +118,7 @@ def load_surface(path: Path, what: str) -> Any:
 
     if not path.is_file():
         raise InputError(f"--bones: {what}: there is no file {path}")
+    check_file_size(path, MOST_SURFACE)
     try:
         return trimesh.load_mesh(path)
     except UNREADABLE as error:

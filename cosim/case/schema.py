@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from cosim.case.faults import describe
+from cosim.case.faults import describe, listing
 from cosim.case.layers import Layer, add_layer, nested
 from cosim.errors import InputError
 from cosim.files import shown_path
@@ -231,10 +231,9 @@ class Case(CaseFile):
                 merged = add_layer(merged, layer)
             checked = CaseFile.model_validate(merged)
         except ValidationError as error:
-            faults = describe(error, CaseFile, merged, layers)
-            count = f"{len(faults)} fault" + ("s" if len(faults) > 1 else "")
-            lines = [f"{shown_path(source)}: {count}", *map(str, faults)]
-            raise InputError("\n  ".join(lines), faults) from None
+            faults, count = describe(error, CaseFile, merged, layers)
+            text = listing(shown_path(source), [*map(str, faults)], count)
+            raise InputError(text, faults) from None
         except RecursionError:
             raise InputError(f"{shown_path(source)}: tables are nested too deeply") from None
         return cls.model_construct(name=source.stem, source=source, **dict(checked))

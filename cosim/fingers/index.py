@@ -16,7 +16,7 @@ from cosim.fingers.common import EQUAL_SHARES, Extensor, JointedFingerConfig
 from cosim.fingers.kind import Eyelets, FingerKind
 from cosim.port import Triangles
 from cosim.schema.fields import fault
-from cosim.schema.types import MUSCLES, BodyName, File, Number, Table
+from cosim.schema.types import MUSCLES, BodyName, File, Number, SurfaceFile, Table
 from meshes.skeleton import BODIES, Skeleton, index_finger
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ UNREADABLE = (
 class BoneConfig(Table):
     """A watertight surface (STL or OBJ) in place of our bone."""
 
-    surface: File
+    surface: SurfaceFile
     """A watertight surface, STL or OBJ."""
     unit: Literal["m", "mm"]
     """Unit of the file's coordinates."""

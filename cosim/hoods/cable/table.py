@@ -55,6 +55,13 @@ class CableMeshConfig(Table):
     """Posture in which the net is laid out, free of stress but for the residual tension."""
 
 
+ENDS = {
+    "index": {"EDC": "central", "EI": "indicis", "LUM": "radial", "FPI": "ulnar"},
+    "robot": {"extensor": "central"},
+}
+"""By finger, the tendons that act through the net and the ends that they pull."""
+
+
 class CableHoodConfig(HoodConfig):
     """A net of cables that bear tension alone, over the bones: the tendinous rhombus.  The law of
     each is quadratic up to the strain `toe`, then straight; `residual_tension` (N) beside it keeps
@@ -90,6 +97,9 @@ class CableHoodConfig(HoodConfig):
         if lacking := [name for name in CABLES if name not in self.cables]:
             raise fault(f"cables: the net also has {', '.join(lacking)}; name them")
         return self
+
+    def tendon_names(self, finger: str) -> tuple[str, ...]:
+        return tuple(ENDS.get(finger, ()))
 
     def parts(self) -> InjurableParts:
         return PARTS
