@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 Progress = Callable[[str], None]
@@ -17,22 +19,74 @@ def quiet(text: str) -> None:
     """The progress of a caller who asks for none."""
 
 
-_LISTENER: ContextVar[Progress] = ContextVar("listener", default=quiet)
+SILENCE = 10.0
+"""s after the last word at which a solver's iteration is told."""
+
+
+@dataclass
+class _Listener:
+    """Who hears of a solve, and until when it may go on."""
+
+    tell: Progress = quiet
+    patience: float = inf
+    """s."""
+    last: str = ""
+    """What was told last."""
+    begun: float = inf
+    """s, by the clock."""
+    spoken: float = inf
+    """s, when something was told last."""
+
+    def say(self, text: str) -> None:
+        self.last, self.spoken = text, time.monotonic()
+        self.tell(text)
+
+    def pulse(self, form: str, *values: object) -> None:
+        now = time.monotonic()
+        taken = now - self.begun
+        if taken <= self.patience and now - self.spoken <= SILENCE:
+            return
+        reached = "; ".join(filter(None, (self.last, form.format(*values))))
+        if taken > self.patience:
+            raise PatienceError(f"solve.patience was over after {taken:.3g} s, at: {reached}")
+        self.spoken = now
+        self.tell(reached)
+
+
+_LISTENER: ContextVar[_Listener] = ContextVar("listener")
+_NOBODY = _Listener()
 
 
 @contextmanager
-def relay_progress(progress: Progress) -> Iterator[None]:
-    """Let `progress` hear what solvers below say (`say`), in this thread."""
-    token = _LISTENER.set(progress)
+def relay_progress(progress: Progress, patience: float = inf) -> Iterator[Progress]:
+    """Let `progress` hear what solvers below say (`say`, `pulse`), in this thread, for `patience`
+    s; yields what takes its place within.
+
+    >>> with relay_progress(print) as tell:
+    ...     tell("round 1")
+    ...     pulse("iteration {}", 7)
+    round 1
+
+    A `pulse` later than that raises PatienceError."""
+    now = time.monotonic()
+    listener = _Listener(progress, patience, "", now, now)
+    token = _LISTENER.set(listener)
     try:
-        yield
+        yield listener.say
     finally:
         _LISTENER.reset(token)
 
 
 def say(text: str) -> None:
     """Tell whoever listens of what goes on where no progress is handed down, behind the port."""
-    _LISTENER.get()(text)
+    _LISTENER.get(_NOBODY).say(text)
+
+
+def pulse(form: str, *values: object) -> None:
+    """Let whoever listens end a solve, or hear of it where nothing was said for SILENCE s: called
+    in each iteration, with the words for it (`str.format`), which are made where they are needed.
+    Raises PatienceError."""
+    _LISTENER.get(_NOBODY).pulse(form, *values)
 
 
 def span(seconds: float) -> str:
@@ -164,6 +218,11 @@ class ConvergenceError(CosimError):
     def __init__(self, message: str, reached: Any = None) -> None:
         super().__init__(message)
         self.reached = reached
+
+
+class PatienceError(CosimError):
+    """A solve took longer than its case allows; its text says how far it came.  It is no
+    ConvergenceError, so that no solver tries another way; who began the solve makes one of it."""
 
 
 class NoRoomError(CosimError):

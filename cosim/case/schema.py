@@ -29,7 +29,8 @@ MOST_NAME = 200
 
 
 class SolveConfig(Table):
-    """Tolerances: of the coupling (relative residual) and of the hood's own equilibrium."""
+    """Tolerances: of the coupling (relative residual) and of the hood's own equilibrium; and how
+    long a solve may take."""
 
     resting_tension: Annotated[float, quantity(units.FORCE, least="0 N", most="10 N")] = 0.05
     """Tension of every tendon that the case does not name, and of all tendons in the unloaded
@@ -40,6 +41,9 @@ class SolveConfig(Table):
     """Iterations of the coupled equilibrium; a solve that needs more fails."""
     hood_tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-10
     """The hood's own equilibrium: largest residual over the largest force."""
+    patience: Annotated[float, quantity(units.PATIENCE, above="0 s", most="1e7 s")] | None = None
+    """Longest time of computing; a run that takes longer ends as one that does not converge and
+    says how far it came, and a motion keeps what it reached.  Without it there is no limit."""
 
 
 class OneWayConfig(Table):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.errors import ConvergenceError, Progress, quiet
+from cosim.errors import ConvergenceError, Progress, pulse, quiet
 from cosim.port import (
     STATIC,
     Array,
@@ -115,6 +115,7 @@ def equilibrium(
     interface, exact, part, turn = np.inf, False, 1.0, np.inf
     way: _CouplingStep | None = None
     for iteration in range(1, options.max_iterations + 1):
+        pulse("round {} begins", iteration)
         motion = finger.motion(finger_state)
         solver = hood if exact else hood.with_tolerance(LOOSE)
         response, first = first or static_response(solver, state, motion, tensions.hood), None
