@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.file_size import MB, read_bytes
 
 if TYPE_CHECKING:
     from meshio import Mesh
@@ -54,8 +56,12 @@ MAKERS = {
     *("SUBSTRUCTURE PROPERTY", "SYMMETRIC MODEL GENERATION"),
 }
 """Cards without whose work nodes or elements would lie elsewhere, or be missing."""
+MOST_BYTES = 64 * MB
+"""Of a file, which takes some ten times as much in memory."""
 MOST_INCLUDES = 20
 """Files, one within the other."""
+MOST_FILES, MOST_SETS = 1000, 100
+"""Files in all, and sets one within the other."""
 
 
 class Card(NamedTuple):
@@ -124,7 +130,7 @@ def read_inp(path: Path) -> Mesh:
     A set that several instances have is named INSTANCE.SET.  Raises InputError, with the line."""
     model = _Model()
     scope = model.top
-    for card in _cards(path, ()):
+    for card in _cards(path, (), []):
         if card.word in MAKERS:
             raise InputError(
                 f"{card.place}: *{card.word} makes or moves nodes, and is not read; write the mesh "
@@ -139,8 +145,9 @@ def read_inp(path: Path) -> Mesh:
     return _Flat(path, model).mesh()
 
 
-def _cards(path: Path, within: tuple[Path, ...]) -> Iterator[Card]:
-    """The cards of a file and of those that it includes, in their order.  Raises InputError."""
+def _cards(path: Path, within: tuple[Path, ...], read: list[Path]) -> Iterator[Card]:
+    """The cards of a file and of those that it includes, in their order; `read`: the files so far.
+    Raises InputError."""
     card: Card | None = None
     text, going_on = "", False
     for number, line in enumerate(_lines(path), 1):
@@ -157,7 +164,7 @@ def _cards(path: Path, within: tuple[Path, ...]) -> Iterator[Card]:
                 yield card
             card = _card(text, place)
             if card.word == "INCLUDE":
-                yield from _included(card, path, within)
+                yield from _included(card, path, within, read)
                 card = None
         elif card is None:
             raise InputError(f"{place}: {line[:40]!r} stands before any keyword, as *NODE is one")
@@ -169,7 +176,7 @@ def _cards(path: Path, within: tuple[Path, ...]) -> Iterator[Card]:
 
 def _lines(path: Path) -> list[str]:
     try:
-        return path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+        return read_bytes(path, MOST_BYTES).decode("utf-8-sig", errors="replace").splitlines()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
 
@@ -181,7 +188,7 @@ def _card(text: str, place: str) -> Card:
     return Card(" ".join(word.upper().split()), named, [], place)
 
 
-def _included(card: Card, path: Path, within: tuple[Path, ...]) -> Iterator[Card]:
+def _included(card: Card, path: Path, within: tuple[Path, ...], read: list[Path]) -> Iterator[Card]:
     name = card.options.get("INPUT", "")
     beside = (path.parent / name).resolve()
     if not name or not beside.is_relative_to(path.parent.resolve()):
@@ -190,7 +197,10 @@ def _included(card: Card, path: Path, within: tuple[Path, ...]) -> Iterator[Card
         raise InputError(f"{card.place}: {name} includes itself, or too many files each other")
     if not beside.is_file():
         raise InputError(f"{card.place}: there is no file {name} beside {path.name}")
-    return _cards(beside, (*within, path.resolve()))
+    read.append(beside)
+    if len(read) > MOST_FILES:
+        raise InputError(f"{card.place}: more than {MOST_FILES} files are included; join some")
+    return _cards(beside, (*within, path.resolve()), read)
 
 
 def _enter(card: Card, model: _Model, scope: _Scope) -> _Scope:
@@ -348,6 +358,8 @@ class _Flat:
         self.cells: list[tuple[str, list[int]]] = []
         self.scopes: dict[str, tuple[_Scope, ...]] = {}
         """By instance its own scope and its part's; "" for what stands in none."""
+        self.members: dict[tuple[str, str, str], Ints] = {}
+        """Of each set that was asked for, by kind, instance and name."""
 
     def mesh(self) -> Mesh:
         """The mesh of all instances; of parts that none places each as it is."""
@@ -471,23 +483,35 @@ class _Flat:
     def _members(self, kind: str, key: str, name: str, within: tuple[str, ...]) -> Ints:
         """The nodes or elements of a set of an instance.  Raises InputError for a set that is not
         there, or holds itself."""
-        entries = [
-            entry
-            for scope in self.scopes.get(key, ())
-            for (k, n), lines in scope.sets.items()
-            if k == kind and _key(n) == _key(name)
-            for entry in lines
-        ]
+        if (known := self.members.get((kind, key, _key(name)))) is not None:
+            return known
+        entries = self._entries.get((kind, key, _key(name)), [])
+        if len(within) > MOST_SETS:
+            raise InputError(f"{self.path}: more than {MOST_SETS} sets lie one within the other")
         if not entries or _key(name) in within:
             raise InputError(f"{self.path}: *{kind} names the set {name}, which is not there")
         parts = [self._of_entry(kind, key, entry, (*within, _key(name))) for entry in entries]
-        return np.unique(np.concatenate(parts))
+        members = self.members[kind, key, _key(name)] = np.unique(np.concatenate(parts))
+        return members
+
+    @cached_property
+    def _entries(self) -> Mapping[tuple[str, str, str], list[_Entry]]:
+        """The lines of each set, by kind, instance and name."""
+        found: dict[tuple[str, str, str], list[_Entry]] = {}
+        for key, scopes in self.scopes.items():
+            for (kind, name), lines in (pair for scope in scopes for pair in scope.sets.items()):
+                found.setdefault((kind, key, _key(name)), []).extend(lines)
+        return found
 
     def _of_entry(self, kind: str, key: str, entry: _Entry, within: tuple[str, ...]) -> Ints:
         known = self.node if kind == "NSET" else self.element
         home = _key(entry.instance) or key
         if entry.steps is not None:
             first, last, step = entry.steps
+            if step > 0 and (last - first) // step < len(known):
+                numbers = range(first, last + 1, step)
+                named = [known[home, n] for n in numbers if (home, n) in known]
+                return np.array(named, dtype=np.int64)
             return np.array(
                 [
                     i

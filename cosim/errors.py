@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 Progress = Callable[[str], None]
@@ -16,22 +19,74 @@ def quiet(text: str) -> None:
     """The progress of a caller who asks for none."""
 
 
-_LISTENER: ContextVar[Progress] = ContextVar("listener", default=quiet)
+SILENCE = 10.0
+"""s after the last word at which a solver's iteration is told."""
+
+
+@dataclass
+class _Listener:
+    """Who hears of a solve, and until when it may go on."""
+
+    tell: Progress = quiet
+    patience: float = inf
+    """s."""
+    last: str = ""
+    """What was told last."""
+    begun: float = inf
+    """s, by the clock."""
+    spoken: float = inf
+    """s, when something was told last."""
+
+    def say(self, text: str) -> None:
+        self.last, self.spoken = text, time.monotonic()
+        self.tell(text)
+
+    def pulse(self, form: str, *values: object) -> None:
+        now = time.monotonic()
+        taken = now - self.begun
+        if taken <= self.patience and now - self.spoken <= SILENCE:
+            return
+        reached = "; ".join(filter(None, (self.last, form.format(*values))))
+        if taken > self.patience:
+            raise PatienceError(f"solve.patience was over after {taken:.3g} s, at: {reached}")
+        self.spoken = now
+        self.tell(reached)
+
+
+_LISTENER: ContextVar[_Listener] = ContextVar("listener")
+_NOBODY = _Listener()
 
 
 @contextmanager
-def relay_progress(progress: Progress) -> Iterator[None]:
-    """Let `progress` hear what solvers below say (`say`), in this thread."""
-    token = _LISTENER.set(progress)
+def relay_progress(progress: Progress, patience: float = inf) -> Iterator[Progress]:
+    """Let `progress` hear what solvers below say (`say`, `pulse`), in this thread, for `patience`
+    s; yields what takes its place within.
+
+    >>> with relay_progress(print) as tell:
+    ...     tell("round 1")
+    ...     pulse("iteration {}", 7)
+    round 1
+
+    A `pulse` later than that raises PatienceError."""
+    now = time.monotonic()
+    listener = _Listener(progress, patience, "", now, now)
+    token = _LISTENER.set(listener)
     try:
-        yield
+        yield listener.say
     finally:
         _LISTENER.reset(token)
 
 
 def say(text: str) -> None:
     """Tell whoever listens of what goes on where no progress is handed down, behind the port."""
-    _LISTENER.get()(text)
+    _LISTENER.get(_NOBODY).say(text)
+
+
+def pulse(form: str, *values: object) -> None:
+    """Let whoever listens end a solve, or hear of it where nothing was said for SILENCE s: called
+    in each iteration, with the words for it (`str.format`), which are made where they are needed.
+    Raises PatienceError."""
+    _LISTENER.get(_NOBODY).pulse(form, *values)
 
 
 def span(seconds: float) -> str:
@@ -60,11 +115,16 @@ def nearest_names(name: str, known: Iterable[str], most: int = 1, share: float =
     ['FDP']
     """
     word = name.casefold()
-    costs = []
+    near, letters = [], Counter(word)
     for term in known:
-        edits = _edits(word, term.casefold())
-        costs.append((min(edits, SWAP) if term.casefold().startswith(word) else edits, term))
-    near = [(edits, term) for edits, term in costs if edits <= share * max(len(word), len(term))]
+        other = term.casefold()
+        allowed, begins = share * max(len(word), len(term)), other.startswith(word)
+        shared = (letters & Counter(other)).total()
+        if not begins and max(len(word), len(other)) - shared > allowed:
+            continue  # each letter that the other lacks takes an edit
+        edits = min(_edits(word, other), SWAP) if begins else _edits(word, other)
+        if edits <= allowed:
+            near.append((edits, term))
     return [term for _, term in sorted(near, key=lambda pair: pair[0])[:most]]
 
 
@@ -81,6 +141,20 @@ def _edits(a: str, b: str) -> float:
                 edits = min(edits, last[j - 1] + SWAP)
             row.append(edits)
     return row[-1]
+
+
+def first_twice(names: Iterable[str]) -> str:
+    """The first name that was there before; empty where all differ.
+
+    >>> first_twice(["a", "b", "a", "b"])
+    'a'
+    """
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            return name
+        seen.add(name)
+    return ""
 
 
 class ReadingWarning(UserWarning):
@@ -158,6 +232,11 @@ class ConvergenceError(CosimError):
     def __init__(self, message: str, reached: Any = None) -> None:
         super().__init__(message)
         self.reached = reached
+
+
+class PatienceError(CosimError):
+    """A solve took longer than its case allows; its text says how far it came.  It is no
+    ConvergenceError, so that no solver tries another way; who began the solve makes one of it."""
 
 
 class NoRoomError(CosimError):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cosim.abaqus_file import read_inp
 from cosim.errors import InputError
 from cosim.extras import require
+from cosim.file_size import MB, check_file_size
 from cosim.foreign_process import ForeignError, ForeignProcess
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ HEAD = 500
 SURFACES = (".stl", ".obj", ".ply", ".off")
 """Files of triangles and no more: others are archives, or call for further libraries."""
 IN_GMSH = "in gmsh put every surface and curve into one, or set Mesh.SaveAll = 0, and save it again"
+MOST_BYTES = 256 * MB
 READER = "cosim.vtu_child:read_arrays"
 PATIENCE = 120.0
 """s that VTK may take for a file."""
@@ -57,6 +59,7 @@ def read_mesh_file(path: Path) -> Mesh:
     Raises InputError where it cannot be read."""
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
+    check_file_size(path, MOST_BYTES)
     if path.suffix.lower() == ".inp":
         return read_inp(path)
     if path.suffix.lower() in BY_VTK and not _is_by_meshio(path):

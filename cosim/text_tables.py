@@ -17,10 +17,13 @@ from typing import Any
 import numpy as np
 import tomlkit
 
-from cosim.errors import InputError
+from cosim.errors import InputError, first_twice
+from cosim.file_size import MB, read_bytes
 from cosim.files import shown_path
 from cosim.port import Array
 
+MOST_TOML, MOST_TEXT = 4 * MB, 32 * MB
+"""Bytes of a case or study, and of a table, which takes some ten times as much in memory."""
 WIDTH = 98
 """Characters of a line of notes in a file that is written."""
 SEPARATOR = re.compile(r"sep=([,;])[,;]*", re.IGNORECASE)
@@ -29,12 +32,14 @@ UNIT_IN_BRACKETS = re.compile(r"(.+?)\s*[\[(]\s*([^\])]+?)\s*[\])]")
 DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 
-def read_text(path: Path) -> str:
-    """The text of a file in UTF-8, a byte order mark left out.  Raises InputError."""
+def read_text(path: Path, most: int = MOST_TEXT) -> str:
+    """The text of a file in UTF-8 of at most `most` bytes, a byte order mark left out.
+
+    Raises InputError."""
     try:
         if path.is_char_device():
             raise InputError(f"{shown_path(path)}: is a device; name a file")
-        return path.read_bytes().decode("utf-8-sig")
+        return read_bytes(path, most).decode("utf-8-sig")
     except OSError as error:
         raise InputError(f"{shown_path(path)}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -45,7 +50,7 @@ def read_text(path: Path) -> str:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file.  Raises InputError, with the line that is at fault."""
-    text = read_text(path)
+    text = read_text(path, MOST_TOML)
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -276,8 +281,8 @@ def read_csv(path: Path, example: str) -> CsvTable:
     columns = columns[: max(i for i, name in enumerate(columns, 1) if name or i == 1)]
     if "" in columns:
         raise InputError(f"{place}: column {columns.index('') + 1} has no name")
-    if twice := [c for i, c in enumerate(columns) if c in columns[:i]]:
-        raise InputError(f"{place}: two columns are called {twice[0]!r}; keep one")
+    if twice := first_twice(columns):
+        raise InputError(f"{place}: two columns are called {twice!r}; keep one")
     return CsvTable(path, place, columns, tuple(_rows(columns, table[1:], mark == ";")))
 
 

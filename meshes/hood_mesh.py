@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.file_size import MB, read_bytes
 from cosim.files import output_file
 from cosim.port import Array, Ints
 from meshes.skeleton import BODIES, JOINTS
@@ -60,6 +61,8 @@ SPRINGS = (
     "dorsal_capsule",
 )
 ENDS = ("central", "radial", "ulnar")
+MOST_BYTES = 64 * MB
+"""Of a mesh file, which takes some twenty times as much in memory."""
 MOST = 1e6
 """No number of a mesh file is larger."""
 SAME_PLACE = 1e-9
@@ -229,7 +232,7 @@ def read(path: Path) -> HoodMesh:
     '606 quads, 1384 mm2'
     """
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        content = json.loads(read_bytes(Path(path), MOST_BYTES).decode("utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"hood mesh {path}: cannot be read as JSON ({error})") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:

@@ -32,15 +32,16 @@ ALLOWED = {
     ),
     "cosim.coupling.finger_equilibrium": ("cosim.port",),
     "cosim.files": ("cosim.port",),
+    "cosim.file_size": (),
     "cosim.array_cache": ("cosim.files", "cosim.content_key"),
     "cosim.content_key": (),
     "cosim.processes": ("cosim.port", "cosim.interrupts"),
     "cosim.interrupts": (),
     "cosim.extras": (),
-    "cosim.abaqus_file": (),
+    "cosim.abaqus_file": ("cosim.file_size",),
     "cosim.foreign_process": ("cosim.port",),
     "cosim.mesh_file": (
-        *("cosim.abaqus_file", "cosim.extras", "cosim.foreign_process"),
+        *("cosim.abaqus_file", "cosim.extras", "cosim.file_size", "cosim.foreign_process"),
         "cosim.port",
     ),
     "cosim.xml_tree": ("cosim.port",),
@@ -73,13 +74,16 @@ ALLOWED = {
     "fe_solver": (
         *("cosim.port", "cosim.files", "cosim.mesh_file", "cosim.processes", "cosim.checks"),
         *("cosim.xml_tree", "cosim.kernels", "cosim.array_cache", "cosim.content_key"),
-        *("cosim.extras", "fe_solver"),
+        *("cosim.extras", "cosim.file_size", "fe_solver"),
     ),
     "rigid": (
         *("cosim.port", "cosim.coupling.finger_equilibrium", "cosim.files", "cosim.checks"),
-        *("cosim.xml_tree", "cosim.kernels", "meshes.skeleton", "rigid"),
+        *("cosim.xml_tree", "cosim.kernels", "cosim.file_size", "meshes.skeleton", "rigid"),
     ),
-    "meshes": ("cosim.port", "cosim.extras", "cosim.files", "cosim.mesh_file", "meshes"),
+    "meshes": (
+        *("cosim.port", "cosim.extras", "cosim.file_size", "cosim.files", "cosim.mesh_file"),
+        "meshes",
+    ),
 }
 # The rooms of cosim from the ground up: each may import its own modules and those of floors below.
 FLOORS = (
@@ -91,6 +95,7 @@ FLOORS = (
         "cosim.json_text",
         "cosim.interrupts",
     },
+    {"cosim.file_size"},
     {"cosim.port", "cosim.extras", "cosim.abaqus_file", "cosim.foreign_process"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
     {"cosim.content_key"},

@@ -10,8 +10,10 @@ from typing import Any, Literal
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.file_size import check_file_size
 from cosim.mesh_file import read_triangles
 from cosim.port import Array
+from cosim.schema.types import MOST_SURFACE
 from meshes.hull import Centreline
 from meshes.imported.checks import UNITS, Placing, wind_alike
 from meshes.skeleton import BODIES, index_finger
@@ -117,6 +119,7 @@ def load_surface(path: Path, what: str) -> Any:
     """A surface of triangles as trimesh has it.  Raises InputError where the file is none."""
     if not path.is_file():
         raise InputError(f"--bones: {what}: there is no file {path}")
+    check_file_size(path, MOST_SURFACE)
     return read_triangles(path, f"--bones: {what}")
 
 

@@ -16,6 +16,8 @@ from cosim.schema.fields import Text
 Place = tuple[str | int, ...]
 Model = type[BaseModel]
 
+MOST_DESCRIBED, MOST_SHOWN = 40, 20
+"""Faults that are put into words, and that a message lists: beyond these their cause is one."""
 _ABSENT = ("missing", "union_tag_not_found")
 
 
@@ -24,11 +26,13 @@ def describe(
     model: Model,
     values: Mapping[str, Any],
     layers: Sequence[tuple[str, Mapping]],
-) -> list[Fault]:
+) -> tuple[list[Fault], int]:
     """The faults of a `model` made of values, each with its key, its value, the file that states it
-    and what to write."""
-    faults = []
-    for item in error.errors(include_url=False):
+    and what to write; of very many the first ones, and how many there are in all."""
+    faults, items = [], error.errors(include_url=False, include_input=False)
+    if len(items) > MOST_DESCRIBED:
+        items.sort(key=lambda item: tuple(map(str, item["loc"])))
+    for item in items[:MOST_DESCRIBED]:
         loc = item["loc"][:-1] if item["type"] == "unknown_name" else item["loc"]  # less "[key]"
         place = _place(loc, model, values)
         if item["type"].startswith("union_tag"):
@@ -38,7 +42,16 @@ def describe(
         message = _message(item, place, model, values)
         stated = "" if item["type"] in _ABSENT else _stating_layer(layers, shown)
         faults.append(Fault(key, value_text(_lookup(values, place)), stated, message))
-    return sorted(dict.fromkeys(faults), key=str)
+    found = sorted(dict.fromkeys(faults), key=str)
+    return found, len(items) if len(items) > MOST_DESCRIBED else len(found)
+
+
+def listing(where: str, faults: Sequence[str], count: int) -> str:
+    """The faults of a file as one message: the first ones, and how many there are."""
+    lines = [f"{where}: {count} fault" + ("s" if count > 1 else ""), *faults[:MOST_SHOWN]]
+    if count > MOST_SHOWN:
+        lines.append(f"... and {count - MOST_SHOWN} more; mend these first")
+    return "\n  ".join(lines)
 
 
 def _stated_place(place: Place, layers: Sequence[tuple[str, Mapping]], missing: bool) -> Place:

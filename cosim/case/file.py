@@ -20,6 +20,8 @@ from cosim.text_tables import read_toml, toml_text, toml_value
 Settings = tuple[str, ...]
 """KEY=VALUE, as --set takes them; a later one has the last word."""
 
+MOST_EXTENDED = 50
+"""Files, each of which extends the next."""
 NO_FAMILIES = {"base", "studies", "data"}  # folders of cases/
 
 
@@ -105,6 +107,11 @@ def _read_layers(source: Path, above: tuple[Path, ...]) -> list[Layer]:
     if source in above:
         chain = " -> ".join(shown_path(p) for p in (*above, source))
         raise InputError(f"these files extend each other in a circle: {chain}")
+    if len(above) >= MOST_EXTENDED:
+        raise InputError(
+            f"{shown_path(above[0])}: extends a file that extends one, and so on through more than "
+            f"{MOST_EXTENDED} files; put some of them together"
+        )
     return _layers_of(read_toml(source), shown_path(source), source, above)
 
 

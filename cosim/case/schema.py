@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from cosim.case.faults import describe
+from cosim.case.faults import describe, listing
 from cosim.case.layers import Layer, add_layer, nested
 from cosim.errors import InputError
 from cosim.files import shown_path
@@ -29,7 +29,8 @@ MOST_NAME = 200
 
 
 class SolveConfig(Table):
-    """Tolerances: of the coupling (relative residual) and of the hood's own equilibrium."""
+    """Tolerances: of the coupling (relative residual) and of the hood's own equilibrium; and how
+    long a solve may take."""
 
     resting_tension: Annotated[float, quantity(units.FORCE, least="0 N", most="10 N")] = 0.05
     """Tension of every tendon that the case does not name, and of all tendons in the unloaded
@@ -43,6 +44,9 @@ class SolveConfig(Table):
     second_start: Switch = False
     """Solve the loaded equilibrium a second time, by the other scheme and from the hood as it is
     laid, and hold the one to the other: whether there are two.  Of an equilibrium alone."""
+    patience: Annotated[float, quantity(units.PATIENCE, above="0 s", most="1e7 s")] | None = None
+    """Longest time of computing; a run that takes longer ends as one that does not converge and
+    says how far it came, and a motion keeps what it reached.  Without it there is no limit."""
 
 
 class OneWayConfig(Table):
@@ -245,10 +249,9 @@ class Case(CaseFile):
                 merged = add_layer(merged, layer)
             checked = CaseFile.model_validate(merged)
         except ValidationError as error:
-            faults = describe(error, CaseFile, merged, layers)
-            count = f"{len(faults)} fault" + ("s" if len(faults) > 1 else "")
-            lines = [f"{shown_path(source)}: {count}", *map(str, faults)]
-            raise InputError("\n  ".join(lines), faults) from None
+            faults, count = describe(error, CaseFile, merged, layers)
+            text = listing(shown_path(source), [*map(str, faults)], count)
+            raise InputError(text, faults) from None
         except RecursionError:
             raise InputError(f"{shown_path(source)}: tables are nested too deeply") from None
         return cls.model_construct(name=source.stem, source=source, **dict(checked))

@@ -345,7 +345,7 @@ def check(cases: Cases, settings: Settings = None) -> None:
     studies = [name for name in cases if is_study(name)]
     for name in studies:
         try:
-            typer.echo(f"{name}: in order, a study of {len(read_plan(name).points)} runs")
+            typer.echo(f"{name}: in order, a study of {read_plan(name).count} runs")
         except InputError as error:
             codes.append(tell(error))
     for case in load_cases([name for name in cases if name not in studies], settings):

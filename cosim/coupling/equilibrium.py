@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.coupling.finger_equilibrium import free_stiffness
-from cosim.errors import ConvergenceError, Progress, quiet
+from cosim.errors import ConvergenceError, Progress, pulse, quiet
 from cosim.port import (
     STATIC,
     Array,
@@ -121,6 +121,7 @@ def equilibrium(
     interface, exact, part, turn = np.inf, False, 1.0, np.inf
     way: _CouplingStep | None = None
     for iteration in range(1, options.max_iterations + 1):
+        pulse("round {} begins", iteration)
         motion = finger.motion(finger_state)
         solver = hood if exact else hood.with_tolerance(LOOSE)
         response, first = first or static_response(solver, state, motion, tensions.hood), None

@@ -12,7 +12,7 @@ import numpy as np
 from cosim.coupling.accelerators import Accelerator, accelerate, initial_history
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium
 from cosim.coupling.finger_equilibrium import MOST_TURN
-from cosim.errors import ConvergenceError, Progress, quiet
+from cosim.errors import ConvergenceError, Progress, pulse, quiet
 from cosim.port import Pair, PairState, Tensions
 from cosim.static_response import static_response
 
@@ -35,6 +35,7 @@ def fixed_point(
     history, n = initial_history(accelerator, len(finger.joints)), 6 * len(finger.bodies)
     held = np.zeros((n, n))
     for iteration in range(1, options.max_iterations + 1):
+        pulse("round {} begins", iteration)
         motion = finger.motion(at)
         response = static_response(hood, state, motion, tensions.hood)
         balance = finger.balance(at, response.load, tensions.finger)

@@ -20,7 +20,7 @@ from cosim.coupling.excursion import (
 )
 from cosim.coupling.schemes import Scheme, begin, step
 from cosim.coupling.state import CoupledState
-from cosim.errors import ConvergenceError, Progress
+from cosim.errors import ConvergenceError, Progress, pulse
 from cosim.port import Array, Hood, MovingFinger, State
 
 EVERY = 50
@@ -266,11 +266,13 @@ def motion_states(
             at = moves.advance(at)
         except ConvergenceError as error:
             raise ConvergenceError(f"at t = {at.coupled.time:.6g} s: {error}") from error
+        c = at.coupled
         if k % EVERY == 0 or k == steps:
-            c = at.coupled
             left = (time.perf_counter() - begun) / k * (steps - k)
             progress(
                 f"t = {c.time:.4g} s, residual {c.residual:.1e}, {c.solves} hood solves, some "
                 f"{left:.0f} s left"
             )
         yield at
+        if k < steps:
+            pulse("t = {:.4g} s, step {} of {}, residual {:.1e}", c.time, k, steps, c.residual)

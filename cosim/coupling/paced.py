@@ -9,7 +9,7 @@ from dataclasses import replace
 from cosim.coupling.adaptive import AdaptiveStep, Control, adaptive_step
 from cosim.coupling.motion import EVERY, CoupledMotion, MotionState, Pace
 from cosim.coupling.state import CoupledState
-from cosim.errors import Progress
+from cosim.errors import Progress, pulse
 from cosim.port import Array
 
 ROUNDING = 1e-12  # relative to the duration: so much may be missing at the end
@@ -27,6 +27,8 @@ def adaptive_states(
         half, at = take_step(moves, control, at, until)
         yield half, at
         c, count = at.coupled, at.pace.accepted
+        if until - c.time > ROUNDING * until:
+            pulse("t = {:.4g} s, {} steps", c.time, count)
         if count % EVERY == 0 or until - c.time <= ROUNDING * until:
             left = (time.perf_counter() - begun) / (c.time - first) * (until - c.time)
             progress(

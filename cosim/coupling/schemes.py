@@ -39,7 +39,7 @@ from cosim.coupling.state import (
     hood_point,
     interface_residual,
 )
-from cosim.errors import ConvergenceError
+from cosim.errors import ConvergenceError, pulse
 from cosim.port import Array, Hood, Motion, MovingFinger, Response, State
 from cosim.static_response import static_response
 
@@ -209,6 +209,7 @@ def _implicit(
     last_answer, history = state.answer, start_step(accelerator, state.history)
     last, angles, same_set = finger.angles(state.finger), _predict_angles(finger, state, dt), True
     for solves in range(1, scheme.most_solves + 1):
+        pulse("step from t = {:.6g} s, hood solve {}", state.time, solves)
         answer = _ask_hood(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
         if same_set and (_active(answer) != _active(state.answer)).any():
             # Once a step: an iteration that hops to and fro would never learn.

@@ -125,9 +125,9 @@ class LimitConfig(Table):
     half_range: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")]
     """How far a joint turns from the posture, to both sides, before the limit acts."""
     stiffness: Annotated[
-        float, quantity(units.LIMIT_STIFFNESS, least="0 N*m/deg", most="1000 N*m/deg")
+        float, quantity(units.LIMIT_STIFFNESS, least="1e-4 N*m/deg", most="1000 N*m/deg")
     ]
-    """Slope of the torque from `transition` beyond the limit on."""
+    """Slope of the torque from `transition` beyond the limit on; without the table no limit."""
     transition: Annotated[float, quantity(units.ANGLE, above="0 deg", most="45 deg")]
     """Angle beyond the limit over which the stiffness sets in."""
     damping: Annotated[

@@ -17,7 +17,7 @@ from cosim.fingers.kind import Eyelets, FingerKind
 from cosim.mesh_file import read_triangles
 from cosim.port import Triangles
 from cosim.schema.fields import fault
-from cosim.schema.types import MUSCLES, BodyName, File, Number, Table
+from cosim.schema.types import MUSCLES, BodyName, File, Number, SurfaceFile, Table
 from meshes.skeleton import BODIES, Skeleton, index_finger
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ BONE_SIZE = (5, 200)
 class BoneConfig(Table):
     """A watertight surface (STL or OBJ) in place of our bone."""
 
-    surface: File
+    surface: SurfaceFile
     """A watertight surface, STL or OBJ."""
     unit: Literal["m", "mm"]
     """Unit of the file's coordinates."""

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cosim.schema import units
 from cosim.schema.fields import quantity
-from cosim.schema.types import File, Switch, Table
+from cosim.schema.types import ArchiveFile, Switch, Table
 
 LOAD_LIMIT, CALL_LIMIT = 20.0, 120.0
 """s, where nothing else is said."""
@@ -44,7 +44,7 @@ APART = Loading()
 class FmuTable(Table):
     """The keys of an FMU, in the table of a hood or of a finger."""
 
-    path: File
+    path: ArchiveFile
     """The FMU; it runs code."""
     assume_si: Switch = False
     """Take variables without a stated unit as SI units."""

@@ -35,7 +35,7 @@ class FmuHoodConfig(FmuTable, HoodConfig):
     rest_step: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] | None = None
     """Communication step in which it comes to rest, of a unit without the switch `static`."""
 
-    def tendon_names(self) -> tuple[str, ...]:
+    def tendon_names(self, finger: str) -> tuple[str, ...]:
         return self.tendons
 
     def source_names(self) -> tuple[str, ...]:

@@ -71,8 +71,8 @@ class HoodConfig(Table):
         by excursion differ."""
         return False
 
-    def tendon_names(self) -> tuple[str, ...] | None:
-        """The tendons that pull on it; None where only building tells."""
+    def tendon_names(self, finger: str) -> tuple[str, ...] | None:
+        """The tendons that pull on it, on a finger of that kind; None where only building tells."""
         return None
 
     def source_names(self) -> tuple[str, ...]:

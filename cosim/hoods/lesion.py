@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from cosim.errors import first_twice
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Table
@@ -60,8 +61,8 @@ class LesionConfig(Table):
                 'or shorten = { terminal_slip = "1 mm" } (or lengthen), or leave the table out'
             )
         for key, names in (("cut", self.cut), ("adhere", self.adhere)):
-            if twice := [name for name in names if names.count(name) > 1]:
-                raise fault(f"{key}: names {twice[0]} twice")
+            if twice := first_twice(names):
+                raise fault(f"{key}: names {twice} twice")
         for word, changed in (("shortened", self.shorten), ("lengthened", self.lengthen)):
             if both := [name for name in self.cut if name in changed]:
                 raise fault(f"{both[0]} is both cut and {word}; leave one of them")

@@ -36,7 +36,7 @@ class PulleyHoodConfig(HoodConfig):
     def shares_fixed(self) -> bool:
         return True
 
-    def tendon_names(self) -> tuple[str, ...]:
+    def tendon_names(self, finger: str) -> tuple[str, ...]:
         return tuple(self.paths)
 
     def lines(self, motion: Motion) -> Mapping[str, Array]:

@@ -39,7 +39,7 @@ class SplitHoodConfig(HoodConfig):
     def shares_fixed(self) -> bool:
         return True
 
-    def tendon_names(self) -> tuple[str, ...]:
+    def tendon_names(self, finger: str) -> tuple[str, ...]:
         return ()
 
 

@@ -48,7 +48,7 @@ def double_counted_pairs(
 def pairs_of_case(case: Case, finger_tendons: Sequence[str]) -> tuple[DoubleCount, ...]:
     """What the case alone shows, before anything is built; our own hoods' sources and the shell's
     tendons are never a finger's."""
-    sources, tendons = case.hood.source_names(), case.hood.tendon_names() or ()
+    sources, tendons = case.hood.source_names(), case.hood.tendon_names(case.finger.kind) or ()
     return double_counted_pairs((*sources, *added_sources(case)), tendons, finger_tendons)
 
 

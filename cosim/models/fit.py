@@ -36,7 +36,8 @@ def check_fit(case: Case) -> None:
     _check_tip(case)
     _check_unit(case)
     _check_scheme(case)
-    native, hooded = native_tendons(case.finger, case.hood.left_to_finger), case.hood.tendon_names()
+    native = native_tendons(case.finger, case.hood.left_to_finger)
+    hooded = case.hood.tendon_names(finger)
     refuse(case, pairs_of_case(case, native))
     if hooded is not None:
         check_tendons(case, hooded + native)

@@ -6,11 +6,14 @@ import os
 import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeGuard
 
 from pydantic_core import PydanticCustomError, core_schema
 
+from cosim.errors import InputError
+from cosim.file_size import check_file_size
 from cosim.schema import units
 from cosim.schema.units import Kind
 
@@ -51,7 +54,7 @@ def check_texts(values: Any, *place: str) -> None:
     """Raise a fault where a name or a text among `values` holds what no file can: half of a
     character, or a control character that no line of text has."""
     match values:
-        case str():
+        case str() if not values.isprintable():
             if wrong := next((c for c in values if _has_no_place_in_a_file(c)), None):
                 where = ".".join(place)
                 raise fault(f"{where}: holds the character U+{ord(wrong):04X}, which no file can")
@@ -128,14 +131,18 @@ def name_of(what: str, names: tuple[str, ...], also: tuple[str, ...] = ()) -> Te
     return Text(read, str, (("enum", (*names, *also)),))
 
 
-def existing_file() -> Text:
-    """A path; that the file exists is checked."""
-    return Text(_read_file, str, (("title", "path of a file"),))
+def existing_file(most: int) -> Text:
+    """A path; that the file exists and has at most `most` bytes is checked."""
+    return Text(partial(_read_file, most), str, (("title", "path of a file"),))
 
 
-def _read_file(value: Any) -> Path:
+def _read_file(most: int, value: Any) -> Path:
     if not isinstance(value, str):
         raise fault("is not text; write the path of a file")
     if not os.path.isfile(value):
         raise fault("no such file; a path is relative to the case file that states it")
+    try:
+        check_file_size(Path(value), most)
+    except InputError as error:
+        raise fault(str(error).removeprefix(f"{value}: ")) from None
     return Path(value)

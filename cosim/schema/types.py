@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
+from cosim.file_size import MB
 from cosim.schema import units
 from cosim.schema.fields import existing_file, fault, name_of, quantity
 from meshes.skeleton import BODIES
@@ -20,6 +21,8 @@ OF_ROBOT = (
     "adduction",
     "second_extensor",
 )
+MOST_SURFACE = 64 * MB
+"""Of a bone: some 1.3 million triangles of a binary STL."""
 TENDONS = MUSCLES + OF_ROBOT
 
 Phalanx = Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")]
@@ -43,7 +46,9 @@ McpAngle = Annotated[float, quantity(units.ANGLE, least="-30 deg", most="90 deg"
 AbductionAngle = Annotated[float, quantity(units.ANGLE, least="-35 deg", most="35 deg")]
 PipAngle = Annotated[float, quantity(units.ANGLE, least="0 deg", most="110 deg")]
 DipAngle = Annotated[float, quantity(units.ANGLE, least="0 deg", most="70 deg")]
-File = Annotated[Path, existing_file()]
+File = Annotated[Path, existing_file(256 * MB)]
+SurfaceFile = Annotated[Path, existing_file(MOST_SURFACE)]
+ArchiveFile = Annotated[Path, existing_file(1024 * MB)]
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Count = Annotated[int, Strict()]
 Switch = Annotated[bool, Strict()]

@@ -17,7 +17,14 @@ from cosim.coupling.checkpoint import NAME, MotionHistory, read_checkpoint, writ
 from cosim.coupling.motion import CoupledMotion, MotionState, motion_states
 from cosim.coupling.paced import adaptive_states
 from cosim.coupling.state_arrays import Special
-from cosim.errors import ConvergenceError, InputError, Progress, StoppedError, quiet
+from cosim.errors import (
+    ConvergenceError,
+    InputError,
+    PatienceError,
+    Progress,
+    StoppedError,
+    quiet,
+)
 from cosim.files import output_file, shown_path
 from cosim.hoods.view import HoodView, arrays_of, audit_arrays, hood_field
 from cosim.models.motion import MovingModels, moving_models
@@ -78,6 +85,7 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
     assert forward is not None
     progress("building the models")
     both = moving_models(case, forward)
+    progress("the hood at rest, before the motion")
     begun = both.moves.begin(both.initial_state)
     recorder = ShapeRecorder(both.view, forward.duration, case.output.frames)
     kept = MotionHistory(
@@ -112,6 +120,15 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
         failure = error
         if keeper is not None:
             keeper.write(kept)
+    except PatienceError as error:
+        if len(frames) == 1:
+            raise
+        failure = ConvergenceError(
+            f"{error} (t = {kept.moment.coupled.time:.6g} s of {forward.duration:g} s is reached). "
+            f"Try a longer solve.patience or a longer step{_resume_text(keeper)}"
+        )
+        if keeper is not None:
+            keeper.write(kept)
     except KeyboardInterrupt:
         if keeper is None:
             raise
@@ -121,6 +138,12 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
             f"there is kept. Go on with: cosim resume {keeper.folder}"
         ) from None
     return SolvedMotion(both, kept, _rest(kept), forward.must_rest, failure)
+
+
+def _resume_text(keeper: _Keeper | None) -> str:
+    if keeper is None:
+        return ""
+    return f", or go on for as long again: cosim resume {shown_path(keeper.folder)}"
 
 
 @dataclass(frozen=True)

@@ -186,6 +186,7 @@ def _unloaded_equilibrium(
     if near is not None:
         with suppress(ConvergenceError):
             return solve_equilibrium(case, models, near, idle, say)
+    say("the hood on the bones at rest")
     return solve_equilibrium(
         case, models, start, idle, say, lambda: setting.hood.first_answer(models, start, idle.hood)
     )

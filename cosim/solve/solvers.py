@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import inf
+
 from cosim.case.schema import Case
-from cosim.errors import Progress, quiet
+from cosim.errors import ConvergenceError, PatienceError, Progress, quiet, relay_progress
 from cosim.models.build import Models
 from cosim.models.fit import check_fit
 from cosim.solve.motion import SolvedMotion, solve_motion
@@ -23,7 +27,8 @@ def solve_case(case: Case, session: Session, progress: Progress) -> Solved:
     Raises InputError, ConvergenceError and StoppedError."""
     if case.task == "motion":
         check_fit(case)
-        return solve_motion(case, session, progress)
+        with _patience(case, progress) as tell:
+            return solve_motion(case, session, tell)
     return solve(case, session, progress)
 
 
@@ -33,4 +38,21 @@ def solve(case: Case, session: Session | None = None, progress: Progress = quiet
     Raises InputError and ConvergenceError."""
     check_fit(case)
     solver = solve_one_way if case.task == "one_way" else solve_static
-    return solver(case, session or Session(), progress)
+    with _patience(case, progress) as tell:
+        return solver(case, session or Session(), tell)
+
+
+@contextmanager
+def _patience(case: Case, progress: Progress) -> Iterator[Progress]:
+    """Progress that ends the solve within when the case's patience is over.
+
+    Raises ConvergenceError, which says how far it came and what to try."""
+    stated = case.solve.patience
+    try:
+        with relay_progress(progress, inf if stated is None else stated) as tell:
+            yield tell
+    except PatienceError as error:
+        raise ConvergenceError(
+            f"{error}. Try a longer solve.patience, a smaller tension, or a solve that is cheaper: "
+            "fewer elements (hood.mesh.quads), a larger solve.hood_tolerance"
+        ) from error

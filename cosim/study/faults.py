@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -12,18 +11,12 @@ from pydantic import BaseModel, ValidationError
 from cosim.case.faults import at, unknown, value_text
 
 
-def listing(source: Path, faults: Sequence[str]) -> str:
-    """The faults of a file as one message."""
-    count = f"{len(faults)} fault" + ("s" if len(faults) > 1 else "")
-    return "\n  ".join([f"{source}: {count}", *sorted(faults)])
-
-
 def faults_of(
     error: ValidationError, values: Any, above: tuple[str, ...], model: type[BaseModel]
 ) -> Iterator[str]:
     """A line for each of a model's faults: the place below `above`, what stands there, what to
     write."""
-    for item in error.errors(include_url=False):
+    for item in error.errors(include_url=False, include_input=False):
         place = tuple(item["loc"])
         value = values
         for part in place:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
-from math import isfinite
+from math import isfinite, prod
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, PlainValidator, ValidationError, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
+from cosim.case.faults import listing
 from cosim.errors import InputError
 from cosim.schema import units
 from cosim.schema.fields import check_texts, fault, is_number, quantity
@@ -27,10 +28,14 @@ from cosim.study.distributions import (
     axis,
     is_axis,
 )
-from cosim.study.faults import faults_of, listing, place_text
-from cosim.study.sampling import KINDS, Kind
+from cosim.study.faults import faults_of, place_text
+from cosim.study.sampling import KINDS, Kind, count_points
 from cosim.text_tables import read_toml
 
+MOST_AXES = 4
+"""That a message names."""
+MOST_RUNS = 2_000_000
+"""Of the largest study, whose plan takes some GB of memory."""
 FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")
 
 
@@ -168,12 +173,14 @@ class SamplingConfig(Table):
 
 
 class StudyLimitsConfig(Table):
-    """Seconds for a run, and failed runs after which no other is begun."""
+    """Seconds for a run, failed runs after which no other is begun, and runs in all."""
 
     time: Annotated[float, quantity(units.TIME, above="0 s", most="1e6 s")] | None = None
     """Longest time of a run; without it a run has no limit."""
     failures: Annotated[Count, Field(ge=1)] | None = None
     """Failed runs after which no other is begun; without it none stops the study."""
+    runs: Annotated[Count, Field(ge=1, le=MOST_RUNS)] = 100_000
+    """Runs that the study may have; one of more is refused before any is planned."""
 
 
 class StudyFile(Table):
@@ -279,20 +286,23 @@ def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:
         lines += faults_of(error, values, (), StudyFile)
     except RecursionError:
         raise InputError(f"{source}: tables are nested too deeply") from None
-    parameters = []
+    parameters: list[Parameter] = []
     tables = values.get("parameters")
     for name, table in tables.items() if isinstance(tables, dict) else ():
         if isinstance(table, dict):
             try:
                 parameters.append(_parameter(name, table))
+                if count_runs(None, parameters) > MOST_RUNS:
+                    break  # no room for more
             except ValidationError as error:
                 lines += faults_of(error, table, ("parameters", name), _model(table))
             except InputError as error:
                 lines.append(f"{place_text(('parameters', name))}: {error}")
     if checked is not None:
         lines += _sampling_faults(checked, parameters)
+        lines += _size_faults(checked, parameters)
     if lines or checked is None:
-        raise InputError(listing(source, lines))
+        raise InputError(listing(str(source), sorted(lines), len(lines)))
     return checked, tuple(parameters)
 
 
@@ -354,6 +364,32 @@ def _law_of(read: ParameterConfig) -> Law:
         case RangeConfig():
             return axis(read.first.number, read.last.number, read.count, read.spacing)
     raise AssertionError(read)
+
+
+def count_runs(sampling: SamplingConfig | None, parameters: Sequence[Parameter]) -> int:
+    """The runs of a study: every sample with all combinations of the axes' values."""
+    steps = prod(len(p.law.values) for p in parameters if is_axis(p.law))
+    if sampling is None:
+        return steps
+    drawn = sum(not is_axis(p.law) for p in parameters)
+    return steps * count_points(sampling.kind, drawn, sampling.n, sampling.second_order)
+
+
+def _size_faults(study: StudyFile, parameters: Sequence[Parameter]) -> Iterator[str]:
+    runs, most = count_runs(study.sampling, parameters), study.limits.runs
+    at_least = "at least " if len(parameters) < len(study.parameters) else ""
+    if runs <= most:
+        return
+    axes = [f"{len(p.law.values)} values of {p.name}" for p in parameters if is_axis(p.law)]
+    if study.sampling is not None and len(axes) < len(parameters):
+        axes = [f"{study.sampling.kind} of n = {study.sampling.n}", *axes]
+    more = f" and {len(axes) - MOST_AXES} more" if len(axes) > MOST_AXES else ""
+    shown = " x ".join(axes[:MOST_AXES])
+    advice = f"or write a larger limits.runs, at most {MOST_RUNS:,}"
+    yield (
+        f"the study has {at_least}{runs:,} runs ({shown}{more}), and limits.runs allows {most:,}; "
+        f"take fewer values or a smaller n{f', {advice}' if runs <= MOST_RUNS else ''}"
+    )
 
 
 def _sampling_faults(study: StudyFile, parameters: list[Parameter]) -> Iterator[str]:

@@ -16,8 +16,9 @@ from cosim.port import Array
 from cosim.results.compare import Target, read_targets
 from cosim.schema.fields import is_number
 from cosim.study.distributions import Word, is_axis, middle
-from cosim.study.file import FORM, Parameter, SamplingConfig, find_study, read_file
-from cosim.study.sampling import points, unit_points
+from cosim.study.file import FORM, Parameter, SamplingConfig, count_runs, find_study, read_file
+from cosim.study.sampling import check_sampling, points, unit_points
+from cosim.text_tables import read_text
 
 Point = tuple[Word, ...]
 """A value for each parameter."""
@@ -56,6 +57,11 @@ class StudyPlan:
             return None
         return unit_points(s.kind, count, s.n, s.seed, s.second_order)
 
+    @property
+    def count(self) -> int:
+        """How many runs it has."""
+        return count_runs(self.sampling, self.parameters)
+
     @cached_property
     def points(self) -> list[Point]:
         """The points of all runs, in order."""
@@ -89,7 +95,7 @@ def read_plan(
         source.stem,
         read.title or source.stem,
         read.notes,
-        source.read_text(encoding="utf-8"),
+        read_text(source),
         case,
         settings,
         parameters,
@@ -116,7 +122,8 @@ def _check_middle(source: Path, plan: StudyPlan) -> None:
     """A key that the case does not have fails here, once, and not in every run."""
     try:
         load_case(plan.case, plan.settings_at(tuple(middle(p.law) for p in plan.parameters)))
-        _ = plan.samples
+        if plan.sampling is not None:
+            check_sampling(plan.sampling.kind, plan.sampling.n)
     except InputError as error:
         raise InputError(f"{source}: with every parameter in its middle: {error}") from None
 

@@ -24,15 +24,29 @@ def block(dimensions: int, second_order: bool) -> int:
     return (2 if second_order else 1) * dimensions + 2
 
 
-def unit_points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bool) -> Array:
-    """Points (m, dimensions) inside (0, 1); m is n, of Saltelli's scheme (Comput Phys Commun
-    145:280, 2002) n `block`s.  Raises InputError for a count that the sequence is not balanced
-    for."""
+def count_points(kind: Kind, dimensions: int, n: int, second_order: bool) -> int:
+    """How many points `unit_points` gives."""
+    return n * block(dimensions, second_order) if kind == "saltelli" else n
+
+
+def check_sampling(kind: Kind, n: int) -> None:
+    """Check that points of a kind can be made, and so many.
+
+    Raises InputError for a count that the sequence is not balanced for, and where a library is
+    missing."""
     if kind in POWERS_OF_TWO and n & (n - 1):
         below = 1 << (n.bit_length() - 1)
         raise InputError(
             f"sampling.n = {n}: {kind} needs a power of 2, for example {below} or {2 * below}"
         )
+    if kind == "saltelli":
+        require(f"sampling.kind = {kind!r}", "SALib")
+
+
+def unit_points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bool) -> Array:
+    """Points (m, dimensions) inside (0, 1); m is n, of Saltelli's scheme (Comput Phys Commun
+    145:280, 2002) n `block`s.  Raises InputError as `check_sampling` does."""
+    check_sampling(kind, n)
     sampled = _points(kind, dimensions, n, seed, second_order)
     tiny = np.finfo(float).eps
     return np.clip(sampled, tiny, 1 - tiny)
@@ -47,7 +61,6 @@ def _points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bool) 
         return np.asarray(qmc.LatinHypercube(dimensions, seed=seed).random(n))
     if kind == "sobol":
         return np.asarray(qmc.Sobol(dimensions, seed=seed).random(n))
-    require(f"sampling.kind = {kind!r}", "SALib")
     from SALib.sample.sobol import sample
 
     sampled = sample(problem(dimensions), n, calc_second_order=second_order, seed=seed)

@@ -304,7 +304,7 @@ def _step(span: float) -> float:
 
 def _tendons(case: Case) -> Iterator[Control]:
     """A control for each tendon: what the case states of it, else its tension."""
-    hood = case.hood.tendon_names() or ()
+    hood = case.hood.tendon_names(case.finger.kind) or ()
     own = native_tendons(case.finger, case.hood.left_to_finger)
     for name in dict.fromkeys((*hood, *own, *case.tendons)):
         stated, key = case.tendons.get(name), f"tendons.{name}"

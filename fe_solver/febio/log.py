@@ -27,10 +27,11 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.file_size import MB, read_bytes
 from cosim.port import Array
 
 FORCE, MOMENT = ("Fx", "Fy", "Fz"), ("Mx", "My", "Mz")
-MOST_BYTES = 256 << 20
+MOST_BYTES = 256 * MB
 MOST_NUMBER = 1e30  # beyond, squares and their products leave the range of floating point
 MOST_WORD = 40
 KEYS = ("Step", "Time", "Data", "File")
@@ -173,12 +174,9 @@ def _records(path: Path, columns: tuple[str, ...]) -> list[list[_Section]]:
 
 def _text(path: Path) -> str:
     try:
-        with open(path, "rb") as stream:
-            raw = stream.read(MOST_BYTES + 1)
+        raw = read_bytes(path, MOST_BYTES)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    if len(raw) > MOST_BYTES:
-        raise InputError(f"{path}: longer than {MOST_BYTES >> 20} MB, the most that is read")
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import ConvergenceError
+from cosim.errors import ConvergenceError, pulse
 from cosim.port import Array, Ints
 from fe_solver.forces.springs import PointForces
 from fe_solver.solver.body_coupling import dependent_motion
@@ -38,7 +38,7 @@ from fe_solver.solver.newton_step import (
     limit_to_contact,
     move_nodes,
 )
-from fe_solver.solver.residual import is_folded, residual_norm
+from fe_solver.solver.residual import ITERATION, is_folded, residual_norm
 from fe_solver.vectors import cross
 
 MOST_STEPS, FEW_STEPS = 40, 4
@@ -121,6 +121,7 @@ def take_mixed_steps(
     most, tolerance = min(most, FEW_STEPS if walk.near else MOST_STEPS), max(tolerance, CLOSE)
     for taken in range(most + 1):
         walk.note_place()
+        pulse(ITERATION, taken, walk.residual, walk.force)
         if settle is not None and walk.is_almost_there():
             walk.settle(settle)
         if walk.has_arrived(tolerance):

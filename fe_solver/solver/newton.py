@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cosim.errors import ConvergenceError
+from cosim.errors import ConvergenceError, pulse
 from cosim.port import Array
 from fe_solver.forces.springs import ROPE
 from fe_solver.solver.assembly import DOFS
@@ -29,6 +29,7 @@ from fe_solver.solver.newton_step import (
     limit_to_contact,
 )
 from fe_solver.solver.residual import (
+    ITERATION,
     director_cosines,
     is_folded,
     residual_norm,
@@ -229,6 +230,7 @@ def _solve(
     for iteration in range(begun.iterations, options.max_iterations + 1):
         if search.is_balanced():
             return search.solution(iteration)
+        pulse(ITERATION, iteration, search.residual, search.force)
         if iteration == options.max_iterations or not (
             search.take_chord() or search.take_newton_step() or search.take_other_tangent()
         ):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.errors import ConvergenceError
+from cosim.errors import ConvergenceError, pulse
 from cosim.port import Array
 from fe_solver.solver.dynamics import Substance, advance, at_rest, kinetic_energy, masses
 from fe_solver.solver.model import Configuration, ShellModel
@@ -58,7 +58,8 @@ def relax(
     tension = np.zeros(len(model.share)) if tension is None else tension
     state, energy, length = at_rest(start), 0.0, np.ptp(start.x, axis=0).max()
     first = dt = _first_step(model, start, tension, o.reach)
-    for _ in range(o.max_steps):
+    for done in range(o.max_steps):
+        pulse("the hood's damped motion, step {}", done)
         if _at_rest(model, state.configuration, tension, o.tolerance):
             return state.configuration
         try:

@@ -8,6 +8,9 @@ from cosim.port import Array
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 
+ITERATION = "the hood's iteration {}, residual {:.1e} N against forces of {:.1e} N"
+"""What a solve says of an iteration."""
+
 UPRIGHT = 0.05
 """Cosine of the angle between a director and its elements' normals that no step goes below."""
 

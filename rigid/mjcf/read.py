@@ -19,6 +19,7 @@ from cosim.errors import InputError
 from cosim.port import Array
 from meshes.skeleton import BODIES, JOINTS, Skeleton
 from rigid.fingers.anatomy import VIEW_METACARPAL, VIEW_RADIUS
+from rigid.mjcf.bounds import check_bounds
 from rigid.mjcf.frames import Frames, Where, frames_of
 from rigid.mjcf.simulation import ANATOMY
 from rigid.mjcf.tendons import read_tendons
@@ -161,6 +162,7 @@ def _metacarpal(where: Where, proximal: int, losses: list[str]) -> int:
 def _compile(path: Path) -> mujoco.MjModel:
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
+    check_bounds(path)
     _check_numbers(path)
     try:
         m = mujoco.MjModel.from_xml_path(str(path))

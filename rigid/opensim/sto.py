@@ -17,10 +17,11 @@ from typing import Literal
 import numpy as np
 
 from cosim.errors import InputError, ReadingWarning
+from cosim.file_size import MB, read_bytes
 from cosim.files import output_file
 from cosim.port import Array
 
-MOST_BYTES = 256 << 20
+MOST_BYTES = 64 * MB
 MOST_HEADER = 1 << 16
 """Characters."""
 MOST_NUMBER = 1e30
@@ -119,11 +120,7 @@ def read_sto(path: Path, angles: Collection[str] | None = None) -> StoTable:
 def read_lines(path: Path) -> list[str]:
     """The lines of a table over time, a text in UTF-8.  Raises InputError."""
     try:
-        with open(path, "rb") as stream:
-            raw = stream.read(MOST_BYTES + 1)
-        if len(raw) > MOST_BYTES:
-            raise InputError(f"{path}: longer than {MOST_BYTES >> 20} MB, the most that is read")
-        return raw.decode("utf-8-sig").splitlines()
+        return read_bytes(path, MOST_BYTES).decode("utf-8-sig").splitlines()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:

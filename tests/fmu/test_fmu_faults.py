@@ -145,7 +145,7 @@ def test_our_own_unit_with_a_broken_script_is_one_message(own, tmp_path, fmi, co
 
 def with_hood(path: Path) -> Case:
     hood = CASE.hood
-    names = {"sources": SOURCES_OF_CASE, "tendons": hood.tendon_names()}
+    names = {"sources": SOURCES_OF_CASE, "tendons": hood.tendon_names("index")}
     lists = ",".join(f"{key}={json.dumps(value)}" for key, value in names.items())
     table = f'hood={{kind="fmu",path="{path}",{lists}}}'
     return load_case("pulley_edc", ["output.picture=false", table])

@@ -35,7 +35,7 @@ class StringHood(HoodConfig):
     kind: Literal["string"]
     stiffness: Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e6 N/mm")] = 5e4
 
-    def tendon_names(self) -> tuple[str, ...]:
+    def tendon_names(self, finger: str) -> tuple[str, ...]:
         return ("EDC",)
 
 

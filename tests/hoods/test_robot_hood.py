@@ -7,7 +7,7 @@ import pytest
 
 from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model, skeleton_of
-from cosim.hoods.cable.build import ENDS
+from cosim.hoods.cable.table import ENDS
 from cosim.models.build import bone_surfaces
 from cosim.solve.solvers import solve
 from fe_solver.surfaces.shapes import Capsule

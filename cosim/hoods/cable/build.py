@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.cable.table import CableHoodConfig
+from cosim.hoods.cable.table import ENDS, CableHoodConfig
 from cosim.hoods.cable.view import view_of
 from cosim.hoods.fe_supports import contact_levels, supports_of
 from cosim.hoods.fe_view import slip_forces, tangent_seconds
@@ -20,12 +20,6 @@ from fe_solver.hood.build import Net, TendonEnd, cable_hood
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from meshes.cable_net import CableNet, lay
 from meshes.robot_net import keep_extensor
-
-ENDS = {
-    "index": {"EDC": "central", "EI": "indicis", "LUM": "radial", "FPI": "ulnar"},
-    "robot": {"extensor": "central"},
-}
-"""By finger, the tendons that act through the net and the ends that they pull."""
 
 
 def build(hood: CableHoodConfig, site: Site) -> BuiltHood:

@@ -55,6 +55,13 @@ class CableMeshConfig(Table):
     """Posture in which the net is laid out, free of stress but for the residual tension."""
 
 
+ENDS = {
+    "index": {"EDC": "central", "EI": "indicis", "LUM": "radial", "FPI": "ulnar"},
+    "robot": {"extensor": "central"},
+}
+"""By finger, the tendons that act through the net and the ends that they pull."""
+
+
 class CableHoodConfig(HoodConfig):
     """A net of cables that bear tension alone, over the bones: the tendinous rhombus.  The law of
     each is quadratic up to the strain `toe`, then straight; `residual_tension` (N) beside it keeps
@@ -94,6 +101,9 @@ class CableHoodConfig(HoodConfig):
     @property
     def has_friction(self) -> bool:
         return self.contact.friction > 0
+
+    def tendon_names(self, finger: str) -> tuple[str, ...]:
+        return tuple(ENDS.get(finger, ()))
 
     def parts(self) -> InjurableParts:
         return PARTS

@@ -129,7 +129,7 @@ class NetworkHoodConfig(HoodConfig):
     def shares_fixed(self) -> bool:
         return self.operating_force is not None
 
-    def tendon_names(self) -> tuple[str, ...]:
+    def tendon_names(self, finger: str) -> tuple[str, ...]:
         return tuple(self.muscles)
 
     def parts(self) -> InjurableParts | None:
@@ -173,7 +173,7 @@ class TwoBandHoodConfig(HoodConfig):
             )
         return self
 
-    def tendon_names(self) -> tuple[str, ...]:
+    def tendon_names(self, finger: str) -> tuple[str, ...]:
         return tuple(self.muscles)
 
     def parts(self) -> InjurableParts:

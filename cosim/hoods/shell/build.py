@@ -18,7 +18,7 @@ from cosim.hoods.shell import table
 from cosim.hoods.shell.fibre_table import FibrousConfig
 from cosim.hoods.shell.fibres import Fibres, fibres_of
 from cosim.hoods.shell.gauges import points_on
-from cosim.hoods.shell.table import ShellHoodConfig
+from cosim.hoods.shell.table import ENDS, ShellHoodConfig
 from cosim.hoods.shell.view import view_of
 from cosim.hoods.view import TrackedPoints
 from cosim.port import Array
@@ -37,25 +37,6 @@ from meshes.hood import generate
 from meshes.hood_lines import even_shares
 from meshes.hood_mesh import REGIONS, HoodMesh, read
 
-WHOLE, ULNAR = np.zeros(3), np.array([0.0, -1.0, 0.0])
-PALMAR, DORSAL = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
-ENDS = {
-    "index": {
-        "EDC": ("central", WHOLE),
-        "EI": ("central", ULNAR),
-        "LUM": ("radial", WHOLE),
-        "FPI": ("ulnar", WHOLE),
-    },
-    # An et al. 1979: the third digit's lumbrical runs palmar of its interosseous.
-    "middle": {
-        "EDC": ("central", WHOLE),
-        "LUM": ("radial", PALMAR),
-        "RI": ("radial", DORSAL),
-        "UI": ("ulnar", WHOLE),
-    },
-}
-"""By finger, the tendons that act through the hood: the end that each one pulls, and of the half
-that it pulls on which side that is (metacarpal's frame)."""
 ROOM = 4e-3
 """m that an end of a sheet lies distal of its tendon's eyelet at least, for it to hang on a rope to
 there; one that is laid further proximal slides along the metacarpal."""
@@ -315,7 +296,7 @@ def _tendons(mesh: HoodMesh, anatomy: Anatomy) -> dict[str, TendonEnd]:
         nodes = mesh.ends[end]
         place = np.arange(len(nodes), dtype=float)
         first, last = float(place[0]), float(place[-1])
-        if side.any():
+        if any(side):
             middle, height = (first + last) / 2, mesh.points[nodes] @ side
             first, last = (middle, last) if height[-1] > height[0] else (first, middle)
         share = even_shares(place, (first, last), mesh.quadratic)

@@ -203,6 +203,27 @@ class ExtraLengthsConfig(Table):
     """Of the terminal slip; negative: shorter."""
 
 
+WHOLE, ULNAR = (0.0, 0.0, 0.0), (0.0, -1.0, 0.0)
+PALMAR, DORSAL = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
+ENDS = {
+    "index": {
+        "EDC": ("central", WHOLE),
+        "EI": ("central", ULNAR),
+        "LUM": ("radial", WHOLE),
+        "FPI": ("ulnar", WHOLE),
+    },
+    # An et al. 1979: the third digit's lumbrical runs palmar of its interosseous.
+    "middle": {
+        "EDC": ("central", WHOLE),
+        "LUM": ("radial", PALMAR),
+        "RI": ("radial", DORSAL),
+        "UI": ("ulnar", WHOLE),
+    },
+}
+"""By finger, the tendons that act through the hood: the end that each one pulls, and of the half
+that it pulls on which side that is (metacarpal's frame)."""
+
+
 class ShellHoodConfig(HoodConfig):
     """The shell finite-element hood.  `bending_stiffness` (N m, of a strip per its width): as if
     with a sheet, isotropic and incompressible, that acts in bending alone, beside what the regions'
@@ -309,6 +330,9 @@ class ShellHoodConfig(HoodConfig):
     @property
     def has_friction(self) -> bool:
         return self.contact.friction > 0
+
+    def tendon_names(self, finger: str) -> tuple[str, ...]:
+        return tuple(ENDS.get(finger, ()))
 
     def parts(self) -> InjurableParts:
         return PARTS
