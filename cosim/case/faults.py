@@ -131,7 +131,7 @@ def _message(item: Any, place: Place, model: Model, values: Any) -> str:
         siblings = _lookup(values, place[:-1])
         return unknown(context["what"], str(place[-1]), context["names"], siblings)
     if kind in _ABSENT:
-        return f"is missing; {_advice(place, model, values)}"
+        return f"is missing; {_advice(place, model, values)}{_meant(place, values)}"
     if kind in ("literal_error", "union_tag_invalid"):
         words = context.get("expected") or context["expected_tags"]
         return f"write {words.replace(', ', ' or ')}"
@@ -186,6 +186,16 @@ def _advice(place: Place, model: Model, values: Any) -> str:
     return f"write the table [{'.'.join(map(str, place))}]" + (
         f" with {', '.join(keys)}" if keys else ""
     )
+
+
+def _meant(place: Place, values: Any) -> str:
+    """The table beside that of what is missing, with nearly its name, that has it."""
+    beside = _lookup(values, place[:-2]) if len(place) > 1 else None
+    if not isinstance(beside, dict):
+        return ""
+    whole = [k for k, each in beside.items() if isinstance(each, dict) and place[-1] in each]
+    near = nearest_names(str(place[-2]), whole)
+    return f"; or did you mean {near[0]}?" if near else ""
 
 
 def _texts(place: Place, model: Model, values: Any) -> Iterator[dict[str, Any]]:
