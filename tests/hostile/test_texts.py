@@ -39,7 +39,8 @@ def test_a_part_that_is_not_there_is_told(case: str, table: str) -> None:
 
 
 def test_a_misspelt_connecting_tendon_is_told() -> None:
-    with pytest.raises(InputError, match=r"edc_slp\.muscle: is missing; write one of .* did you mean edc_slip\?"):
+    told = r"edc_slp\.muscle: is missing; write one of .* did you mean edc_slip\?"
+    with pytest.raises(InputError, match=told):
         load_case("network_edc", ['hood.connecting.edc_slp.stiffness="3 N/mm"'])
 
 
@@ -58,7 +59,7 @@ def test_deep_files_are_refused(tmp_path: Path) -> None:
 def test_long_chains_of_cases_are_refused(tmp_path: Path) -> None:
     for i in range(1500):
         (tmp_path / f"c{i}.toml").write_text(f'extends = "c{i + 1}.toml"\n')
-    with pytest.raises(InputError, match="more than 100 files extend each other"):
+    with pytest.raises(InputError, match="more than 50 files; put some"):
         load_case(tmp_path / "c0.toml")
 
 

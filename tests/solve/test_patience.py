@@ -35,7 +35,7 @@ def in_motion(**more):
     [
         ("pulley_edc", {}, "round 1 begins"),
         ("pulley_edc", {"coupling.scheme": "implicit"}, "round 1 begins"),
-        ("cable_edc", {}, "the hood's iteration 0, residual"),
+        ("cable_edc", {}, "unloaded: the hood on the bones at rest; "),
         ("pulley_edc", MOTION, "step 1 of 20"),
         ("pulley_edc", {**MOTION, "coupling.scheme": "newton"}, "hood solve 1"),
         ("pulley_edc", {**MOTION, "forward.adaptive": {"tolerance": "0.1 deg"}}, "1 steps"),

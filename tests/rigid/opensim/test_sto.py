@@ -196,7 +196,7 @@ def test_what_is_no_file_or_no_text_is_told(
     with pytest.raises(InputError, match="not a text"):
         read_sto(tmp_path / "b.sto")
     monkeypatch.setattr(sto, "MOST_BYTES", 10)
-    with pytest.raises(InputError, match="longer than"):
+    with pytest.raises(InputError, match="MB are read"):
         read(tmp_path, OLD)
 
 
