@@ -191,9 +191,8 @@ def _advice(place: Place, model: Model, values: Any) -> str:
 def _meant(place: Place, values: Any) -> str:
     """The table beside that of what is missing, with nearly its name, that has it."""
     beside = _lookup(values, place[:-2]) if len(place) > 1 else None
-    if not isinstance(beside, dict):
-        return ""
-    whole = [k for k, each in beside.items() if isinstance(each, dict) and place[-1] in each]
+    keys = getattr(beside, "keys", tuple)()
+    whole = [key for key in keys if _lookup(beside, (key, place[-1])) is not None]
     near = nearest_names(str(place[-2]), whole)
     return f"; or did you mean {near[0]}?" if near else ""
 
