@@ -15,7 +15,7 @@ CEILINGS = {
     "cosim": 5303,
     "cosim/analyses": 6604,
     "cosim/anatomy": 859,
-    "cosim/case": 1011,
+    "cosim/case": 1012,
     "cosim/commands": 4472,
     "cosim/coupling": 2207,
     "cosim/fingers": 1122,

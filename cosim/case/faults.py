@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -190,8 +190,10 @@ def _advice(place: Place, model: Model, values: Any) -> str:
 
 def _meant(place: Place, values: Any) -> str:
     """The table beside that of what is missing, with nearly its name, that has it."""
-    beside = _lookup(values, place[:-2]) if len(place) > 1 else None
-    keys = getattr(beside, "keys", tuple)()
+    if len(place) < 2:
+        return ""
+    beside = _lookup(values, place[:-2])
+    keys: Iterable[str] = getattr(beside, "keys", tuple)()
     whole = [key for key in keys if _lookup(beside, (key, place[-1])) is not None]
     near = nearest_names(str(place[-2]), whole)
     return f"; or did you mean {near[0]}?" if near else ""
