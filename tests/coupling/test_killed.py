@@ -16,24 +16,7 @@ import xarray
 from cosim.case.file import load_case
 from cosim.pipeline import run_case
 from tests.helpers.folders import ROOT
-
-RAMP = """
-extends = "pulley_edc"
-title = "EDC ramps"
-output.picture = false
-
-[finger.tip]
-kind = "free"
-
-[tendons.EDC.signal]
-kind = "points"
-at = [["0 s", 0.02], ["0.1 s", 1.0]]
-
-[forward]
-duration = "0.3 s"
-must_rest = false
-checkpoint = 7
-"""
+from tests.helpers.motions import RAMP
 
 SHORT = RAMP.replace('duration = "0.3 s"', 'duration = "0.1 s"')
 LONG = RAMP.replace("checkpoint = 7\n", "").replace('duration = "0.3 s"', 'duration = "30 s"')

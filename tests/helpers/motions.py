@@ -19,6 +19,25 @@ HELD = tuple(
     for joint in ("MCP", "MCP_abduction", "PIP", "DIP")
 )
 
+RAMP = """
+extends = "pulley_edc"
+title = "EDC ramps"
+output.picture = false
+
+[finger.tip]
+kind = "free"
+
+[tendons.EDC.signal]
+kind = "points"
+at = [["0 s", 0.02], ["0.1 s", 1.0]]
+
+[forward]
+duration = "0.3 s"
+must_rest = false
+checkpoint = 7
+"""
+"""The case of a motion that keeps checkpoints."""
+
 
 class Stopper:
     """Progress that interrupts a motion in its n-th word, as Ctrl-C does."""

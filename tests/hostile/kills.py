@@ -29,6 +29,7 @@ from typing import NamedTuple
 from uuid import uuid4
 
 from tests.helpers.folders import ROOT
+from tests.helpers.motions import RAMP
 
 SEED, MARK = 63, "COSIM_TESTS_MARK"
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")
@@ -41,19 +42,6 @@ SAME = ("results.nc", "ledger.csv", "table.csv", "table.parquet", "ladder.csv")
 """Files that must be the same to the last byte, but for times that a clock took."""
 TIMES = "wall s"
 PASSING = (".part", ".old", ".probe")
-RAMP = """
-extends = "pulley_edc"
-output.picture = false
-[finger.tip]
-kind = "free"
-[tendons.EDC.signal]
-kind = "points"
-at = [["0 s", 0.02], ["0.1 s", 1.0]]
-[forward]
-duration = "0.3 s"
-must_rest = false
-checkpoint = 7
-"""
 GRID = """
 case = "network_edc"
 settings = ["finger.tip.kind=posture"]
