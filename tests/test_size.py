@@ -26,7 +26,7 @@ CEILINGS = {
     "cosim/models": 690,
     "cosim/report": 2696,
     "cosim/results": 5734,
-    "cosim/schema": 593,
+    "cosim/schema": 597,
     "cosim/solve": 918,
     "cosim/study": 2982,
     "cosim/tendons": 534,
@@ -57,7 +57,7 @@ CEILINGS = {
     "rigid/opensim": 3733,
     "rigid/papers": 3274,
     "rigid/verification": 2498,
-    "tests": 50278,
+    "tests": 50285,
 }
 
 

@@ -24,6 +24,8 @@ meter = [length] = m = metre
 base_mass = [mass]
 gram = 1e-3 * base_mass = g
 second = [time] = s
+minute = 60 * second = min
+hour = 3600 * second = h
 hertz = 1 / second = Hz
 radian = [angle] = rad
 degree = 0.017453292519943295 * radian = deg = °
@@ -43,6 +45,8 @@ _NAMES = {
     "meter": "m|met(?:er|re)s?",
     "gram": "g|grams?",
     "second": "s|seconds?",
+    "minute": "min|minutes?",
+    "hour": "h|hours?",
     "hertz": "Hz|hertz",
     "radian": "rad|radians?",
     "degree": "deg|degrees?",

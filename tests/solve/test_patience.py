@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cosim import errors
+from cosim.array_cache import OFF, VARIABLE
 from cosim.case.file import load_case
 from cosim.case.usual import unusual_values
 from cosim.errors import ConvergenceError, PatienceError, pulse, relay_progress, say
@@ -35,13 +36,14 @@ def in_motion(**more):
     [
         ("pulley_edc", {}, "round 1 begins"),
         ("pulley_edc", {"coupling.scheme": "implicit"}, "round 1 begins"),
-        ("cable_edc", {}, "unloaded: the hood on the bones at rest; "),
+        ("cable_edc", {}, "the hood's iteration 0, residual"),
         ("pulley_edc", MOTION, "step 1 of 20"),
         ("pulley_edc", {**MOTION, "coupling.scheme": "newton"}, "hood solve 1"),
         ("pulley_edc", {**MOTION, "forward.adaptive": {"tolerance": "0.1 deg"}}, "1 steps"),
     ],
 )
-def test_a_solve_without_time_says_where_it_was_and_what_to_try(name, values, says):
+def test_a_solve_without_time_says_where_it_was_and_what_to_try(name, values, says, monkeypatch):
+    monkeypatch.setenv(VARIABLE, OFF)  # of kept responses, which take no iteration
     case = load_case(name).replace({**values, "solve.patience": "1e-6 ms"})
     outcome = outcome_of(lambda: run_case(case))
     assert outcome.status == "failed"
@@ -101,3 +103,8 @@ def test_after_a_silence_the_iteration_is_told(clock):
 def test_who_begins_no_solve_is_never_interrupted(clock):
     pulse("iteration {}", 1)
     say("nobody hears")
+
+
+def test_patience_is_in_seconds_minutes_or_hours():
+    for text, seconds in (("90 s", 90.0), ("10 min", 600.0), ("2 h", 7200.0)):
+        assert load_case("pulley_edc", [f'solve.patience="{text}"']).solve.patience == seconds
