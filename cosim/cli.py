@@ -18,7 +18,13 @@ from typer.main import get_command
 
 from cosim.errors import ReadingWarning
 from cosim.files import clear_again
-from cosim.interrupts import exit_code, ignore_requests, interrupt_on_request, is_asked
+from cosim.interrupts import (
+    exit_code,
+    exit_on_request,
+    ignore_requests,
+    interrupt_on_request,
+    is_asked,
+)
 from cosim.processes import prepare_process
 from cosim.version import __version__
 
@@ -249,7 +255,7 @@ app = typer.Typer(
 
 def main() -> None:
     """The program `cosim`."""
-    interrupt_on_request()
+    exit_on_request()
     prepare_process()
     warnings.showwarning = _show_warning
     for stream in (sys.stdout, sys.stderr):
@@ -257,8 +263,10 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
+        interrupt_on_request()
         app(prog_name="cosim")
-    except (Exception, SystemExit) as ended:  # a library may make an error of a KeyboardInterrupt
+    except (Exception, SystemExit, KeyboardInterrupt) as ended:
+        # a library may make an error of a KeyboardInterrupt
         ignore_requests()
         if not is_asked():
             raise

@@ -126,3 +126,20 @@ cli.main()
 
 def test_an_error_that_a_library_makes_of_a_request_is_none() -> None:
     assert run(CONVERTED) == (143, "", "")
+
+
+@pytest.mark.parametrize("place", ["prepare_process", "app"])
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+def test_a_request_before_the_command_begins_is_no_traceback(
+    name: str, code: int, place: str
+) -> None:
+    script = f"""
+import os, signal
+import cosim.cli as cli
+cli.{place} = lambda **_: os.kill(os.getpid(), signal.{name})
+cli.main()
+print("went on")
+"""
+    ended, out, told = run(script)
+    assert (ended, out) == (code, "")
+    assert "Traceback" not in told
