@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
-from math import isfinite, prod
+from math import inf, isfinite, prod
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -84,12 +84,16 @@ Texts = tuple[str, ...]
 
 class ParameterConfig(Table):
     """What every parameter may say: the `settings` that it makes (KEY={value}), or the keys whose
-    numbers in the case it scales; without either, its name is the key."""
+    numbers in the case it scales or shifts; without any, its name is the key."""
 
     settings: Texts = ()
     """What it sets in the case, as KEY={value}; by default its own name is the key."""
     scale: Texts = ()
     """Keys whose numbers in the case it multiplies, in place of `settings`."""
+    shift: Texts = ()
+    """Keys to whose numbers in the case it is added, in place of `settings`, in their unit."""
+    least: Stated | None = None
+    """The least that a number becomes which is shifted."""
     label: str = ""
     """Its name in plots; by default its key."""
 
@@ -231,8 +235,8 @@ def study_schema() -> dict[str, Any]:
 
 
 class Parameter(NamedTuple):
-    """A number or word that differs from run to run; `unit` as the case takes it; `settings` and
-    `scale` as in the file."""
+    """A number or word that differs from run to run; `unit` as the case takes it; `settings`,
+    `scale`, `shift` and `least` as in the file."""
 
     name: str
     label: str
@@ -240,6 +244,8 @@ class Parameter(NamedTuple):
     law: Law
     settings: Texts
     scale: Texts
+    shift: Texts = ()
+    least: float = -inf
 
 
 def find_study(path_or_name: str | Path) -> Path:
@@ -325,15 +331,22 @@ def _model(table: Mapping[str, Any]) -> type[ParameterConfig]:
 def _parameter(name: str, table: dict[str, Any]) -> Parameter:
     """Read a parameter from its table.  Raises ValidationError and InputError."""
     read = _model(table).model_validate(table)
-    if read.settings and read.scale:
-        raise InputError("gives both settings and scale; write one of them")
+    given = [word for word in ("settings", "scale", "shift") if getattr(read, word)]
+    if len(given) > 1:
+        raise InputError(f"gives both {given[0]} and {given[1]}; write one of them")
     if lacking := [text for text in read.settings if "={value}" not in text.replace(" ", "")]:
         raise InputError(f"settings: {lacking[0]!r} lacks ={{value}}; write KEY={{value}}")
     law, unit = _law(read)
     if read.scale and (unit or (is_axis(law) and not law.is_numeric)):
         raise InputError("scale: a factor is a plain number; leave out the unit")
-    settings = read.settings or (() if read.scale else (f"{name}={{value}}",))
-    return Parameter(name, read.label or name, unit, law, settings, read.scale)
+    if read.shift and is_axis(law) and not law.is_numeric:
+        raise InputError("shift: what is added is a number with its unit")
+    if read.least is not None and not read.shift:
+        raise InputError("least: is of shifted numbers; write shift = [...] or leave it out")
+    settings = read.settings or (() if given else (f"{name}={{value}}",))
+    least = -inf if read.least is None else read.least.number
+    label = read.label or name
+    return Parameter(name, label, unit, law, settings, read.scale, read.shift, least)
 
 
 def _law(read: ParameterConfig) -> tuple[Law, str]:

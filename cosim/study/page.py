@@ -52,9 +52,9 @@ def _failures(study: StudyResults) -> Iterator[dict[str, Any]]:
 
 def _parameters(plan: StudyPlan) -> Iterator[dict[str, str]]:
     for p in plan.parameters:
-        sets = ", ".join(text.partition("=")[0] for text in p.settings)
-        scales = ", ".join(p.scale)
-        effect = f"sets {sets}" if sets else f"scales {scales}"
+        sets = [text.partition("=")[0] for text in p.settings]
+        effects = (("sets", sets), ("scales", p.scale), ("shifts", p.shift))
+        effect = "; ".join(f"{word} {', '.join(keys)}" for word, keys in effects if keys)
         yield {"label": p.label, "law": f"{_law(p.law)} {p.unit}".rstrip(), "sets": effect}
 
 

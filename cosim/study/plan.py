@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -129,13 +129,39 @@ def _check_middle(source: Path, plan: StudyPlan) -> None:
 
 
 def _settings(
-    parameters: tuple[Parameter, ...], point: Point, base: Mapping[str, Any]
+    parameters: Sequence[Parameter], point: Point, base: Mapping[str, Any]
 ) -> Iterator[str]:
+    """KEY=VALUE of a point; what scales or shifts a number takes it as the parameters before left
+    it.  Raises InputError."""
+    texts: dict[str, str] = {}
+    changed: dict[str, Any] = {}
     for p, value in zip(parameters, point, strict=True):
         written = _number(value, p.unit) if type(value) is float else _word(value)
-        yield from (text.replace("{value}", written) for text in p.settings)
-        for key in p.scale:
-            yield from scale_setting(base, key, float(value))
+        for text in p.settings:
+            key, _, stated = (part.strip() for part in text.partition("="))
+            texts[key] = changed[key] = stated.replace("{value}", written)
+        change, word = _change_of(p, value)
+        for key in (*p.scale, *p.shift):
+            for path, number in numbers_at(base, key, word):
+                changed[path] = _changed(changed.get(path, number), change, f"{word}: {key}")
+                texts[path] = _toml(changed[path])
+    return (f"{key}={text}" for key, text in texts.items())
+
+
+def applicable_settings(
+    parameters: Sequence[Parameter], point: Point, base: Mapping[str, Any]
+) -> Settings:
+    """KEY=VALUE of a point in a case that lacks some of what the parameters change: these have no
+    effect there.  Raises InputError for what is no number."""
+
+    def has(key: str) -> bool:
+        return any(True for _ in _find_values(base, key.partition("=")[0].strip().split("."), ()))
+
+    kept = [
+        p._replace(**{w: tuple(filter(has, getattr(p, w))) for w in ("settings", "scale", "shift")})
+        for p in parameters
+    ]
+    return tuple(_settings(kept, point, base))
 
 
 def _number(value: float, unit: str) -> str:
@@ -153,11 +179,17 @@ def scale_setting(base: Mapping[str, Any], key: str, factor: float) -> Iterator[
     """KEY=VALUE with what `base` has at the key (a `*` stands for every name) times the factor.
 
     Raises InputError where no number is there."""
-    numbers = list(_find_values(base, key.split("."), ()))
-    if not numbers:
-        raise InputError(f"scale: the case has no number at {key}")
-    for path, value in numbers:
-        yield f"{'.'.join(path)}={_times(value, factor, key)}"
+    for path, value in numbers_at(base, key, "scale"):
+        yield f"{path}={_toml(_changed(value, lambda v, _: factor * v, f'scale: {key}'))}"
+
+
+def numbers_at(base: Mapping[str, Any], key: str, word: str) -> list[tuple[str, Any]]:
+    """What `base` has at a key, with where; `word`: what it is asked for.  Raises InputError where
+    nothing is there."""
+    found = [(".".join(path), value) for path, value in _find_values(base, key.split("."), ())]
+    if not found:
+        raise InputError(f"{word}: the case has no number at {key}")
+    return found
 
 
 def _find_values(
@@ -173,12 +205,35 @@ def _find_values(
             yield from _find_values(values[name], keys[1:], (*path, name))
 
 
-def _times(value: Any, factor: float, key: str) -> str:
-    """The value as TOML: a number, a text with a unit, or a list of such."""
+def _change_of(p: Parameter, value: Word) -> tuple[Callable[[float, str], float], str]:
+    """What a parameter does to a number and its unit, and the word of the study file for it."""
+    if p.scale:
+        return lambda number, _: number * float(value), "scale"
+
+    def moved(number: float, unit: str) -> float:
+        if unit != p.unit:
+            raise InputError(
+                f"shift: {p.name} is in {p.unit or 'no unit'}, the case's number in "
+                f"{unit or 'none'}; write the step in the case's"
+            )
+        return max(number + float(value), p.least)
+
+    return moved, "shift"
+
+
+def _changed(value: Any, change: Callable[[float, str], float], what: str) -> Any:
+    """The changed number, text with a unit, or list of such.  Raises InputError."""
     if isinstance(value, list | tuple):
-        return f"[{', '.join(_times(item, factor, key) for item in value)}]"
+        return [_changed(item, change, what) for item in value]
     if is_number(value):
-        return repr(value * factor)
+        return change(value, "")
     if isinstance(value, str) and (parts := FORM.fullmatch(value)):
-        return json.dumps(f"{float(parts[1]) * factor!r} {parts[2] or ''}".rstrip())
-    raise InputError(f"scale: {key} is {value!r}, which is no number")
+        unit = parts[2] or ""
+        return f"{change(float(parts[1]), unit)!r} {unit}".rstrip()
+    raise InputError(f"{what} is {value!r}, which is no number")
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    return json.dumps(value) if isinstance(value, str) else repr(value)

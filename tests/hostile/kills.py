@@ -192,6 +192,7 @@ def kill_jobs(folder: Path, count: int, names: list[str], seed: int = SEED) -> l
     rng, kills = random.Random(seed), list[Kill]()
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell has it so in the background
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup has it ignored, by what it starts too
     for i, name in enumerate(names):
         share = count // len(names) + (i < count % len(names))
         whole, cut = (Job(name, folder / f"{name}-{kind}") for kind in ("whole", "cut"))
