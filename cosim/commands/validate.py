@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 from rich.table import Table
@@ -13,15 +13,34 @@ from cosim.commands.terminal import console, exit_on_error, warn_of_audits
 from cosim.errors import InputError
 from cosim.files import check_file
 from cosim.results.compare import marks, misses_first, number, reference_text
-from cosim.validation.mesh import Change, changes, refine_meshes, tally, write_changes
+from cosim.validation.forms import form_values, form_versions
+from cosim.validation.inputs import input_spreads, input_versions, read_inputs
+from cosim.validation.mesh import (
+    MeshSeries,
+    distinct,
+    mesh_factors,
+    mesh_series,
+    mesh_versions,
+    tally,
+)
 from cosim.validation.page import write_page
-from cosim.validation.run import Board, by_kind, choose_groups, run_validation, write_scoreboard
+from cosim.validation.run import Board, by_kind, choose_groups, run_validation
+from cosim.validation.scoreboard import JudgedBoard, judged, write_scoreboard
 from cosim.validation.trial import TrialGroup
+from cosim.validation.uncertainty import (
+    FILE,
+    UncertaintyFile,
+    committed,
+    sentence,
+    write_uncertainty,
+)
+from cosim.validation.uncertainty import (
+    update as update_uncertainty,
+)
+from cosim.validation.versions import Key, Version, run_versions
 
 PLACE = Path("cases/scoreboard.json")
-"""Where the committed scoreboard is, of a checkout."""
-CHANGES = "mesh_convergence.json"
-"""Beside it, what a finer mesh changes."""
+"""Where the committed scoreboard is, of a checkout; the uncertainties are beside it."""
 MESH = "hood.mesh"
 
 
@@ -48,15 +67,28 @@ def validate(
         Path | None,
         typer.Option(metavar="MI29.FEB", help="The published hood's file (FEBio's test suite)."),
     ] = None,
-    finer: Annotated[
+    meshes: Annotated[
         int | None,
         typer.Option(
-            metavar="QUADS",
-            min=120,
-            max=20000,
-            help="Repeat on hoods of so many quads: what the mesh changes in every number.",
+            min=2,
+            max=5,
+            help="Repeat on so many meshes, edges by 1.5: order, limit and u_num of every number.",
         ),
     ] = None,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            min=5,
+            max=10000,
+            help="Repeat at so many samples of the inputs (study input_uncertainty): u_input.",
+        ),
+    ] = None,
+    forms: Annotated[
+        bool,
+        typer.Option(
+            "--forms", help="Repeat with every hood of the ladder and with friction: their spread."
+        ),
+    ] = False,
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
     listed: Annotated[
         bool, typer.Option("--list", help="Name the trials by group, and run none.")
@@ -77,26 +109,81 @@ def validate(
         if listed:
             _list(groups)
             return
+        asked = _Asked(meshes or 0, samples or 0, forms, tuple(other_settings), workers)
         check_file(out / "scoreboard.json")
-        finer_groups = [] if finer is None else refine_meshes(groups, finer, other_settings)
         boards = run_validation(groups, out, other_settings, workers, _progress)
-        again = run_validation(finer_groups, out / "finer", (), workers, _progress)
-        mesh_changes = changes(boards, again)
-        places = [out / "scoreboard.json", *([PLACE] if update else [])]
+        known = asked.uncertainty(groups, boards, out / FILE)
+        judged_boards = judged(boards, known.by_key())
+        places = [out / PLACE.name, *([PLACE] if update else [])]
         for place in places:
-            write_scoreboard(place, boards)
-            if finer is not None:
-                write_changes(place.with_name(CHANGES), finer, again, mesh_changes)
-        write_page(out / "scoreboard.html", boards, mesh_changes)
-    _print(boards)
-    if finer is not None:
-        _print_changes(again, mesh_changes)
+            write_scoreboard(place, judged_boards)
+            write_uncertainty(place.with_name(FILE), known)
+        write_page(out / "scoreboard.html", judged_boards)
+    _print(judged_boards)
+    if meshes:
+        _print_meshes({row.key: row.meshes for row in known.rows if row.meshes is not None})
+    for name, why in known.failed.items() if asked.anything else ():
+        console().print(f"no result: {name}: {why}")
     typer.echo(f"scoreboard in {out / 'scoreboard.html'} and {' and '.join(map(str, places))}")
-    every = (*boards, *again)
     missed = warn_of_audits(
-        {name: why for board in every for name, why in board.audit_misses.items()}
+        {name: why for board in boards for name, why in board.audit_misses.items()}
     )
-    raise typer.Exit(1 if any(board.failures for board in every) else missed)
+    raise typer.Exit(1 if any(board.failures for board in boards) else missed)
+
+
+class _Asked(NamedTuple):
+    """What of the numbers' uncertainty is to be found anew."""
+
+    meshes: int
+    samples: int
+    forms: bool
+    settings: tuple[str, ...]
+    workers: int
+
+    @property
+    def anything(self) -> bool:
+        """Whether anything is."""
+        return bool(self.meshes or self.samples or self.forms)
+
+    def uncertainty(
+        self, groups: list[TrialGroup], boards: list[Board], place: Path
+    ) -> UncertaintyFile:
+        """What is known of the boards' numbers: what the package says, and over it what is found
+        anew, part by part, each written to `place` as it is there.  Variants have no versions.
+        Raises InputError."""
+        known = update_uncertainty(committed(), boards)
+        shipped = [group for group in groups if not group.variant]
+        if self.meshes:
+            factors = mesh_factors(self.meshes)
+            found, failed = self._run(shipped, mesh_versions(factors, self.settings), "mesh x ")
+            series = mesh_series(boards, found)
+            known = update_uncertainty(known, boards, {"meshes": series}, failed, meshes=factors)
+            write_uncertainty(place, known)
+        if self.samples:
+            versions = input_versions(read_inputs(self.samples), self.settings)
+            found, failed = self._run(shipped, versions)
+            spreads = input_spreads(found)
+            known = update_uncertainty(
+                known, boards, {"inputs": spreads}, failed, samples=self.samples
+            )
+            write_uncertainty(place, known)
+        if self.forms:
+            found, failed = self._run(shipped, form_versions(self.settings))
+            known = update_uncertainty(known, boards, {"forms": form_values(found)}, failed)
+        return known
+
+    def _run(
+        self, groups: list[TrialGroup], versions: Mapping[str, Version], prefix: str = ""
+    ) -> tuple[dict[str, list[Board]], dict[str, str]]:
+        """The boards by version, and why trials have no result there."""
+        found = run_versions(groups, versions, self.workers, _progress)
+        failed = {
+            f"{trial}, {prefix}{name}": why
+            for name, boards in found.items()
+            for board in boards
+            for trial, why in board.failures.items()
+        }
+        return found, failed
 
 
 def _hoods(settings: list[str]) -> tuple[list[Path], list[str]]:
@@ -117,15 +204,21 @@ def _list(groups: list[TrialGroup]) -> None:
             typer.echo(f"  {trial.name}")
 
 
-def _print(boards: list[Board]) -> None:
+def _print(boards: list[JudgedBoard]) -> None:
     screen = console()
-    for board in by_kind(boards):
+    for board in by_kind([b.board for b in boards]):
         _print_tallies(board)
-    for board in boards:
+    for judged_board in boards:
+        board = judged_board.board
         _print_tallies(board)
+        if judged_board.known:
+            screen.print(f"  beside u_val: {_summary_sentence(judged_board.judgements())}")
         for line in board.hand_lines:
             screen.print(f"  {line}")
         _print_rows(board)
+        for row, budget in judged_board.changed():
+            words = f"{row.verdict}, but {budget.judgement}"
+            screen.print(f"  {row.target.name}: {words}: {sentence(row, budget)}")
         _print_failures(board)
 
 
@@ -152,19 +245,20 @@ def _print_rows(board: Board) -> None:
     console().print(table)
 
 
-def _print_changes(again: list[Board], mesh_changes: list[Change]) -> None:
+def _print_meshes(series: Mapping[Key, MeshSeries]) -> None:
     screen = console()
-    table = Table(title="mesh: what more quads change", title_justify="left")
-    for name in ("what", "model", "finer", "change", "at most", "verdict"):
+    table = Table(title="mesh: what other quads change", title_justify="left")
+    for name in ("what", "model", "coarsest to finest", "off by", "at most", "order", "verdict"):
         table.add_column(name)
-    for c in mesh_changes:
-        model = f"{number(c.model, 3)} {c.unit}"
-        numbers = (number(value, 3) for value in (c.finer, c.change, c.bound))
-        table.add_row(f"{c.name} [{c.case or c.group}]", model, *numbers, c.verdict)
+    for (group, case, name, _), s in distinct(series):
+        order = s.convergence
+        numbers = ", ".join(number(value, 4) for value in s.values)
+        off = (number(value, 3) for value in (s.error, s.bound))
+        words = order.why if order.order is None else number(order.order, 2)
+        cells = (f"{name} [{case or group}]", number(s.own, 3), numbers, *off, words, s.verdict)
+        table.add_row(*cells)
     screen.print(table)
-    screen.print(", ".join(f"{count} {word}" for word, count in tally(mesh_changes).items()))
-    for board in again:
-        _print_failures(board)
+    screen.print(", ".join(f"{count} {word}" for word, count in tally(series).items()))
 
 
 def _print_failures(board: Board) -> None:

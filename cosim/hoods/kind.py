@@ -56,9 +56,9 @@ class HoodConfig(Table):
         return False
 
     @property
-    def is_meshed_by_quads(self) -> bool:
-        """Whether its mesh is generated, of about `hood.mesh.quads`."""
-        return False
+    def generated_quads(self) -> int | None:
+        """About how many quads (`hood.mesh.quads`) its mesh has; None where none is generated."""
+        return None
 
     @property
     def has_smooth_tangent(self) -> bool:

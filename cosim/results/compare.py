@@ -18,6 +18,7 @@ a band; a file whose columns are parted by semicolons may have decimal commas.  
 * measured (in place of reference): the address of a number of the collection (`cosim.measured`),
   which gives value, sd, band, source and kind where the row has none of its own;
 * sd: its standard deviation; may be empty;
+* n (may be left out): how many specimens the reference is the mean of;
 * low, high: the ends of a band of acceptance, in the unit, not relative; either may be empty;
 * source: paper and table; else the file;
 * kind: experiment (where nothing is said), experiment at second hand (known from an abstract or
@@ -93,6 +94,7 @@ class Target:
     geometry: str = ""
     fitted: bool = False
     note: str = ""
+    n: float | None = None
 
     def __post_init__(self) -> None:
         if fault := _fault(self):
@@ -293,6 +295,8 @@ def _fault_of_numbers(target: Target) -> str | None:
         return "has neither a reference nor a band"
     if target.sd is not None and (target.sd < 0 or target.reference is None):
         return "sd must be 0 or more, and have a reference"
+    if target.n is not None and not (target.n >= 1 and target.n == int(target.n)):
+        return f"n is {target.n:g}; expected how many specimens, 1 or more"
     if target.low is not None and target.high is not None and target.low > target.high:
         return f"its band ends ({target.high:g}) below where it begins ({target.low:g})"
     return None
@@ -347,7 +351,7 @@ def _in_plane(
 FORMAT = "cosim comparison 1"
 NEEDED = ("name", "quantity", "unit", "reference", "sd", "low", "high", "source", "kind")
 """What a row of a comparison in a file has at least."""
-KNOWN = (*NEEDED, "value", "measured", "case", "geometry", "fitted", "note")
+KNOWN = (*NEEDED, "value", "measured", "n", "case", "geometry", "fitted", "note")
 """The columns that a CSV of targets may have."""
 YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False, "": False}
 
@@ -413,18 +417,23 @@ def _target_of(row: CsvRow, file: str) -> Target:
     if "value" in filled:
         numbers["reference"] = row.number("value")
         del filled["value"]
+    specimens = row.number("n")
+    filled.pop("n", "")
     if address := filled.pop("measured", ""):
-        beside, numbers = _of_collection(row, address, beside, numbers)
+        beside, numbers, of_source = _of_collection(row, address, beside, numbers)
+        specimens = specimens or of_source
     fitted = filled.get("fitted", "").lower()
     if fitted not in YES:
         raise InputError(f"{row.place}: fitted is {fitted!r}; expected yes or no")
-    return _target(row.place, {**beside, **filled, **numbers, "fitted": YES[fitted]})
+    counts = {"fitted": YES[fitted], "n": specimens}
+    return _target(row.place, {**beside, **filled, **numbers, **counts})
 
 
 def _of_collection(
     row: CsvRow, address: str, beside: Mapping[str, str], numbers: Mapping[str, float | None]
-) -> tuple[dict[str, str], dict[str, float | None]]:
-    """What a row has beside its own texts, and its numbers, by the measured one at an address."""
+) -> tuple[dict[str, str], dict[str, float | None], int | None]:
+    """What a row has beside its own texts, its numbers, and how many specimens, by the measured one
+    at an address."""
     if numbers["reference"] is not None:
         raise InputError(f"{row.place}: has a reference and a measured number; keep one")
     try:
@@ -435,7 +444,7 @@ def _of_collection(
         raise InputError(f"{row.place}: {address} is in {m.unit}, the row in {beside['unit']}")
     of_source = {"reference": m.value, "sd": m.sd, "low": m.low, "high": m.high}
     own = {column: value for column, value in numbers.items() if value is not None}
-    return {**beside, "source": m.cited.cited, "kind": m.evidence}, {**of_source, **own}
+    return {**beside, "source": m.cited.cited, "kind": m.evidence}, {**of_source, **own}, m.n
 
 
 def _target(place: str, values: Mapping[str, Any]) -> Target:

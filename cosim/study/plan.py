@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -157,11 +157,14 @@ def applicable_settings(
     def has(key: str) -> bool:
         return any(True for _ in _find_values(base, key.partition("=")[0].strip().split("."), ()))
 
-    kept = [
-        p._replace(**{w: tuple(filter(has, getattr(p, w))) for w in ("settings", "scale", "shift")})
+    def kept(keys: Iterable[str]) -> tuple[str, ...]:
+        return tuple(filter(has, keys))
+
+    there = [
+        p._replace(settings=kept(p.settings), scale=kept(p.scale), shift=kept(p.shift))
         for p in parameters
     ]
-    return tuple(_settings(kept, point, base))
+    return tuple(_settings(there, point, base))
 
 
 def _number(value: float, unit: str) -> str:

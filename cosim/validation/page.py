@@ -17,10 +17,12 @@ from cosim.results.compare import (
     reference_text,
 )
 from cosim.results.picture import as_png, data_address
-from cosim.validation import mesh as validation_mesh
-from cosim.validation.mesh import Change
-from cosim.validation.plots import draw_kind, draw_rows
+from cosim.validation.mesh import MeshSeries, distinct, tally
+from cosim.validation.plots import draw_budgets, draw_kind, draw_rows
 from cosim.validation.run import Board, by_kind
+from cosim.validation.scoreboard import JudgedBoard
+from cosim.validation.uncertainty import Budget, NumberUncertainty, sentence
+from cosim.validation.versions import Key
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,25 +30,17 @@ if TYPE_CHECKING:
 DPI = 110
 
 
-def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = ()) -> None:
-    """The page of the boards, and of what a finer mesh `changes`.  Raises InputError where the file
-    cannot be written."""
-    shown = [
-        {
-            "group": board.group,
-            "kind": board.kind,
-            "variant": board.variant,
-            "headline": board.headline,
-            "nulls": _nulls(board),
-            "by_hand": board.hand_lines,
-            "failures": board.failures,
-            "picture": _picture(draw_rows(board)),
-            "rows": [_cells(row) for row in misses_first(board.rows)],
-        }
+def write_page(path: Path, boards: Sequence[JudgedBoard]) -> None:
+    """The page of the boards, with what is known of their numbers' uncertainty.  Raises InputError
+    where the file cannot be written."""
+    series = {
+        key: known.meshes
         for board in boards
-    ]
+        for key, known in board.known.items()
+        if known.meshes is not None
+    }
     text = template("cosim.validation").render(
-        boards=shown,
+        boards=[_board(board) for board in boards],
         kinds=[
             {
                 "group": b.group,
@@ -54,13 +48,39 @@ def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = 
                 "nulls": _nulls(b),
                 "picture": _picture(draw_kind(b)),
             }
-            for b in by_kind(boards)
+            for b in by_kind([b.board for b in boards])
         ],
-        changes=[_changes(c) for c in changes],
-        mesh_tally=validation_mesh.tally(changes),
+        changed=[
+            _changed(row, of_row, board.board.group)
+            for board in boards
+            if not board.board.variant
+            for row, of_row in board.changed()
+        ],
+        changes=[_mesh_row(key, s) for key, s in distinct(series)],
+        mesh_tally=tally(series),
     )
     with output_file(path) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def _board(judged: JudgedBoard) -> dict[str, Any]:
+    board = judged.board
+    return {
+        "group": board.group,
+        "kind": board.kind,
+        "variant": board.variant,
+        "headline": board.headline,
+        "nulls": _nulls(board),
+        "judgements": _sentence(judged.judgements()) if judged.known else "",
+        "budgets": "" if board.variant else _picture(draw_budgets(judged)),
+        "by_hand": board.hand_lines,
+        "failures": board.failures,
+        "picture": _picture(draw_rows(board)),
+        "rows": [
+            _cells(row, judged.budget(row), judged.known_of(row))
+            for row in misses_first(board.rows)
+        ],
+    }
 
 
 def _picture(figure: Figure | None) -> str:
@@ -83,9 +103,24 @@ def _sentence(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {word}" for word, count in counts.items())
 
 
-def _cells(row: Comparison) -> dict[str, Any]:
-    t = row.target
+def _changed(row: Comparison, of_row: Budget, group: str) -> dict[str, str]:
     return {
+        "name": row.target.name,
+        "group": group,
+        "verdict": row.verdict,
+        "judgement": of_row.judgement,
+        "why": sentence(row, of_row),
+    }
+
+
+def _cells(row: Comparison, of_row: Budget, known: NumberUncertainty | None) -> dict[str, Any]:
+    t = row.target
+    forms = None if known is None else known.form_range
+    return {
+        "u_val": number(of_row.expanded, 2),
+        "judgement": of_row.judgement if known is not None else "",
+        "lacks": of_row.lacks if known is not None else "",
+        "forms": "" if forms is None else " to ".join(number(end, 3) for end in forms),
         "name": t.name,
         "marks": marks(t),
         "note": t.note,
@@ -100,15 +135,18 @@ def _cells(row: Comparison) -> dict[str, Any]:
     }
 
 
-def _changes(change: Change) -> dict[str, str]:
-    numbers = {k: number(getattr(change, k)) for k in ("model", "finer", "change", "bound")}
-    shape = {"beyond": "▲", "within": "●", "no value": "✕"}[change.verdict]
-    unit = change.unit if change.unit != "1" else ""
-    where = change.case or change.group
-    return numbers | {
-        "name": change.name,
-        "where": where,
-        "unit": unit,
-        "verdict": change.verdict,
-        "shape": shape,
+def _mesh_row(key: Key, series: MeshSeries) -> dict[str, str]:
+    group, case, name, _ = key
+    order = series.convergence
+    return {
+        "name": name,
+        "where": case or group,
+        "model": number(series.own),
+        "values": ", ".join(map(number, series.values)),
+        "order": order.why if order.order is None else number(order.order, 2),
+        "off": number(series.error, 3),
+        "index": number(series.index, 3),
+        "bound": number(series.bound, 3),
+        "verdict": series.verdict,
+        "shape": {"beyond": "▲", "within": "●", "no value": "✕"}[series.verdict],
     }

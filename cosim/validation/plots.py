@@ -17,7 +17,9 @@ from cosim.report.figures import new_picture, style_axes
 from cosim.results.compare import Comparison, Verdict
 from cosim.schema.types import TENDONS
 from cosim.validation.run import SPLIT, Board
+from cosim.validation.scoreboard import JudgedBoard
 from cosim.validation.skill import judging_rows
+from cosim.validation.uncertainty import Budget
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,6 +36,8 @@ SHAPES: dict[Verdict, str] = {
 NO_TENDON = "all tendons"
 ROW, HEAD = 0.21, 1.3
 """Inches, of a row and of what stands above and below all."""
+PARTS = {"mesh, u_num": "#0072b2", "inputs, u_input": "#56b4e9", "measured mean, u_D": "#999999"}
+NONE = (None, None)
 LONGEST = 72
 """Letters of a row's name."""
 CHARTED = 1.15
@@ -133,6 +137,56 @@ def _draw_answers(axes: Axes, board: Board, row: Comparison, place: int) -> None
     look: Any = {"mfc": face, "mec": MODEL, "ms": 5.5, "ls": "", "label": f"model, {row.verdict}"}
     assert row.model is not None
     axes.plot(row.model, place, SHAPES[row.verdict], **look)
+
+
+def draw_budgets(judged: JudgedBoard) -> Figure | None:
+    """The budget of every number of a group, a panel for each unit: bars of what the uncertainty is
+    made of, a mark of |E| and a line at 95 % of u_val; None where nothing is known of any."""
+    rows = [
+        row
+        for row in judged.board.rows
+        if row.model is not None and (judged.budget(row).u_num, judged.budget(row).u_input) != NONE
+    ]
+    units = list(dict.fromkeys(row.target.unit for row in rows))
+    if not units:
+        return None
+    by_unit = [_by_tendon([row for row in rows if row.target.unit == unit]) for unit in units]
+    counts = [len(ordered) for ordered in by_unit]
+    picture = new_picture(9.6, HEAD * len(units) + 1.35 * ROW * sum(counts))
+    panels = picture.subplots(len(units), 1, height_ratios=[c + 2 for c in counts], squeeze=False)
+    for axes, unit, ordered in zip(panels.ravel(), units, by_unit, strict=True):
+        for place, row in enumerate(ordered):
+            _draw_budget(axes, judged.budget(row), place)
+        names = [shorten(row.target.name, LONGEST) for row in ordered]
+        axes.set_yticks(range(len(ordered)), names, fontsize=7.5)
+        axes.set_ylim(len(ordered) - 0.4, -0.6)
+        axes.set_xlim(left=0)
+        style_axes(axes, "uncertainty and error" + (f", {unit}" if unit != "1" else ""), "")
+    handles = {
+        label: handle
+        for axes in panels.ravel()
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    picture.legend(
+        handles.values(), handles, loc="outside lower center", ncols=5, frameon=False, fontsize=8
+    )
+    return picture
+
+
+def _draw_budget(axes: Axes, budget: Budget, place: int) -> None:
+    parts = (budget.u_num, budget.u_input, budget.u_data)
+    for i, ((label, colour), u) in enumerate(zip(PARTS.items(), parts, strict=True)):
+        if u is not None:
+            axes.barh(place + 0.24 * (i - 1), u, 0.24, color=colour, label=label)
+    if budget.expanded is not None:
+        ends = [place - 0.42, place + 0.42]
+        axes.plot([budget.expanded] * 2, ends, color="black", lw=1.6, label="95 % of u_val")
+    if budget.error is not None:
+        shape = {"model differs": "^", "within uncertainty": "o", "no u_val": "D"}
+        face = "white" if budget.judgement == "no u_val" else NULL
+        label = f"|model - measured|, {budget.judgement}"
+        style: Any = {"mfc": face, "mec": NULL, "ms": 5, "ls": "", "label": label}
+        axes.plot(abs(budget.error), place, shape[budget.judgement], **style)
 
 
 def draw_kind(board: Board) -> Figure | None:

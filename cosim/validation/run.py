@@ -7,20 +7,19 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError, Progress, nearest_names, quiet, span
-from cosim.files import clear_leftovers, output_file
+from cosim.files import clear_leftovers
 from cosim.json_text import json_text
 from cosim.outcome import Outcome
 from cosim.pipeline import run_cases
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
-from cosim.results.compare import Comparison, Kind, Target, as_dict, number, tally, write_json
+from cosim.results.compare import Comparison, Kind, Target, number, tally, write_json
 from cosim.results.result import Result
 from cosim.validation.lengths import measure_lengths
 from cosim.validation.plan import groups, rows_of, split_answers
@@ -40,9 +39,7 @@ from cosim.validation.skill import (
     skill,
 )
 from cosim.validation.trial import Summaries, Trial, TrialGroup
-from cosim.version import __version__
 
-FORMAT = "cosim scoreboard 3"
 SPLIT = "fixed split"
 """The null model that has no hood."""
 Summary = Mapping[str, Any]
@@ -115,10 +112,8 @@ def choose_groups(only: str | None, published: Path | None = None) -> list[Trial
     for group in every:
         is_named = only.strip() in (group.name, group.listed)
         trials = tuple(t for t in group.trials if is_named or only.strip() in t.name)
-        names = {t.name for t in trials}
         if trials:
-            targets = tuple(t for t in group.targets if t.case in names)
-            kept.append(replace(group, trials=trials, targets=targets))
+            kept.append(with_trials(group, trials))
     if not kept:
         names = {n for group in every for n in (group.name, *(t.name for t in group.trials))}
         near = nearest_names(only, sorted({*names, *" ".join(names).split()}), most=3)
@@ -127,6 +122,13 @@ def choose_groups(only: str | None, published: Path | None = None) -> list[Trial
             f"{only!r}: no group or trial has this name{hint} `cosim validate --list` has all"
         )
     return kept
+
+
+def with_trials(group: TrialGroup, trials: Sequence[Trial]) -> TrialGroup:
+    """The group with some of its trials, and the targets of these."""
+    names = {t.name for t in trials}
+    targets = tuple(t for t in group.targets if t.case in names)
+    return replace(group, trials=tuple(trials), targets=targets)
 
 
 def run_validation(
@@ -148,7 +150,7 @@ def run_validation(
         done, word = len(outcomes), f": {outcome.reason}" if outcome.error else ""
         left = (time.perf_counter() - started) / done * (len(trials) - done)
         progress(f"{done} of {len(trials)}, about {span(left)} left: {name}{word}")
-    boards = [_board(group, outcomes) for group in chosen_groups]
+    boards = [board_of(group, outcomes) for group in chosen_groups]
     for name in trials:
         rows = [row for b in boards for row in b.rows if row.target.case == name]
         if rows and (folder / folder_name(name)).is_dir():
@@ -196,7 +198,8 @@ def folder_name(trial: str) -> str:
     return "".join(c if c.isalnum() else "_" for c in trial)
 
 
-def _board(group: TrialGroup, outcomes: Mapping[str, Outcome[Summary]]) -> Board:
+def board_of(group: TrialGroup, outcomes: Mapping[str, Outcome[Summary]]) -> Board:
+    """The board of a group whose trials ended so."""
     mine = {t.name: outcomes[t.name] for t in group.trials}
     summaries = {name: o.value for name, o in outcomes.items() if o.value is not None}
     rows = tuple(explain_misses(group.name, rows_of(group, summaries)))
@@ -240,69 +243,6 @@ def _skills(rows: Sequence[Comparison], split: Mapping[Target, float | None]) ->
     return tuple(s for s in skills if s is not None)
 
 
-def scoreboard(boards: Sequence[Board]) -> str:
-    """The text of the file: the same rows give the same bytes."""
-    content = {
-        "format": FORMAT,
-        "version": __version__,
-        "kinds": {b.group: _judge(b) for b in by_kind(boards)},
-        "judged": {b.group: _judge(b) for b in boards},
-        "failed": {name: why for b in boards for name, why in b.failures.items()},
-        "groups": {b.group: [_round_digits(row) for row in b.rows] for b in boards},
-    }
-    return json_text(content) + "\n"
-
-
-def _judge(board: Board) -> dict[str, Any]:
-    return {
-        "headline": board.headline,
-        "kind": board.kind,
-        "variant": board.variant,
-        "tally": board.tallies(),
-        "skill": [_skill(s) for s in board.skills],
-        "by_hand": [_hand_gains(gains) for gains in board.by_hand],
-        "noise": {unit: _rounded(noise._asdict()) for unit, noise in board.noise.items()},
-    }
-
-
-def _skill(of_null: Skill) -> dict[str, Any]:
-    """Skill to four decimals: a ratio of sums, near 1 at best; null where it is minus infinity."""
-    values = {"skill": of_null.value, "low": of_null.low, "high": of_null.high}
-    numbers = {k: round(v, 4) if v is not None and isfinite(v) else None for k, v in values.items()}
-    counts = {"rows": of_null.rows, "trials": of_null.trials}
-    return {"null": of_null.null, **numbers, "fault": of_null.fault, **counts}
-
-
-def _hand_gains(of_null: HandGains) -> dict[str, Any]:
-    resamples = {f"{' '.join(r.hands)} ({r.ways})": r.gain for r in of_null.resamples}
-    return {
-        "null": of_null.null,
-        "verdict": of_null.verdict,
-        "gain": _rounded(of_null.gains),
-        "without": _rounded(of_null.without),
-        "resamples": _rounded(resamples),
-        "perfect_skill": round(of_null.perfect, 4),
-    }
-
-
-def _rounded(numbers: Mapping[str, float]) -> dict[str, float]:
-    return {name: round(value, 4) for name, value in numbers.items()}
-
-
-def _round_digits(row: Comparison) -> dict[str, Any]:
-    """The row in six digits, more than the models are good for; they hide a machine's last bits.
-    The difference is that of the rounded numbers: of almost equal ones it would show these bits."""
-    numbers = {k: six_digits(getattr(row.target, k)) for k in ("reference", "sd", "low", "high")}
-    rounded = Comparison(replace(row.target, **numbers), six_digits(row.model))
-    return {k: six_digits(v) for k, v in as_dict(rounded).items()}
-
-
 def six_digits(value: Any) -> Any:
     """A float to six digits, anything else as it is."""
     return float(f"{value:.6g}") if isinstance(value, float) else value
-
-
-def write_scoreboard(path: Path, boards: Sequence[Board]) -> None:
-    """Write the scoreboard.  Raises InputError where the file cannot be written."""
-    with output_file(path) as part:
-        part.write_text(scoreboard(boards), encoding="utf-8")

@@ -320,8 +320,8 @@ class ShellHoodConfig(HoodConfig):
         return self
 
     @property
-    def is_meshed_by_quads(self) -> bool:
-        return self.mesh.kind == "generated"
+    def generated_quads(self) -> int | None:
+        return self.mesh.quads if self.mesh.kind == "generated" else None
 
     @property
     def has_smooth_tangent(self) -> bool:

@@ -1,0 +1,148 @@
+"""The file of all compared numbers: the same rows give the same bytes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from cosim.files import output_file
+from cosim.json_text import json_text
+from cosim.results.compare import Comparison, as_dict
+from cosim.validation.run import Board, by_kind, six_digits
+from cosim.validation.skill import HandGains, Skill, judging_rows
+from cosim.validation.uncertainty import (
+    JUDGEMENTS,
+    Budget,
+    NumberUncertainty,
+    budget,
+    known_of,
+)
+from cosim.validation.versions import Key, key_of
+from cosim.version import __version__
+
+FORMAT = "cosim scoreboard 4"
+
+
+@dataclass(frozen=True)
+class JudgedBoard:
+    """A board with what is known of its numbers' uncertainty."""
+
+    board: Board
+    known: Mapping[Key, NumberUncertainty] = field(default_factory=dict)
+
+    def known_of(self, row: Comparison) -> NumberUncertainty | None:
+        """What is known of a row."""
+        return self.known.get(key_of(self.board.group, row))
+
+    def budget(self, row: Comparison) -> Budget:
+        """The budget of a row."""
+        return budget(row, self.known_of(row))
+
+    def judgements(self) -> dict[str, int]:
+        """How many of the rows that count are judged how."""
+        count = Counter(self.budget(row).judgement for row in judging_rows(self.board.rows))
+        return {word: count[word] for word in JUDGEMENTS if count[word]}
+
+    def changed(self) -> list[tuple[Comparison, Budget]]:
+        """The rows that count whose verdict by one SD and whose judgement by u_val are not of one
+        mind, with their budgets."""
+        changed = []
+        for row in judging_rows(self.board.rows):
+            of_row = self.budget(row)
+            minds = (row.verdict, of_row.judgement)
+            if minds in (("outside", "within uncertainty"), ("inside 1 SD", "model differs")):
+                changed.append((row, of_row))
+        return changed
+
+
+def judged(boards: Sequence[Board], rows: Mapping[Key, NumberUncertainty]) -> list[JudgedBoard]:
+    """The boards with what is known of their numbers."""
+    return [JudgedBoard(board, known_of(board, rows)) for board in boards]
+
+
+def scoreboard(boards: Sequence[JudgedBoard]) -> str:
+    """The text of the file."""
+    plain = [b.board for b in boards]
+    content = {
+        "format": FORMAT,
+        "version": __version__,
+        "kinds": {b.group: _judge(b) for b in by_kind(plain)},
+        "judged": {b.board.group: _judge(b.board) | {"judgements": b.judgements()} for b in boards},
+        "failed": {name: why for b in plain for name, why in b.failures.items()},
+        "groups": {b.board.group: [_row(b, row) for row in b.board.rows] for b in boards},
+    }
+    return json_text(content) + "\n"
+
+
+def _row(board: JudgedBoard, row: Comparison) -> dict[str, Any]:
+    """The row, with its budget where something is known of it."""
+    rounded = _round_digits(row)
+    if board.known_of(row) is None:
+        return rounded
+    of_row = board.budget(row)
+    numbers = {
+        "u_num": of_row.u_num,
+        "u_input": of_row.u_input,
+        "u_data": of_row.u_data,
+        "u_val_95": of_row.expanded,
+    }
+    words = {"judgement": of_row.judgement, "lacks": of_row.lacks}
+    return rounded | {k: _three_digits(v) for k, v in numbers.items()} | words
+
+
+def _three_digits(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.3g}")
+
+
+def _judge(board: Board) -> dict[str, Any]:
+    return {
+        "headline": board.headline,
+        "kind": board.kind,
+        "variant": board.variant,
+        "tally": board.tallies(),
+        "skill": [_skill(s) for s in board.skills],
+        "by_hand": [_hand_gains(gains) for gains in board.by_hand],
+        "noise": {unit: _rounded(noise._asdict()) for unit, noise in board.noise.items()},
+    }
+
+
+def _skill(of_null: Skill) -> dict[str, Any]:
+    """Skill to four decimals: a ratio of sums, near 1 at best; null where it is minus infinity."""
+    values = {"skill": of_null.value, "low": of_null.low, "high": of_null.high}
+    numbers = {k: round(v, 4) if v is not None and isfinite(v) else None for k, v in values.items()}
+    counts = {"rows": of_null.rows, "trials": of_null.trials}
+    return {"null": of_null.null, **numbers, "fault": of_null.fault, **counts}
+
+
+def _hand_gains(of_null: HandGains) -> dict[str, Any]:
+    resamples = {f"{' '.join(r.hands)} ({r.ways})": r.gain for r in of_null.resamples}
+    return {
+        "null": of_null.null,
+        "verdict": of_null.verdict,
+        "gain": _rounded(of_null.gains),
+        "without": _rounded(of_null.without),
+        "resamples": _rounded(resamples),
+        "perfect_skill": round(of_null.perfect, 4),
+    }
+
+
+def _rounded(numbers: Mapping[str, float]) -> dict[str, float]:
+    return {name: round(value, 4) for name, value in numbers.items()}
+
+
+def _round_digits(row: Comparison) -> dict[str, Any]:
+    """The row in six digits, more than the models are good for; they hide a machine's last bits.
+    The difference is that of the rounded numbers: of almost equal ones it would show these bits."""
+    numbers = {k: six_digits(getattr(row.target, k)) for k in ("reference", "sd", "low", "high")}
+    rounded = Comparison(replace(row.target, **numbers), six_digits(row.model))
+    return {k: six_digits(v) for k, v in as_dict(rounded).items()}
+
+
+def write_scoreboard(path: Path, boards: Sequence[JudgedBoard]) -> None:
+    """Write the scoreboard.  Raises InputError where the file cannot be written."""
+    with output_file(path) as part:
+        part.write_text(scoreboard(boards), encoding="utf-8")

@@ -1,0 +1,265 @@
+"""How sure a compared number is: V&V 20 of the ASME, with E = model - measurement.
+
+u_val^2 = u_num^2 + u_input^2 + u_D^2: of the mesh (`cosim.validation.mesh`), of the model's inputs
+(`cosim.validation.inputs`) and of the measured mean, its SD over the root of the number of
+specimens.  Expanded by Student's factor for 95 % with the degrees of freedom of u_D and u_input
+(Welch and Satterthwaite), it bounds what |E| may be before the model's form is to blame.  A source
+without an SD forms no u_val.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from math import hypot, inf, sqrt
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from cosim.errors import InputError
+from cosim.files import output_file
+from cosim.json_text import json_text
+from cosim.results.compare import Comparison, number
+from cosim.text_tables import read_json_file
+from cosim.validation.inputs import InputSpread
+from cosim.validation.mesh import MeshSeries
+from cosim.validation.run import Board, six_digits
+from cosim.validation.versions import Key, key_of
+from cosim.version import __version__
+
+FILE = "uncertainty.json"
+LEVEL = 0.95
+SAME = 1e-3
+"""A number that differs by more of itself is another than that whose uncertainty is known."""
+Judgement = Literal["model differs", "within uncertainty", "no u_val"]
+JUDGEMENTS: tuple[Judgement, ...] = get_args(Judgement)
+
+
+class NumberUncertainty(BaseModel):
+    """What is known of one compared number; what was not looked at is None."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    group: str
+    case: str
+    name: str
+    quantity: str
+    unit: str
+    model: float
+    meshes: MeshSeries | None = None
+    inputs: InputSpread | None = None
+    forms: Mapping[str, float | None] = {}
+    """The number with other hoods, by their name."""
+
+    @property
+    def key(self) -> Key:
+        """The number's key."""
+        return self.group, self.case, self.name, self.quantity
+
+    @property
+    def u_num(self) -> float | None:
+        """The standard uncertainty by the mesh."""
+        return None if self.meshes is None else self.meshes.uncertainty
+
+    @property
+    def form_range(self) -> tuple[float, float] | None:
+        """The least and the largest number of all forms, with the model's own."""
+        known = [v for v in self.forms.values() if v is not None]
+        return (min(*known, self.model), max(*known, self.model)) if known else None
+
+
+class UncertaintyFile(BaseModel):
+    """What a validation found of its numbers' uncertainty."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    format: Literal["cosim uncertainty 1"] = "cosim uncertainty 1"
+    version: str = __version__
+    meshes: tuple[float, ...] = ()
+    """Quads over those of the case; empty: none were tried."""
+    samples: int = 0
+    """Of the inputs."""
+    failed: Mapping[str, str] = {}
+    """Trials without a result on another mesh, with another hood or at a sample, and why."""
+    rows: tuple[NumberUncertainty, ...] = ()
+
+    def by_key(self) -> dict[Key, NumberUncertainty]:
+        """Its rows by their keys."""
+        return {row.key: row for row in self.rows}
+
+
+class Budget(NamedTuple):
+    """The error of a row and what it is made of, in the row's unit; None: not known."""
+
+    error: float | None
+    u_num: float | None
+    u_input: float | None
+    u_data: float | None
+    freedom: float
+    """Degrees of freedom of u_val."""
+    lacks: str
+    """Why there is no u_val; empty where there is."""
+
+    @property
+    def u_model(self) -> float | None:
+        """The model's own: mesh and inputs; None where both are not known."""
+        if self.u_num is None or self.u_input is None:
+            return None
+        return hypot(self.u_num, self.u_input)
+
+    @property
+    def u_val(self) -> float | None:
+        """The standard uncertainty of the error."""
+        if self.u_model is None or self.u_data is None:
+            return None
+        return hypot(self.u_model, self.u_data)
+
+    @property
+    def factor(self) -> float:
+        """Student's factor for 95 %."""
+        from scipy.stats import norm, t
+
+        upper = (1 + LEVEL) / 2
+        law = norm if self.freedom == inf else t(max(self.freedom, 1.0))
+        return float(law.ppf(upper))
+
+    @property
+    def expanded(self) -> float | None:
+        """What |E| may be by uncertainty alone, at 95 %."""
+        return None if self.u_val is None else self.factor * self.u_val
+
+    @property
+    def judgement(self) -> Judgement:
+        """Whether the error is beyond the uncertainty."""
+        if self.expanded is None or self.error is None:
+            return "no u_val"
+        return "within uncertainty" if abs(self.error) <= self.expanded else "model differs"
+
+
+def budget(row: Comparison, known: NumberUncertainty | None) -> Budget:
+    """The budget of a row."""
+    t, error = row.target, row.difference
+    u_num = None if known is None else known.u_num
+    u_input = None if known is None or known.inputs is None else known.inputs.uncertainty
+    u_data = None if t.sd is None else t.sd / sqrt(t.n or 1)
+    parts = []
+    if u_data is not None and t.n and t.n > 1:
+        parts.append((u_data, t.n - 1.0))
+    if u_input is not None and known is not None and known.inputs is not None:
+        parts.append((u_input, known.inputs.samples - 1.0))
+    total = hypot(*(u or 0.0 for u in (u_num, u_input, u_data)))
+    below = sum(u**4 / freedom for u, freedom in parts)
+    freedom = total**4 / below if below else inf
+    return Budget(error, u_num, u_input, u_data, freedom, _lacks(row, known, u_num, u_input))
+
+
+def _lacks(
+    row: Comparison,
+    known: NumberUncertainty | None,
+    u_num: float | None,
+    u_input: float | None,
+) -> str:
+    if row.model is None:
+        return "the model has no number"
+    lacking = []
+    if row.target.sd is None:
+        lacking.append("the source has no SD")
+    if known is None:
+        lacking.append("mesh and inputs were not varied")
+    else:
+        if u_num is None:
+            lacking.append("no other mesh was tried")
+        if u_input is None:
+            lacking.append("the inputs were not varied")
+    return "; ".join(lacking)
+
+
+def known_of(board: Board, rows: Mapping[Key, NumberUncertainty]) -> dict[Key, NumberUncertainty]:
+    """What is known of a board's numbers, as far as they are still those numbers."""
+    known = {}
+    for row in board.rows:
+        key = key_of(board.group, row)
+        found = rows.get(key)
+        if found is None or row.model is None:
+            continue
+        if abs(found.model - row.model) <= SAME * max(abs(row.model), 1e-3):
+            known[key] = found
+    return known
+
+
+def committed() -> UncertaintyFile:
+    """What stands in `cases/uncertainty.json`.  Raises InputError."""
+    return read_uncertainty(Path(str(resources.files("cases") / FILE)))
+
+
+def read_uncertainty(path: Path) -> UncertaintyFile:
+    """Read a file that `write_uncertainty` wrote.  Raises InputError."""
+    content = read_json_file(path)
+    try:
+        return UncertaintyFile.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"])) or "the file"
+        raise InputError(f"{path}: is no file of uncertainties: {place}: {first['msg']}") from None
+
+
+def write_uncertainty(path: Path, found: UncertaintyFile) -> None:
+    """Write it, to six digits.  Raises InputError where the file cannot be written."""
+    with output_file(path) as part:
+        content = _rounded(found.model_dump(mode="json"))
+        part.write_text(json_text(content, ensure_ascii=True) + "\n", encoding="utf-8")
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _rounded(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_rounded(v) for v in value]
+    return six_digits(value)
+
+
+def update(
+    before: UncertaintyFile,
+    boards: Sequence[Board],
+    parts: Mapping[str, Mapping[Key, Any]] | None = None,
+    failed: Mapping[str, str] | None = None,
+    meshes: tuple[float, ...] = (),
+    samples: int = 0,
+) -> UncertaintyFile:
+    """What is known of the boards' numbers with what was found anew: by the field of
+    `NumberUncertainty` the values of it by number, and why trials had none."""
+    rows, kept = before.by_key(), []
+    for board in boards:
+        old = known_of(board, rows)
+        for row in board.rows:
+            key = key_of(board.group, row)
+            if row.model is None:
+                continue
+            known = old.get(key) or _nothing_known(key, row)
+            found = {word: values[key] for word, values in (parts or {}).items() if key in values}
+            kept.append(known.model_copy(update={"model": row.model, **found}))
+    return UncertaintyFile(
+        meshes=meshes or before.meshes,
+        samples=samples or before.samples,
+        failed={**before.failed, **(failed or {})},
+        rows=tuple(kept),
+    )
+
+
+def _nothing_known(key: Key, row: Comparison) -> NumberUncertainty:
+    group, case, name, quantity = key
+    unit, model = row.target.unit, row.model or 0.0
+    return NumberUncertainty(
+        group=group, case=case, name=name, quantity=quantity, unit=unit, model=model
+    )
+
+
+def sentence(row: Comparison, of_row: Budget) -> str:
+    """A row's budget in words."""
+    if of_row.judgement == "no u_val":
+        return of_row.lacks or "no u_val"
+    parts = (("mesh", of_row.u_num), ("inputs", of_row.u_input), ("data", of_row.u_data))
+    shown = ", ".join(f"{word} {number(u, 2)}" for word, u in parts)
+    return (
+        f"E {number(of_row.error, 3)}, 95 % of u_val {number(of_row.expanded, 2)} "
+        f"{row.target.unit} ({shown})"
+    )

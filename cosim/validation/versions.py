@@ -1,0 +1,77 @@
+"""The trials of validations in other versions: on other meshes, with other inputs or hoods.
+
+A version makes a case of a trial.  Its runs leave no folder, and stand beside the same references.
+Experiments of several runs, and hoods whose mesh is a file of its own, have no versions.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from cosim.case.schema import Case
+from cosim.errors import Progress, quiet
+from cosim.json_text import json_text
+from cosim.outcome import Outcome, outcome_of
+from cosim.pipeline import run_cases
+from cosim.results.compare import Comparison
+from cosim.results.result import Result
+from cosim.validation.run import Board, board_of, with_trials
+from cosim.validation.trial import Trial, TrialGroup
+
+Version = Callable[[Trial], Case]
+"""The case of a trial in a version.  Raises InputError where the trial has none."""
+Key = tuple[str, str, str, str]
+"""Of a compared number: its group, case, name and quantity."""
+LEFT_OUT = (
+    "experiments of several runs, and hoods whose mesh is a file of its own, have no versions"
+)
+
+
+def key_of(group: str, row: Comparison) -> Key:
+    """The key of a row in its group."""
+    t = row.target
+    return group, t.case, t.name, t.quantity
+
+
+def values_of_boards(boards: Iterable[Board]) -> dict[Key, float | None]:
+    """The model's number of every row."""
+    return {key_of(b.group, row): row.model for b in boards for row in b.rows}
+
+
+def run_versions(
+    groups: Sequence[TrialGroup],
+    versions: Mapping[str, Version],
+    workers: int = 2,
+    progress: Progress = quiet,
+) -> dict[str, list[Board]]:
+    """The boards of the groups in each version, by its name.  A run that misses its audit has no
+    numbers here.  Raises InputError where a process is ended from outside."""
+    trials = {t.name: t for g in groups for t in g.trials if not (t.study or t.is_published)}
+    outcomes: dict[str, dict[str, Outcome[Any]]] = {name: {} for name in versions}
+    places, cases = [], []
+    for name, version in versions.items():
+        for trial in trials.values():
+            made = outcome_of(partial(version, trial))
+            if made.value is None:
+                outcomes[name][trial.name] = Outcome(made.status, error=made.error)
+            else:
+                places.append((name, trial.name))
+                cases.append(made.value)
+    for done, (i, outcome) in enumerate(run_cases(cases, audited_summary, workers), 1):
+        name, trial_name = places[i]
+        outcomes[name][trial_name] = outcome
+        progress(f"{done} of {len(cases)}: {trial_name}, {name}: {outcome.reason or 'done'}")
+    chosen = [with_trials(g, [t for t in g.trials if t.name in trials]) for g in groups]
+    kept = [g for g in chosen if g.trials]
+    return {name: [board_of(g, of_version) for g in kept] for name, of_version in outcomes.items()}
+
+
+def audited_summary(result: Result) -> Mapping[str, Any] | None:
+    """The summary of a run whose audit passes."""
+    if not result.audit.passed:
+        return None
+    summary: Mapping[str, Any] = json.loads(json_text(result.summary))
+    return summary
