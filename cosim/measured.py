@@ -51,8 +51,8 @@ FLEXION = "flexion and radial abduction positive"
 QUANTITIES: Mapping[str, QuantityKind] = {
     "arm": QuantityKind("moment arm", "mm", ("muscle", "joint"), FLEXION),
     "effective_arm": QuantityKind(
-        "joint torque by the Jacobian over tension, of a clamped fingertip: differences between "
-        "joints are certain, the arms hang on where the moment was taken",
+        "effective arm at a clamped fingertip: torque by the Jacobian over tension, of which the "
+        "differences between joints are certain, the rest depends on where the moment was taken",
         *("mm", ("muscle", "joint"), FLEXION),
     ),
     "fingertip_force": QuantityKind("force of the fingertip", "N", ("muscle", "axis")),
@@ -87,7 +87,7 @@ QUANTITIES: Mapping[str, QuantityKind] = {
         "flexion at which a joint resists most or least", "deg", ("joint", "statistic")
     ),
     "resistance_share": QuantityKind("share of the resistance", "%", ("part", "joint")),
-    "subluxation": QuantityKind("shift of the tendon, of its width", "%", ("cut",)),
+    "subluxation": QuantityKind("shift of the tendon after a cut", "%", ("cut",)),
     "joint_stiffness": QuantityKind("passive stiffness of a joint", "N m/rad", ("joint",)),
     "joint_damping": QuantityKind("damping of a joint", "N m s/rad", ("joint",)),
     "rest_angle": QuantityKind("angle of a joint at rest", "deg", ("joint",), FLEXION),
@@ -97,9 +97,10 @@ QUANTITIES: Mapping[str, QuantityKind] = {
     "stiffness": QuantityKind("stiffness", "N/mm", ("part",)),
     "strength": QuantityKind("force that a part bears", "N", ("part",)),
     "demand": QuantityKind("force that is asked of a part", "N", ("part",)),
-    "length": QuantityKind("length", "mm", ("part",)),
+    "length": QuantityKind("length of a phalanx", "mm", ("part",)),
     "distance": QuantityKind("distance", "mm", ("part",)),
     "width": QuantityKind("width", "mm", ("part",)),
+    "greatest_thickness": QuantityKind("greatest thickness", "mm", ("part",)),
     "thickness": QuantityKind("thickness", "mm", ("part",)),
     "section": QuantityKind("section", "mm2", ("part",)),
     "presence": QuantityKind("share of fingers that have a part", "%", ("part",)),
