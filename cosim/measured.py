@@ -55,6 +55,9 @@ QUANTITIES: Mapping[str, QuantityKind] = {
         "differences between joints are certain, the rest depends on where the moment was taken",
         *("mm", ("muscle", "joint"), FLEXION),
     ),
+    "tendon_height": QuantityKind(
+        "height of a tendon over the joint's axis", "mm", ("muscle", "joint"), "dorsal positive"
+    ),
     "fingertip_force": QuantityKind("force of the fingertip", "N", ("muscle", "axis")),
     "force_over_tension": QuantityKind(
         "force of the fingertip over the tension", "%", ("muscle", "axis")

@@ -34,7 +34,7 @@ from cosim.measured import (
 )
 from cosim.results.compare import read_targets
 from cosim.schema.units import is_unit
-from cosim.text_tables import read_csv
+from cosim.text_tables import read_csv, read_toml
 from cosim.validation.plan import data, groups
 from cosim.validation.ratios import FLEXORS, INTRINSICS
 from tests.helpers.folders import CASE_DATA
@@ -305,3 +305,26 @@ def test_a_faulty_source_ends_the_list_with_one_message(tmp_path, monkeypatch):
     finally:
         for of in (sources, *CACHES):
             of.cache_clear()
+
+
+BASES = ("bare", "free")
+
+
+def test_what_models_take_of_the_collection_is_what_stands_there():
+    """Moduli of a study, and the passive stiffness of the joints in the cases."""
+    study = read_toml(CASE_DATA.parent / "studies" / "population_strain.toml")
+    held = set()
+    for parameter in study["parameters"].values():
+        for setting in parameter.get("settings", ()):
+            found = re.fullmatch(r"hood\.regions\.(\w+)\.modulus=\{value\}", setting)
+            if found:
+                region = re.sub(r"(.+(?:band))_(?:radial|ulnar)", r"\1", found[1])
+                m = measured_at(f"qian2014:modulus.{region}")
+                assert (parameter["mean"], parameter["sd"]) == (f"{m.value} MPa", f"{m.sd} MPa")
+                held.add(region)
+    assert len(held) == 7
+    mcp = np.mean([m.number() for m in read_measured("mcp_stiffness")])
+    bare, free = (read_toml(CASE_DATA.parent / "base" / f"{n}_finger.toml") for n in BASES)
+    assert bare["finger"]["passive"]["MCP"]["stiffness"] == f"{mcp:.4f} N*m/rad"
+    rest = measured_at("mcp_rest_angle:rest_angle.MCP").number()
+    assert free["finger"]["posture"]["MCP"] == f"{rest:g} deg"
