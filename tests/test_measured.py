@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import html
 import re
+import shutil
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from cosim.analyses.length_experiments import experiments
+from cosim.analyses.moment_arms import published_arms
 from cosim.cli import app
 from cosim.errors import InputError
 from cosim.measured import (
@@ -32,6 +35,7 @@ from cosim.measured import (
     sources,
     values_of,
 )
+from cosim.report.measured_page import source_rows
 from cosim.results.compare import read_targets
 from cosim.schema.units import is_unit
 from cosim.text_tables import read_csv, read_toml
@@ -284,27 +288,48 @@ def test_the_page_has_every_number_source_and_gap(tmp_path):
     assert (wrong.exit_code, "--html" in wrong.output) == (2, True)
 
 
-def test_a_faulty_source_ends_the_list_with_one_message(tmp_path, monkeypatch):
-    """A file without a line in the index, as somebody drops it."""
-    index = (FOLDER / "sources.csv").read_text(encoding="utf-8").splitlines()[:3]
-    (tmp_path / "sources.csv").write_text("\n".join(index) + "\n", encoding="utf-8")
-    (tmp_path / "qiu2017.csv").write_text("quantity\n", encoding="utf-8")
-    written(tmp_path, ROW)
-    monkeypatch.setattr("cosim.measured.FOLDER", tmp_path)
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Iterator[Path]:
+    """A copy of the collection, read in its place."""
+    copy = Path(shutil.copytree(FOLDER, tmp_path / "measured"))
+    monkeypatch.setattr("cosim.measured.FOLDER", copy)
     for of in (sources, *CACHES):
         of.cache_clear()
-    try:
-        done = CliRunner().invoke(app, ["list", "measured"])
-        assert done.exit_code == 2
-        assert "has no line for smith2030.csv" in done.output
-        with (tmp_path / "sources.csv").open("a", encoding="utf-8") as file:
-            file.write("smith2030,Smith 2030,,,,text,arms\n")
-        done = CliRunner().invoke(app, ["list", "measured"])
-        assert done.exit_code == 2
-        assert "line 1: has no column 'unit'" in " ".join(done.output.split())
-    finally:
-        for of in (sources, *CACHES):
-            of.cache_clear()
+    yield copy
+    monkeypatch.undo()
+    for of in (sources, *CACHES):
+        of.cache_clear()
+
+
+def test_a_new_source_is_a_file_and_a_line(folder):
+    written(folder, ROW)
+    with (folder / "sources.csv").open("a", encoding="utf-8") as file:
+        file.write("smith2030,Smith 2030,10.1234/x,,CC0,text,arms of a hood\n")
+    page = folder.parent / "measured.html"
+    for words in (["list", "measured"], ["list", "measured", "--html", str(page)]):
+        assert CliRunner().invoke(app, words).exit_code == 0
+    assert "Smith 2030" in page.read_text(encoding="utf-8")
+    assert any(row[0] == "smith2030" for row in source_rows()[1])
+    (m,) = (m for m in measured_of_kind("arm") if m.cited.source == "smith2030")
+    assert (m.muscle, m.joint, m.angles, m.cited.text) == (
+        *("EDC", "PIP", (30, 45, 15)),
+        "Smith 2030, doi 10.1234/x",
+    )
+    known = published_arms("index")
+    assert known[known.source == "Smith 2030"].arm_mm.tolist() == [-4.1]
+
+
+def test_a_faulty_source_ends_the_list_with_one_message(folder):
+    """A file without a line in the index, then one without a column."""
+    written(folder, ROW, COLUMNS[1:])
+    done = CliRunner().invoke(app, ["list", "measured"])
+    assert done.exit_code == 2
+    assert "has no line for smith2030.csv" in " ".join(done.output.split())
+    with (folder / "sources.csv").open("a", encoding="utf-8") as file:
+        file.write("smith2030,Smith 2030,,,,text,arms\n")
+    done = CliRunner().invoke(app, ["list", "measured"])
+    assert done.exit_code == 2
+    assert "line 1: has no column 'quantity'" in " ".join(done.output.split())
 
 
 BASES = ("bare", "free")
