@@ -291,7 +291,7 @@ class NotMeasured(BaseModel):
     """A line of `cases/data/not_measured.csv`: what nobody measured, or no text at hand prints."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    quantity: str
+    what: str
     of: str
     state: Literal["not measured", "not printed", "not read", "in conflict"]
     """Not measured: nobody did, as far as was seen; not printed: measured, without the number; not

@@ -270,7 +270,7 @@ def test_a_target_takes_what_it_does_not_say_from_the_collection(tmp_path):
 
 def test_what_nobody_measured_says_what_would_measure_it():
     gaps = not_measured()
-    assert len({(gap.quantity, gap.of) for gap in gaps}) == len(gaps) > 30
+    assert len({(gap.what, gap.of) for gap in gaps}) == len(gaps) > 30
     assert all(gap.needed and gap.stands_in and gap.known for gap in gaps)
 
 
