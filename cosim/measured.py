@@ -92,7 +92,7 @@ QUANTITIES: Mapping[str, QuantityKind] = {
     "resistance_share": QuantityKind("share of the resistance", "%", ("part", "joint")),
     "subluxation": QuantityKind("shift of the tendon after a cut", "%", ("cut",)),
     "joint_stiffness": QuantityKind("passive stiffness of a joint", "N m/rad", ("joint",)),
-    "joint_damping": QuantityKind("damping of a joint", "N m s/rad", ("joint",)),
+    "joint_damping": QuantityKind("damping of a joint", "N m s/rad", ("part",)),
     "rest_angle": QuantityKind("angle of a joint at rest", "deg", ("joint",), FLEXION),
     "band_angle": QuantityKind("angle of fibres to the square of the tendon", "deg", ("part",)),
     "pressure": QuantityKind("pressure", "kPa", ("part",)),
