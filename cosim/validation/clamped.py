@@ -153,11 +153,12 @@ def target(
     source: str,
     kind: Kind,
     note: str,
+    n: int | None = None,
 ) -> Target:
-    """A row of a trial without a band; value: the reference and its SD."""
+    """A row of a trial without a band; value: the reference and its SD between `n` specimens."""
     mean, sd = value
     place = (name, quantity, unit, float(mean), sd, None, None, source, kind, trial.name)
-    return Target(*place, note=note)
+    return Target(*place, note=note, n=n)
 
 
 # The middle fingers of Synek et al. 2019 ----------------------------------------------------------
@@ -174,11 +175,12 @@ def cadaver_arm_group(forces: TrialGroup) -> TrialGroup:
     }
     every = {key: [of_hand[key] for of_hand in arms.values()] for key in next(iter(arms.values()))}
     means = {k: (float(np.mean(v)), float(np.std(v, ddof=1))) for k, v in every.items()}
+    of_means = _arm_targets(forces.trials, means, "mean of three hands")
     return replace(
         forces,
         name=forces.name.replace("forces", "arms"),
         kind="inferred",
-        targets=tuple(_arm_targets(forces.trials, means, "mean of three hands")),
+        targets=tuple(replace(t, n=len(arms)) for t in of_means),
         variant=True,
         hands=hands,
     )
@@ -240,7 +242,8 @@ def metacarpal_group() -> TrialGroup:
         words = f"{name}: {side} fingertip force, from the metacarpal's load"
         note = f"n {m.n}; the tendons are taken to leave along the metacarpal"
         quantity = f"{FORCE}.{side}"
-        rows.append(target(trial, words, quantity, "N", (at_tip, m.sd), SYNEK, "inferred", note))
+        value = (at_tip, m.sd)
+        rows.append(target(trial, words, quantity, "N", value, SYNEK, "inferred", note, m.n))
     return TrialGroup(
         "metacarpal loads", "inferred", tuple(trials.values()), tuple(rows), variant=True
     )
