@@ -25,7 +25,7 @@ CEILINGS = {
     "cosim/kernels": 362,
     "cosim/models": 690,
     "cosim/report": 2915,
-    "cosim/results": 5752,
+    "cosim/results": 5773,
     "cosim/schema": 610,
     "cosim/solve": 918,
     "cosim/study": 2982,
@@ -57,7 +57,7 @@ CEILINGS = {
     "rigid/opensim": 3733,
     "rigid/papers": 3274,
     "rigid/verification": 2498,
-    "tests": 50661,
+    "tests": 50680,
 }
 
 
