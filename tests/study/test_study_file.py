@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.study.file import read_file
-from cosim.study.plan import read_plan, scale_setting
+from cosim.study.plan import applicable_settings, read_plan, scale_setting
 from tests.helpers.fixed_posture import HELD
 from tests.helpers.folders import ROOT
 
@@ -83,6 +85,50 @@ def test_scale_takes_numbers_lists_and_texts():
             list(scale_setting(base, key, 2))
 
 
+def test_shift_adds_to_what_the_case_says_in_its_unit_and_not_below_the_least(made):
+    plan = read_plan(
+        made(
+            '[parameters.turn]\nvalues = ["-50 deg", "2 deg"]\nleast = "0 deg"\n'
+            'shift = ["finger.posture.PIP"]'
+        )
+    )
+    base = load_case(plan.case).finger.posture.angles()["PIP"]
+    angles = [
+        load_case(plan.case, plan.settings_at(point)).finger.posture.angles()["PIP"]
+        for point in plan.points
+    ]
+    assert angles == pytest.approx([0.0, base + np.radians(2.0)])
+
+
+def test_two_parameters_of_one_number_act_one_after_the_other(made):
+    key = "tendons.EDC.max_force"
+    plan = read_plan(
+        made(
+            f'[parameters.twice]\nvalues = [2.0]\nscale = ["{key}"]\n'
+            f'[parameters.more]\nvalues = ["3 N"]\nshift = ["{key}"]\n'
+            f'[parameters.half]\nvalues = [0.5]\nscale = ["tendons.*.max_force"]'
+        )
+    )
+    base = load_case(plan.case).tendons
+    case = load_case(plan.case, plan.settings_at(plan.points[0])).tendons
+    assert case["EDC"].max_force == pytest.approx((2 * base["EDC"].max_force + 3) / 2)
+    assert case["EI"].max_force == pytest.approx(base["EI"].max_force / 2)
+
+
+def test_of_a_case_that_lacks_some_the_other_parameters_count(made):
+    plan = read_plan(
+        made(
+            '[parameters.turn]\nvalues = ["2 deg"]\nshift = ["finger.posture.PIP"]\n'
+            '[parameters.stiff]\nvalues = [2.0]\nscale = ["tendons.*.max_force"]'
+        )
+    )
+    (point,) = plan.points
+    lone = {"finger": {"posture": {"PIP": "45 deg"}}}
+    assert applicable_settings(plan.parameters, point, lone) == ('finger.posture.PIP="47.0 deg"',)
+    with pytest.raises(InputError, match="no number at tendons"):
+        replace(plan, base=lone).settings_at(point)
+
+
 def test_words_go_as_they_are(made):
     plan = read_plan(made('[parameters."finger.tip.kind"]\nvalues = ["posture", "point"]'))
     assert plan.settings_at(plan.points[1]) == ("finger.tip.kind=point",)
@@ -101,6 +147,9 @@ def test_words_go_as_they_are(made):
         ("[parameters.a]\nvalues = [1]\nsettings = ['x=3']", "lacks ={value}"),
         ("[parameters.a]\nvalues = [1]\nscale = ['x']\nsettings = ['x={value}']", "both settings"),
         ("[parameters.a]\nvalues = ['1 mm']\nscale = ['x']", "plain number"),
+        ("[parameters.a]\nvalues = ['x']\nshift = ['x']", "a number with its unit"),
+        ("[parameters.a]\nvalues = [1]\nshift = ['x']\nscale = ['x']", "both scale and shift"),
+        ("[parameters.a]\nvalues = [1]\nleast = 0\nscale = ['x']", "of shifted numbers"),
         ("[parameters.a]\ndistribution='uniform'\nlow=0\nhigh=1", "sampling: is missing"),
         ("[parameters.a]\ndistribution='uniform'\nlow=1\nhigh=0", "must be below high"),
         ("[parameters.a]\ndistribution='normal'\nmean=1\nsd='x'", "is no number"),
@@ -155,7 +204,7 @@ PACKAGED = sorted(p.stem for p in (ROOT / "cases" / "studies").glob("*.toml"))
 @pytest.mark.parametrize("name", PACKAGED)
 def test_a_packaged_study_is_in_order(name):
     plan = read_plan(name)
-    assert len(plan.points) in (64, 500, 640)
+    assert len(plan.points) in (16, 64, 500, 640)
     paths = set(plan.outputs.values())
     assert not plan.targets or paths & {t.quantity for t in plan.targets}
 

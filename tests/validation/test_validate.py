@@ -29,14 +29,15 @@ from cosim.validation.reasons import MISSES, NOT_KNOWN, explain_misses, reasons
 from cosim.validation.run import (
     SPLIT,
     Board,
-    _board,
     _case,
     by_kind,
     choose_groups,
     folder_name,
     run_validation,
-    scoreboard,
 )
+from cosim.validation.run import board_of as board_of_outcomes
+from cosim.validation.scoreboard import judged as with_uncertainty
+from cosim.validation.scoreboard import scoreboard
 from cosim.validation.skill import FACTORS, hand_data, hands_headline, judging_rows
 from cosim.validation.trial import TrialGroup
 from tests.helpers.folders import ROOT
@@ -223,11 +224,12 @@ def test_a_trial_that_failed_stays_on_the_board():
     rows = tuple(rows_of(group, {}))
     assert rows
     assert {row.verdict for row in rows} == {"no value"}
-    text = scoreboard([Board(group.name, rows, {"strain soft ti": "no equilibrium"})])
+    failed = Board(group.name, rows, {"strain soft ti": "no equilibrium"})
+    text = scoreboard(with_uncertainty([failed], {}))
     board = json.loads(text)
     assert board["failed"] == {"strain soft ti": "no equilibrium"}
     assert board["judged"][group.name]["tally"]["model"] == {"no value": len(rows)}
-    assert text == scoreboard([Board(group.name, rows, {"strain soft ti": "no equilibrium"})])
+    assert text == scoreboard(with_uncertainty([failed], {}))
 
 
 def test_every_miss_of_the_committed_board_says_why():
@@ -279,7 +281,7 @@ def board_of(group: TrialGroup, factor: float, **others: float) -> Board:
             }
         }
     outcomes = {n: Outcome("converged", s) for n, s in summaries.items()}
-    return _board(group, outcomes)
+    return board_of_outcomes(group, outcomes)
 
 
 def test_a_board_says_in_its_first_line_whether_the_hood_beats_its_null_models():
@@ -298,7 +300,7 @@ def test_a_board_says_in_its_first_line_whether_the_hood_beats_its_null_models()
     overdone = board_of(group, 2.0)
     assert overdone.headline.startswith("DOES NOT BEAT no answer")
     assert f"{SPLIT} (skill -3" in overdone.headline
-    said = json.loads(scoreboard([overdone]))
+    said = json.loads(scoreboard(with_uncertainty([overdone], {})))
     judged = said["judged"][group.name]
     assert judged["headline"] == overdone.headline
     assert overdone.headline.startswith(said["kinds"]["experiment"]["headline"] + ". Hand by hand")
@@ -345,7 +347,9 @@ def test_variants_and_fitted_rows_stay_out_of_the_tally_by_kind():
 
 def test_numbers_on_the_board_have_six_digits():
     target = GROUPS[0].targets[0]
-    (row,) = json.loads(scoreboard([Board("g", (Comparison(target, 1 / 3),), {})]))["groups"]["g"]
+    (row,) = json.loads(
+        scoreboard(with_uncertainty([Board("g", (Comparison(target, 1 / 3),), {})], {}))
+    )["groups"]["g"]
     assert row["model"] == 0.333333
 
 
@@ -358,7 +362,8 @@ def test_numbers_on_the_board_have_six_digits():
 )
 def test_a_difference_on_the_board_is_that_of_the_numbers_beside_it(reference, high, models, told):
     target = Target("n", "q", "N", reference, None, None, high, source="s", kind="experiment")
-    boards = [scoreboard([Board("g", (Comparison(target, m),), {})]) for m in models]
+    every = [Board("g", (Comparison(target, m),), {}) for m in models]
+    boards = [scoreboard(with_uncertainty([board], {})) for board in every]
     (row,) = json.loads(boards[0])["groups"]["g"]
     assert row["difference"] == told
     assert boards[0] == boards[1]
