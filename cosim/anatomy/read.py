@@ -56,6 +56,8 @@ class UserAnatomy:
     thickness: float | None = None
     """m; without it the file's, or the base case's."""
     length_scale: float = 1.0
+    assumed_tip: float | None = None
+    """As `rigid.mjcf.read.read_mjcf` takes it, of a finger without a site at its tip."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ def _finger(
         return None, {}, skeleton
 
     names = {ours: theirs for ours, theirs in given.names.items() if ours in FINGER_NAMES}
-    read = read_mjcf(given.finger, names, MUSCLES)
+    read = read_mjcf(given.finger, names, MUSCLES, given.assumed_tip)
     skeleton = skeleton_of(read.model)
     lengths = ", ".join(f"{1e3 * part:.1f}" for part in skeleton.length[1:])
     report.append(
