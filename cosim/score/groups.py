@@ -153,7 +153,7 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
             "postures; five specimens, known from the abstract.",
             "Lee et al. 2008, J Biomech Eng 130:051014",
             (replace(slips, derived=None),),
-            only="cannot be judged: the model has no slips",
+            only="cannot be judged: the model has no slips of its own",
         ),
         ScoreGroup(
             STRAINS,
@@ -294,7 +294,7 @@ def why_not(model: HandModel, group: ScoreGroup) -> str:
     if group.needs_tip and not model.has_tip:
         return "cannot be judged: the model does not say where the fingertip is (a site or marker)"
     hood = model.case.hood.kind
-    if group.name == SLIPS and (hood in WITH_SLIPS or (hood == "split" and model.matched is None)):
+    if group.name == SLIPS and hood in WITH_SLIPS:
         return ""
     if group.name == STRAINS and hood == "shell":
         return ""
