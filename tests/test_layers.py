@@ -101,7 +101,7 @@ FLOORS = (
     {"cosim.content_key"},
     {"cosim.array_cache"},
     {"cosim.processes", "cosim.xml_tree", "cosim.text_tables", "cosim.static_response"},
-    {"cosim.tendons"},
+    {"cosim.tendons", "cosim.measured"},
     {"cosim.coupling"},
     {"cosim.fmu"},
     {"cosim.fingers"},

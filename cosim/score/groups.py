@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.analyses.moment_arms import compare_published, published_arms
+from cosim.analyses.moment_arms import compare_published
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.fingers.common import HeldTipConfig
+from cosim.measured import RANGE, measured_of_kind
 from cosim.models.build import build
-from cosim.results.compare import SECOND_HAND, Comparison, Target
+from cosim.results.compare import Comparison, Target
 from cosim.score.model import HEADS, HandModel, pulling, without_loads
 from cosim.score.names import FingerName
 from cosim.tendons.table import TendonConfig
@@ -36,8 +37,10 @@ ARMS, DIFFERENCES, SIZES, ANGLES, FORCES, SHARES, EXCURSIONS, SLIPS, STRAINS, CA
     "strains of the hood",
     "fingertip forces of cadavers",
 )
-MEASURED = ("An et al. 1983, J Biomech 16:419-425", "Ketchum et al. 1978")
-"""The sources of `cases/data/moment_arms.csv` that measured; the others are models."""
+ARMS_ABOUT = (
+    "Flexors' moment arms by tendon excursion, means over the range of each joint, as other texts "
+    "quote them."
+)
 AT_REST = (30.0, 45.0, 15.0)
 """deg, in which the shares of the flexion moment are taken."""
 LOAD = 0.1
@@ -83,13 +86,7 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
     straight, slips, *_ = lee_groups()
     forces = replace(as_forces, variant=False)
     return (
-        ScoreGroup(
-            ARMS,
-            "index",
-            "Flexors' moment arms by tendon excursion, means over the range of each joint, as other "
-            "texts quote them.",
-            "An et al. 1983; Ketchum et al. 1978",
-        ),
+        ScoreGroup(ARMS, "index", ARMS_ABOUT, "An et al. 1983; Ketchum et al. 1978"),
         ScoreGroup(
             DIFFERENCES,
             "index",
@@ -172,6 +169,7 @@ def _middle_groups() -> tuple[ScoreGroup, ...]:
     arms = tuple(replace(cadaver_arm_group(g), variant=False) for g in (hood, past))
     source = "Synek et al. 2019, PeerJ 7:e7470, raw data"
     return (
+        ScoreGroup(ARMS, "middle", ARMS_ABOUT, "Ketchum et al. 1978"),
         ScoreGroup(
             CADAVER,
             "middle",
@@ -188,13 +186,6 @@ def _middle_groups() -> tuple[ScoreGroup, ...]:
             source,
             arms,
             counts=False,
-        ),
-        ScoreGroup(
-            ARMS,
-            "middle",
-            "Moment arms of the middle finger.",
-            "none",
-            only="cannot be judged: the collection has no measured arm of the middle finger",
         ),
     )
 
@@ -301,9 +292,7 @@ def why_not(model: HandModel, group: ScoreGroup) -> str:
     if group.name == SHARES:
         needed = ("FPI", "LUM", "FDP", "FDS", "FDI")
         lacking = [m for m in needed if m in model.missing] or [
-            m
-            for m in needed
-            if not any(h in model.strengths for h in HEADS.get(m, (m,)))
+            m for m in needed if not any(h in model.strengths for h in HEADS.get(m, (m,)))
         ]
         if lacking:
             return f"cannot be judged: no muscle, or no greatest force, of {', '.join(lacking)}"
@@ -342,23 +331,36 @@ def _strengths(model: HandModel) -> dict[str, float]:
 def _arm_rows(model: HandModel) -> tuple[list[Comparison], dict[str, str]]:
     """Arms over a joint's range beside those measured; of muscles that run through the hood none is
     measured over a range."""
-    known = published_arms(model.finger)
-    known = known[known.source.isin(MEASURED)]
+    import pandas
+
+    measured = measured_of_kind("arm", finger=model.finger)
+    known = pandas.DataFrame(
+        [(m.muscle, m.joint, m.posture, m.address) for m in measured],
+        columns=["tendon", "joint", "posture_deg", "source"],
+    )
     case = model.case
     if case.hood.kind != "split":
         case = case.replace({"hood": {"kind": "split"}})
     compared = compare_published(build(without_loads(case)), known)
-    ours = {(r.tendon, r.joint, r.source): float(r.model_mm) for r in compared.itertuples()}
+    ours = dict(zip(compared.source, compared.model_mm, strict=True))
     rows, lacking = [], {}
-    for r in known.itertuples():
-        name = f"{r.tendon}: arm at the {str(r.joint).replace('_', ' ')}, {r.source.split(',')[0]}"
-        note = "mean over the joint's range"
-        place = (name, f"moment_arm_mm.{r.tendon}.{r.joint}", "mm", float(r.arm_mm))
-        target = Target(
-            *place, None, None, None, r.source, SECOND_HAND, case=str(r.tendon), note=note
-        )
-        value = ours.get((r.tendon, r.joint, r.source))
-        rows.append(Comparison(target, value))
+    for m in measured:
+        name = f"{m.muscle}: arm at the {m.joint.replace('_', ' ')}, {_short(m.cited.cited)}"
+        where = "mean over the joint's range" if m.posture == RANGE else f"at {m.posture} deg"
+        place = (name, f"moment_arm_mm.{m.muscle}.{m.joint}", m.unit, m.number(), m.sd)
+        row = Target(*place, None, None, m.cited.text, m.evidence, m.muscle, note=where)
+        value = ours.get(m.address)
+        rows.append(Comparison(row, None if value is None else float(value)))
         if value is None:
-            lacking[name] = f"the model has no {r.tendon}"
+            own = m.muscle in model.tendons
+            lacking[name] = (
+                "runs through the hood, whose arms are judged by forces"
+                if own
+                else f"the model has no {m.muscle}"
+            )
     return rows, lacking
+
+
+def _short(cited: str) -> str:
+    """Authors and year."""
+    return cited.split(",")[0]

@@ -235,7 +235,9 @@ def _of_osim(
             f"off by less: {_beyond(imported)}"
         )
     joints = {ours: given[ours] for ours in given if ours in (*JOINTS, TIP)}
-    return _of_mjcf(written, path.stem, folder, finger, {**names, **joints, **usable}, imported, matched)
+    return _of_mjcf(
+        written, path.stem, folder, finger, {**names, **joints, **usable}, imported, matched
+    )
 
 
 def _beyond(imported: Imported) -> str:

@@ -126,9 +126,7 @@ def _short(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", lower)
 
 
-def _bodies(
-    parts: PartNames, plain: Sequence[str], joints: Mapping[str, str]
-) -> dict[str, str]:
+def _bodies(parts: PartNames, plain: Sequence[str], joints: Mapping[str, str]) -> dict[str, str]:
     """The bodies that the joints turn, and the metacarpal that carries the proximal phalanx; those
     without a name are left out."""
     if len(joints) < len(JOINTS):

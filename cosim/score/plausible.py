@@ -10,10 +10,10 @@ import numpy as np
 
 from cosim.analyses.moment_arms import native_arms, published_arms
 from cosim.fingers.kinds import joint_ranges, skeleton_of
+from cosim.measured import read_measured
 from cosim.models.build import build
 from cosim.port import Array
 from cosim.score.model import HandModel, without_loads
-from cosim.validation.measured import read_measured
 from rigid.verification.index_muscles import TABLE_2
 
 LEAST = 1.0
@@ -26,9 +26,6 @@ FAR_SD = 3.0
 """SD of the measured hands, beyond which a phalanx is told."""
 FAR_FACTOR = 2.0
 """How many times longer or shorter an optimal fibre must be to be told."""
-DOES = {
-    "MCP_abduction": ("abducts at the MCP to the radial side", "to the ulnar side"),
-}
 
 
 def doubts(model: HandModel, summaries: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
@@ -116,7 +113,7 @@ def _lengths(model: HandModel) -> Iterator[str]:
         lengths.pop("distal")
     for row in read_measured("qiu2017"):
         bone = row.quantity.removeprefix("length.")
-        if bone == row.quantity or bone not in lengths or not row.sd:
+        if bone == row.quantity or bone not in lengths or not row.sd or row.value is None:
             continue
         off = (lengths[bone] - row.value) / row.sd
         if abs(off) > FAR_SD:

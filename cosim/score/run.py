@@ -5,14 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from cosim.case.schema import Case
-from cosim.errors import InputError, Progress, quiet
+from cosim.errors import Progress, quiet
 from cosim.json_text import json_text
 from cosim.outcome import Outcome
 from cosim.pipeline import run_cases
@@ -129,9 +125,7 @@ def _score_group(
     )
 
 
-def _floor(
-    group: ScoreGroup, rows: Sequence[Comparison], summaries: Mapping[str, Summary]
-) -> str:
+def _floor(group: ScoreGroup, rows: Sequence[Comparison], summaries: Mapping[str, Summary]) -> str:
     """The noise of the measured numbers, where hands are known one by one."""
     if group.name != CADAVER:
         return group.floor

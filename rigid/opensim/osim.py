@@ -157,9 +157,7 @@ def part_names(path: Path) -> PartNames:
     coordinates as hinges of no body.  Raises InputError for what cannot be read."""
     model, _, _ = read_model(path)
     tags = components(model).by_path.values()
-    bodies, markers = (
-        tuple(t.name for t in tags if t.kind == kind) for kind in ("Body", "Marker")
-    )
+    bodies, markers = (tuple(t.name for t in tags if t.kind == kind) for kind in ("Body", "Marker"))
     ranges = {t.name: t.values("range", (0.0, 0.0)) for t in tags if t.kind == "Coordinate"}
     joints = {name: NamedJoint("", "", (low, high)) for name, (low, high) in ranges.items()}
     return PartNames(bodies, joints, markers, tuple(t.name for t in tags if _has_path(t)))
