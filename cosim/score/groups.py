@@ -52,6 +52,8 @@ LEE = 11.8
 """N in EDC, Lee et al. 2008."""
 MARKED = "strain_lee2008_average_ti"
 """The packaged case with Lee's markers on its hood."""
+POSTURES = {"minorflex": "40/55/35", "majorflex": "55/57/25"}
+"""deg, MCP/PIP/DIP of the middle finger's cases."""
 WITH_SLIPS = ("shell", "network", "cable", "two_band")
 """Kinds of hoods that tell the forces in their slips."""
 
@@ -91,8 +93,8 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
             DIFFERENCES,
             "index",
             "Joint torque over tension with the fingertip clamped: the arm at a joint less that at "
-            "the next one, which is what such a force says whatever moment the clamp bears. EDC, FPI "
-            "and FDP in three postures, means of five hands.",
+            "the next one, which is what such a force says whatever moment the clamp bears. EDC, "
+            "FPI and FDP in three postures, means of five hands.",
             QIU,
             (hood, flexor),
             floor="not known: no SD by posture is printed (n 5); read to 0.15 mm",
@@ -100,8 +102,8 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
         ScoreGroup(
             SIZES,
             "index",
-            "Size of the clamped fingertip's force over the tension, seven muscles at 45/45/10 deg, "
-            "one hand.",
+            "Size of the clamped fingertip's force over the tension, seven muscles at 45/45/10 "
+            "deg, one hand.",
             COHN,
             (cohn, past),
             needs_tip=True,
@@ -120,8 +122,8 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
         ScoreGroup(
             FORCES,
             "index",
-            "The differences of arms once more, as distal and dorsal forces that they make in a finger "
-            "with the lengths of the measured hands.",
+            "The differences of arms once more, as distal and dorsal forces that they make in a "
+            "finger with the lengths of the measured hands.",
             QIU,
             (forces,),
             counts=False,
@@ -130,8 +132,8 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
         ScoreGroup(
             SHARES,
             "index",
-            "What intrinsics and lumbrical make of the flexion moment at the MCP with all muscles at "
-            "their greatest force.",
+            "What intrinsics and lumbrical make of the flexion moment at the MCP with all muscles "
+            "at their greatest force.",
             BUFORD,
             (share_group(),),
         ),
@@ -190,7 +192,7 @@ def _middle_groups() -> tuple[ScoreGroup, ...]:
     )
 
 
-# What each trial runs ------------------------------------------------------------------------------
+# What each trial runs ----------------------------------------------------------------------------
 
 
 def trials_of(model: HandModel, groups: Sequence[ScoreGroup]) -> dict[str, Case]:
@@ -277,7 +279,7 @@ def _posture(group: ScoreGroup, trial: Trial) -> tuple[str, ...]:
     return posture_settings(*(AT_REST if group.name == SHARES else (0.0, 0.0, 0.0)))
 
 
-# The rows ------------------------------------------------------------------------------------------
+# The rows ---------------------------------------------------------------------------------------
 
 
 def why_not(model: HandModel, group: ScoreGroup) -> str:
@@ -364,3 +366,19 @@ def _arm_rows(model: HandModel) -> tuple[list[Comparison], dict[str, str]]:
 def _short(cited: str) -> str:
     """Authors and year."""
     return cited.split(",")[0]
+
+
+def row_words(group: ScoreGroup, row: Comparison) -> str:
+    """A row in words that need no trial's name."""
+    name = row.target.name
+    trial = row.target.case
+    if group.finger == "middle" and trial.count("_") >= 2 and trial in name:
+        _, posture, muscle = trial.rsplit("_", 2)
+        what = name.replace(trial, "").replace(", mean of three hands", "").strip(" ,:")
+        what = what.removeprefix(muscle.upper()).strip(" ,:")
+        return f"{muscle.upper()} {POSTURES[posture]}: {what}"
+    if group.name in (SLIPS, STRAINS):
+        _, _, what = name.partition(": ")
+        angles = trial.rpartition(" ")[2] if "/" in trial else "0/0/0"
+        return f"EDC {angles}: {what}"
+    return name

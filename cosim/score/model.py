@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal
 
 from cosim.anatomy.case_folder import new_case
 from cosim.anatomy.read import UserAnatomy
@@ -26,11 +26,12 @@ from rigid.opensim.osim import part_names as osim_part_names
 
 Source = Literal["case", "MuJoCo", "OpenSim"]
 ASSUMED_TIP = 22.6 / 22.8
-"""The distal phalanx over the middle one, of a model that names no fingertip: the means of the hands
-of Qiu et al. 2017, whose lengths stand in `cases/data/measured`."""
+"""The distal phalanx over the middle one, of a model that names no fingertip: means of the hands of
+Qiu et al. 2017 (`cases/data/measured/qiu2017.csv`)."""
 OF_OTHERS = re.compile(
-    "pulls on no phalanx|which moves|other joints|sensors|keyframes|contacts of|gravity|the frame of"
-    "|were not asked for|only say how|curves and dynamics|no tendon of a case|phalanges "
+    "pulls on no phalanx|which moves|other joints|sensors|keyframes|contacts of|gravity"
+    "|the frame of|were not asked for|only say how|curves and dynamics|no tendon of a case"
+    "|phalanges "
 )
 """What of an import's losses has nothing to do with the arms and lengths of the finger."""
 
@@ -85,8 +86,8 @@ def read_hand(
     tolerance: float = 1e-4,
 ) -> HandModel:
     """The model of a MuJoCo file (.xml), an OpenSim file (.osim), or a case; what is made of it is
-    written into `folder`.  `finger`: the one to judge, the index finger where there is one; `names`:
-    from our names to the model's; `tolerance`: m, as of `import_osim`.
+    written into `folder`.  `finger`: the one to judge, the index finger where there is one;
+    `names`: from our names to the model's; `tolerance`: m, as of `import_osim`.
 
     Raises InputError for what cannot be read, and for a model without a finger or a muscle."""
     ending = "" if isinstance(given, Case) else Path(given).suffix.lower()
@@ -113,7 +114,7 @@ def _of_case(case: Case, finger: FingerName | None) -> HandModel:
     strengths = {
         name: t.max_force for name, t in case.tendons.items() if t.max_force and name in tendons
     }
-    return HandModel(case.name, "case", cast(FingerName, kind), case, tendons, strengths=strengths)
+    return HandModel(case.name, "case", kind, case, tendons, strengths=strengths)
 
 
 def _of_mjcf(
@@ -203,9 +204,9 @@ def _choose_finger(
     lacking = [joint for joint in JOINTS if joint not in matched.names]
     raise InputError(
         f"{where}: no {' or '.join(tried)} finger was found: no joint is named like "
-        f"{', '.join(lacking)}. It has the hinges {_some(tuple(parts.joints))}. A model whose fingers "
-        "are one rigid hand cannot be judged; else say which is which: a file of lines like "
-        'PIP = "2pm_flexion", and --names FILE'
+        f"{', '.join(lacking)}. It has the hinges {_some(tuple(parts.joints))}. A model whose "
+        "fingers are one rigid hand cannot be judged; else say which is which: a file of lines "
+        'like PIP = "2pm_flexion", and --names FILE'
     )
 
 
@@ -231,8 +232,8 @@ def _of_osim(
     if not usable:
         raise InputError(
             f"{path}: none of the finger's muscles could be imported within "
-            f"{1e3 * tolerance:g} mm of OpenSim's lengths; a wider --tolerance takes those that are "
-            f"off by less: {_beyond(imported)}"
+            f"{1e3 * tolerance:g} mm of OpenSim's lengths; a wider --tolerance takes those that "
+            f"are off by less: {_beyond(imported)}"
         )
     joints = {ours: given[ours] for ours in given if ours in (*JOINTS, TIP)}
     return _of_mjcf(

@@ -74,8 +74,8 @@ def match_names(
     }
     names: dict[str, str] = {}
     how: dict[str, str] = {}
-    for ours, theirs in there.items():
-        found = _find(ours, theirs, finger, given or {})
+    for ours, candidates in there.items():
+        found = _find(ours, candidates, finger, given or {})
         if found is not None and found[0].removeprefix("-") not in _plain(names.values()):
             names[ours], how[ours] = found
     for ours, theirs in (given or {}).items():

@@ -1,5 +1,5 @@
-"""What to doubt about a model before any score: muscles that act against the published sign, lengths
-and fibres that are far off."""
+"""What to doubt about a model before any score: muscles that act against the published sign,
+lengths and fibres that are far off."""
 
 from __future__ import annotations
 
@@ -119,8 +119,8 @@ def _lengths(model: HandModel) -> Iterator[str]:
         if abs(off) > FAR_SD:
             yield (
                 f"the {bone} phalanx is {lengths[bone]:.1f} mm long, {abs(off):.0f} SD "
-                f"{'above' if off > 0 else 'below'} that of {row.n} measured hands ({row.value:g} +- "
-                f"{row.sd:g} mm); arms and forces go with it"
+                f"{'above' if off > 0 else 'below'} that of {row.n} measured hands "
+                f"({row.value:g} +- {row.sd:g} mm); arms and forces go with it"
             )
 
 

@@ -5,21 +5,38 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
-from cosim.results.compare import Comparison
+from cosim.files import output_file
+from cosim.results.compare import Comparison, number
 from cosim.text_tables import packaged_rows
 from cosim.validation.skill import skill
 
+COLUMNS = ("model", "finger", "group", "row", "value")
 SAME = 1e-3
 """Relative: a model whose numbers are so near a reference's is that reference."""
+
+REFERENCE_WORDS = {
+    "an1979": "An 1979, straight lines",
+    "myohand": "MyoHand",
+    "split_edc": "fixed split",
+    "pulley_edc": "pulleys",
+    "network_edc": "network",
+    "cable_edc": "cables",
+    "isometric_edc": "hood of shells",
+    "middle_minorflex_edc": "fixed split",
+    "hood_minorflex_edc": "hood of shells",
+}
+"""The reference models in words."""
 
 
 @dataclass(frozen=True)
 class Rank:
-    """A model's place among reference models by skill over no answer, on the rows that both have."""
+    """A model's place among reference models by skill over no answer, on rows that both have."""
 
     skills: Mapping[str, float]
     """By reference model its own skill on the rows that it shares; best first."""
@@ -37,6 +54,17 @@ class Rank:
     def of(self) -> int:
         """How many models are compared, this one among them."""
         return 1 + len(self.skills) - len(self.same)
+
+    @property
+    def better_words(self) -> list[str]:
+        """Those with more skill in words."""
+        return [REFERENCE_WORDS.get(name, name) for name in self.better]
+
+    @property
+    def words(self) -> str:
+        """The reference models with their skills, best first."""
+        parts = (f"{REFERENCE_WORDS.get(n, n)} {number(v, 2)}" for n, v in self.skills.items())
+        return ", ".join(parts)
 
     def __str__(self) -> str:
         return f"{self.place} of {self.of}" if self.of > 1 else "-"
@@ -79,3 +107,23 @@ def rank_of(group: str, finger: str, rows: Sequence[Comparison]) -> Rank | None:
 
 def _is_same(a: float | None, b: float | None) -> bool:
     return a is not None and b is not None and abs(a - b) <= SAME * max(abs(a), abs(b))
+
+
+def update_references(path: Path, values: Sequence[Mapping[str, object]]) -> None:
+    """Write the numbers of models, by the columns of the file, in place of those that it has of
+    models of their names; its first lines stay.  Raises InputError."""
+    named = {str(value["model"]) for value in values}
+    lines = path.read_text(encoding="utf-8").splitlines()
+    notes = [line for line in lines if line.startswith("#")]
+    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    kept = [row for row in rows if row["model"] not in named]
+    order = list(REFERENCE_WORDS)
+    every: list[Mapping[str, object]] = sorted(
+        [*kept, *values],
+        key=lambda r: order.index(str(r["model"])) if r["model"] in order else len(order),
+    )
+    with output_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        file.writelines(f"{line}\n" for line in notes)
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(every)

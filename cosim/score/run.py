@@ -23,6 +23,8 @@ from cosim.validation.skill import Skill, judging_rows, skill
 
 NOTHING = "no answer"
 """The null model: all numbers zero."""
+TOLD = 10
+"""How often the progress of the runs is told."""
 Summary = Mapping[str, Any]
 
 
@@ -82,7 +84,8 @@ def judge(
     for done, (k, outcome) in enumerate(run_cases(cases, _summary, workers) if cases else (), 1):
         i, name, _ = asked[k]
         results[i][name] = outcome
-        progress(f"{done} of {len(cases)}: {models[i].name}, {name}")
+        if done == len(cases) or done % max(1, len(cases) // TOLD) == 0:
+            progress(f"{done} of {len(cases)} runs")
     return [_score(m, r, references) for m, r in zip(models, results, strict=True)]
 
 

@@ -164,8 +164,8 @@ def _tip(
     assumed: float | None,
     losses: list[str],
 ) -> Array:
-    """The fingertip (3,) m in the world at zero angles: the site, or where one is `assumed`.  Raises
-    InputError for neither."""
+    """The fingertip (3,) m in the world at zero angles: the site, or where one is `assumed`.
+    Raises InputError for neither."""
     kind = mujoco.mjtObj.mjOBJ_SITE
     name = where.names.get(TIP, TIP)
     if assumed is None or mujoco.mj_name2id(where.model, kind, name) >= 0:
