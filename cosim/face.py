@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     import pandas
 
     from cosim.analyses.identify.fit import Fit
-    from cosim.score.names import FingerName
-    from cosim.score.scores import Scores
+    from cosim.scoring.names import FingerName
+    from cosim.scoring.scores import Scores
     from cosim.study.results import StudyResults
     from cosim.validation.run import Board
 
@@ -465,8 +465,8 @@ def score(
     True
 
     Raises InputError where none of the models can be judged."""
-    from cosim.score.names import FINGERS, read_names
-    from cosim.score.scores import score_models
+    from cosim.scoring.names import FINGERS, read_names
+    from cosim.scoring.scores import score_models
 
     if finger not in (None, *FINGERS):
         raise unexpected("finger", f"one of {', '.join(FINGERS)}, or None", finger)

@@ -114,7 +114,7 @@ FLOORS = (
     {"cosim.fmu_export", "cosim.report"},
     {"cosim.anatomy", "cosim.analyses", "cosim.study"},
     {"cosim.validation", "cosim.verification", "cosim.ui"},
-    {"cosim.score"},
+    {"cosim.scoring"},
     {"cosim.arguments"},
     {"cosim.face"},
     {"cosim.commands"},

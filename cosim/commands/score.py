@@ -13,11 +13,11 @@ from cosim.commands.terminal import console, exit_on_error, print_table, stages
 from cosim.errors import InputError
 from cosim.files import check_file
 from cosim.schema import units
-from cosim.score.names import FingerName, read_names
-from cosim.score.page import answer, cell
-from cosim.score.references import update_references
-from cosim.score.run import HandScore
-from cosim.score.scores import PAGE, Scores, groups_of, score_models, score_of
+from cosim.scoring.names import FingerName, read_names
+from cosim.scoring.page import answer, cell
+from cosim.scoring.references import update_references
+from cosim.scoring.run import HandScore
+from cosim.scoring.scores import PAGE, Scores, groups_of, score_models, score_of
 
 MOST_LINES = 8
 """Losses of a model that the terminal lists; the page has all."""

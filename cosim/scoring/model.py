@@ -15,7 +15,7 @@ from cosim.case.schema import Case, CouplingConfig
 from cosim.errors import InputError
 from cosim.fingers.kinds import native_tendons
 from cosim.models.build import build
-from cosim.score.names import FINGERS, TIP, FingerName, Matched, match_names
+from cosim.scoring.names import FINGERS, TIP, FingerName, Matched, match_names
 from cosim.tendons.table import TendonConfig
 from cosim.text_tables import read_toml
 from meshes.skeleton import JOINTS

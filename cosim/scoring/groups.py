@@ -17,8 +17,8 @@ from cosim.fingers.common import HeldTipConfig
 from cosim.measured import RANGE, measured_of_kind
 from cosim.models.build import build
 from cosim.results.compare import Comparison, Target
-from cosim.score.model import HEADS, HandModel, pulling, without_loads
-from cosim.score.names import FingerName
+from cosim.scoring.model import HEADS, HandModel, pulling, without_loads
+from cosim.scoring.names import FingerName
 from cosim.tendons.table import TendonConfig
 from cosim.validation.clamped import QIU, cadaver_arm_group, qiu_groups
 from cosim.validation.plan import cadaver_groups, lee_groups, rows_of

@@ -111,12 +111,12 @@ def _is_same(a: float | None, b: float | None) -> bool:
 
 def update_references(path: Path, values: Sequence[Mapping[str, object]]) -> None:
     """Write the numbers of models, by the columns of the file, in place of those that it has of
-    models of their names; its first lines stay.  Raises InputError."""
-    named = {str(value["model"]) for value in values}
+    models of their names and fingers; its first lines stay.  Raises InputError."""
+    named = {(value["model"], value["finger"]) for value in values}
     lines = path.read_text(encoding="utf-8").splitlines()
     notes = [line for line in lines if line.startswith("#")]
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
-    kept = [row for row in rows if row["model"] not in named]
+    kept = [row for row in rows if (row["model"], row["finger"]) not in named]
     order = list(REFERENCE_WORDS)
     every: list[Mapping[str, object]] = sorted(
         [*kept, *values],

@@ -14,10 +14,17 @@ from cosim.outcome import Outcome
 from cosim.pipeline import run_cases
 from cosim.results.compare import Comparison, number
 from cosim.results.result import Result
-from cosim.score.groups import CADAVER, ScoreGroup, rows_of_group, score_groups, trials_of, why_not
-from cosim.score.model import HandModel
-from cosim.score.plausible import doubts
-from cosim.score.references import Rank, rank_of
+from cosim.scoring.groups import (
+    CADAVER,
+    ScoreGroup,
+    rows_of_group,
+    score_groups,
+    trials_of,
+    why_not,
+)
+from cosim.scoring.model import HandModel
+from cosim.scoring.plausible import doubts
+from cosim.scoring.references import Rank, rank_of
 from cosim.validation.run import compare_by_hand
 from cosim.validation.skill import Skill, judging_rows, skill
 

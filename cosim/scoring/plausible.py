@@ -13,7 +13,7 @@ from cosim.fingers.kinds import joint_ranges, skeleton_of
 from cosim.measured import read_measured
 from cosim.models.build import build
 from cosim.port import Array
-from cosim.score.model import HandModel, without_loads
+from cosim.scoring.model import HandModel, without_loads
 from rigid.verification.index_muscles import TABLE_2
 
 LEAST = 1.0

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 from cosim.case.schema import Case
 from cosim.errors import InputError, Progress, quiet
 from cosim.files import output_file, shown_path, temporary_folder
-from cosim.score import references
-from cosim.score.groups import row_words
-from cosim.score.model import HandModel, read_hand
-from cosim.score.names import FingerName
-from cosim.score.run import GroupScore, HandScore, judge
+from cosim.scoring import references
+from cosim.scoring.groups import row_words
+from cosim.scoring.model import HandModel, read_hand
+from cosim.scoring.names import FingerName
+from cosim.scoring.run import GroupScore, HandScore, judge
 
 if TYPE_CHECKING:
     import pandas
@@ -98,7 +98,7 @@ class Scores:
     def write(self, out: Path) -> tuple[Path, Path]:
         """Write the page and the table, into the folder `out` or as the page `out` with the table
         beside; their paths.  Raises InputError where they cannot be written."""
-        from cosim.score.page import score_page
+        from cosim.scoring.page import score_page
 
         page = out if out.suffix == ".html" else out / PAGE
         table = page.with_suffix(".csv") if out.suffix == ".html" else out / TABLE

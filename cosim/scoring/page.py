@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 from cosim.report.templates import template
 from cosim.results.compare import number
 from cosim.results.picture import as_png, data_address
-from cosim.score.groups import row_words
-from cosim.score.plots import draw_rows, draw_skills
-from cosim.score.run import GroupScore, HandScore
-from cosim.score.scores import Scores, groups_of, score_of
+from cosim.scoring.groups import row_words
+from cosim.scoring.plots import draw_rows, draw_skills
+from cosim.scoring.run import GroupScore, HandScore
+from cosim.scoring.scores import Scores, groups_of, score_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,7 +20,7 @@ DPI = 110
 
 def score_page(scores: Scores) -> str:
     """The text of the page."""
-    return template("cosim.score").render(
+    return template("cosim.scoring").render(
         models=[_model(hand) for hand in scores.hands],
         refused=scores.refused,
         answers=[answer(hand) for hand in scores.hands],

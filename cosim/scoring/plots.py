@@ -11,9 +11,9 @@ import numpy as np
 from cosim.report.figures import new_picture, style_axes
 from cosim.results.compare import Comparison
 from cosim.results.looks import look
-from cosim.score.groups import row_words
-from cosim.score.run import HandScore
-from cosim.score.scores import Scores, groups_of, score_of
+from cosim.scoring.groups import row_words
+from cosim.scoring.run import HandScore
+from cosim.scoring.scores import Scores, groups_of, score_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
