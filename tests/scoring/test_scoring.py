@@ -31,9 +31,9 @@ from tests.helpers.jobs import run
 LENGTHS = (45.0, 23.0, 22.0)
 FULL = {"MCP": 90.0, "PIP": 100.0, "DIP": 80.0}
 SPANS: Mapping[str, Mapping[str, tuple[float, float, float, float]]] = {
-    "FDP2": {"MCP": (20, -10, 10, -9), "PIP": (8, -8, 6, -7), "DIP": (5, -6, 5, -4)},
-    "FDS2": {"MCP": (20, -12, 10, -11), "PIP": (8, 8, 6, 7)},
-    "EDC2": {"MCP": (15, 9, 9, 8), "PIP": (5, 5, 6, 5), "DIP": (4, 3, 4, 3)},
+    "FDP2": {"MCP": (20, -10, 20, -9), "PIP": (15, -6, 12, -5), "DIP": (9, -4, 10, -4)},
+    "FDS2": {"MCP": (20, -12, 20, -11), "PIP": (2, 8, 2, 7)},
+    "EDC2": {"MCP": (3, 10, 3, 9), "PIP": (2, 5, 2, 5), "DIP": (1, 4, 1, 4)},
 }
 """mm, by tendon and joint: how far proximal of the joint a point of the bone before it lies and how
 high dorsal, and the same of a point distal of the joint.  The FDS runs over the back of the PIP."""
