@@ -465,7 +465,7 @@ def score(
     True
 
     Raises InputError where none of the models can be judged."""
-    from cosim.scoring.names import FINGERS, read_names
+    from cosim.scoring.names import FINGERS, check_names, read_names
     from cosim.scoring.scores import score_models
 
     if finger not in (None, *FINGERS):
@@ -478,7 +478,7 @@ def score(
     if names is None or is_path(names):
         mapping = {} if names is None else read_names(path_from("names", names))
     else:
-        mapping = {ours: str(name) for ours, name in by_name("names", names, _NAMES).items()}
+        mapping = check_names(by_name("names", names, _NAMES), "names")
     off = quantity_in_si("tolerance", tolerance, units.LENGTH, 0.0)
     workers = whole_number("workers", workers, 1, MOST_WORKERS)
     return score_models(models, {"": mapping}, finger, off, workers, progress)

@@ -14,10 +14,10 @@ from cosim.errors import InputError
 from cosim.files import check_file
 from cosim.schema import units
 from cosim.scoring.names import FingerName, read_names
-from cosim.scoring.page import answer, cell
+from cosim.scoring.page import answer, skill_table
 from cosim.scoring.references import update_references
 from cosim.scoring.run import HandScore
-from cosim.scoring.scores import PAGE, Scores, groups_of, score_models, score_of
+from cosim.scoring.scores import PAGE, Scores, score_models
 
 MOST_LINES = 8
 """Losses of a model that the terminal lists; the page has all."""
@@ -105,18 +105,8 @@ def _show(scores: Scores) -> None:
         _show_losses(hand)
     for hand in scores.hands:
         typer.echo(answer(hand))
-    every = groups_of(scores)
-    rows = [
-        (
-            g.group.name
-            + ("" if g.group.counts else "*")
-            + (", middle" * (g.group.finger == "middle")),
-            *(cell(score_of(hand, g)) for hand in scores.hands),
-        )
-        for g in every
-    ]
-    head = "skill over no answer (place among models)"
-    print_table("", (head, *(hand.model.name for hand in scores.hands)), rows)
+    table = skill_table(scores, "/")
+    print_table("skill over no answer (place among models):", table["heads"], table["rows"])
     typer.echo("* the same data once more, not counted; – cannot be judged:")
     reasons: dict[str, list[str]] = {}
     for hand in scores.hands:

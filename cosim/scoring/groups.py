@@ -63,6 +63,8 @@ class ScoreGroup:
     """Measured numbers of one kind, of one finger."""
 
     name: str
+    short: str
+    """The name as the head of a column."""
     finger: FingerName
     about: str
     """What was measured, how, on how many hands."""
@@ -88,19 +90,21 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
     straight, slips, *_ = lee_groups()
     forces = replace(as_forces, variant=False)
     return (
-        ScoreGroup(ARMS, "index", ARMS_ABOUT, "An et al. 1983; Ketchum et al. 1978"),
+        ScoreGroup(ARMS, "arms", "index", ARMS_ABOUT, "An et al. 1983; Ketchum et al. 1978"),
         ScoreGroup(
             DIFFERENCES,
+            "differences",
             "index",
             "Joint torque over tension with the fingertip clamped: the arm at a joint less that at "
             "the next one, which is what such a force says whatever moment the clamp bears. EDC, "
-            "FPI and FDP in three postures, means of five hands.",
+            "FPI and FDP in three to six postures, means of five hands.",
             QIU,
             (hood, flexor),
             floor="not known: no SD by posture is printed (n 5); read to 0.15 mm",
         ),
         ScoreGroup(
             SIZES,
+            "force size",
             "index",
             "Size of the clamped fingertip's force over the tension, seven muscles at 45/45/10 "
             "deg, one hand.",
@@ -111,6 +115,7 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
         ),
         ScoreGroup(
             ANGLES,
+            "force angle",
             "index",
             "Angle between each of these forces and EDC's; the force's axes are not known.",
             COHN,
@@ -121,6 +126,7 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
         ),
         ScoreGroup(
             FORCES,
+            "components",
             "index",
             "The differences of arms once more, as distal and dorsal forces that they make in a "
             "finger with the lengths of the measured hands.",
@@ -131,6 +137,7 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
         ),
         ScoreGroup(
             SHARES,
+            "MCP shares",
             "index",
             "What intrinsics and lumbrical make of the flexion moment at the MCP with all muscles "
             "at their greatest force.",
@@ -139,6 +146,7 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
         ),
         ScoreGroup(
             EXCURSIONS,
+            "excursions",
             "index",
             "How far a tendon's end moves as a joint passes its range.",
             "none",
@@ -147,6 +155,7 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
         ),
         ScoreGroup(
             SLIPS,
+            "slip ratio",
             "index",
             "Force in the terminal slip over that in the central one, EDC with 11.8 N in nine "
             "postures; five specimens, known from the abstract.",
@@ -156,6 +165,7 @@ def _index_groups() -> tuple[ScoreGroup, ...]:
         ),
         ScoreGroup(
             STRAINS,
+            "strains",
             "index",
             "Strains between markers on the hood, EDC with 11.8 N at 0/0/0 deg; as a thesis quotes "
             "them.",
@@ -171,9 +181,10 @@ def _middle_groups() -> tuple[ScoreGroup, ...]:
     arms = tuple(replace(cadaver_arm_group(g), variant=False) for g in (hood, past))
     source = "Synek et al. 2019, PeerJ 7:e7470, raw data"
     return (
-        ScoreGroup(ARMS, "middle", ARMS_ABOUT, "Ketchum et al. 1978"),
+        ScoreGroup(ARMS, "arms, middle", "middle", ARMS_ABOUT, "Ketchum et al. 1978"),
         ScoreGroup(
             CADAVER,
+            "forces, middle",
             "middle",
             "Components of the clamped fingertip's force, one tendon at a time, in two postures, "
             "three hands.",
@@ -183,6 +194,7 @@ def _middle_groups() -> tuple[ScoreGroup, ...]:
         ),
         ScoreGroup(
             DIFFERENCES,
+            "differences, middle",
             "middle",
             "The differences of arms that these forces say, by statics.",
             source,

@@ -13,6 +13,7 @@ from cosim.anatomy.read import UserAnatomy
 from cosim.case.file import load_case
 from cosim.case.schema import Case, CouplingConfig
 from cosim.errors import InputError
+from cosim.files import shown_path
 from cosim.fingers.kinds import native_tendons
 from cosim.models.build import build
 from cosim.scoring.names import FINGERS, TIP, FingerName, Matched, match_names
@@ -54,6 +55,8 @@ class HandModel:
     """The greatest force (N) of each muscle for which the model states one."""
     fibres: Mapping[str, float] = field(default_factory=dict)
     """The optimal fibre length (m) of each muscle for which the model states one."""
+    origin: str = ""
+    """The file of a foreign model."""
     has_tip: bool = True
     """Whether the model says where the fingertip is; otherwise no force is judged."""
 
@@ -127,7 +130,7 @@ def _of_mjcf(
     before: Matched | None = None,
 ) -> HandModel:
     parts = part_names(path)
-    where = str(path) if imported is None else imported.source
+    where = shown_path(path) if imported is None else imported.source
     which, matched = _choose_finger(where, parts, finger, names)
     if before is not None:
         matched = Matched(matched.names, {**matched.how, **before.how})
@@ -159,6 +162,7 @@ def _of_mjcf(
         matched,
         strengths,
         {} if imported is None else _properties(imported, matched, "optimal_fiber_length"),
+        where,
         has_tip,
     )
 
@@ -210,7 +214,7 @@ def _choose_finger(
     )
 
 
-def _some(names: tuple[str, ...], most: int = 12) -> str:
+def _some(names: tuple[str, ...], most: int = 8) -> str:
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return (", ".join(names[:most]) or "none with a name") + more
 

@@ -47,14 +47,20 @@ def shipped_names(which: str) -> dict[str, str]:
 
 def read_names(path: Path) -> dict[str, str]:
     """A mapping of the user's: a TOML file of lines `EDC = "EDCI"`.  Raises InputError."""
-    values = read_toml(path)
+    return check_names(read_toml(path), str(path))
+
+
+def check_names(values: Mapping[str, object], place: str) -> dict[str, str]:
+    """A mapping of the user's, checked.  Raises InputError."""
     known = (*BODIES, *JOINTS, TIP, *MUSCLES)
+    checked = {}
     for ours, theirs in values.items():
         if ours not in known or not isinstance(theirs, str):
             raise InputError(
-                f'{path}: {ours}: write lines like EDC = "EDCI"; our names are {", ".join(known)}'
+                f'{place}: {ours}: write lines like EDC = "EDCI"; our names are {", ".join(known)}'
             )
-    return values
+        checked[ours] = theirs
+    return checked
 
 
 @cache

@@ -25,6 +25,8 @@ def score_page(scores: Scores) -> str:
         refused=scores.refused,
         answers=[answer(hand) for hand in scores.hands],
         picture=_picture(draw_skills(scores)),
+        table=skill_table(scores, " of "),
+        no_doubts=[h.model.name for h in scores.hands if not (h.doubts or h.failures)],
         groups=[_group(scores, g) for g in groups_of(scores)],
     )
 
@@ -49,12 +51,28 @@ def answer(hand: HandScore) -> str:
     return f"{model.name}: {'; '.join(parts)}."
 
 
-def cell(score: GroupScore | None) -> str:
+def skill_table(scores: Scores, of: str) -> dict[str, list[Any]]:
+    """Heads and rows of the table of skills, with places like 1`of`7: a row for each model, a
+    column for each group of numbers that judges one."""
+    groups = [
+        g
+        for g in groups_of(scores)
+        if any((s := score_of(hand, g)) is not None and s.skill for hand in scores.hands)
+    ]
+    heads = ["model", *(g.group.short + ("" if g.group.counts else "*") for g in groups)]
+    rows = [
+        [hand.model.name, *(_cell(score_of(hand, g), of) for g in groups)] for hand in scores.hands
+    ]
+    return {"heads": heads, "rows": rows}
+
+
+def _cell(score: GroupScore | None, of: str) -> str:
     """A skill with its rank; a dash where there is none."""
     if score is None or score.skill is None:
         return "–"
-    rank = "" if score.rank is None or score.rank.of < 2 else f" ({score.rank})"
-    return f"{number(score.skill.value, 2)}{rank}"
+    rank = score.rank
+    place = "" if rank is None or rank.of < 2 else f" ({rank.place}{of}{rank.of})"
+    return f"{number(score.skill.value, 2)}{place}"
 
 
 def _model(hand: HandScore) -> dict[str, Any]:
@@ -64,6 +82,7 @@ def _model(hand: HandScore) -> dict[str, Any]:
     return {
         "name": model.name,
         "what": f"{model.source}, {model.finger} finger",
+        "origin": model.origin,
         "case": model.case.title if matched is None else "",
         "lost": model.losses_of_finger,
         "others": [line for line in model.lost if line not in of_finger],
@@ -89,7 +108,6 @@ def _group(scores: Scores, g: GroupScore) -> dict[str, Any]:
         "source": g.group.source,
         "counts": g.group.counts,
         "floor": next((s.floor for _, s in judged if s.floor), g.group.floor),
-        "cells": [cell(s) for _, s in mine],
         "models": [_of_group(hand, s) for hand, s in judged],
         "ranks": next((s.rank.words for _, s in judged if s.rank is not None), ""),
         "picture": _picture(picture),
@@ -100,16 +118,20 @@ def _group(scores: Scores, g: GroupScore) -> dict[str, Any]:
 
 
 def _of_group(hand: HandScore, s: GroupScore) -> dict[str, Any]:
-    left_out = dict.fromkeys(s.unjudged.values())
+    left_out = ", ".join(dict.fromkeys(s.unjudged.values()))
+    same = [] if s.rank is None else [n for n in s.rank.same_words if n != hand.model.name]
+    remarks = [
+        s.why_not,
+        f"{len(s.unjudged)} left out: {left_out}" if left_out and not s.why_not else "",
+        f"the same numbers as {', '.join(same)}" if same else "",
+        f"nearer: {', '.join(s.rank.better_words)}" if s.rank is not None and s.rank.better else "",
+    ]
     return {
         "name": hand.model.name,
-        "why_not": s.why_not,
+        "remarks": "; ".join(filter(None, remarks)),
         "skill": "" if s.skill is None else str(s.skill),
         "rank": "" if s.rank is None else str(s.rank),
-        "same": "" if s.rank is None else ", ".join(s.rank.same),
-        "better": "" if s.rank is None else ", ".join(s.rank.better_words),
         "numbers": len(s.judged),
-        "left_out": f"{len(s.unjudged)} left out: {', '.join(left_out)}" if left_out else "",
     }
 
 

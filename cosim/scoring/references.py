@@ -21,7 +21,7 @@ SAME = 1e-3
 """Relative: a model whose numbers are so near a reference's is that reference."""
 
 REFERENCE_WORDS = {
-    "an1979": "An 1979, straight lines",
+    "an1979": "An 1979 (straight lines)",
     "myohand": "MyoHand",
     "split_edc": "fixed split",
     "pulley_edc": "pulleys",
@@ -54,6 +54,11 @@ class Rank:
     def of(self) -> int:
         """How many models are compared, this one among them."""
         return 1 + len(self.skills) - len(self.same)
+
+    @property
+    def same_words(self) -> list[str]:
+        """Those that say the same in words."""
+        return [REFERENCE_WORDS.get(name, name) for name in self.same]
 
     @property
     def better_words(self) -> list[str]:
