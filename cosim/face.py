@@ -471,10 +471,10 @@ def score(
     if finger not in (None, *FINGERS):
         raise unexpected("finger", f"one of {', '.join(FINGERS)}, or None", finger)
     for i, model in enumerate(models):
-        if not (isinstance(model, Case) or is_path(model)):
-            raise unexpected(
-                f"models[{i}]", "the path of a model, the name of a case, a Case", model
-            )
+        match model:
+            case Case() | str() | Path():
+                continue
+        raise unexpected(f"models[{i}]", "the path of a model, the name of a case, a Case", model)
     if names is None or is_path(names):
         mapping = {} if names is None else read_names(path_from("names", names))
     else:

@@ -151,6 +151,8 @@ KNOW_THE_SOLVERS = {
     "cosim.commands.verify",
     "cosim.commands.warm",
     "cosim.results.sto",
+    "cosim.scoring.model",
+    "cosim.scoring.names",
     "cosim.solve.one_way",
     "cosim.tendons.air",
     "cosim.tendons.signals",

@@ -105,7 +105,7 @@ def _show(scores: Scores) -> None:
         _show_losses(hand)
     for hand in scores.hands:
         typer.echo(answer(hand))
-    table = skill_table(scores, "/")
+    table = skill_table(scores.hands, "/")
     print_table("skill over no answer (place among models):", table["heads"], table["rows"])
     typer.echo("* the same data once more, not counted; – cannot be judged:")
     reasons: dict[str, list[str]] = {}

@@ -93,13 +93,17 @@ def read_hand(
     `names`: from our names to the model's; `tolerance`: m, as of `import_osim`.
 
     Raises InputError for what cannot be read, and for a model without a finger or a muscle."""
-    ending = "" if isinstance(given, Case) else Path(given).suffix.lower()
-    if ending == ".xml":
-        path = Path(given)  # type: ignore[arg-type]
-        return _of_mjcf(path, path.stem, folder, finger, names or {})
-    if ending == ".osim":
-        return _of_osim(Path(given), folder, finger, names or {}, tolerance)  # type: ignore[arg-type]
-    return _of_case(given if isinstance(given, Case) else load_case(given), finger)
+    match given:
+        case Case():
+            return _of_case(given, finger)
+        case str() | Path():
+            path = Path(given)
+    match path.suffix.lower():
+        case ".xml":
+            return _of_mjcf(path, path.stem, folder, finger, names or {})
+        case ".osim":
+            return _of_osim(path, folder, finger, names or {}, tolerance)
+    return _of_case(load_case(given), finger)
 
 
 def _of_case(case: Case, finger: FingerName | None) -> HandModel:
@@ -255,9 +259,9 @@ def _properties(imported: Imported, matched: Matched, which: str) -> dict[str, f
     found = {}
     for ours, theirs in matched.tendons.items():
         muscle = imported.muscles.get(theirs)
-        value = None if muscle is None else muscle.properties.get(which)
-        if isinstance(value, int | float):
-            found[ours] = float(value)
+        match None if muscle is None else muscle.properties.get(which):
+            case float(value):
+                found[ours] = value
     return found
 
 

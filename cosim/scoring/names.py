@@ -55,11 +55,14 @@ def check_names(values: Mapping[str, object], place: str) -> dict[str, str]:
     known = (*BODIES, *JOINTS, TIP, *MUSCLES)
     checked = {}
     for ours, theirs in values.items():
-        if ours not in known or not isinstance(theirs, str):
-            raise InputError(
-                f'{place}: {ours}: write lines like EDC = "EDCI"; our names are {", ".join(known)}'
-            )
-        checked[ours] = theirs
+        match theirs:
+            case str() if ours in known:
+                checked[ours] = theirs
+            case _:
+                raise InputError(
+                    f'{place}: {ours}: write lines like EDC = "EDCI"; our names are '
+                    f"{', '.join(known)}"
+                )
     return checked
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cosim.report.templates import template
@@ -9,8 +10,7 @@ from cosim.results.compare import number
 from cosim.results.picture import as_png, data_address
 from cosim.scoring.groups import row_words
 from cosim.scoring.plots import draw_rows, draw_skills
-from cosim.scoring.run import GroupScore, HandScore
-from cosim.scoring.scores import Scores, groups_of, score_of
+from cosim.scoring.run import GroupScore, HandScore, groups_of, score_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 DPI = 110
 
 
-def score_page(scores: Scores) -> str:
+def score_page(hands: Sequence[HandScore], refused: Mapping[str, str]) -> str:
     """The text of the page."""
     return template("cosim.scoring").render(
-        models=[_model(hand) for hand in scores.hands],
-        refused=scores.refused,
-        answers=[answer(hand) for hand in scores.hands],
-        picture=_picture(draw_skills(scores)),
-        table=skill_table(scores, " of "),
-        no_doubts=[h.model.name for h in scores.hands if not (h.doubts or h.failures)],
-        groups=[_group(scores, g) for g in groups_of(scores)],
+        models=[_model(hand) for hand in hands],
+        refused=refused,
+        answers=[answer(hand) for hand in hands],
+        picture=_picture(draw_skills(hands)),
+        table=skill_table(hands, " of "),
+        no_doubts=[h.model.name for h in hands if not (h.doubts or h.failures)],
+        groups=[_group(hands, g) for g in groups_of(hands)],
     )
 
 
@@ -51,18 +51,16 @@ def answer(hand: HandScore) -> str:
     return f"{model.name}: {'; '.join(parts)}."
 
 
-def skill_table(scores: Scores, of: str) -> dict[str, list[Any]]:
+def skill_table(hands: Sequence[HandScore], of: str) -> dict[str, list[Any]]:
     """Heads and rows of the table of skills, with places like 1`of`7: a row for each model, a
     column for each group of numbers that judges one."""
     groups = [
         g
-        for g in groups_of(scores)
-        if any((s := score_of(hand, g)) is not None and s.skill for hand in scores.hands)
+        for g in groups_of(hands)
+        if any((s := score_of(hand, g)) is not None and s.skill for hand in hands)
     ]
     heads = ["model", *(g.group.short + ("" if g.group.counts else "*") for g in groups)]
-    rows = [
-        [hand.model.name, *(_cell(score_of(hand, g), of) for g in groups)] for hand in scores.hands
-    ]
+    rows = [[hand.model.name, *(_cell(score_of(hand, g), of) for g in groups)] for hand in hands]
     return {"heads": heads, "rows": rows}
 
 
@@ -96,10 +94,10 @@ def _model(hand: HandScore) -> dict[str, Any]:
     }
 
 
-def _group(scores: Scores, g: GroupScore) -> dict[str, Any]:
-    mine = [(hand, score_of(hand, g)) for hand in scores.hands]
+def _group(hands: Sequence[HandScore], g: GroupScore) -> dict[str, Any]:
+    mine = [(hand, score_of(hand, g)) for hand in hands]
     judged = [(hand, s) for hand, s in mine if s is not None]
-    picture = draw_rows(scores.hands, g.group.finger, g.group.name)
+    picture = draw_rows(hands, g.group.finger, g.group.name)
     names = list(dict.fromkeys(row.target.name for _, s in judged for row in s.rows))
     return {
         "name": g.group.name,

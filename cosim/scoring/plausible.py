@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from cosim.analyses.moment_arms import native_arms, published_arms
+from cosim.case.file import load_case
 from cosim.fingers.kinds import joint_ranges, skeleton_of
 from cosim.measured import read_measured
 from cosim.models.build import build
 from cosim.port import Array
 from cosim.scoring.model import HandModel, without_loads
-from rigid.verification.index_muscles import TABLE_2
 
 LEAST = 1.0
 """mm, that an arm has at least whose sign is told."""
@@ -24,6 +24,8 @@ MODEL_SOURCES = ("MyoHand", "ARMS hand model")
 """Sources of `cases/data/moment_arms.csv` that are such models themselves, and no witness."""
 FAR_SD = 3.0
 """SD of the measured hands, beyond which a phalanx is told."""
+MUSCLES = "base/muscles.toml"
+"""The case that states the muscles of a published model."""
 FAR_FACTOR = 2.0
 """How many times longer or shorter an optimal fibre must be to be told."""
 
@@ -126,13 +128,15 @@ def _lengths(model: HandModel) -> Iterator[str]:
 
 def _fibres(model: HandModel) -> Iterator[str]:
     """Optimal fibre lengths beside those of a published model."""
-    for muscle, length in model.fibres.items():
-        if model.finger != "index" or muscle not in TABLE_2:
+    published = load_case(MUSCLES).tendons if model.finger == "index" else {}
+    for name, length in model.fibres.items():
+        tendon = published.get(name)
+        if tendon is None or tendon.muscle is None:
             continue
-        known = TABLE_2[muscle][1]
+        known = tendon.muscle.optimal_fibre_length
         factor = max(length / known, known / length) if length > 0 else np.inf
         if factor > FAR_FACTOR:
             yield (
-                f"{muscle}: optimal fibre length {1e3 * length:.3g} mm, a published model has "
+                f"{name}: optimal fibre length {1e3 * length:.3g} mm, a published model has "
                 f"{1e3 * known:.3g} mm (Jadelis, thesis, table 2): a factor of {factor:.2g}"
             )

@@ -12,8 +12,7 @@ from cosim.report.figures import new_picture, style_axes
 from cosim.results.compare import Comparison
 from cosim.results.looks import look
 from cosim.scoring.groups import row_words
-from cosim.scoring.run import HandScore
-from cosim.scoring.scores import Scores, groups_of, score_of
+from cosim.scoring.run import HandScore, groups_of, score_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,19 +29,19 @@ BEYOND = 0.6
 LONGEST = 66
 
 
-def draw_skills(scores: Scores) -> Figure:
+def draw_skills(hands: Sequence[HandScore]) -> Figure:
     """The skill of each model by group of measured numbers, reference models as grey ticks."""
-    groups = [g for g in groups_of(scores) if _any_skill(scores, g.group.name, g.group.finger)]
+    groups = [g for g in groups_of(hands) if _any_skill(hands, g.group.name, g.group.finger)]
     fingers = {g.group.finger for g in groups}
-    picture = new_picture(9.8, 1.5 + 0.42 * len(groups) + 0.16 * len(scores.hands))
+    picture = new_picture(9.8, 1.5 + 0.42 * len(groups) + 0.16 * len(hands))
     axes = picture.subplots()
     for place, g in enumerate(groups):
-        _draw_references(axes, scores, place, g.group.name, g.group.finger)
-        for i, hand in enumerate(scores.hands):
+        _draw_references(axes, hands, place, g.group.name, g.group.finger)
+        for i, hand in enumerate(hands):
             mine = score_of(hand, g)
             if mine is None or mine.skill is None:
                 continue
-            shift = 0.5 * ((i + 0.5) / len(scores.hands) - 0.5)
+            shift = 0.5 * ((i + 0.5) / len(hands) - 0.5)
             _draw_clipped(axes, mine.skill.value, place + shift, i, hand.model.name)
     axes.axvline(0, color="0.45", lw=0.9)
     axes.axvline(1, color="0.45", lw=0.9, ls=":")
@@ -59,15 +58,17 @@ def draw_skills(scores: Scores) -> Figure:
     return picture
 
 
-def _any_skill(scores: Scores, group: str, finger: str) -> bool:
-    every = (g for hand in scores.hands for g in hand.groups)
+def _any_skill(hands: Sequence[HandScore], group: str, finger: str) -> bool:
+    every = (g for hand in hands for g in hand.groups)
     return any(
         g.skill is not None for g in every if (g.group.name, g.group.finger) == (group, finger)
     )
 
 
-def _draw_references(axes: Axes, scores: Scores, place: int, group: str, finger: str) -> None:
-    every = (g for hand in scores.hands for g in hand.groups)
+def _draw_references(
+    axes: Axes, hands: Sequence[HandScore], place: int, group: str, finger: str
+) -> None:
+    every = (g for hand in hands for g in hand.groups)
     ranks = [g.rank for g in every if (g.group.name, g.group.finger) == (group, finger) and g.rank]
     skills: Mapping[str, float] = ranks[0].skills if ranks else {}
     for value in skills.values():

@@ -150,3 +150,19 @@ def _floor(group: ScoreGroup, rows: Sequence[Comparison], summaries: Mapping[str
         if perfect is not None:
             texts[-1] += f" (a perfect model expects a skill of {number(perfect, 2)})"
     return "; ".join(dict.fromkeys(texts)) or group.floor
+
+
+def groups_of(hands: Sequence[HandScore]) -> list[GroupScore]:
+    """The first model's score of each group, in their order, those of both fingers."""
+    seen: dict[tuple[str, str], GroupScore] = {}
+    for hand in hands:
+        for g in hand.groups:
+            seen.setdefault((g.group.finger, g.group.name), g)
+    return list(seen.values())
+
+
+def score_of(hand: HandScore, group: GroupScore) -> GroupScore | None:
+    """A model's score of a group; None of another finger's."""
+    place = group.group.finger, group.group.name
+    same = (g for g in hand.groups if (g.group.finger, g.group.name) == place)
+    return next(same, None)

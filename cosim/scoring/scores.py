@@ -15,7 +15,8 @@ from cosim.scoring import references
 from cosim.scoring.groups import row_words
 from cosim.scoring.model import HandModel, read_hand
 from cosim.scoring.names import FingerName
-from cosim.scoring.run import GroupScore, HandScore, judge
+from cosim.scoring.page import score_page
+from cosim.scoring.run import HandScore, judge
 
 if TYPE_CHECKING:
     import pandas
@@ -98,12 +99,10 @@ class Scores:
     def write(self, out: Path) -> tuple[Path, Path]:
         """Write the page and the table, into the folder `out` or as the page `out` with the table
         beside; their paths.  Raises InputError where they cannot be written."""
-        from cosim.scoring.page import score_page
-
         page = out if out.suffix == ".html" else out / PAGE
         table = page.with_suffix(".csv") if out.suffix == ".html" else out / TABLE
         with output_file(page) as part:
-            part.write_text(score_page(self), encoding="utf-8")
+            part.write_text(score_page(self.hands, self.refused), encoding="utf-8")
         with output_file(table) as part, part.open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
             writer.writeheader()
@@ -123,7 +122,10 @@ class Scores:
 
 def _digits(value: Any) -> Any:
     """A number to five digits, which hide a machine's last bits."""
-    return float(f"{value:.5g}") if isinstance(value, float) else value
+    match value:
+        case float():
+            return float(f"{value:.5g}")
+    return value
 
 
 def score_models(
@@ -142,13 +144,12 @@ def score_models(
         models: list[HandModel] = []
         refused: dict[str, str] = {}
         for i, one in enumerate(given):
-            called = one.name if isinstance(one, Case) else Path(one).stem
+            called, shown = _called(one)
             own = (names or {}).get(called, (names or {}).get("", {}))
             progress(f"reading {called}")
             try:
                 hand = read_hand(one, Path(place) / str(i), finger, own, tolerance)
             except InputError as error:
-                shown = one.name if isinstance(one, Case) else shown_path(Path(one))
                 refused[shown] = str(error)
                 continue
             twice = sum(m.name.partition(" (")[0] == hand.name for m in models)
@@ -158,17 +159,10 @@ def score_models(
         return Scores(tuple(judge(models, workers, progress)), refused)
 
 
-def groups_of(scores: Scores) -> list[GroupScore]:
-    """The first model's score of each group, in their order, those of both fingers."""
-    seen: dict[tuple[str, str], GroupScore] = {}
-    for hand in scores.hands:
-        for g in hand.groups:
-            seen.setdefault((g.group.finger, g.group.name), g)
-    return list(seen.values())
-
-
-def score_of(hand: HandScore, group: GroupScore) -> GroupScore | None:
-    """A model's score of a group; None of another finger's."""
-    place = group.group.finger, group.group.name
-    same = (g for g in hand.groups if (g.group.finger, g.group.name) == place)
-    return next(same, None)
+def _called(given: str | Path | Case) -> tuple[str, str]:
+    """A model's name, and what messages call it."""
+    match given:
+        case Case():
+            return given.name, given.name
+        case str() | Path():
+            return Path(given).stem, shown_path(Path(given))

@@ -149,7 +149,7 @@ def test_a_page_says_first_what_reading_lost(scores: Scores, tmp_path: Path) -> 
     assert "FDP2" in text[text.index('id="names"') :]
     assert "FDS extends the PIP" in text
     assert table.read_text().startswith("model,source,finger,group")
-    assert score_page(scores) == text
+    assert score_page(scores.hands, scores.refused) == text
 
 
 def test_the_shipped_references_are_what_is_computed(scores: Scores) -> None:
