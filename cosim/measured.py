@@ -51,9 +51,12 @@ FLEXION = "flexion and radial abduction positive"
 QUANTITIES: Mapping[str, QuantityKind] = {
     "arm": QuantityKind("moment arm", "mm", ("muscle", "joint"), FLEXION),
     "effective_arm": QuantityKind(
-        "joint torque by the Jacobian over tension, of a clamped fingertip: differences between "
-        "joints are certain, the arms hang on where the moment was taken",
+        "effective arm at a clamped fingertip: torque by the Jacobian over tension, of which the "
+        "differences between joints are certain, the rest depends on where the moment was taken",
         *("mm", ("muscle", "joint"), FLEXION),
+    ),
+    "tendon_height": QuantityKind(
+        "height of a tendon over the joint's axis", "mm", ("muscle", "joint"), "dorsal positive"
     ),
     "fingertip_force": QuantityKind("force of the fingertip", "N", ("muscle", "axis")),
     "force_over_tension": QuantityKind(
@@ -87,9 +90,9 @@ QUANTITIES: Mapping[str, QuantityKind] = {
         "flexion at which a joint resists most or least", "deg", ("joint", "statistic")
     ),
     "resistance_share": QuantityKind("share of the resistance", "%", ("part", "joint")),
-    "subluxation": QuantityKind("shift of the tendon, of its width", "%", ("cut",)),
+    "subluxation": QuantityKind("shift of the tendon after a cut", "%", ("cut",)),
     "joint_stiffness": QuantityKind("passive stiffness of a joint", "N m/rad", ("joint",)),
-    "joint_damping": QuantityKind("damping of a joint", "N m s/rad", ("joint",)),
+    "joint_damping": QuantityKind("damping of a joint", "N m s/rad", ("part",)),
     "rest_angle": QuantityKind("angle of a joint at rest", "deg", ("joint",), FLEXION),
     "band_angle": QuantityKind("angle of fibres to the square of the tendon", "deg", ("part",)),
     "pressure": QuantityKind("pressure", "kPa", ("part",)),
@@ -97,9 +100,10 @@ QUANTITIES: Mapping[str, QuantityKind] = {
     "stiffness": QuantityKind("stiffness", "N/mm", ("part",)),
     "strength": QuantityKind("force that a part bears", "N", ("part",)),
     "demand": QuantityKind("force that is asked of a part", "N", ("part",)),
-    "length": QuantityKind("length", "mm", ("part",)),
+    "length": QuantityKind("length of a phalanx", "mm", ("part",)),
     "distance": QuantityKind("distance", "mm", ("part",)),
     "width": QuantityKind("width", "mm", ("part",)),
+    "greatest_thickness": QuantityKind("greatest thickness", "mm", ("part",)),
     "thickness": QuantityKind("thickness", "mm", ("part",)),
     "section": QuantityKind("section", "mm2", ("part",)),
     "presence": QuantityKind("share of fingers that have a part", "%", ("part",)),
@@ -287,7 +291,7 @@ class NotMeasured(BaseModel):
     """A line of `cases/data/not_measured.csv`: what nobody measured, or no text at hand prints."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    quantity: str
+    what: str
     of: str
     state: Literal["not measured", "not printed", "not read", "in conflict"]
     """Not measured: nobody did, as far as was seen; not printed: measured, without the number; not
