@@ -12,19 +12,11 @@ from tests.helpers.folders import ROOT
 
 CEILINGS = {
     "cases": 3070,
-<<<<<<< HEAD
-    "cosim": 5804,
-    "cosim/analyses": 6618,
+    "cosim": 5808,
+    "cosim/analyses": 6633,
     "cosim/anatomy": 869,
     "cosim/case": 1012,
-    "cosim/commands": 4616,
-=======
-    "cosim": 5752,
-    "cosim/analyses": 6633,
-    "cosim/anatomy": 859,
-    "cosim/case": 1012,
-    "cosim/commands": 4485,
->>>>>>> main
+    "cosim/commands": 4629,
     "cosim/coupling": 2207,
     "cosim/fingers": 1122,
     "cosim/fmu": 2059,
@@ -66,11 +58,7 @@ CEILINGS = {
     "rigid/opensim": 3745,
     "rigid/papers": 3274,
     "rigid/verification": 2498,
-<<<<<<< HEAD
-    "tests": 50790,
-=======
-    "tests": 50661,
->>>>>>> main
+    "tests": 51023,
 }
 
 
