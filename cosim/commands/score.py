@@ -141,4 +141,6 @@ def _show_losses(hand: HandScore) -> None:
     found = ", ".join(f"{ours} = {theirs}" for ours, theirs in model.matched.tendons.items())
     typer.echo(f"  muscles: {found}")
     if model.missing:
-        typer.echo(f"  NO MUSCLE FOUND for {', '.join(model.missing)}; name them by --names FILE")
+        typer.echo(
+            f"  NO MUSCLE FOUND OR READ for {', '.join(model.missing)}; name them by --names FILE"
+        )

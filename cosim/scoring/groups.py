@@ -200,6 +200,7 @@ def _middle_groups() -> tuple[ScoreGroup, ...]:
             source,
             arms,
             counts=False,
+            floor="between three hands, as the grey bars show",
         ),
     )
 
@@ -384,10 +385,11 @@ def row_words(group: ScoreGroup, row: Comparison) -> str:
     """A row in words that need no trial's name."""
     name = row.target.name
     trial = row.target.case
-    if group.finger == "middle" and trial.count("_") >= 2 and trial in name:
+    if group.finger == "middle" and group.name != ARMS:
         _, posture, muscle = trial.rsplit("_", 2)
-        what = name.replace(trial, "").replace(", mean of three hands", "").strip(" ,:")
-        what = what.removeprefix(muscle.upper()).strip(" ,:")
+        what = f"{row.target.quantity.rpartition('.')[2]} force, axes of the distal phalanx"
+        if group.name != CADAVER:
+            _, _, what, _ = (part.strip() for part in name.split(",", 3))
         return f"{muscle.upper()} {POSTURES[posture]}: {what}"
     if group.name in (SLIPS, STRAINS):
         _, _, what = name.partition(": ")
