@@ -210,7 +210,7 @@ def board_of(group: TrialGroup, outcomes: Mapping[str, Outcome[Summary]]) -> Boa
         if o.value and (misses := list(describe_misses(o.value)))
     }
     split = split_answers(group, rows, summaries)
-    by_hand, noise = _compare_by_hand(group, summaries)
+    by_hand, noise = compare_by_hand(group, summaries)
     return Board(
         group.name,
         rows,
@@ -225,7 +225,7 @@ def board_of(group: TrialGroup, outcomes: Mapping[str, Outcome[Summary]]) -> Boa
     )
 
 
-def _compare_by_hand(
+def compare_by_hand(
     group: TrialGroup, summaries: Summaries
 ) -> tuple[tuple[HandGains, ...], dict[str, Noise]]:
     """The gains over each null model, and the noise; none where hands are not known."""
