@@ -1,16 +1,18 @@
-"""The fingertip forces of seven muscles at 30/45/15 deg beside two published rigid-body models.
+"""Forces beside those of published models: of the fingertip by seven muscles at 30/45/15 deg, and
+of the slips of a middle finger.
 
-No experiment: the forces are statics of An's normative paths and of MyoHand's moment arms.  Neither
-prints a spread, so that no row has a band.  The tendons of our split, and of the flexors, run along
-An's own paths: these are compared with MyoHand alone."""
+No experiment: the fingertip's forces are statics of An's normative paths and of MyoHand's moment
+arms.  Neither prints a spread, so that no row has a band.  The tendons of our split, and of the
+flexors, run along An's own paths: these are compared with MyoHand alone."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from cosim.measured import read_measured
 from cosim.results.compare import Target
 from cosim.text_tables import packaged_rows
-from cosim.validation.trial import Trial, TrialGroup
+from cosim.validation.trial import Trial, TrialGroup, posture_settings
 
 CLAMPED = 'finger.tip.kind="clamped"'
 THROUGH_THE_HOOD = ("EDC", "EI", "LUM", "FPI")
@@ -79,3 +81,41 @@ def two_models() -> dict[str, dict[str, tuple[float, float, float]]]:
         vector = (distal, palmar, radial)
         out.setdefault(row["muscle"], {})[row["source"]] = vector
     return out
+
+
+# Forces at the attachments, Dogadov et al. 2025 ---------------------------------------------------
+
+ATTACHMENTS = {
+    "attachment_force.distal": ("force of the terminal slip", "slip_force_N.terminal"),
+    "attachment_ratio.middle_over_distal": (
+        "central over terminal slip",
+        "slip_force_N.central/slip_force_N.terminal",
+    ),
+}
+PULLED = ("EDC", "UI", "RI", "LUM")
+TOO_FAR = ("90/90/80",)
+"""A posture beyond what our DIP reaches."""
+
+
+def attachment_group() -> TrialGroup:
+    """The slips' forces of a middle finger whose four tendons pull alike, beside a network model in
+    its simplest form, without a hood."""
+    trials: dict[str, Trial] = {}
+    targets = []
+    for m in read_measured("dogadov2025"):
+        if m.posture in TOO_FAR:
+            continue
+        settings = (
+            *posture_settings(*map(float, m.posture.split("/"))),
+            'finger.tip.kind="posture"',
+            *(f'tendons.{t}={{ tension = "{m.tension:g} N" }}' for t in PULLED),
+        )
+        name = f"attachments hood {m.posture} {m.tension:g} N"
+        trials.setdefault(name, Trial(name, "hood_minorflex_edc", settings))
+        words, quantity = ATTACHMENTS[m.quantity]
+        place = (f"{name}: {words}", quantity, m.unit, m.number(), m.sd, None, None)
+        note = "bones held; their network has no hood"
+        targets.append(Target(*place, m.cited.cited, m.evidence, name, note=note))
+    return TrialGroup(
+        "Dogadov 2025: attachments", "published model", tuple(trials.values()), tuple(targets)
+    )

@@ -22,7 +22,7 @@ from cosim.results.compare import (
 )
 from cosim.results.conventions import is_slack
 from cosim.validation.clamped import cadaver_arm_group, metacarpal_group, qiu_groups
-from cosim.validation.force import force_groups
+from cosim.validation.force import attachment_group, force_groups
 from cosim.validation.free_finger import held_trials, needed_stiffness
 from cosim.validation.lengths import OWN_ZERO, length_groups
 from cosim.validation.ratios import cohn_groups, share_group
@@ -62,7 +62,8 @@ def groups(published: Path | None = None) -> tuple[TrialGroup, ...]:
     arms = (cadaver_arm_group(g) for g in (cadaver, flexors, split))
     clamped = (*arms, *qiu_variants, *cohn_variants, metacarpal_group())
     variants = (split, *clamped, free_split, laws, other_lengths, *other_models, *published_groups)
-    return (*experiments, *second_hand, two_models, past, slip_strain, fitted_group(), *variants)
+    models = (two_models, past, attachment_group())
+    return (*experiments, *second_hand, *models, slip_strain, fitted_group(), *variants)
 
 
 @cache
