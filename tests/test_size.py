@@ -16,7 +16,7 @@ CEILINGS = {
     "cosim/analyses": 7054,
     "cosim/anatomy": 859,
     "cosim/case": 1012,
-    "cosim/commands": 4614,
+    "cosim/commands": 4618,
     "cosim/coupling": 2207,
     "cosim/fingers": 1122,
     "cosim/fmu": 2059,

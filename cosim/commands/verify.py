@@ -189,7 +189,11 @@ def _clear_cache() -> str:
 def _for_purposes() -> Iterator[tuple[str, str]]:
     for purpose, names in PURPOSES.items():
         absent = [name for name in names if not is_installed(name)]
-        words = [f"{name} {version(name)}" for name in names if name not in absent]
+        words = [
+            f"{name} {version(DISTRIBUTIONS.get(name, name))}"
+            for name in names
+            if name not in absent
+        ]
         for command in dict.fromkeys(map(install_command, absent)):
             of_one = (name for name in absent if install_command(name) == command)
             words.append(f"{', '.join(of_one)} (absent: {command})")
