@@ -1,8 +1,9 @@
 """Published experiments on lengths and cuts of the extensor, repeated with hoods of growing detail.
 
-Nothing was fitted to them.  `cases/data/length_experiments.csv` says what was measured and how it
-was read; each has its packaged case (`lengths_*`, `cuts_*`), whose assumptions stand there.  What a
-lesion does is the difference between the case with it and without.
+Nothing was fitted to them.  `cases/data/length_experiments.csv` names the measured numbers, which
+the collection has, and what is assumed of them; each has its packaged case (`lengths_*`, `cuts_*`),
+whose assumptions stand there.  What a lesion does is the difference between the case with it and
+without.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.checks import Row
 from cosim.fingers.kinds import skeleton_of
+from cosim.measured import measured_at
 from cosim.pipeline import run_case
 from cosim.text_tables import CsvRow, packaged_rows
 
@@ -32,8 +34,8 @@ Summary = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Experiment:
-    """What was measured, as printed: a mean, with its SD where it is known, or a bound from
-    below."""
+    """What was measured, as printed: a mean, with its SD where it is known or a tolerance is
+    assumed, or a bound from below."""
 
     name: str
     measured: str
@@ -41,7 +43,7 @@ class Experiment:
     mean: float | None
     sd: float | None
     at_least: float | None
-    n: int
+    n: int | None
     source: str
     read: str
 
@@ -75,11 +77,15 @@ def experiments() -> Mapping[str, Experiment]:
 
 
 def _experiment(row: CsvRow) -> Experiment:
-    mean, sd, at_least = (row.number(c) for c in ("mean", "sd", "at_least"))
-    name, measured, unit, n, source, read = (
-        row.cells[c] for c in ("name", "measured", "unit", "n", "source", "read")
+    name, what, address, assumed = (row.cells[c] for c in ("name", "what", "measured", "assumed"))
+    sd, at_least = row.number("sd"), row.number("at_least")
+    m = measured_at(address)
+    return Experiment(
+        *(name, what, m.unit, m.value),
+        m.sd if sd is None else sd,
+        m.low if at_least is None else at_least,
+        *(m.n, m.cited.text, "; ".join(filter(None, (m.read, assumed)))),
     )
-    return Experiment(name, measured, unit, mean, sd, at_least, int(n), source, read)
 
 
 def case_with(name: str, hood: str, settings: Sequence[str] = (), *, injured: bool = True) -> Case:

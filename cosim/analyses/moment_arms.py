@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.fingers.kinds import joint_ranges
+from cosim.measured import RANGE, measured_of_kind
 from cosim.models.build import Models
 from cosim.port import STATIC, Array, Load, Motion, State
 from cosim.results.looks import Look, look
@@ -111,13 +112,20 @@ def _with_tension(models: Models, joint: str, angle: float, state: State) -> dic
 
 
 def published_arms(finger: str) -> pandas.DataFrame:
-    """Columns tendon, joint, posture_deg, arm_mm, source: what is in print of a kind of finger; no
-    row where nothing is."""
+    """Columns tendon, joint, posture_deg, arm_mm, source: what is in print of a kind of finger, the
+    measured ones of the collection first, then those of models; no row where nothing is."""
     import pandas
 
+    measured = [
+        (m.muscle, m.joint, m.posture, m.number(), m.cited.cited)
+        for m in measured_of_kind("arm", finger=finger)
+        if m.value is not None and (m.angles is not None or m.posture == RANGE)
+    ]
     path = resources.files("cases") / "data" / "moment_arms.csv"
-    every = pandas.read_csv(str(path), comment="#")
-    return every[every.finger == finger].drop(columns="finger").reset_index(drop=True)
+    every = pandas.read_csv(str(path), comment="#").drop(columns="evidence")
+    models = every[every.finger == finger].drop(columns="finger")
+    first = pandas.DataFrame(measured, columns=models.columns)
+    return pandas.concat([first, models] if measured else [models], ignore_index=True)
 
 
 def compare_published(models: Models, known: pandas.DataFrame) -> pandas.DataFrame:

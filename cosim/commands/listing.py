@@ -13,6 +13,7 @@ from cosim.case.file import json_schema, packaged_cases
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError, nearest_names
 from cosim.hoods.kinds import KINDS
+from cosim.report.measured_page import source_rows, write_measured_page
 from cosim.results.compare import unit_of
 from cosim.results.quantities import QUANTITIES, STATE
 from cosim.study.file import packaged_studies
@@ -33,14 +34,25 @@ class Things(StrEnum):
     HOODS = "hoods"
     MATERIALS = "materials"
     QUANTITIES = "quantities"
+    MEASURED = "measured"
 
 
 def list_things(
     what: Annotated[Things, typer.Argument(help="What to list.")] = Things.CASES,
+    html: Annotated[
+        Path | None,
+        typer.Option(help="Of what was measured: a page with every number and its source."),
+    ] = None,
 ) -> None:
     """The packaged cases and studies, the trials of `cosim validate`, the kinds of finger, hood and
-    material, and the numbers of a run, with a line for each."""
+    material, the numbers of a run, and the sources of what was measured, with a line for each."""
     with exit_on_error():
+        if html is not None:
+            if what != Things.MEASURED:
+                raise InputError(f"--html: there is a page of what was measured, none of {what}")
+            write_measured_page(html)
+            typer.echo(f"{html}: open it in a browser")
+            return
         header, rows = LISTS[what]()
         print_table("", header, rows, of_words=True)
 
@@ -119,6 +131,7 @@ LISTS: Mapping[Things, Callable[[], tuple[tuple[str, ...], Rows]]] = {
     Things.HOODS: _hoods,
     Things.MATERIALS: _materials,
     Things.QUANTITIES: _quantities,
+    Things.MEASURED: source_rows,
 }
 
 

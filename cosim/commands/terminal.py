@@ -118,7 +118,7 @@ def print_table(
         typer.echo(title)
     table = Table(box=box.SIMPLE, pad_edge=False)
     for i, name in enumerate(header):
-        table.add_column(name, justify="left" if i == 0 or of_words else "right")
+        table.add_column(name, justify="left" if i == 0 or of_words else "right", overflow="fold")
     for row in rows:
         table.add_row(*row)
     console().print(table)

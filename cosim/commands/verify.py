@@ -145,10 +145,7 @@ def facts() -> Iterator[tuple[str, str]]:
     yield "cosim", f"{__version__} on Python {platform.python_version()}, {platform.machine()}"
     yield (
         "libraries",
-        ", ".join(
-            f"{name} {version(DISTRIBUTIONS.get(name, name))}"
-            for name in ("numpy", "scipy", "mujoco")
-        ),
+        ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "mujoco")),
     )
     compiled = (
         f"numba {version('numba')}"

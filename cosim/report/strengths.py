@@ -1,17 +1,16 @@
 """The known strengths of the parts of a sheet, to set beside what they carry.
 
-`cases/data/hood_strengths.csv` has what is in print, which is little.  For most parts no ultimate
-load was found, and the tables say so.
+The collection of measurements (`cosim.measured`) has what is in print, which is little.  For most
+parts no ultimate load was found, and the tables say so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
-from cosim.text_tables import packaged_rows
+from cosim.measured import Measured, measured_of_kind
 
 NOT_KNOWN = "no strength in print"
 
@@ -24,28 +23,23 @@ class Strength:
     says: str
 
 
-@cache
-def strengths() -> Mapping[str, Strength]:
-    """By the quantity of a summary that the part carries."""
-    by_quantity: dict[str, list[Mapping[str, str]]] = {}
-    for row in packaged_rows("hood_strengths"):
-        by_quantity.setdefault(row.cells["quantity"], []).append(row.cells)
-    return {quantity: _strength(rows) for quantity, rows in by_quantity.items()}
-
-
-def _strength(rows: list[Mapping[str, str]]) -> Strength:
-    least = [float(row["bears_N"]) for row in rows if row["bears_N"]]
-    texts = (f"{row['says']} ({row['source']}, {row['read']}{_count(row['n'])})" for row in rows)
-    return Strength(max(least, default=None), "; ".join(texts))
-
-
-def _count(n: str) -> str:
-    return f", n {n}" if n else ""
-
-
 def strength_of(quantity: str) -> Strength:
-    """What is known of the part that carries a quantity."""
-    return strengths().get(quantity, Strength(None, NOT_KNOWN))
+    """What is known of the part that carries a quantity of a summary."""
+    _, _, part = quantity.rpartition(".")
+    part = f"{part}_slip" if quantity.startswith("slip_force_N.") else part
+    borne, asked = (
+        [m for m in measured_of_kind(kind, measured=False) if m.of["part"] == part]
+        for kind in ("strength", "demand")
+    )
+    least = [n for m in borne if (n := m.low if m.value is None else m.value) is not None]
+    says = "; ".join(map(_words, (*borne, *asked)))
+    return Strength(max(least, default=None), says or NOT_KNOWN)
+
+
+def _words(m: Measured) -> str:
+    size = f"{m.value:g}" if m.value is not None else f"at least {m.low:g}"
+    n = f", n {m.n}" if m.n else ""
+    return f"{size} {m.unit}: {m.note} ({m.cited.text}, {m.read}{n})"
 
 
 def insertion_forces(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

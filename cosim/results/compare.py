@@ -15,6 +15,8 @@ a band; a file whose columns are parted by semicolons may have decimal commas.  
 * unit: of all numbers of the row; what the quantity's key ends in (`_N`, `_Nmm` N mm, `_mm`,
   `_deg`, `_rad`, `_percent` %, `_mJ`, `_s`, `_ms`, `_rad_per_s` rad/s, `_kPa`, `_V`), else 1;
 * reference, or value: the measured or published number; may be empty where a band is given;
+* measured (in place of reference): the address of a number of the collection (`cosim.measured`),
+  which gives value, sd, band, source and kind where the row has none of its own;
 * sd: its standard deviation; may be empty;
 * low, high: the ends of a band of acceptance, in the unit, not relative; either may be empty;
 * source: paper and table; else the file;
@@ -41,16 +43,14 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.json_text import json_text
+from cosim.measured import Evidence, measured_at
 from cosim.port import AXES
 from cosim.results.conventions import OPPOSITE
 from cosim.schema.fields import is_number
 from cosim.text_tables import CsvRow, read_csv, read_json_file
 
-Kind = Literal[
-    "experiment", "experiment at second hand", "published model", "inferred", "requirement"
-]
-"""What a reference rests on.  At second hand: known from an abstract or another's text alone."""
-SECOND_HAND: Kind = "experiment at second hand"
+Kind = Literal[Evidence, "requirement"]
+"""What a reference rests on."""
 Verdict = Literal["inside 1 SD", "inside the band", "outside", "nothing to judge by", "no value"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 VERDICT_SHAPES: dict[Verdict, str] = dict(zip(VERDICTS, "●◆▲○–", strict=True))
@@ -349,7 +349,7 @@ def _in_plane(
 FORMAT = "cosim comparison 1"
 NEEDED = ("name", "quantity", "unit", "reference", "sd", "low", "high", "source", "kind")
 """What a row of a comparison in a file has at least."""
-KNOWN = (*NEEDED, "value", "case", "geometry", "fitted", "note", "held_out")
+KNOWN = (*NEEDED, "value", "measured", "case", "geometry", "fitted", "note", "held_out")
 """The columns that a CSV of targets may have."""
 YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False, "": False}
 
@@ -395,9 +395,8 @@ def read_targets(path: Path) -> tuple[Target, ...]:
 
     Raises InputError, naming line and column."""
     table = read_csv(path, "quantity,value,sd")
-    lacking = "quantity" not in table.columns or not {"value", "reference", "low", "high"} & set(
-        table.columns
-    )
+    numbers = {"value", "reference", "measured", "low", "high"}
+    lacking = "quantity" not in table.columns or not numbers & set(table.columns)
     unknown = [c for c in table.columns if c not in KNOWN]
     if lacking or unknown or {"value", "reference"} <= set(table.columns):
         raise InputError(
@@ -416,12 +415,31 @@ def _target_of(row: CsvRow, file: str) -> Target:
     if "value" in filled:
         numbers["reference"] = row.number("value")
         del filled["value"]
+    if address := filled.pop("measured", ""):
+        beside, numbers = _of_collection(row, address, beside, numbers)
     marks = {column: filled.get(column, "").lower() for column in ("fitted", "held_out")}
     for column, mark in marks.items():
         if mark not in YES:
             raise InputError(f"{row.place}: {column} is {mark!r}; expected yes or no")
     said = {column: YES[mark] for column, mark in marks.items()}
     return _target(row.place, {**beside, **filled, **numbers, **said})
+
+
+def _of_collection(
+    row: CsvRow, address: str, beside: Mapping[str, str], numbers: Mapping[str, float | None]
+) -> tuple[dict[str, str], dict[str, float | None]]:
+    """What a row has beside its own texts, and its numbers, by the measured one at an address."""
+    if numbers["reference"] is not None:
+        raise InputError(f"{row.place}: has a reference and a measured number; keep one")
+    try:
+        m = measured_at(address)
+    except InputError as error:
+        raise InputError(f"{row.place}: measured: {error}") from error
+    if m.unit != beside["unit"]:
+        raise InputError(f"{row.place}: {address} is in {m.unit}, the row in {beside['unit']}")
+    of_source = {"reference": m.value, "sd": m.sd, "low": m.low, "high": m.high}
+    own = {column: value for column, value in numbers.items() if value is not None}
+    return {**beside, "source": m.cited.cited, "kind": m.evidence}, {**of_source, **own}
 
 
 def _target(place: str, values: Mapping[str, Any]) -> Target:

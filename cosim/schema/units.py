@@ -146,6 +146,19 @@ def _unit(text: str) -> tuple[Decimal, Any]:
     return Decimal(quantity.magnitude), quantity.dimensionality
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of a case, as `N m/rad` or `mm2`.
+
+    >>> is_unit("N m/rad"), is_unit("mm2"), is_unit("furlong")
+    (True, True, False)
+    """
+    try:
+        _unit(re.sub(r"(?<=[a-z])([2-9])", r"**\1", text))
+    except ValueError:
+        return False
+    return True
+
+
 @cache
 def parse(text: str, kind: Kind) -> float:
     """The SI value of a text with a unit.

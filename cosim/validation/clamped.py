@@ -15,6 +15,7 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.fingers.kinds import skeleton_of
+from cosim.measured import read_measured, sources, values_of
 from cosim.port import Array
 from cosim.results.clamped_tip import (
     arm_differences,
@@ -24,7 +25,6 @@ from cosim.results.clamped_tip import (
 )
 from cosim.results.compare import Comparison, Kind, Target, numbers_of, value_of
 from cosim.validation.force import CLAMPED
-from cosim.validation.measured import read_measured, values_of
 from cosim.validation.trial import Summaries, Trial, TrialGroup, posture_settings
 
 DIFFERENCES = {
@@ -56,7 +56,7 @@ def split_partners(trials: Sequence[Trial]) -> dict[str, str]:
 
 # The index fingers of Qiu et al. 2017 -------------------------------------------------------------
 
-QIU = "Qiu et al. 2017, J Biomech 65:82"
+QIU = sources()["qiu2017"].cited
 SEEN = "looked at while other hoods were tried, nothing was fitted to it"
 """Of the rows that pass through the hood."""
 
@@ -90,7 +90,7 @@ def _qiu(name: str, trials: Sequence[Trial], **more: Any) -> TrialGroup:
 def _qiu_postures(muscle: str) -> list[str]:
     """Those in which a muscle's arms, or else its force, were measured."""
     rows = [m for m in read_measured("qiu2017") if f".{muscle}." in m.quantity]
-    arms = [m for m in rows if m.quantity.startswith("arm.")]
+    arms = [m for m in rows if m.kind == "effective_arm"]
     return list(dict.fromkeys(m.posture for m in arms or rows))
 
 
@@ -106,13 +106,12 @@ def _qiu_targets(trial: Trial) -> Iterator[Target]:
 
 
 def measured_differences(muscle: str, posture: str) -> tuple[float, float]:
-    """Differences of moment arms (mm), flexion positive: of Qiu's arms, which count extension
-    positive, or of his forces."""
+    """Differences of moment arms (mm), flexion positive: of Qiu's arms, or of his forces."""
     values = values_of("qiu2017", posture)
-    if f"arm.{muscle}.MCP" in values:
-        mcp, pip, dip = (-values[f"arm.{muscle}.{j}"] for j in ("MCP", "PIP", "DIP"))
+    if f"effective_arm.{muscle}.MCP" in values:
+        mcp, pip, dip = (values[f"effective_arm.{muscle}.{j}"] for j in ("MCP", "PIP", "DIP"))
         return mcp - pip, pip - dip
-    distal, dorsal = (values[f"force.{muscle}.{a}"] for a in SIDES)
+    distal, dorsal = (values[f"force_over_tension.{muscle}.{a}"] for a in SIDES)
     force = to_world(np.array([distal, 0.0, dorsal]), _angles(posture))
     arms = arm_differences(_qiu_points(posture), force, 100.0)["arm_difference_mm"]
     return arms["MCP_PIP"], arms["PIP_DIP"]
@@ -163,7 +162,7 @@ def target(
 
 # The middle fingers of Synek et al. 2019 ----------------------------------------------------------
 
-SYNEK = "Synek et al. 2019, PeerJ 7:e7470, raw data"
+SYNEK = f"{sources()['synek2019'].cited}, raw data"
 
 
 def cadaver_arm_group(forces: TrialGroup) -> TrialGroup:
@@ -229,13 +228,15 @@ def metacarpal_group() -> TrialGroup:
     trials: dict[str, Trial] = {}
     rows = []
     for m in read_measured("synek2019"):
-        tension = float(m.load.split()[0])
+        if m.kind != "metacarpal_load":
+            continue
+        tension = m.tension or 0.0
         name = f"metacarpal {m.posture} {tension:g} N"
         case = {"40/55/35": "middle_minorflex_fdp", "55/57/25": "middle_majorflex_fdp"}[m.posture]
         pulls = tuple(f'tendons.{t}.tension="{tension} N"' for t in ("FDP", "FDS"))
         trial = trials.setdefault(name, Trial(name, case, pulls))
-        side = m.quantity.rpartition(".")[2]
-        at_tip = (2 * tension if side == "proximal" else 0.0) - m.value
+        side = m.axis
+        at_tip = (2 * tension if side == "proximal" else 0.0) - m.number()
         words = f"{name}: {side} fingertip force, from the metacarpal's load"
         note = f"n {m.n}; the tendons are taken to leave along the metacarpal"
         quantity = f"{FORCE}.{side}"

@@ -8,8 +8,9 @@ from typing import Any
 
 from cosim.analyses.length_experiments import EXPERIMENT_MODELS, experiments
 from cosim.errors import ConvergenceError
+from cosim.measured import SECOND_HAND
 from cosim.outcome import Outcome
-from cosim.results.compare import SECOND_HAND, UNITS, Target
+from cosim.results.compare import UNITS, Target
 from cosim.validation.trial import Trial, TrialGroup
 
 SHELL = "shell"

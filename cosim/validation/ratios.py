@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 
 from cosim.case.file import load_case
+from cosim.measured import SECOND_HAND, sources, values_of
 from cosim.port import Array
-from cosim.results.compare import SECOND_HAND, Comparison
+from cosim.results.compare import Comparison
 from cosim.results.conventions import vector_of
 from cosim.validation.clamped import clamped_trial, split_partners, target
 from cosim.validation.force import CLAMPED, PAST_THE_HOOD, THROUGH_THE_HOOD
-from cosim.validation.measured import values_of
 from cosim.validation.trial import Summaries, Trial, TrialGroup
 
-POSTURE = "45/45/10"
-COHN = "Cohn and Valero-Cuevas 2017, github.com/bc/frontiers2017"
-BUFORD = "Buford et al. 2005, J Hand Surg Am 30, abstract"
+POSTURE, HAND = "45/45/10", "3"
+COHN = sources()["cohn2017"].cited
+BUFORD = f"{sources()['buford2005'].cited}, abstract"
 NOTE = "one hand; clamped; linear fit to the data"
 INTRINSICS, FLEXORS = ("FDIm", "FDIl", "FPI", "LUM"), ("FDP", "FDS")
 
@@ -56,7 +56,7 @@ def sizes(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]
         muscle = _muscle(trial)
         size = None if summary is None else float(np.linalg.norm(_force(summary)) / _rise(summary))
         name = f"{muscle} {POSTURE}: force over tension"
-        value = values_of("cohn2017", POSTURE)[f"size.{muscle}"], None
+        value = values_of("cohn2017", POSTURE, HAND)[f"size.{muscle}"], None
         row = target(trial, name, "size_over_tension", "1", value, COHN, "experiment", NOTE)
         yield Comparison(row, size)
 
@@ -68,7 +68,7 @@ def angles(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison
         muscle = _muscle(trial)
         angle = None if summary is None or edc is None else _angle(_force(summary), _force(edc))
         name = f"{muscle} {POSTURE}: angle to EDC's force"
-        value = values_of("cohn2017", POSTURE)[f"angle_to_EDC.{muscle}"], None
+        value = values_of("cohn2017", POSTURE, HAND)[f"angle_to_EDC.{muscle}"], None
         row = target(trial, name, "angle_to_EDC_deg", "deg", value, COHN, "experiment", NOTE)
         yield Comparison(row, angle)
 
@@ -118,16 +118,26 @@ def share_group() -> TrialGroup:
 def shares(trial: Trial, summaries: Summaries) -> Iterator[Comparison]:
     """%, of intrinsics and lumbrical, by a run's arms at rest and the strengths of its case."""
     summary = summaries.get(trial.name)
-    moment: dict[str, float] = {}
-    if summary is not None:
-        strength = load_case(trial.case).tendons
-        arms = summary["unloaded"]["moment_arm_mm"]
-        moment = {m: arms[m]["MCP"] * strength[m].max_force for m in (*INTRINSICS, *FLEXORS)}
-    for what, muscles in (("intrinsics", INTRINSICS), ("LUM", ("LUM",))):
-        value = values_of("buford2005", "not printed")[f"flexion_moment_share.{what}"]
+    if summary is None:
+        yield from share_rows(trial, {}, {})
+        return
+    tendons = load_case(trial.case).tendons
+    strengths = {name: t.max_force or 0.0 for name, t in tendons.items()}
+    yield from share_rows(trial, summary["unloaded"]["moment_arm_mm"], strengths)
+
+
+def share_rows(
+    trial: Trial, arms: Mapping[str, Mapping[str, float]], strengths: Mapping[str, float]
+) -> Iterator[Comparison]:
+    """The same of arms (mm) by muscle and joint, and of strengths (N) by muscle; no value without
+    arms.  A muscle that is not there makes no moment."""
+    muscles = [m for m in (*INTRINSICS, *FLEXORS) if m in arms]
+    moment = {m: arms[m]["MCP"] * strengths[m] for m in muscles}
+    for what, of in (("intrinsics", INTRINSICS), ("LUM", ("LUM",))):
+        value = values_of("buford2005")[f"flexion_moment_share.{what}"]
         name = f"{what}: share of the flexion moment at the MCP"
         note = "at the greatest strengths; posture and spread unknown, ours at 30/45/15 deg"
         key = f"flexion_moment_share_percent.{what}"
         row = target(trial, name, key, "%", (value, None), BUFORD, SECOND_HAND, note)
-        share = 100 * sum(moment[m] for m in muscles) / sum(moment.values()) if moment else None
-        yield Comparison(row, share)
+        part = sum(moment.get(m, 0.0) for m in of)
+        yield Comparison(row, 100 * part / sum(moment.values()) if moment else None)

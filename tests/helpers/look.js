@@ -70,7 +70,7 @@ window.cosimTest = (() => {
     const saved = [], click = HTMLAnchorElement.prototype.click;
     HTMLAnchorElement.prototype.click = function keep() { saved.push([this.download, this.href.slice(0, 30)]); };
     const used = [], idle = [];
-    const look = () => window.cosimPage ? JSON.stringify([...document.querySelectorAll(".space, #bar, #flats h3, #play, #frame")].map((e) => e.textContent + [...e.querySelectorAll("[fill]")].map((x) => x.getAttribute("fill")).join())) + JSON.stringify(window.cosimPage.panels.map((p) => [p.stage.data && p.stage.data.length, p.stage.layout && p.stage.layout.scene.camera, p.stage.data && p.stage.data.map((t) => t.cmax)])) : "";
+    const look = () => window.cosimPage ? JSON.stringify([...document.querySelectorAll(".space, #bar, #flats h3, #play, #frame")].map((e) => e.textContent + [...e.querySelectorAll("[fill]")].map((x) => x.getAttribute("fill")).join())) + JSON.stringify(window.cosimPage.panels.map((p) => [p.stage.data && p.stage.data.length, p.stage.layout && p.stage.layout.scene.camera, p.stage.data && p.stage.data.map((t) => t.cmax)])) : [...document.querySelectorAll("main output")].map((e) => e.value).join();
     for (const control of [...document.querySelectorAll("summary")]) if (isShown(control) && !control.parentElement.open) { control.click(); used.push(name(control)); if (!control.parentElement.open) idle.push(name(control)); }
     for (const control of [...document.querySelectorAll("main button, main select, main input")]) {
       if (!isShown(control) || control.disabled || !document.contains(control)) continue;

@@ -39,6 +39,8 @@ settings = ["finger.posture.PIP={value}"]
 torque = "joint_torque_Nmm.passive.PIP"
 """
 
+PAGES = ("one", "two", "motion", "lesion", "study", "validate", "gallery", "measured")
+
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
@@ -90,12 +92,17 @@ def pages(tmp_path_factory) -> Callable[[str], Path]:
         "study": study,
         "validate": lambda: command("validate/scoreboard.html", "validate", *split),
         "gallery": gallery,
+        "measured": lambda: command(
+            "measured.html", "list", "measured", "--html", str(folder / "measured.html")
+        ),
     }
     return cache(lambda name: makers[name]())
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("name", ["one", "two", "motion", "lesion", "study", "validate", "gallery"])
+@pytest.mark.parametrize(
+    "name", ["one", "two", "motion", "lesion", "study", "validate", "gallery", "measured"]
+)
 def test_a_page_is_whole_at_every_width(name, width, pages, browser):
     seen = look_at(browser, pages(name), width)
     check_look(seen)
@@ -127,3 +134,20 @@ def test_a_motion_plays_to_its_end(pages, browser):
     )
     assert ended[0] == last
     assert ended[1] >= 3
+
+
+def test_the_numbers_of_the_collection_are_chosen_by_what_they_are_of(pages, browser):
+    look_at(browser, pages("measured"), WIDTHS[-1])
+    shown = browser.ask(
+        """(() => {
+          const form = document.getElementById("choose");
+          form.elements.muscle.value = "EDC";
+          form.elements.joint.value = "PIP";
+          form.elements.joint.dispatchEvent(new Event("change"));
+          const rows = [...document.querySelectorAll("#rows tr:not([hidden])")];
+          const said = Number(document.getElementById("shown").value);
+          return [said, rows.length, rows.every((row) => row.innerText.includes("EDC, PIP"))];
+        })()"""
+    )
+    assert shown[0] == shown[1] > 5
+    assert shown[2]

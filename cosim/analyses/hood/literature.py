@@ -12,27 +12,42 @@ import numpy as np
 from cosim.analyses.hood.poses import JOINTS, Posture
 from cosim.analyses.identify.cases import stated_cases
 from cosim.case.file import find_case
+from cosim.measured import measured_at, measured_of_kind
 from cosim.port import Array
 from cosim.text_tables import packaged_rows
 from rigid.hoods.two_band import coupled_dip, lateral_band
 
 REST_TORQUE, REST_SLIP = 3.0, 0.4
 """N mm and N: the most that a hood at rest may have."""
-LEE_RATIO, LEE_BAND = 1.7, (1.0, 2.5)
+LEE_RATIO, LEE_BAND = measured_at("lee2008:slip_ratio").number(), (1.0, 2.5)
 """Terminal over central slip: Lee et al. 2008 (n 5), nearly constant; and the target's band."""
 LEE_TENSION = 11.8
 """N of EDC, of Lee et al. 2008."""
 LEAST_SHARE = 0.1
 """The part of EDC's tension that each slip is to bear at least."""
-AN_HEIGHT = {"MCP": 9.66, "PIP": 5.32, "DIP": 2.0}
+AN_HEIGHT = {
+    "MCP": -measured_at("an1979:arm.EDC.MCP").number(),
+    "PIP": measured_at("an1979:tendon_height.EDC.PIP").number(),
+    "DIP": measured_at("an1979:tendon_height.EDC.DIP").number(),
+}
 """mm of EDC over the joint's axis: An et al. 1979, in units of O2O3 = 20 mm, index finger.  That at
 the DIP is the terminal slip's, of which EDC's arm is the slip's share."""
-YOUNG_RAYAN = {0.0: 0.0, 45.0: 25.0, 80.0: 55.0}
+FULL_FLEXION = 80.0
+"""deg of the MCP at which an angle "at full flexion" is put here; an assumption."""
+YOUNG_RAYAN = {
+    float(mcp) if (mcp := m.posture.partition("/")[0]) else FULL_FLEXION: m.number()
+    for m in measured_of_kind("band_angle")
+    if m.cited.source == "young2000"
+}
 """deg of the sagittal bands' fibres from the square of the tendon, by MCP flexion: Young and Rayan
 2000, 48 digits; the last is of full flexion, put at 80 deg here."""
 DIP_RANGE = (0.0, 70.0)
-FDP_RATIO = 0.7
-"""DIP over PIP as FDP flexes a free index finger: Nimbarte et al. 2008, 29.4/41.8 deg."""
+FDP_RATIO = round(
+    measured_at("nimbarte2008:rotation.FDP.DIP").number()
+    / measured_at("nimbarte2008:rotation.FDP.PIP").number(),
+    1,
+)
+"""DIP over PIP as FDP flexes a free index finger: Nimbarte et al. 2008, rounded."""
 OFF = 15.0
 """deg that the DIP is moved off the two couplings."""
 
