@@ -116,6 +116,7 @@ def test_a_fit_that_rows_cannot_tell_is_refused_unless_asked(held):
     assert found.before.lost == (("k DIP",),)
 
 
+@pytest.mark.slow
 def test_the_profile_of_a_fit_meets_its_linearised_interval(held):
     """Torques are proportional to k, so that k's interval is 1.96 SD of the torque."""
     targets = twin(held)
@@ -130,6 +131,7 @@ def test_the_profile_of_a_fit_meets_its_linearised_interval(held):
     assert part.zero == pytest.approx(np.sqrt(np.mean([(t.reference / 0.1) ** 2 for t in targets])))
 
 
+@pytest.mark.slow
 def test_the_command_writes_profiles_and_both_parts(held, tmp_path):
     head = "name,quantity,unit,reference,sd,low,high,source,kind,held_out\n"
     data, free, out = tmp_path / "data.csv", tmp_path / "free.toml", tmp_path / "profiles"
