@@ -73,6 +73,7 @@ TRUST = {
     "lengths and cuts": "lengths and cuts (Schweitzer and Rayan 2004, others)",
     "two models: hood": "two published models, clamped fingertip, hood",
     "two models: flexors": "the same, flexors",
+    "Dogadov 2025: attachments": "forces of the slips, a published network (Dogadov 2025)",
 }
 """A group of the board, and what the README calls it."""
 
@@ -139,6 +140,7 @@ def trust_row(name: str, group: dict) -> str:
         str(skill["no answer"]["rows"]),
         f"{inside(tally['model'])} of {judged}" if judged else "-",
         str(inside(tally["no answer"])) if judged else "-",
+        within_uncertainty(group["judgements"]),
         skill_text(skill["no answer"]),
         skill_text(skill["fixed split"]) if "fixed split" in skill else "-",
     ]
@@ -148,6 +150,13 @@ def trust_row(name: str, group: dict) -> str:
 def inside(counts: dict[str, int]) -> int:
     """The numbers within one SD or in a band."""
     return sum(n for word, n in counts.items() if word.startswith("inside"))
+
+
+def within_uncertainty(judgements: dict[str, int]) -> str:
+    """The numbers within 95 % of u_val, of those that have one."""
+    within = judgements.get("within uncertainty", 0)
+    judged = within + judgements.get("model differs", 0)
+    return f"{within} of {judged}" if judged else "-"
 
 
 def skill_text(skill: dict) -> str:
