@@ -11,12 +11,13 @@ from pathlib import Path
 from tests.helpers.folders import ROOT
 
 CEILINGS = {
-    "cases": 3070,
-    "cosim": 5752,
+    ".docs": 53,
+    "cases": 3184,
+    "cosim": 5753,
     "cosim/analyses": 6633,
     "cosim/anatomy": 859,
     "cosim/case": 1012,
-    "cosim/commands": 4485,
+    "cosim/commands": 4486,
     "cosim/coupling": 2207,
     "cosim/fingers": 1122,
     "cosim/fmu": 2059,
@@ -57,7 +58,7 @@ CEILINGS = {
     "rigid/opensim": 3733,
     "rigid/papers": 3274,
     "rigid/verification": 2498,
-    "tests": 50661,
+    "tests": 50780,
 }
 
 
