@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         run,
         run_many,
         run_study,
+        score,
         validate,
         write_report,
     )
@@ -67,6 +68,7 @@ _HOME = {
     "run": "cosim.face",
     "run_many": "cosim.face",
     "run_study": "cosim.face",
+    "score": "cosim.face",
     "validate": "cosim.face",
     "write_report": "cosim.face",
 }
@@ -89,6 +91,7 @@ __all__ = [
     "run",
     "run_many",
     "run_study",
+    "score",
     "validate",
     "write_report",
 ]

@@ -182,6 +182,11 @@ COMMANDS = {
             "Compare with what was measured and published.",
             "cosim validate --only lengths",
         ),
+        "score": Command(
+            "score.score",
+            "Judge hand models by what was measured.",
+            "cosim score myohand.xml hand.osim isometric_edc -o scores",
+        ),
         "verify": Command(
             "verify.verify", "Solve problems whose answers are known.", "cosim verify fe"
         ),

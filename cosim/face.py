@@ -24,7 +24,7 @@ from cosim.arguments import (
 from cosim.case.file import packaged_cases, resolved_toml
 from cosim.case.schema import Case, check_name
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
-from cosim.errors import CosimError, InputError, Progress, quiet
+from cosim.errors import CosimError, InputError, Progress, quiet, unexpected
 from cosim.files import is_path, path_from
 from cosim.models.build import build
 from cosim.outcome import Outcome
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     import pandas
 
     from cosim.analyses.identify.fit import Fit
+    from cosim.scoring.names import FingerName
+    from cosim.scoring.scores import Scores
     from cosim.study.results import StudyResults
     from cosim.validation.run import Board
 
@@ -50,6 +52,7 @@ AnyCase = str | Path | Mapping[str, Any] | Case | Result
 """A case by the name of a packaged one, the path of a file, a table that says the same, as it was
 loaded, or as it was run."""
 MOST_WORKERS, MOST_STEPS = 1024, 1000
+_NAMES = '{"EDC": "EDCI"}'
 
 
 def load(case: AnyCase, settings: Sequence[str] = ()) -> Case:
@@ -434,6 +437,51 @@ def validate(
     only = None if only is None else str(path_from("only", only))
     workers = whole_number("workers", workers, 1, MOST_WORKERS)
     return run_validation(choose_groups(only), path_from("out", out), (), workers, progress)
+
+
+def score(
+    *models: str | Path | Case,
+    names: Mapping[str, str] | str | Path | None = None,
+    finger: FingerName | None = None,
+    tolerance: float | str = "0.1 mm",
+    workers: int = 1,
+    progress: Progress = quiet,
+) -> Scores:
+    """Hand models beside what was measured: moment arms, forces of a clamped fingertip, shares of
+    the flexion moment, slips and strains.
+
+    `models`: MuJoCo files (.xml), OpenSim files (.osim), case files, names of packaged cases, or
+    cases.  `names`: from our names of joints, muscles and the tip to the models', or a TOML file of
+    such, where they are not found by their usual names.  `finger`: "index" or "middle", else the
+    first that a model has.  `tolerance`: by how much a muscle's length may be off OpenSim's, m or a
+    text.  What it returns has the tables `summary` (a row for each model and group of numbers: the
+    skill over no answer and the place among reference models) and `table` (a row for each number),
+    `hands` with what reading each model lost and what to doubt, and `write(path)` for the page.
+
+    >>> import cosim
+    >>> scores = cosim.score("split_edc")
+    >>> arms = scores.summary.set_index("group").skill["moment arms"]
+    >>> bool(0.9 < arms < 1)
+    True
+
+    Raises InputError where none of the models can be judged."""
+    from cosim.scoring.names import FINGERS, check_names, read_names
+    from cosim.scoring.scores import score_models
+
+    if finger not in (None, *FINGERS):
+        raise unexpected("finger", f"one of {', '.join(FINGERS)}, or None", finger)
+    for i, model in enumerate(models):
+        match model:
+            case Case() | str() | Path():
+                continue
+        raise unexpected(f"models[{i}]", "the path of a model, the name of a case, a Case", model)
+    if names is None or is_path(names):
+        mapping = {} if names is None else read_names(path_from("names", names))
+    else:
+        mapping = check_names(by_name("names", names, _NAMES), "names")
+    off = quantity_in_si("tolerance", tolerance, units.LENGTH, 0.0)
+    workers = whole_number("workers", workers, 1, MOST_WORKERS)
+    return score_models(models, {"": mapping}, finger, off, workers, progress)
 
 
 def write_report(

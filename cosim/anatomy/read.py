@@ -33,6 +33,8 @@ FINGER_NAMES = (*BODIES, *JOINTS, "tip", *MUSCLES)
 """What may be called otherwise in a MuJoCo model."""
 DEEP = 0.5e-3
 """m, a node of the mid-surface deeper than that in a bone is a fault; others are pushed out."""
+MOST_FORCE = 1000.0
+"""N, of a tendon in a case."""
 FEW, MOST = 0.2, 0.8
 """Shares of the nodes that are beyond the bones' reach: to be reported, and a fault."""
 
@@ -56,6 +58,8 @@ class UserAnatomy:
     thickness: float | None = None
     """m; without it the file's, or the base case's."""
     length_scale: float = 1.0
+    assumed_tip: float | None = None
+    """As `rigid.mjcf.read.read_mjcf` takes it, of a finger without a site at its tip."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ def _finger(
         return None, {}, skeleton
 
     names = {ours: theirs for ours, theirs in given.names.items() if ours in FINGER_NAMES}
-    read = read_mjcf(given.finger, names, MUSCLES)
+    read = read_mjcf(given.finger, names, MUSCLES, given.assumed_tip)
     skeleton = skeleton_of(read.model)
     lengths = ", ".join(f"{1e3 * part:.1f}" for part in skeleton.length[1:])
     report.append(
@@ -118,7 +122,13 @@ def _finger(
         f"{', '.join(read.model.muscles) or 'none'}"
     )
     report += [f"finger: {loss}" for loss in read.losses]
-    return read.model, read.max_force, skeleton
+    force = {tendon: most for tendon, most in read.max_force.items() if most <= MOST_FORCE}
+    for tendon in sorted(set(read.max_force) - set(force)):
+        report.append(
+            f"finger: dropped: greatest force of {tendon}, {read.max_force[tendon]:.4g} N: a case "
+            f"takes {MOST_FORCE:g} N at most"
+        )
+    return read.model, force, skeleton
 
 
 def _bones(given: UserAnatomy, skeleton: Skeleton, report: list[str]) -> Bones:

@@ -273,6 +273,9 @@ def misfit(summary: Mapping[str, Any]) -> str:
     for key in (key for key in TEXTS if key in summary):
         if not isinstance(summary[key], list) or not all(isinstance(t, str) for t in summary[key]):
             return f"{key} is no list of texts"
+    reasons = summary.get("audit_not_judged", {})
+    if not isinstance(reasons, Mapping) or not all(isinstance(t, str) for t in reasons.values()):
+        return "audit_not_judged is no table of texts"
     for key in (key for key in SWITCHES if key in summary):
         if not isinstance(summary[key], bool):
             return f"{key} is neither true nor false"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -23,7 +24,7 @@ from cosim.results.load_and_rest import describe_rest
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.quantities import check_quantities, misfit
 from cosim.results.result import Result
-from cosim.results.write import with_nan
+from cosim.results.write import DIGEST, with_nan
 from cosim.text_tables import read_json_file
 
 T = TypeVar("T")
@@ -153,10 +154,23 @@ def _summary(path: Path) -> Mapping[str, Any]:
     return summary
 
 
+def _check_digest(path: Path) -> None:
+    """Of a spoilt file HDF5 may read other numbers, or never end.  Raises ValueError where its
+    bytes are not those whose digest the summary beside it holds, and InputError."""
+    summary = path.with_name("summary.json")
+    content = read_json_file(summary) if summary.is_file() else None
+    stated = content.get(DIGEST) if isinstance(content, dict) else None
+    if stated is not None and stated != hashlib.sha256(path.read_bytes()).hexdigest():
+        raise ValueError(
+            "its bytes are not those that the run wrote, by the digest in summary.json"
+        )
+
+
 def _arrays(path: Path) -> Arrays:
     import h5py
     import xarray
 
+    _check_digest(path)
     with h5py.File(path, "r") as file:  # h5netcdf prints a traceback where this fails
         dict(file.attrs)
     data = xarray.load_dataset(path, engine="h5netcdf")

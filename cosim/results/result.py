@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -88,7 +89,8 @@ class Result(CaseParts):
     def excursions(self) -> dict[str, float]:
         """Excursions (mm) by tendon of the hood, positive proximally, from the hood's rest (of a
         motion: its start)."""
-        return {t: float(mm) for t, mm in self.summary.get("excursion_mm", {}).items()}
+        stated = self.summary.get("excursion_mm", {})
+        return {t: nan if mm is None else float(mm) for t, mm in stated.items()}
 
     @property
     def moment_arms(self) -> pandas.DataFrame:

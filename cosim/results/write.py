@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import itertools
 import logging
 import shutil
@@ -30,6 +31,8 @@ BONE_TRIANGLES = 600
 OTHER = "choose another folder with --out"
 NOT_FINITE = "not_finite"
 """The key of a written summary under which the keys stand whose numbers are none."""
+DIGEST = "results_sha256"
+"""The key of a written summary under which the sha256 of results.nc stands, as hexadecimal text."""
 
 
 def write_run(folder: str | Path, run: CaseParts) -> tuple[Path, tuple[str, ...]]:
@@ -92,11 +95,12 @@ def write_files(folder: Path, run: CaseParts, target: Path | None = None) -> tup
     not be made, a line each.  `target`: the place to name in an error, where it is another.
 
     Raises InputError where the folder cannot be written, NoRoomError on a full disk."""
-    case, summary = moved_toml(run.case_text, folder), without_nan(run.summary)
+    case, arrays = moved_toml(run.case_text, folder), run.arrays.content()
+    summary = without_nan(run.summary) | {DIGEST: hashlib.sha256(arrays).hexdigest()}
     contents = {
         "case.toml": case.encode(),
         "summary.json": f"{json_text(summary, 2, ensure_ascii=True)}\n".encode(),
-        "results.nc": run.arrays.content(),
+        "results.nc": arrays,
     }
     try:
         for name, content in contents.items():
@@ -172,8 +176,8 @@ def without_nan(summary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def with_nan(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """The summary of which `without_nan` made one for JSON."""
-    out = {key: value for key, value in summary.items() if key != NOT_FINITE}
+    """The summary of which `without_nan` made one for JSON, without what is of its file alone."""
+    out = {key: value for key, value in summary.items() if key not in (NOT_FINITE, DIGEST)}
     for *way, last, value in summary.get(NOT_FINITE, ()):
         place: Any = out
         for key in way:

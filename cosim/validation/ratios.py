@@ -118,16 +118,26 @@ def share_group() -> TrialGroup:
 def shares(trial: Trial, summaries: Summaries) -> Iterator[Comparison]:
     """%, of intrinsics and lumbrical, by a run's arms at rest and the strengths of its case."""
     summary = summaries.get(trial.name)
-    moment: dict[str, float] = {}
-    if summary is not None:
-        strength = load_case(trial.case).tendons
-        arms = summary["unloaded"]["moment_arm_mm"]
-        moment = {m: arms[m]["MCP"] * strength[m].max_force for m in (*INTRINSICS, *FLEXORS)}
-    for what, muscles in (("intrinsics", INTRINSICS), ("LUM", ("LUM",))):
+    if summary is None:
+        yield from share_rows(trial, {}, {})
+        return
+    tendons = load_case(trial.case).tendons
+    strengths = {name: t.max_force or 0.0 for name, t in tendons.items()}
+    yield from share_rows(trial, summary["unloaded"]["moment_arm_mm"], strengths)
+
+
+def share_rows(
+    trial: Trial, arms: Mapping[str, Mapping[str, float]], strengths: Mapping[str, float]
+) -> Iterator[Comparison]:
+    """The same of arms (mm) by muscle and joint, and of strengths (N) by muscle; no value without
+    arms.  A muscle that is not there makes no moment."""
+    muscles = [m for m in (*INTRINSICS, *FLEXORS) if m in arms]
+    moment = {m: arms[m]["MCP"] * strengths[m] for m in muscles}
+    for what, of in (("intrinsics", INTRINSICS), ("LUM", ("LUM",))):
         value = values_of("buford2005")[f"flexion_moment_share.{what}"]
         name = f"{what}: share of the flexion moment at the MCP"
         note = "at the greatest strengths; posture and spread unknown, ours at 30/45/15 deg"
         key = f"flexion_moment_share_percent.{what}"
         row = target(trial, name, key, "%", (value, None), BUFORD, SECOND_HAND, note)
-        share = 100 * sum(moment[m] for m in muscles) / sum(moment.values()) if moment else None
-        yield Comparison(row, share)
+        part = sum(moment.get(m, 0.0) for m in of)
+        yield Comparison(row, 100 * part / sum(moment.values()) if moment else None)

@@ -207,7 +207,7 @@ def _board(group: TrialGroup, outcomes: Mapping[str, Outcome[Summary]]) -> Board
         if o.value and (misses := list(describe_misses(o.value)))
     }
     split = split_answers(group, rows, summaries)
-    by_hand, noise = _compare_by_hand(group, summaries)
+    by_hand, noise = compare_by_hand(group, summaries)
     return Board(
         group.name,
         rows,
@@ -222,7 +222,7 @@ def _board(group: TrialGroup, outcomes: Mapping[str, Outcome[Summary]]) -> Board
     )
 
 
-def _compare_by_hand(
+def compare_by_hand(
     group: TrialGroup, summaries: Summaries
 ) -> tuple[tuple[HandGains, ...], dict[str, Noise]]:
     """The gains over each null model, and the noise; none where hands are not known."""

@@ -55,18 +55,66 @@ class ReadFinger:
     losses: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class NamedJoint:
+    """A hinge of a file: the bodies that it turns and that it is fixed to (the world's name is
+    empty), and its range (rad; both zero where it has none)."""
+
+    body: str
+    parent: str
+    range: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class PartNames:
+    """What a file calls its bodies, hinges, sites and tendons; those without a name are left
+    out."""
+
+    bodies: tuple[str, ...]
+    joints: Mapping[str, NamedJoint]
+    sites: tuple[str, ...]
+    tendons: tuple[str, ...]
+
+
+def part_names(path: Path | str) -> PartNames:
+    """What a MuJoCo model calls its parts.  Raises InputError where the file is none."""
+    m = _compile(Path(path))
+    objects = mujoco.mjtObj
+    bodies, sites, tendons, joints = (
+        [mujoco.mj_id2name(m, kind, i) or "" for i in range(count)]
+        for kind, count in (
+            (objects.mjOBJ_BODY, m.nbody),
+            (objects.mjOBJ_SITE, m.nsite),
+            (objects.mjOBJ_TENDON, m.ntendon),
+            (objects.mjOBJ_JOINT, m.njnt),
+        )
+    )
+    bodies[0] = ""
+    hinges = {}
+    for j, name in enumerate(joints):
+        if name and m.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE:
+            body = m.jnt_bodyid[j]
+            low, high = map(float, m.jnt_range[j])
+            hinges[name] = NamedJoint(bodies[body], bodies[m.body_parentid[body]], (low, high))
+    named = (tuple(filter(None, part)) for part in (bodies, sites, tendons))
+    all_bodies, all_sites, all_tendons = named
+    return PartNames(all_bodies, hinges, all_sites, all_tendons)
+
+
 def read_mjcf(
     path: Path | str,
     names: Mapping[str, str] | None = None,
     tendons: Sequence[str] | None = None,
+    assumed_tip: float | None = None,
 ) -> ReadFinger:
     """Read the finger of a MuJoCo model.
 
     `names`: from our name (of a body, joint, tendon, or "tip") to the file's where they differ,
     "-NAME" for a joint that turns the other way, "A|B" for the first of several that is there;
     `tendons`: the names that a tendon may have, all
-    others being dropped (every name if not given).  Returns the finger and what was changed or
-    dropped.
+    others being dropped (every name if not given); `assumed_tip`: without a site for the fingertip,
+    where it is taken to be, straight on from the DIP, over the middle phalanx's length.  Returns
+    the finger and what was changed or dropped.
 
     Raises InputError where the file is no MuJoCo model or holds no such finger.
 
@@ -91,22 +139,45 @@ def read_mjcf(
     losses: list[str] = []
     body = [_metacarpal(where, phalanges[0], losses), *phalanges]
     joint = [where.find("joint", mujoco.mjtObj.mjOBJ_JOINT, name) for name in JOINTS]
-    tip = where.find("site", mujoco.mjtObj.mjOBJ_SITE, TIP)
     knuckle = _knuckle(m, body, joint)
     _check_tree(where, body, joint, knuckle)
     if knuckle is not None:
         losses.append(_without(m, knuckle))
     sign = np.array([signs[j] for j in JOINTS])
     data = _at_zero(m, joint)
-    frames = frames_of(where, data, body, joint, sign, data.site_xpos[tip], losses)
+    tip = _tip(where, data, joint, assumed_tip, losses)
+    frames = frames_of(where, data, body, joint, sign, tip, losses)
     owner = np.array([_owner(m, b, body) for b in range(m.nbody)])
     read = read_tendons(m, data, owner, frames, plain, tendons)
-    ends = frames.local(3, data.site_xpos[tip])
+    ends = frames.local(3, tip)
     segments = tuple(
         _segment(m, data, frames, i, body, joint, sign, ends, losses) for i in range(4)
     )
     model = FingerModel(Path(path).stem, segments, vector(ends), read.tendons)
     return ReadFinger(model, read.max_force, (*losses, *read.losses, *_losses(m, joint, body)))
+
+
+def _tip(
+    where: Where,
+    data: mujoco.MjData,
+    joint: Sequence[int],
+    assumed: float | None,
+    losses: list[str],
+) -> Array:
+    """The fingertip (3,) m in the world at zero angles: the site, or where one is `assumed`.
+    Raises InputError for neither."""
+    kind = mujoco.mjtObj.mjOBJ_SITE
+    name = where.names.get(TIP, TIP)
+    if assumed is None or mujoco.mj_name2id(where.model, kind, name) >= 0:
+        place: Array = data.site_xpos[where.find("site", kind, TIP)]
+        return place
+    pip, dip = data.xanchor[[joint[2], joint[3]]]
+    length = assumed * float(np.linalg.norm(dip - pip))
+    losses.append(
+        f"assumed: the fingertip, {1e3 * length:.1f} mm straight on from the DIP; the model has no "
+        "site there"
+    )
+    return np.asarray(dip + assumed * (dip - pip))
 
 
 def _first_there(m: mujoco.MjModel, theirs: str) -> str:

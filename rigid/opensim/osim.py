@@ -14,6 +14,7 @@ import numpy as np
 from cosim.errors import InputError, nearest_names
 from cosim.files import output_file
 from rigid.chain.joint_torques import JointLaw
+from rigid.mjcf.read import NamedJoint, PartNames
 from rigid.opensim.components import Components, components
 from rigid.opensim.forces import (
     PATH,
@@ -149,6 +150,17 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
         count,
         beyond,
     )
+
+
+def part_names(path: Path) -> PartNames:
+    """What an OpenSim model calls its bodies, coordinates, markers and actuators along a path, the
+    coordinates as hinges of no body.  Raises InputError for what cannot be read."""
+    model, _, _ = read_model(path)
+    tags = components(model).by_path.values()
+    bodies, markers = (tuple(t.name for t in tags if t.kind == kind) for kind in ("Body", "Marker"))
+    ranges = {t.name: t.values("range", (0.0, 0.0)) for t in tags if t.kind == "Coordinate"}
+    joints = {name: NamedJoint("", "", (low, high)) for name, (low, high) in ranges.items()}
+    return PartNames(bodies, joints, markers, tuple(t.name for t in tags if _has_path(t)))
 
 
 def _asked(model: Components, only: Sequence[str]) -> tuple[frozenset[str], frozenset[str]]:

@@ -25,6 +25,7 @@ from cosim.results.read import read_run
 from cosim.results.result import Result
 from cosim.results.sto import write_tables
 from tests.fuzz.test_readers import mutate
+from tests.helpers.folders import forget_digest
 from tests.hostile.kills import RAMP
 
 FEW, MANY = 3, 40
@@ -109,7 +110,10 @@ def test_a_damaged_file_is_read_or_refused(
             cuts = (content[: len(content) * k // 10] for k in range(0, 10, 3))
             mutants = (mutate(content, rng) for _ in range(count))
             spoilt = (*flips, *cuts, *mutants, b"\0" * 99, b"[" * 99_999, b"a=" + b"[" * 999)
-            assert refusals(folder, iter(spoilt), path.write_bytes, reader)
+            said = refusals(folder, iter(spoilt), path.write_bytes, reader)
+            assert said
+            if name == "results.nc":  # of a spoilt one HDF5 reads other numbers, or never ends
+                assert len(said) == sum(text != content for text in spoilt)
 
 
 def write_both_tables(folder: Path) -> None:
@@ -172,6 +176,7 @@ def test_arrays_of_another_kind_are_read_or_refused(
 
 def _write(path: Path, arrays: Arrays) -> None:
     arrays.write(path)
+    forget_digest(path.parent)
 
 
 def _other_arrays(arrays: Arrays) -> Iterator[Arrays]:

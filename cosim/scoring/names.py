@@ -1,0 +1,150 @@
+"""Which of a model's joints, sites and tendons are those of a finger here, found by their names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from itertools import pairwise
+from pathlib import Path
+from typing import Literal
+
+from cosim.errors import InputError
+from cosim.schema.types import MUSCLES
+from cosim.text_tables import read_toml
+from meshes.skeleton import BODIES, JOINTS
+from rigid.mjcf.read import PartNames
+
+FingerName = Literal["index", "middle"]
+FINGERS: tuple[FingerName, ...] = ("index", "middle")
+SHIPPED = ("myohand", "opensim")
+"""The mappings of `cases/data/names_*.toml`, which are of the index finger."""
+TIP = "tip"
+SIDE = re.compile(r"(_r|_right|_tendon|_muscle|_tendon_r|_muscle_r)$")
+
+
+@dataclass(frozen=True)
+class Matched:
+    """Names of a finger's parts, from ours to the model's (with a minus before a joint that turns
+    the other way), and by ours how each was found."""
+
+    names: Mapping[str, str]
+    how: Mapping[str, str]
+
+    @property
+    def tendons(self) -> dict[str, str]:
+        """The muscles' names, from ours to the model's."""
+        return {ours: theirs for ours, theirs in self.names.items() if ours in MUSCLES}
+
+
+@cache
+def shipped_names(which: str) -> dict[str, str]:
+    """A shipped mapping, from our names to a model's."""
+    return read_names(Path(str(files("cases"))) / "data" / f"names_{which}.toml")
+
+
+def read_names(path: Path) -> dict[str, str]:
+    """A mapping of the user's: a TOML file of lines `EDC = "EDCI"`.  Raises InputError."""
+    return check_names(read_toml(path), str(path))
+
+
+def check_names(values: Mapping[str, object], place: str) -> dict[str, str]:
+    """A mapping of the user's, checked.  Raises InputError."""
+    known = (*BODIES, *JOINTS, TIP, *MUSCLES)
+    checked = {}
+    for ours, theirs in values.items():
+        match theirs:
+            case str() if ours in known:
+                checked[ours] = theirs
+            case _:
+                raise InputError(
+                    f'{place}: {ours}: write lines like EDC = "EDCI"; our names are '
+                    f"{', '.join(known)}"
+                )
+    return checked
+
+
+@cache
+def _patterns() -> Mapping[str, Mapping[str, str]]:
+    return read_toml(Path(str(files("cases"))) / "data" / "names_fingers.toml")
+
+
+def match_names(
+    parts: PartNames, finger: FingerName, given: Mapping[str, str] | None = None
+) -> Matched:
+    """The parts of a finger among those of a model: as `given`, as a shipped mapping says, else by
+    their usual names.  A joint whose range lies on its negative side turns the other way."""
+    there = {
+        **dict.fromkeys(JOINTS, tuple(parts.joints)),
+        TIP: parts.sites,
+        **dict.fromkeys(MUSCLES, parts.tendons),
+    }
+    names: dict[str, str] = {}
+    how: dict[str, str] = {}
+    for ours, candidates in there.items():
+        found = _find(ours, candidates, finger, given or {})
+        if found is not None and found[0].removeprefix("-") not in _plain(names.values()):
+            names[ours], how[ours] = found
+    for ours, theirs in (given or {}).items():
+        if ours in BODIES:
+            names[ours], how[ours] = theirs, "given"
+    joints = {ours: names[ours] for ours in JOINTS if ours in names}
+    for ours, theirs in joints.items():
+        low, high = parts.joints[theirs.removeprefix("-")].range
+        turned = ours != "MCP_abduction" and -low > high
+        if turned and how[ours] != "given":
+            names[ours], how[ours] = f"-{theirs}", f"{how[ours]}; its range is of the other way"
+    for ours, theirs in _bodies(parts, _plain(joints.values()), joints).items():
+        names.setdefault(ours, theirs)
+        how.setdefault(ours, "by its joint")
+    return Matched(names, how)
+
+
+def _plain(names: Iterable[str]) -> list[str]:
+    return [name.removeprefix("-") for name in names]
+
+
+def _find(
+    ours: str, theirs: Sequence[str], finger: FingerName, given: Mapping[str, str]
+) -> tuple[str, str] | None:
+    """The model's name of our `ours` among `theirs`, and how it was found."""
+    for name in given.get(ours, "").split("|"):
+        if name.removeprefix("-") in theirs:
+            return name, "given"
+    if ours in given:
+        return None
+    for which in SHIPPED if finger == "index" else ():
+        for name in shipped_names(which).get(ours, "").split("|"):
+            if name in theirs:
+                return name, f"shipped names of {which}"
+    short = {name: _short(name) for name in theirs}
+    for pattern in _patterns()[finger].get(ours, "").split("|"):
+        for name, text in short.items():
+            if pattern and re.fullmatch(pattern, text):
+                return name, "by its name"
+    return None
+
+
+def _short(name: str) -> str:
+    """A name in small letters and digits alone, without an ending of side or kind."""
+    lower = name.lower()
+    while (cut := SIDE.sub("", lower)) != lower:
+        lower = cut
+    return re.sub(r"[^a-z0-9]", "", lower)
+
+
+def _bodies(parts: PartNames, plain: Sequence[str], joints: Mapping[str, str]) -> dict[str, str]:
+    """The bodies that the joints turn, and the metacarpal that carries the proximal phalanx; those
+    without a name are left out."""
+    if len(joints) < len(JOINTS):
+        return {}
+    of = {ours: parts.joints[name] for ours, name in zip(joints, plain, strict=True)}
+    first, second = of["MCP"], of["MCP_abduction"]
+    deeper = second if second.parent == first.body else first
+    above = first if deeper is second else second
+    metacarpal = above.parent if deeper.parent == above.body else deeper.parent
+    bodies = (metacarpal, deeper.body, of["PIP"].body, of["DIP"].body)
+    named = {ours: theirs for ours, theirs in zip(BODIES, bodies, strict=True) if theirs}
+    return named if all(a != b for a, b in pairwise(bodies)) else {}
