@@ -1,7 +1,8 @@
 """Build the documentation: `python -m cases.docs [FOLDER]`, then open FOLDER/index.html.
 
-Needs `pip install '.[docs]'` and a checkout.  The pages are the READMEs themselves, docstrings, and
-the page of the measurements; neither building nor reading them calls anything from the net.
+Needs `pip install '.[docs]'` and a checkout.  The pages are the READMEs themselves, docstrings, the
+measurements, and the scores of three models, which takes a minute or two; neither building nor
+reading them calls anything from the net.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from tempfile import TemporaryDirectory
 from cosim.commands.terminal import tell
 from cosim.errors import InputError
 from cosim.extras import require
+from cosim.face import score
 from cosim.report.measured_page import write_measured_page
 
 ROOT = Path(__file__).parents[1]
@@ -36,6 +38,7 @@ CONTENTS = {
         "cases/README.md": "cases/index.md",
         "cases/papers/README.md": "cases/papers.md",
         ".docs/measured.md": "measured.md",
+        ".docs/scores.md": "scores.md",
     },
     "Python": {
         ".docs/api/cosim.md": "api/cosim.md",
@@ -55,6 +58,8 @@ CONTENTS = {
 }
 """By heading of the navigation the files of the checkout and their places in the documentation."""
 PLACES = {"README.md": "index.md"} | {k: v for part in CONTENTS.values() for k, v in part.items()}
+SCORED = ("split_edc", "cable_edc", "isometric_edc")
+"""The models of the page of scores: one of each way to make an extensor."""
 LINK = re.compile(r"\]\((?!\w+:)([^)#\s]+)(#[^)\s]*)?\)")
 
 
@@ -105,6 +110,7 @@ def build(folder: Path) -> None:
         if build_main(["-b", "html", *options, *kept, stage, str(folder)]):
             raise InputError("the documentation has the faults above; nothing else was built")
     write_measured_page(folder / "measurements.html")
+    score(*SCORED).write(folder / "score.html")
 
 
 if __name__ == "__main__":
