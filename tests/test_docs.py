@@ -12,7 +12,7 @@ from urllib.parse import unquote, urldefrag
 import pytest
 from lxml import html
 
-from cases.docs import PLACES, lay_pages
+from cases.docs import PLACES, build, lay_pages
 from cosim.errors import InputError
 from cosim.extras import EXTRAS
 from tests.helpers.folders import ROOT
@@ -57,6 +57,18 @@ def test_a_link_that_leads_nowhere_is_a_fault(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr("cases.docs.ROOT", tmp_path)
     with pytest.raises(InputError, match=r"README.md: the link to gone.md"):
         lay_pages(tmp_path / "stage")
+
+
+def test_what_is_absent_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Sphinx, or the checkout that a wheel is not."""
+    monkeypatch.setattr("cases.docs.require", lambda *_: None)
+    monkeypatch.setattr("cases.docs.ROOT", tmp_path)
+    with pytest.raises(InputError, match=r"built in a checkout; .* has no \.docs"):
+        build(tmp_path / "site")
+    monkeypatch.undo()
+    monkeypatch.setitem(sys.modules, "sphinx", None)
+    with pytest.raises(InputError, match=r"needs sphinx, .*: pip install '\.\[docs\]'"):
+        build(tmp_path / "site")
 
 
 @pytest.fixture(scope="module")
