@@ -56,6 +56,21 @@ def test_the_archive_says_what_the_citation_says():
     assert archived["upload_type"] == cited["type"]
 
 
+def test_the_forms_of_an_issue_are_those_that_contributors_are_told_of():
+    folder = ROOT / ".github" / "ISSUE_TEMPLATE"
+    told = (ROOT / ".github" / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    forms = [
+        yaml.safe_load(path.read_text(encoding="utf-8"))
+        for path in folder.glob("*.yml")
+        if path.name != "config.yml"
+    ]
+    assert {form["name"] for form in forms} == set(re.findall(r"the form \*(.*?)\*", told))
+    for form in forms:
+        fields = [field["id"] for field in form["body"]]
+        assert len(set(fields)) == len(fields)
+        assert all(field["attributes"]["label"] for field in form["body"])
+
+
 PAPER = (ROOT / ".paper" / "paper.md").read_text(encoding="utf-8")
 BODY = PAPER.split("\n---\n", 1)[1]
 REFERENCES = (ROOT / ".paper" / "paper.bib").read_text(encoding="utf-8")
