@@ -19,6 +19,7 @@ html_css_files = ["wide.css"]
 html_show_sourcelink = False
 html_copy_source = False
 myst_heading_anchors = 4
+highlight_language = "none"  # of blocks that do not say theirs
 default_role = "literal"  # docstrings mark code by single backticks
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
