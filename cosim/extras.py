@@ -17,6 +17,7 @@ EXTRAS = {
     "mkl": ("pypardiso",),
     "peers": ("KratosMultiphysics",),
     "notebooks": ("jupytext", "nbconvert"),
+    "docs": ("sphinx", "myst_parser", "furo"),
 }
 """By extra of pyproject.toml the modules that it brings."""
 

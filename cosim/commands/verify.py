@@ -53,6 +53,7 @@ PURPOSES = {
     "FMUs": ("fmpy", *EXTRAS["fmu"]),
     "checks by OpenSim": EXTRAS["opensim"],
     "notebooks": EXTRAS["notebooks"],
+    "documentation": EXTRAS["docs"],
 }
 """Libraries that serve one purpose; they are imported when it is asked for."""
 
