@@ -25,6 +25,7 @@ from cosim.validation.inputs import (
     read_inputs,
 )
 from cosim.validation.mesh import MeshSeries, mesh_factors
+from cosim.validation.ratios import share_group
 from cosim.validation.run import Board, choose_groups
 from cosim.validation.scoreboard import JudgedBoard, judged
 from cosim.validation.trial import Trial, TrialGroup
@@ -252,3 +253,14 @@ def test_a_run_that_misses_its_audit_has_no_number_and_the_reason_is_kept():
     missed = replace(result, summary={**result.summary, "audit_missed": ["force_balance"]})
     with pytest.raises(ConvergenceError, match=r"misses its audit: .*balance"):
         audited_summary(missed)
+
+
+def test_a_hood_that_lacks_a_muscle_has_no_share_of_the_moment():
+    group = share_group()
+    (trial,) = group.trials
+    full = run_case(load_case("split_edc", trial.settings)).summary
+    arms = dict(full["unloaded"]["moment_arm_mm"])
+    assert all(row.model for row in group.derived({trial.name: full}))
+    del arms["FPI"]
+    lacking = {**full, "unloaded": {**full["unloaded"], "moment_arm_mm": arms}}
+    assert [row.model for row in group.derived({trial.name: lacking})] == [None, None]
