@@ -17,6 +17,8 @@ from cosim.cli import app
 from cosim.pipeline import run_case
 from cosim.results.conventions import vector_of
 from cosim.study.plan import read_plan
+from cosim.validation.mesh import distinct, tally
+from cosim.validation.uncertainty import committed
 from cosim.verification.lesions import CUTS, EXTENDING, FREE, HOODS, changes
 from rigid.papers.networks.testbed_study import REPORTED_ERRORS, errors, trials
 from rigid.verification.network_study_rows import SEEDS
@@ -110,6 +112,23 @@ def test_the_figures_of_trust_are_the_boards():
     rows = trust_rows()
     for row in rows.values():
         assert row in TOP.replace("**", "")
+
+
+def test_the_figures_of_uncertainty_are_those_that_were_found():
+    text = " ".join(TOP.split())
+    known = committed().rows
+    series = {row.key: row.meshes for row in known if row.meshes is not None}
+    touched = [one for _, one in distinct(series)]
+    observed = sum(one.convergence.order is not None for one in touched)
+    assert f"{observed} of the {len(touched)} numbers that the mesh touches" in text
+    assert f"; {tally(series)['beyond']} are off by more than 2 %" in text
+    (ratio,) = (
+        r for r in known if r.name == "strain average ti: terminal over central slip under EDC"
+    )
+    moved = f"by {ratio.inputs.uncertainty:.2f} of {ratio.model:.2f}"
+    assert f"The stated spread of the inputs moves the ratio of the slips {moved}" in text
+    judged = read_board()["judged"]["cadaver forces: hood"]["judgements"]
+    assert f"{judged['within uncertainty']} of the {sum(judged.values())} forces" in text
 
 
 @pytest.mark.parametrize("place", PAGES)
