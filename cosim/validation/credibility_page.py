@@ -1,0 +1,171 @@
+"""The page of the model's credibility: context, coverage, factors, rules, and how to repeat it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from cosim.files import output_file, relative_path
+from cosim.report.templates import template
+from cosim.results.compare import VERDICT_SHAPES, number
+from cosim.validation.credibility import (
+    CHECKOUT,
+    SHAPES,
+    Covered,
+    Evidence,
+    Numbers,
+    board_words,
+    committed_numbers,
+    counted,
+    coverage,
+    follow,
+    injuries,
+    is_checkout,
+    read_credibility,
+    uncertainty_words,
+)
+
+MUSCLES = ("EDC", "EI", "LUM", "FPI", "FDI", "RI", "UI", "FDP", "FDS")
+"""The order of the columns; others follow."""
+
+
+def write_credibility_page(path: Path) -> None:
+    """The page.  Raises InputError where the claims or the board are at fault, or the file cannot
+    be written."""
+    claims, numbers = read_credibility(), committed_numbers()
+    covered = coverage(numbers)
+    rows, unmeasured = injuries(numbers)
+    judged = numbers.board["judged"]
+    factors = [
+        {"f": f, "counted": counted(f.grade, e), "evidence": _evidence(e, path)}
+        for f in claims.factors
+        for e in [follow(f.evidence, numbers)]
+    ]
+    rules = [
+        {"r": r, "counted": counted(r.grade, e), "evidence": _evidence(e, path)}
+        for r in claims.rules.list
+        for e in [follow(r.evidence, numbers)]
+    ]
+    page = template("cosim.validation", "credibility.html.j2").render(
+        claims=claims,
+        factors=factors,
+        activities=list(dict.fromkeys(f.activity for f in claims.factors)),
+        reached=sum(f["counted"] >= f["f"].goal for f in factors),
+        rules=rules,
+        score=sum(r["counted"] for r in rules),
+        most=(len(claims.rules.scale) - 1) * len(rules),
+        kinds=[
+            {"k": k, "evidence": _evidence(follow(k.evidence, numbers), path)}
+            for k in claims.fda.kinds
+        ],
+        fingers={finger: _matrix(covered, finger) for finger in _names(c.finger for c in covered)},
+        shapes=SHAPES,
+        largest=number(max(t for c in covered if c.verdicts for t in c.tensions), 3),
+        groups=[
+            {"name": group, "kind": of["kind"], "words": board_words(group, numbers.board)}
+            for group, of in judged.items()
+            if not of["variant"] and of["kind"].startswith("experiment")
+        ],
+        uncertainty=_uncertainty(numbers),
+        injuries=[
+            {
+                "name": row["name"],
+                "shape": VERDICT_SHAPES[row["verdict"]],
+                "verdict": row["verdict"],
+                "model": number(row["model"], 3),
+                "measured": number(row["reference"], 3),
+                "unit": row["unit"] if row["unit"] != "1" else "",
+                "source": row["source"],
+            }
+            for row in rows
+        ],
+        unmeasured=unmeasured,
+        checked=is_checkout(),
+    )
+    with output_file(path) as part:
+        part.write_text(page, encoding="utf-8")
+
+
+def credibility_rows() -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """A header, and a line for each factor and rule: the grade that counts, of how many, the goal,
+    and what evidence is lacking.  Raises InputError."""
+    claims, numbers = read_credibility(), committed_numbers()
+    rows = []
+    for f in claims.factors:
+        found = follow(f.evidence, numbers)
+        grade = f"{counted(f.grade, found)} of {len(f.grades) - 1}"
+        rows.append((f.activity, f.name, grade, str(f.goal), _lacking(found)))
+    for r in claims.rules.list:
+        found = follow(r.evidence, numbers)
+        grade = f"{counted(r.grade, found)} of {len(claims.rules.scale) - 1}"
+        rows.append(("Ten Rules", r.name, grade, "", _lacking(found)))
+    return ("of", "factor or rule", "grade", "goal", "evidence that is lacking"), rows
+
+
+def _lacking(found: Sequence[Evidence]) -> str:
+    if not found:
+        return "there is none"
+    return "; ".join(f"{e.kind} {e.what}: {e.fault}" for e in found if e.fault)
+
+
+def _evidence(found: Sequence[Evidence], page: Path) -> list[dict[str, Any]]:
+    return [
+        {"e": e, "link": _link(e, page), "words": WORDS.get((e.kind, e.what), e.what)}
+        for e in found
+    ]
+
+
+WORDS = {
+    ("uncertainty", "meshes"): "meshes",
+    ("uncertainty", "inputs"): "inputs",
+    ("uncertainty", "forms"): "other hoods",
+    ("uncertainty", "judged"): "errors beside their uncertainty",
+}
+"""Parts of the uncertainties in words."""
+
+
+def _link(e: Evidence, page: Path) -> str:
+    """Where a file lies from the page, in a checkout."""
+    place = CHECKOUT / e.what.partition("::")[0]
+    if e.kind not in ("file", "test") or not place.is_file() or not is_checkout():
+        return ""
+    return relative_path(place, page.absolute().parent)
+
+
+def _names(words: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(words))
+
+
+def _matrix(covered: Sequence[Covered], finger: str) -> dict[str, Any]:
+    """A line for each posture and fixture, a column for each muscle."""
+    mine = [c for c in covered if c.finger == finger]
+    found = _names(c.muscle for c in mine)
+    muscles = [m for m in MUSCLES if m in found] + [m for m in found if m not in MUSCLES]
+    lines = []
+    for posture, tip in dict.fromkeys((c.posture, c.tip) for c in mine):
+        at = {c.muscle: _cell(c) for c in mine if (c.posture, c.tip) == (posture, tip)}
+        words = "/".join(f"{angle:g}" for angle in posture)
+        lines.append({"posture": words, "tip": tip, "cells": [at.get(m) for m in muscles]})
+    return {"muscles": muscles, "lines": lines}
+
+
+def _cell(c: Covered) -> dict[str, str]:
+    tensions = " and ".join(number(t, 3) for t in c.tensions)
+    hands = " and ".join(map(str, c.hands)) or "?"
+    verdicts = ", ".join(f"{n} {word}" for word, n in c.verdicts.items())
+    return {
+        "shape": c.shape,
+        "words": f"{tensions} N" if tensions else "",
+        "hands": f"n {hands}",
+        "title": "; ".join(filter(None, (", ".join(c.groups), verdicts))),
+    }
+
+
+def _uncertainty(numbers: Numbers) -> list[tuple[str, str]]:
+    """What is known of the compared numbers' uncertainty, a line for each part."""
+    parts = [words for kind, words in WORDS if kind == "uncertainty"]
+    return [
+        (WORDS["uncertainty", part], uncertainty_words(part, numbers) or "nothing yet")
+        for part in parts
+    ]
