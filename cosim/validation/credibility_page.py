@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -68,18 +68,7 @@ def write_credibility_page(path: Path) -> None:
             if not of["variant"] and of["kind"].startswith("experiment")
         ],
         uncertainty=_uncertainty(numbers),
-        injuries=[
-            {
-                "name": row["name"],
-                "shape": VERDICT_SHAPES[row["verdict"]],
-                "verdict": row["verdict"],
-                "model": number(row["model"], 3),
-                "measured": number(row["reference"], 3),
-                "unit": row["unit"] if row["unit"] != "1" else "",
-                "source": row["source"],
-            }
-            for row in rows
-        ],
+        injuries=[_injury(row) for row in rows],
         unmeasured=unmeasured,
         checked=is_checkout(),
     )
@@ -131,6 +120,22 @@ def _link(e: Evidence, page: Path) -> str:
     if e.kind not in ("file", "test") or not place.is_file() or not is_checkout():
         return ""
     return relative_path(place, page.absolute().parent)
+
+
+def _injury(row: Mapping[str, Any]) -> dict[str, str]:
+    unit = "" if row["unit"] == "1" else f" {row['unit']}"
+    measured, low, high = row["reference"], row["low"], row["high"]
+    words = number(measured, 3)
+    if measured is None:
+        words = f"at least {number(low, 3)}" if low is not None else f"at most {number(high, 3)}"
+    return {
+        "name": row["name"],
+        "shape": VERDICT_SHAPES[row["verdict"]],
+        "verdict": row["verdict"],
+        "model": "–" if row["model"] is None else f"{number(row['model'], 3)}{unit}",
+        "measured": f"{words}{unit}",
+        "source": row["source"],
+    }
 
 
 def _names(words: Iterable[str]) -> list[str]:
