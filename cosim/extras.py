@@ -15,6 +15,7 @@ EXTRAS = {
     "opensim": ("opensim",),
     "mkl": ("pypardiso",),
     "peers": ("KratosMultiphysics",),
+    "package": ("rocrate",),
     "notebooks": ("jupytext", "nbconvert"),
 }
 """By extra of pyproject.toml the modules that it brings."""

@@ -1,4 +1,4 @@
-"""A zip archive from somebody else: what is wrong with it, asked before anything of it is unpacked."""
+"""What is wrong with somebody else's zip archive: asked before anything of it is unpacked."""
 
 from __future__ import annotations
 

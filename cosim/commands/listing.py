@@ -55,7 +55,9 @@ def list_things(
     with exit_on_error():
         if html is not None:
             if what not in PAGES:
-                raise InputError(f"--html: there is a page of {' and of '.join(PAGES)}, none of {what}")
+                raise InputError(
+                    f"--html: there is a page of {' and of '.join(PAGES)}, none of {what}"
+                )
             PAGES[what](html)
             typer.echo(f"{html}: open it in a browser")
             return

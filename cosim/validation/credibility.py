@@ -1,9 +1,9 @@
 """What is claimed of the model's credibility, and the evidence: `cases/data/credibility.toml`.
 
-A factor has a grade, and evidence by its address: `file PATH`, `test PATH::NAME`, `command COSIM ...`,
-`board GROUP` of the scoreboard, or `uncertainty PART` of the uncertainties.  Where evidence is
-lacking its grade counts as 0.  What the evidence covers, posture by muscle, follows from the trials
-of the board and from the collection of measurements.
+A factor has a grade, and evidence by its address: `file PATH`, `test PATH::NAME`, `command COSIM
+...`, `board GROUP` of the scoreboard, or `uncertainty PART` of the uncertainties.  Where evidence
+is lacking its grade counts as 0.  What the evidence covers, posture by muscle, follows from the
+trials of the board and from the collection of measurements.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from cosim.case.file import load_case, packaged_cases
 from cosim.case.schema import Case
 from cosim.errors import InputError
+from cosim.fingers.kinds import native
 from cosim.measured import Measured, all_measured
 from cosim.results.compare import number
 from cosim.text_tables import read_json_file, read_toml
@@ -242,9 +243,9 @@ def uncertainty_words(part: str, numbers: Numbers) -> str:
             return f"{count} numbers with other hoods" if count else ""
         case "judged":
             rows = [row for _, row in judged_rows(numbers.board)]
-            count = Counter(row["judgement"] for row in rows if row.get("judgement"))
-            del count["no u_val"]
-            return ", ".join(f"{n} {word}" for word, n in count.items())
+            tally = Counter(str(r["judgement"]) for r in rows if r.get("judgement"))
+            del tally["no u_val"]
+            return ", ".join(f"{n} {word}" for word, n in tally.items())
     return ""
 
 
@@ -331,10 +332,10 @@ def _compared(
     case = load_case(trial.case, trial.settings)
     hands = max((n for r in rows if (n := hands_of(r["source"]))), default=None)
     verdicts = Counter(str(r["verdict"]) for r in rows)
-    tip = TIPS.get(case.finger.tip.kind, case.finger.tip.kind)
+    tip = native(case.finger).tip.kind
     for muscle, tension in pulled(case).items():
         compared = _Compared(tension, hands, verdicts, group.name)
-        yield (case.finger.kind, posture_of(case), tip, muscle), compared
+        yield (case.finger.kind, posture_of(case), TIPS.get(tip, tip), muscle), compared
 
 
 @cache
@@ -358,7 +359,7 @@ def pulled(case: Case) -> dict[str, float]:
 
 def posture_of(case: Case) -> tuple[float, float, float]:
     """Flexion of MCP, PIP and DIP, deg."""
-    angles = case.finger.posture.angles()
+    angles = native(case.finger).posture.angles()
     mcp, pip, dip = (float(round(degrees(angles[joint]))) for joint in ("MCP", "PIP", "DIP"))
     return mcp, pip, dip
 

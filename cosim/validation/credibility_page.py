@@ -37,28 +37,17 @@ def write_credibility_page(path: Path) -> None:
     covered = coverage(numbers)
     rows, unmeasured = injuries(numbers)
     judged = numbers.board["judged"]
-    factors = [
-        {"f": f, "counted": counted(f.grade, e), "evidence": _evidence(e, path)}
-        for f in claims.factors
-        for e in [follow(f.evidence, numbers)]
-    ]
-    rules = [
-        {"r": r, "counted": counted(r.grade, e), "evidence": _evidence(e, path)}
-        for r in claims.rules.list
-        for e in [follow(r.evidence, numbers)]
-    ]
+    factors = [_graded(f, f.grade, f.evidence, numbers, path) for f in claims.factors]
+    rules = [_graded(r, r.grade, r.evidence, numbers, path) for r in claims.rules.list]
     page = template("cosim.validation", "credibility.html.j2").render(
         claims=claims,
         factors=factors,
         activities=list(dict.fromkeys(f.activity for f in claims.factors)),
-        reached=sum(f["counted"] >= f["f"].goal for f in factors),
+        reached=sum(f["counted"] >= f["of"].goal for f in factors),
         rules=rules,
         score=sum(r["counted"] for r in rules),
         most=(len(claims.rules.scale) - 1) * len(rules),
-        kinds=[
-            {"k": k, "evidence": _evidence(follow(k.evidence, numbers), path)}
-            for k in claims.fda.kinds
-        ],
+        kinds=[_graded(k, 0, k.evidence, numbers, path) for k in claims.fda.kinds],
         fingers={finger: _matrix(covered, finger) for finger in _names(c.finger for c in covered)},
         shapes=SHAPES,
         largest=number(max(t for c in covered if c.verdicts for t in c.tensions), 3),
@@ -80,7 +69,7 @@ def credibility_rows() -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """A header, and a line for each factor and rule: the grade that counts, of how many, the goal,
     and what evidence is lacking.  Raises InputError."""
     claims, numbers = read_credibility(), committed_numbers()
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for f in claims.factors:
         found = follow(f.evidence, numbers)
         grade = f"{counted(f.grade, found)} of {len(f.grades) - 1}"
@@ -90,6 +79,14 @@ def credibility_rows() -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         grade = f"{counted(r.grade, found)} of {len(claims.rules.scale) - 1}"
         rows.append(("Ten Rules", r.name, grade, "", _lacking(found)))
     return ("of", "factor or rule", "grade", "goal", "evidence that is lacking"), rows
+
+
+def _graded(
+    of: Any, grade: int, addresses: Sequence[str], numbers: Numbers, page: Path
+) -> dict[str, Any]:
+    """A factor, rule or kind of evidence with the grade that counts and its evidence."""
+    found = follow(addresses, numbers)
+    return {"of": of, "counted": counted(grade, found), "evidence": _evidence(found, page)}
 
 
 def _lacking(found: Sequence[Evidence]) -> str:
