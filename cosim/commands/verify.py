@@ -51,6 +51,7 @@ PURPOSES = {
     "your own bones": ("trimesh",),
     "FMUs": ("fmpy", *EXTRAS["fmu"]),
     "checks by OpenSim": EXTRAS["opensim"],
+    "packages of a validation": EXTRAS["package"],
     "notebooks": EXTRAS["notebooks"],
 }
 """Libraries that serve one purpose; they are imported when it is asked for."""

@@ -73,12 +73,12 @@ def credibility_rows() -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     for f in claims.factors:
         found = follow(f.evidence, numbers)
         grade = f"{counted(f.grade, found)} of {len(f.grades) - 1}"
-        rows.append((f.activity, f.name, grade, str(f.goal), _lacking(found)))
+        rows.append((f.name, f.activity, grade, str(f.goal), _lacking(found)))
     for r in claims.rules.list:
         found = follow(r.evidence, numbers)
         grade = f"{counted(r.grade, found)} of {len(claims.rules.scale) - 1}"
-        rows.append(("Ten Rules", r.name, grade, "", _lacking(found)))
-    return ("of", "factor or rule", "grade", "goal", "evidence that is lacking"), rows
+        rows.append((r.name, "Ten Rules", grade, "", _lacking(found)))
+    return ("factor or rule", "of", "grade", "goal", "evidence that is lacking"), rows
 
 
 def _graded(

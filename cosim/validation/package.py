@@ -184,7 +184,9 @@ def _staged(
     for place, words in OUTPUTS.items():
         copy(folder / place, place)
         yield place, words
-    trials = dict.fromkeys(row.target.case for b in boards for row in b.board.rows)
+    failed = {name for b in boards for name in b.board.failures}
+    every = dict.fromkeys(row.target.case for b in boards for row in b.board.rows)
+    trials = [name for name in every if name not in failed]  # whose folder is of an earlier run
     for trial in trials:
         for file, words in OF_RUN.items():
             run = folder / folder_name(trial) / file

@@ -250,6 +250,8 @@ def sentences(found: Differences) -> Sequence[str]:
     lines = [f"{found.compared} numbers compared"]
     for title in ("numbers", "versions", "inputs"):
         differ: list[str] = getattr(found, title)
-        lines += [f"{title}: {f'{len(differ)} differ' if differ else 'none differs'}"]
+        count = len(differ)
+        words = "none differs" if not count else f"{count} differ{'s' if count == 1 else ''}"
+        lines += [f"{title}: {words}"]
         lines += [f"  {line}" for line in differ]
     return lines

@@ -110,6 +110,15 @@ def test_the_page_and_the_list_show_every_grade(tmp_path: Path):
     assert listed.output.count(" of 4 ") == 10
 
 
+def test_the_summary_in_the_catalogue_says_the_same():
+    text = " ".join((CASES / "README.md").read_text(encoding="utf-8").split())
+    for f in CLAIMS.factors:
+        assert f"| {f.activity} | {f.name} | {f.grade} of {len(f.grades) - 1} | {f.goal} |" in text
+    assert f"claims {sum(r.grade for r in CLAIMS.rules.list)} of 40 points" in " ".join(
+        text.split()
+    )
+
+
 def test_faulty_claims_are_one_message(tmp_path: Path):
     text = (CASES / "data" / "credibility.toml").read_text(encoding="utf-8")
     path = tmp_path / "credibility.toml"
