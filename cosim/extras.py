@@ -11,14 +11,19 @@ EXTRAS = {
     "view": ("pyvista",),
     "film": ("imageio_ffmpeg",),
     "study": ("pyarrow", "SALib", "dask", "distributed"),
+    "surrogate": ("sklearn",),
     "fmu": ("pythonfmu", "pythonfmu3"),
     "opensim": ("opensim",),
     "mkl": ("pypardiso",),
     "peers": ("KratosMultiphysics",),
     "package": ("rocrate",),
     "notebooks": ("jupytext", "nbconvert"),
+    "docs": ("sphinx", "myst_parser", "furo"),
 }
 """By extra of pyproject.toml the modules that it brings."""
+
+DISTRIBUTIONS = {"sklearn": "scikit-learn"}
+"""What pip calls a module, where that is not its own name."""
 
 
 def is_installed(library: str) -> bool:

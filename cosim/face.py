@@ -354,13 +354,16 @@ def identify(
     workers: int = 1,
     most: int = 30,
     progress: Progress = quiet,
+    allow_unidentified: bool = False,
+    profiles: bool = False,
 ) -> Fit:
     """Fit parameters of one or several cases, each as `load` takes it, to measured values within
     bounds.
 
     `targets`, `held_out`: CSV files as `compare` takes them; rows held out do not pull.  `free`: a
     TOML file with a table for each parameter, as `cosim identify --free`; None: the built-in ones
-    of the cases' laws.  `most`: evaluations of all cases in the search.
+    of the cases' laws.  `most`: evaluations of all cases in the search.  `allow_unidentified`: fit
+    though the rows cannot tell every parameter; `profiles`: with their profile likelihoods.
 
     Raises InputError and ConvergenceError."""
     from cosim.analyses.identify.cases import fit_cases, stated_cases
@@ -378,7 +381,10 @@ def identify(
         ]
         stated = stated_cases(names, tuple(settings), path)
         chosen = fit_cases(stated, path, read_targets(measured), apart)
-        return fit_all(chosen, workers, most, progress)
+        return fit_all(
+            chosen, workers, most, progress,
+            allow_unidentified=allow_unidentified, profiles=profiles,
+        )  # fmt: skip
 
 
 def _case_file(case: Any, folder: Path, place: str) -> str | Path:

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 import cosim
 from cosim.cli import app
 from cosim.errors import InputError
-from cosim.extras import EXTRAS
+from cosim.extras import DISTRIBUTIONS, EXTRAS
 from cosim.study import open_study
 from tests.helpers.folders import ROOT
 
@@ -38,6 +38,7 @@ NEEDS = [
     ("rocrate", "package", "validate --package a.zip", "a package of a validation"),
     ("pyarrow", "study", "study network_saltelli", "a study"),
     ("SALib", "study", "study network_saltelli --workers 0", "a study"),
+    ("sklearn", "surrogate", "study network_saltelli --surrogate a.csv", "a surrogate"),
     ("SALib", "study", "check network_saltelli", "sampling.kind = 'saltelli'"),
     ("distributed", "study", "study network_saltelli --scheduler tcp://h:1", "--scheduler"),
     ("pyarrow", "study", "bench studies", "a study"),
@@ -138,6 +139,6 @@ def test_the_extras_are_those_of_the_package_and_the_tests_bring_them() -> None:
     assert extras.keys() - {"test"} == EXTRAS.keys()
     for name, libraries in EXTRAS.items():
         brought = {re.match(r"[\w-]+", stated)[0] for stated in extras[name]}
-        assert set(libraries) <= brought
+        assert {DISTRIBUTIONS.get(library, library) for library in libraries} <= brought
         assert not brought & {re.match(r"[\w-]+", d)[0] for d in project["dependencies"]}
-    assert "cosim-hand[fmu,package,study,ui,view]" in extras["test"]
+    assert "cosim-hand[fmu,package,study,surrogate,ui,view]" in extras["test"]

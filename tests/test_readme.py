@@ -17,10 +17,13 @@ from cosim.cli import app
 from cosim.pipeline import run_case
 from cosim.results.conventions import vector_of
 from cosim.study.plan import read_plan
+from cosim.validation.mesh import distinct, tally
+from cosim.validation.uncertainty import committed
 from cosim.verification.lesions import CUTS, EXTENDING, FREE, HOODS, changes
 from rigid.papers.networks.testbed_study import REPORTED_ERRORS, errors, trials
 from rigid.verification.network_study_rows import SEEDS
 from tests.golden import read_golden
+from tests.helpers.board import read_board, trust_rows
 from tests.helpers.folders import ROOT
 
 READMES = (
@@ -59,22 +62,6 @@ COMMANDS = [
         line.strip().partition(" #") for line in TEN.splitlines() if line.startswith("    cosim ")
     )
 ]
-TRUST = {
-    "cadaver forces: hood": "fingertip force through the hood, three cadaver hands (Synek 2019)",
-    "cadaver forces: flexors": "the same of the flexors, which no hood touches",
-    "Qiu 2017: hood": "differences of arms through the hood, five hands (Qiu 2017)",
-    "Qiu 2017: flexor": "the same of FDP",
-    "Cohn 2017: hood": "force over tension through the hood (Cohn 2017)",
-    "Cohn 2017: flexors and FDI": "the same of tendons past it",
-    "Buford 2005: shares of the MCP's moment": "shares of the moment at the MCP (Buford 2005)",
-    "Lee 2008: slip forces": "forces of the slips (Lee 2008)",
-    "Lee 2008: strains": "strains of the hood (Lee 2008)",
-    "free finger: hood": "postures of a free finger (Nimbarte 2008)",
-    "lengths and cuts": "lengths and cuts (Schweitzer and Rayan 2004, others)",
-    "two models: hood": "two published models, clamped fingertip, hood",
-    "two models: flexors": "the same, flexors",
-}
-"""A group of the board, and what the README calls it."""
 
 
 @pytest.mark.parametrize(
@@ -122,39 +109,26 @@ def test_the_set_up_is_what_the_continuous_integration_runs():
 
 
 def test_the_figures_of_trust_are_the_boards():
-    board = json.loads((ROOT / "cases" / "scoreboard.json").read_text(encoding="utf-8"))
-    for group, name in TRUST.items():
-        assert trust_row(name, board["judged"][group]) in TOP
-    row = trust_row("all experiments at first hand", board["kinds"]["experiment"])
-    assert row in TOP.replace("**", "")
+    rows = trust_rows()
+    for row in rows.values():
+        assert row in TOP.replace("**", "")
 
 
-def trust_row(name: str, group: dict) -> str:
-    """A row of the README's table, of a group of the board or one of its kinds."""
-    tally = group["tally"]
-    judged = sum(n for word, n in tally["model"].items() if word != "nothing to judge by")
-    skill = {s["null"]: s for s in group["skill"]}
-    cells = [
-        name,
-        str(skill["no answer"]["rows"]),
-        f"{inside(tally['model'])} of {judged}" if judged else "-",
-        str(inside(tally["no answer"])) if judged else "-",
-        skill_text(skill["no answer"]),
-        skill_text(skill["fixed split"]) if "fixed split" in skill else "-",
-    ]
-    return f"| {' | '.join(cells)} |"
-
-
-def inside(counts: dict[str, int]) -> int:
-    """The numbers within one SD or in a band."""
-    return sum(n for word, n in counts.items() if word.startswith("inside"))
-
-
-def skill_text(skill: dict) -> str:
-    """A skill with its interval."""
-    if skill["low"] is None:
-        return f"{skill['skill']:.2g} (one trial)"
-    return f"{skill['skill']:.2g} ({skill['low']:.2g} to {skill['high']:.2g})"
+def test_the_figures_of_uncertainty_are_those_that_were_found():
+    text = " ".join(TOP.split())
+    known = committed().rows
+    series = {row.key: row.meshes for row in known if row.meshes is not None}
+    touched = [one for _, one in distinct(series)]
+    observed = sum(one.convergence.order is not None for one in touched)
+    assert f"{observed} of the {len(touched)} numbers that the mesh touches" in text
+    assert f"; {tally(series)['beyond']} are off by more than 2 %" in text
+    (ratio,) = (
+        r for r in known if r.name == "strain average ti: terminal over central slip under EDC"
+    )
+    moved = f"by {ratio.inputs.uncertainty:.2f} of {ratio.model:.2f}"
+    assert f"The stated spread of the inputs moves the ratio of the slips {moved}" in text
+    judged = read_board()["judged"]["cadaver forces: hood"]["judgements"]
+    assert f"{judged['within uncertainty']} of the {sum(judged.values())} forces" in text
 
 
 @pytest.mark.parametrize("place", PAGES)
@@ -227,7 +201,7 @@ def test_the_robot_s_forces_are_those_of_golden_json():
 
 
 def test_the_table_of_lengths_is_the_board_s():
-    board = json.loads((ROOT / "cases" / "scoreboard.json").read_text(encoding="utf-8"))
+    board = read_board()
     groups = ("lengths and cuts", "lengths and cuts: other loads and places")
     rows = {row["quantity"]: row["model"] for group in groups for row in board["groups"][group]}
     kinds = ("terminal_1mm", "terminal_4mm", "central_gap_pip", "central_gap_dip")

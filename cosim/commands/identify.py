@@ -17,6 +17,8 @@ from rich.progress import Progress
 from cosim.analyses.identify.case_text import case_text, check_loads, check_same_settings
 from cosim.analyses.identify.cases import FitCase, fit_cases, stated_cases
 from cosim.analyses.identify.fit import Fit, confidence, fit_all, identifiability, interval, miss
+from cosim.analyses.identify.information import Information
+from cosim.analyses.identify.profile_plot import draw_profiles, profile_interval, profiles_csv
 from cosim.analyses.identify.sensitivity import Sensitivity, bars, study, to_csv, to_json
 from cosim.analyses.identify.tornado import draw_tornado
 from cosim.analyses.identify.variations import variations
@@ -180,7 +182,10 @@ def identify(
     ] = None,
     held_out: Annotated[
         Path | None,
-        typer.Option(help="CSV of rows that are compared and shown, but not fitted."),
+        typer.Option(
+            help="CSV of rows that are compared and shown, but not fitted; so are rows of "
+            "--targets with yes in a column held_out."
+        ),
     ] = None,
     out: Annotated[
         Path | None,
@@ -191,6 +196,21 @@ def identify(
             help="Case file to write, extending CASE; of several CASEs the settings alone.",
         ),
     ] = None,
+    profiles: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Hold each parameter on a grid while the others are fitted again, and write these "
+            "profile likelihoods as profiles.csv and profiles.png; a dozen fits a parameter.",
+        ),
+    ] = None,
+    allow_unidentified: Annotated[
+        bool,
+        typer.Option(
+            "--allow-unidentified",
+            help="Fit even where the rows cannot tell some of the parameters at the start.",
+        ),
+    ] = False,
     most: Annotated[
         int,
         typer.Option(
@@ -205,7 +225,8 @@ def identify(
     workers: Workers = 2,
 ) -> None:
     """Fit parameters of one or several cases to measured numbers, within bounds; say with
-    intervals, correlations and singular values what the numbers do not determine."""
+    intervals, correlations and singular values what the numbers do not determine.  Where they
+    cannot tell a parameter at all, there is no fit unless --allow-unidentified."""
     with exit_on_error():
         stated = stated_cases(cases, tuple(settings or ()), free)
         wanted = read_targets(targets)
@@ -214,12 +235,31 @@ def identify(
         if out is not None:
             check_file(out)
             check_same_settings(chosen)
-        fit = fit_all(chosen, workers, most, lambda text: typer.echo(text, err=True))
+        if profiles is not None:
+            check_file(profiles / "profiles.csv")
+        fit = fit_all(
+            chosen,
+            workers,
+            most,
+            lambda text: typer.echo(text, err=True),
+            allow_unidentified=allow_unidentified,
+            profiles=profiles is not None,
+        )
         _show_fit(fit, len(chosen) > 1)
+        if profiles is not None:
+            _write_profiles(profiles, fit)
         if out is not None:
             _write_fit(out, fit, chosen, tuple(settings or ()), targets.name)
         else:
             typer.echo("nothing was written: --out CASE.toml writes the fitted case")
+
+
+def _write_profiles(folder: Path, fit: Fit) -> None:
+    with output_file(folder / "profiles.csv") as part:
+        part.write_text(profiles_csv(fit), encoding="utf-8")
+    with output_file(folder / "profiles.png") as part:
+        write_figure(draw_profiles(fit), part, 130)
+    typer.echo(f"profiles of {len(fit.profiles)} parameters in {folder}")
 
 
 def _write_fit(
@@ -241,6 +281,7 @@ def _write_fit(
 
 def _show_fit(fit: Fit, several: bool) -> None:
     """Parameters, misses, correlations, singular values."""
+    _show_information(fit.before)
     rows = []
     for p in fit.parameters:
         value, bounds = number(fit.values[p.name]), f"{p.low:g} to {p.high:g}"
@@ -271,7 +312,18 @@ def _show_fit(fit: Fit, several: bool) -> None:
         if shown:
             before, after = (_squares(rows) for rows in zip(*shown, strict=True))
             typer.echo(f"{title}: sum of squared misses {before:.4g} before, {after:.4g} after")
+    columns = ("", "rows", "before", "after", "null: all 0")
+    parts = [
+        (p.name, str(p.count), *(number(x, 3) for x in (p.start, p.end, p.zero))) for p in fit.parts
+    ]
+    print_table("RMS of the misses, SDs", columns, parts)
     _show_confidence(fit)
+    if fit.profiles:
+        curves = [
+            (f"{p.name} {p.unit}", number(fit.values[p.name]), profile_interval(p, profile))
+            for p, profile in zip(fit.parameters, fit.profiles, strict=True)
+        ]
+        print_table("Profile likelihoods", ("", "fitted", "95 % interval"), curves)
     by = f"the tangent of the hood in {', '.join(fit.by_tangent)}" if fit.by_tangent else ""
     typer.echo(
         f"{fit.evaluations} evaluations, {fit.solves} solves, {len(fit.failures)} of which "
@@ -281,6 +333,29 @@ def _show_fit(fit: Fit, several: bool) -> None:
         typer.echo(f"did not converge: {failure}")
     for note in fit.notes:
         typer.echo(f"note: {note}")
+
+
+def _show_information(before: Information) -> None:
+    """What the rows could tell at the start."""
+    lost = {name for group in before.lost for name in group}
+    rows = [
+        (
+            name,
+            number(float(change), 3),
+            "no" if name in lost else "yes",
+            *("-" if np.isnan(r) else f"{r:+.2f}" for r in line),
+        )
+        for name, change, line in zip(before.names, before.changes, before.correlation, strict=True)
+    ]
+    several = before.names if len(before.names) > 1 else ()
+    title = (
+        f"Before the fit: the rows, as points, can tell {before.rank} of {len(before.names)} "
+        "parameters; correlations"
+    )
+    header = ("", "change of all rows over its range, SDs", "told", *several)
+    print_table(title, header, [row[: len(header)] for row in rows])
+    for fault in before.faults():
+        typer.echo(f"not told: {fault}")
 
 
 def _squares(rows: Sequence[Comparison]) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich import box
@@ -14,6 +14,8 @@ from rich.table import Table
 from cosim.commands.options import Settings
 from cosim.commands.terminal import console, exit_on_error, print_table, warn
 from cosim.errors import InputError, span
+from cosim.extras import require
+from cosim.files import output_file
 from cosim.results.compare import number
 from cosim.study import engine
 from cosim.study.bench import PER_HOUR, PLAN, RUNS, SECONDS, figures, load_figures
@@ -24,6 +26,10 @@ from cosim.study.plan import StudyPlan, read_plan
 from cosim.study.progress import notes, progress, state_text
 from cosim.study.results import StudyResults
 from cosim.study.store import Store
+from cosim.text_tables import read_csv
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 REASONS = 8
 """Told in the terminal."""
@@ -51,6 +57,19 @@ def study(
         Path | None,
         typer.Option(help="Folder of finished runs, which studies may share; else OUT/store."),
     ] = None,
+    surrogate: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="POINTS.csv",
+            help="Fit a Gaussian process to each output and let it answer these points, a column "
+            "for each parameter in the study's units: surrogate.csv, each answer with its SD. An "
+            "output of which it explains less than 80 % of runs held out is refused.",
+        ),
+    ] = None,
+    allow_poor: Annotated[
+        bool,
+        typer.Option("--allow-poor", help="Answer with a poor surrogate too."),
+    ] = False,
     out: Annotated[
         Path, typer.Option("--out", "-o", help="Folder for the study's table and page.")
     ] = Path("studies"),
@@ -60,6 +79,7 @@ def study(
     run has no answer."""
     with exit_on_error():
         check_libraries(scheduler is not None)
+        points = None if surrogate is None else _points(surrogate)
         plan = read_plan(file, case, tuple(settings or ()))
         if workers == 0 and scheduler is None and plan.most_seconds is not None:
             raise InputError("limits.time needs a process that can be ended: --workers 1 or more")
@@ -71,8 +91,48 @@ def study(
             typer.echo(f"stopped; what had finished is in {kept.root}: the same command goes on")
             raise typer.Exit(130) from None
         folder = out / plan.name
-        _show(plan, done, write_study(plan, done, kept, folder), folder)
+        results = write_study(plan, done, kept, folder)
+        _show(plan, done, results, folder)
+        if points is not None:
+            _write_surrogates(results, points, allow_poor, folder / "surrogate.csv")
     raise typer.Exit(1 if done.count.failed or done.was_stopped else 0)
+
+
+def _points(path: Path) -> pd.DataFrame:
+    """The points of a CSV file.  Raises InputError."""
+    require("a surrogate", "sklearn")
+    import pandas as pd
+
+    rows = read_csv(path, "slip_stiffness,PIP").rows
+    return pd.DataFrame([row.cells for row in rows])
+
+
+def _write_surrogates(
+    results: StudyResults, points: pd.DataFrame, allow_poor: bool, path: Path
+) -> None:
+    """The answers of every output's surrogate at the points, and how far each is to be trusted.
+    Raises InputError where none is good enough."""
+    table, rows, refused = points.copy(), [], []
+    for name in results.outputs:
+        try:
+            found = results.surrogate(name, allow_poor)
+        except InputError as error:
+            refused.append(str(error))
+            continue
+        answers = found(points)
+        table[name], table[f"{name}_sd"] = answers["mean"], answers["sd"]
+        unit = "" if found.unit == "1" else f", {found.unit}"
+        fits = (number(found.q2, 3), number(found.rms, 3), f"{found.covered:.0%}")
+        rows.append((f"{name}{unit}", str(found.runs), *fits))
+    if not rows:
+        raise InputError("\n  ".join(["no surrogate", *refused]))
+    header = ("", "runs", "Q2 held out", "RMS held out", "within 95 % interval")
+    print_table("Surrogates: Gaussian processes, judged by runs held out", header, rows)
+    for reason in refused:
+        typer.echo(f"no surrogate: {reason}")
+    with output_file(path) as part:
+        table.to_csv(part, index=False, lineterminator="\n")
+    typer.echo(f"{len(points)} points answered in {path}")
 
 
 def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve]:

@@ -19,7 +19,7 @@ from cosim.array_cache import OFF, ArrayCache, Contents, user_cache
 from cosim.array_cache import VARIABLE as VARIABLE_OF_CACHE
 from cosim.checks import Row, Study, select_studies
 from cosim.commands.terminal import console, exit_on_error, stages
-from cosim.extras import EXTRAS, install_command, is_installed
+from cosim.extras import DISTRIBUTIONS, EXTRAS, install_command, is_installed
 from cosim.files import shown_path
 from cosim.version import __version__
 from fe_solver.elements import kernels
@@ -47,12 +47,14 @@ PURPOSES = {
     "windows, .vtu of others": EXTRAS["view"],
     "films as .mp4": EXTRAS["film"],
     "studies": EXTRAS["study"],
+    "surrogates of studies": EXTRAS["surrogate"],
     "estimates": ("daqp",),
     "your own bones": ("trimesh",),
     "FMUs": ("fmpy", *EXTRAS["fmu"]),
     "checks by OpenSim": EXTRAS["opensim"],
     "packages of a validation": EXTRAS["package"],
     "notebooks": EXTRAS["notebooks"],
+    "documentation": EXTRAS["docs"],
 }
 """Libraries that serve one purpose; they are imported when it is asked for."""
 
@@ -143,7 +145,10 @@ def info(clear_cache: ClearCache = False) -> None:
 def facts() -> Iterator[tuple[str, str]]:
     """Names and words of the version, the libraries, the kernels and the linear solver in use."""
     yield "cosim", f"{__version__} on Python {platform.python_version()}, {platform.machine()}"
-    yield "libraries", ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "mujoco"))
+    yield (
+        "libraries",
+        ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "mujoco")),
+    )
     compiled = (
         f"numba {version('numba')}"
         if kernels.COMPILED
@@ -183,7 +188,11 @@ def _clear_cache() -> str:
 def _for_purposes() -> Iterator[tuple[str, str]]:
     for purpose, names in PURPOSES.items():
         absent = [name for name in names if not is_installed(name)]
-        words = [f"{name} {version(name)}" for name in names if name not in absent]
+        words = [
+            f"{name} {version(DISTRIBUTIONS.get(name, name))}"
+            for name in names
+            if name not in absent
+        ]
         for command in dict.fromkeys(map(install_command, absent)):
             of_one = (name for name in absent if install_command(name) == command)
             words.append(f"{', '.join(of_one)} (absent: {command})")

@@ -27,6 +27,7 @@ a band; a file whose columns are parted by semicolons may have decimal commas.  
 * case (may be left out): the case that the row is for; empty is every case;
 * geometry (may be left out): of the hood or finger that the row is about, where it is not ours;
 * fitted (may be left out): yes where the model was fitted to this number;
+* held_out (may be left out): yes where `cosim identify` must not fit to it, but judge by it;
 * note (may be left out): the fingertip device of the reference, the reason of a miss, ...
 """
 
@@ -94,6 +95,7 @@ class Target:
     geometry: str = ""
     fitted: bool = False
     note: str = ""
+    held_out: bool = False
     n: float | None = None
 
     def __post_init__(self) -> None:
@@ -351,7 +353,7 @@ def _in_plane(
 FORMAT = "cosim comparison 1"
 NEEDED = ("name", "quantity", "unit", "reference", "sd", "low", "high", "source", "kind")
 """What a row of a comparison in a file has at least."""
-KNOWN = (*NEEDED, "value", "measured", "n", "case", "geometry", "fitted", "note")
+KNOWN = (*NEEDED, "value", "measured", "n", "case", "geometry", "fitted", "note", "held_out")
 """The columns that a CSV of targets may have."""
 YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False, "": False}
 
@@ -422,11 +424,12 @@ def _target_of(row: CsvRow, file: str) -> Target:
     if address := filled.pop("measured", ""):
         beside, numbers, of_source = _of_collection(row, address, beside, numbers)
         specimens = specimens or of_source
-    fitted = filled.get("fitted", "").lower()
-    if fitted not in YES:
-        raise InputError(f"{row.place}: fitted is {fitted!r}; expected yes or no")
-    counts = {"fitted": YES[fitted], "n": specimens}
-    return _target(row.place, {**beside, **filled, **numbers, **counts})
+    marks = {column: filled.get(column, "").lower() for column in ("fitted", "held_out")}
+    for column, mark in marks.items():
+        if mark not in YES:
+            raise InputError(f"{row.place}: {column} is {mark!r}; expected yes or no")
+    said = {column: YES[mark] for column, mark in marks.items()}
+    return _target(row.place, {**beside, **filled, **numbers, **said, "n": specimens})
 
 
 def _of_collection(

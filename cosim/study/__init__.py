@@ -7,6 +7,7 @@ In a notebook:
     study.table            # pandas: a row for each run
     study.dataset()        # xarray: axes and arrays
     study.indices("tip_force")
+    study.surrogate("tip_force")  # a Gaussian process, with its Q2
 """
 
 from __future__ import annotations

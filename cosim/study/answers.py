@@ -13,10 +13,12 @@ import numpy as np
 
 from cosim.extras import require
 from cosim.port import Array
-from cosim.study.sampling import block, problem
+from cosim.study.sampling import LEVELS, block, problem
 
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 CONFIDENCE = 0.95
+NORMAL = 1.959964
+"""SDs of a normal distribution's interval of that confidence."""
 RESAMPLES = 200
 """Resamples of the bootstrap that gives the indices' confidence."""
 MOST_LOST = 0.1
@@ -85,6 +87,68 @@ def indices(values: Array, dimensions: int, second_order: bool) -> Indices | str
     if np.ptp(kept) == 0:
         return "no indices: the output is the same in every run"
     return _indices(kept, len(blocks), dimensions, second_order)
+
+
+@dataclass(frozen=True)
+class Screening:
+    """Morris' measures of the elementary effects, a number for each parameter in the output's unit,
+    with half the width of their 95 % intervals; `trajectories` of `planned` had no failed run."""
+
+    mu: Array
+    """Mean effect."""
+    mu_star: Array
+    """Mean size of the effects."""
+    mu_star_conf: Array
+    sigma: Array
+    """SD of the effects: none where the parameter acts alone and along a straight line."""
+    sigma_conf: Array
+    trajectories: int
+    planned: int
+
+
+def screening(inputs: Array, values: Array) -> tuple[Screening | None, str]:
+    """Morris' measures of an output (m,) at his trajectories (m, d) in their order, NaN where a
+    run failed: its trajectory is left out whole.  An effect is what the output changes by as a
+    parameter goes from its lowest level to its highest, the 12.5 % and the 87.5 % quantile.
+    Without them a text says why there are none.  Campolongo, Cariboni and Saltelli 2007 (Environ
+    Model Softw 22:1509)."""
+    size = inputs.shape[1] + 1
+    blocks, x = values.reshape(-1, size), inputs.reshape(-1, size, size - 1)
+    fine = np.isfinite(blocks).all(axis=1)
+    kept, planned = int(fine.sum()), len(blocks)
+    if planned - kept > MOST_LOST * planned:
+        return None, (
+            f"no effects: {planned - kept} of {planned} trajectories hold a run without a value, "
+            f"more than {MOST_LOST:.0%}"
+        )
+    if kept < 2:
+        return None, f"no effects: {kept} trajectories are too few; at least 2"
+    return _screening(x[fine], blocks[fine], planned), ""
+
+
+def _screening(x: Array, values: Array, planned: int) -> Screening:
+    require("Morris' screening", "SALib")
+    from SALib.analyze.morris import analyze
+
+    n, d = len(x), x.shape[2]
+    found = analyze(
+        problem(d),
+        x.reshape(-1, d),  # of which it asks but who goes up and who down
+        values.ravel(),
+        num_resamples=RESAMPLES,
+        conf_level=CONFIDENCE,
+        num_levels=LEVELS,
+        seed=SEED,
+    )
+    # SALib gives no interval of sigma: that of the trajectories, drawn again
+    step = np.sign(np.diff(x, axis=1))
+    effects = np.diff(values, axis=1)[:, :, None] * step / (LEVELS / 2 / (LEVELS - 1))
+    drawn = np.random.default_rng(SEED).integers(0, n, (RESAMPLES, n))
+    sds = effects.sum(axis=1)[drawn].std(axis=1, ddof=1)
+    mu, mu_star, conf, sigma = (
+        np.asarray(found[name], dtype=float) for name in ("mu", "mu_star", "mu_star_conf", "sigma")
+    )
+    return Screening(mu, mu_star, conf, sigma, NORMAL * sds.std(axis=0), n, planned)
 
 
 def _indices(kept: Array, planned: int, dimensions: int, second_order: bool) -> Indices:

@@ -29,7 +29,7 @@ from cosim.study.distributions import (
     is_axis,
 )
 from cosim.study.faults import faults_of, place_text
-from cosim.study.sampling import KINDS, Kind, count_points
+from cosim.study.sampling import KINDS, SCHEMES, Kind, count_points
 from cosim.text_tables import read_toml
 
 MOST_AXES = 4
@@ -164,12 +164,13 @@ _DISTRIBUTIONS: dict[str, type[ParameterConfig]] = {
 
 
 class SamplingConfig(Table):
-    """How distributions are sampled; `n`: points, of Saltelli's scheme base points."""
+    """How distributions are sampled; `n`: points, of Saltelli's scheme base points, of Morris'
+    trajectories."""
 
     kind: Kind
     """The scheme that places the points."""
     n: Annotated[Count, Field(ge=2, le=2**22)]
-    """Points; of Saltelli's scheme base points."""
+    """Points; of Saltelli's scheme base points, of Morris' trajectories."""
     seed: Annotated[Count, Field(ge=0, le=2**32 - 1)]
     """Seed of the random numbers; the same seed gives the same points."""
     second_order: Switch = False
@@ -415,8 +416,9 @@ def _sampling_faults(study: StudyFile, parameters: list[Parameter]) -> Iterator[
         yield f"sampling: is missing; write {example} ({kinds})"
     if not drawn and parameters and study.sampling is not None:
         yield "sampling: no parameter has a distribution to sample; leave it out"
-    if axes and study.sampling is not None and study.sampling.kind == "saltelli":
-        yield f"parameters: saltelli's scheme samples all of them; {', '.join(axes)} has values"
+    if axes and study.sampling is not None and study.sampling.kind in SCHEMES:
+        scheme = f"{study.sampling.kind}'s scheme"
+        yield f"parameters: {scheme} samples all of them; {', '.join(axes)} has values"
     reserved = {"run", "status", "reason", "key"}
     both = {p.name for p in parameters} & set(study.outputs)
     for name in sorted(both | reserved & (set(study.outputs) | {p.name for p in parameters})):

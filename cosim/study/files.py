@@ -10,7 +10,7 @@ from typing import Any
 from cosim.files import output_file, relative_path
 from cosim.json_text import json_text
 from cosim.schema.json_schema import STUDY_SCHEMA, with_schema
-from cosim.study.answers import CONFIDENCE, QUANTILES, Indices
+from cosim.study.answers import CONFIDENCE, QUANTILES, Indices, Screening
 from cosim.study.execute import StudyOutcome
 from cosim.study.plan import StudyPlan
 from cosim.study.results import FORMAT, MARK, StudyResults, finite, read_study
@@ -26,6 +26,8 @@ def write_study(plan: StudyPlan, done: StudyOutcome, store: Store, folder: Path)
     study = read_study(folder)
     _write(folder / "answers.json", _json(answers_of(study)))
     _write(folder / "indices.csv", "\n".join(_index_lines(study)) + "\n")
+    if plan.sampling is not None and plan.sampling.kind == "morris":
+        _write(folder / "screening.csv", "\n".join(_screening_lines(study)) + "\n")
     from cosim.study.page import page
 
     _write(folder / "index.html", page(study, plan))
@@ -64,12 +66,15 @@ def answers_of(study: StudyResults) -> dict[str, Any]:
 
 def _answers(study: StudyResults, output: str) -> dict[str, Any]:
     band, indices = study.band(output), study.indices(output)
-    slopes, surface = study.slopes(output), study.surface(output)
+    slopes, surface, effects = study.slopes(output), study.surface(output), study.screening(output)
     return {
         "unit": study.units[output],
         "band": None if band is None else band._asdict(),
         "too_few": study.too_few(output),
-        "sobol": indices if isinstance(indices, str) else _indices(study, indices),
+        "sobol": indices if isinstance(indices, str) else _by_parameter(study, indices),
+        "morris": study.why_not_screened(output)
+        if effects is None
+        else _by_parameter(study, effects),
         "slopes": None
         if slopes is None
         else {
@@ -89,13 +94,14 @@ def _answers(study: StudyResults, output: str) -> dict[str, Any]:
     }
 
 
-def _indices(study: StudyResults, indices: Indices) -> dict[str, Any]:
-    named = {
-        name: dict(zip(study.parameters, finite(values), strict=True))
-        for name, values in asdict(indices).items()
-        if name not in ("second", "blocks", "planned")
+def _by_parameter(study: StudyResults, found: Indices | Screening) -> dict[str, Any]:
+    """Arrays as numbers by parameter, counts as they are."""
+    counts = ("blocks", "trajectories", "planned")
+    return {
+        name: values if name in counts else dict(zip(study.parameters, finite(values), strict=True))
+        for name, values in asdict(found).items()
+        if name != "second"
     }
-    return named | {"blocks": indices.blocks, "planned": indices.planned}
 
 
 def _index_lines(study: StudyResults) -> Iterator[str]:
@@ -111,6 +117,18 @@ def _index_lines(study: StudyResults) -> Iterator[str]:
                 parts = [repr(float(column[i])) for column in four]
             slope = repr(float(each[name])) if name in each else ""
             yield ",".join([output, name, slope, *parts])
+
+
+def _screening_lines(study: StudyResults) -> Iterator[str]:
+    """Morris' measures, in the outputs' units."""
+    yield "output,parameter,mu,mu_star,mu_star_conf,sigma,sigma_conf"
+    for output in study.outputs:
+        found = study.screening(output)
+        if found is None:
+            continue
+        columns = (found.mu, found.mu_star, found.mu_star_conf, found.sigma, found.sigma_conf)
+        for i, name in enumerate(study.parameters):
+            yield ",".join([output, name, *(repr(float(column[i])) for column in columns)])
 
 
 def _json(content: Any) -> str:

@@ -81,6 +81,8 @@ def _sampling_text(plan: StudyPlan) -> str:
     if plan.sampling is None:
         return "every combination of the values"
     s = plan.sampling
+    if s.kind == "morris":
+        return f"Morris' scheme, {s.n} trajectories, seed {s.seed}"
     names = {"saltelli": "Saltelli's scheme", "sobol": "Sobol's sequence", "random": "at random"}
     return f"{names.get(s.kind, 'Latin hypercube')}, {s.n} points, seed {s.seed}"
 
@@ -92,9 +94,12 @@ def _answer(study: StudyResults, name: str) -> str:
         return ""
     low, _, middle, _, high = map(number, band.quantiles)
     unit = "" if study.units[name] == "1" else f" {study.units[name]}"
-    known = study.sobol(name) is not None or study.slopes(name) is not None
+    screened = study.screening(name) is not None
+    known = screened or study.sobol(name) is not None or study.slopes(name) is not None
     most = [study.label(p) for p in pictures.strongest(study, name)[:2]] if known else []
     why = f"; it answers most to {' and '.join(most)}" if most else ""
+    if screened:  # levels, whose spread is not that of the distributions
+        return f"{study.label(name)}: {low} to {high}{unit} in 95 % of the runs at levels{why}."
     return f"{study.label(name)}: {middle}{unit} in the median, {low} to {high} in 95 %{why}."
 
 
@@ -103,9 +108,14 @@ def _output(study: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
     targets = [t for t in of_case if t.quantity == plan.outputs[name]]
     band, indices, surface = study.band(name), study.indices(name), study.surface(name)
     pairs = study.pairs(name)
-    figures: dict[str, Figure | None] = {"band": None, "influence": None, "scatter": None}
+    no_indices = indices if isinstance(indices, str) and _wants(plan, "saltelli") else ""
+    not_screened = study.why_not_screened(name) if _wants(plan, "morris") else ""
+    figures: dict[str, Figure | None] = {
+        "band": None, "screening": None, "influence": None, "scatter": None
+    }  # fmt: skip
     if band is not None:
         figures["band"] = pictures.draw_band(study, name, targets)
+        figures["screening"] = pictures.draw_screening(study, name)
         figures["influence"] = pictures.draw_influence(study, name)
         figures["scatter"] = pictures.draw_scatter(study, name)
     drawn = None if surface is None else pictures.draw_surface(study, name, surface)
@@ -118,7 +128,8 @@ def _output(study: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
         "too_few": study.too_few(name),
         "numbers": {} if band is None else _numbers(band),
         "targets": [_target(t, band) for t in targets],
-        "why_not": indices if isinstance(indices, str) and _wants_indices(plan) else "",
+        "why_not": no_indices or not_screened,
+        "screening": _screening_rows(study, name),
         "indices": _index_rows(study, indices) if isinstance(indices, Indices) else [],
         "slopes": study.slopes(name),
         "surface": surface,
@@ -127,8 +138,9 @@ def _output(study: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
     }
 
 
-def _wants_indices(plan: StudyPlan) -> bool:
-    return plan.sampling is not None and plan.sampling.kind == "saltelli"
+def _wants(plan: StudyPlan, kind: str) -> bool:
+    """Whether the sampling is of the kind."""
+    return plan.sampling is not None and plan.sampling.kind == kind
 
 
 def _numbers(band: Band) -> dict[str, str]:
@@ -178,6 +190,21 @@ def _index_rows(study: StudyResults, indices: Indices) -> list[tuple[str, str, s
             f"{indices.total[i]:.3f} ± {indices.total_conf[i]:.3f}",
         )
         for i in order
+    ]
+
+
+def _screening_rows(study: StudyResults, name: str) -> list[tuple[str, str, str, str]]:
+    found = study.screening(name)
+    if found is None:
+        return []
+    return [
+        (
+            study.label(study.parameters[i]),
+            number(float(found.mu[i]), 3),
+            f"{number(float(found.mu_star[i]), 3)} ± {number(float(found.mu_star_conf[i]), 2)}",
+            f"{number(float(found.sigma[i]), 3)} ± {number(float(found.sigma_conf[i]), 2)}",
+        )
+        for i in sorted(range(len(found.mu)), key=lambda i: -found.mu_star[i])
     ]
 
 

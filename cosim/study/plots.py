@@ -91,10 +91,49 @@ def draw_influence(study: StudyResults, output: str) -> Figure | None:
     return figure
 
 
+def draw_screening(study: StudyResults, output: str) -> Figure | None:
+    """Morris' mean size of the effects and their SD, a mark for each parameter."""
+    from matplotlib.figure import Figure
+
+    found = study.screening(output)
+    if found is None:
+        return None
+    figure = Figure(figsize=(8.6, 4.6), layout="constrained")
+    axes = figure.subplots()
+    across, up = found.mu_star, found.sigma
+    top = 1.12 * float(max((across + found.mu_star_conf).max(), (up + found.sigma_conf).max()))
+    top = top or 1.0
+    axes.plot([0, top], [0, top], color="0.35", lw=1, ls="--", label="σ = μ*")
+    order = sorted(range(len(across)), key=lambda i: -across[i])
+    colours = (BLUE, ORANGE, GREEN, "#cc79a7", "#56b4e9", "#d55e00", "black")
+    for place, i in enumerate(order):
+        axes.errorbar(
+            across[i], up[i], xerr=found.mu_star_conf[i], yerr=found.sigma_conf[i], capsize=2,
+            fmt="osD^vP*X<>"[place % 10], color=colours[place % len(colours)], ms=6, lw=1,
+            label=fill(study.label(study.parameters[i]), 34),
+        )  # fmt: skip
+    axes.set_xlim(-0.02 * top, top)
+    axes.set_ylim(-0.02 * top, top)
+    unit = study.units[output]
+    of = "" if unit == "1" else f" ({unit})"
+    axes.set_xlabel(f"μ*: mean size of the parameter's effect{of}")
+    axes.set_ylabel(f"σ: SD of the effect{of}")
+    lost = found.planned - found.trajectories
+    missing = f"; {lost} of {found.planned} trajectories left out" if lost else ""
+    title = f"Morris' screening of {study.label(output)}; bars: 95 % intervals{missing}"
+    axes.set_title(title, fontsize=10)
+    axes.grid(alpha=0.25)
+    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    return figure
+
+
 def strongest(study: StudyResults, output: str) -> list[str]:
-    """The numeric parameters, the strongest first: by total index, else by slope."""
-    indices, slopes = study.sobol(output), study.slopes(output)
-    if indices is not None:
+    """The numeric parameters, the strongest first: by total index, by Morris' mean size of effect,
+    else by slope."""
+    indices, slopes, effects = study.sobol(output), study.slopes(output), study.screening(output)
+    if effects is not None:
+        weight = dict(zip(study.parameters, effects.mu_star, strict=True))
+    elif indices is not None:
         weight = dict(zip(study.parameters, indices.total, strict=True))
     elif slopes is not None:
         weight = dict(zip(study.numeric, np.abs(slopes.slope), strict=True))

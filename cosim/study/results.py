@@ -15,7 +15,9 @@ from cosim.errors import InputError
 from cosim.extras import require
 from cosim.port import Array
 from cosim.study import answers
-from cosim.study.answers import Band, Indices, ResponseSurface, Slopes
+from cosim.study.answers import Band, Indices, ResponseSurface, Screening, Slopes
+from cosim.study.sampling import points_together
+from cosim.study.surrogate import Surrogate, fit_surrogate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,6 +29,8 @@ FORMAT = "cosim study 1"
 
 class _Answers(NamedTuple):
     indices: Indices | str
+    screening: Screening | None
+    not_screened: str
     slopes: Slopes | None
     surface: ResponseSurface | None
 
@@ -99,6 +103,14 @@ class StudyResults:
         indices = self.indices(output)
         return None if isinstance(indices, str) else indices
 
+    def screening(self, output: str) -> Screening | None:
+        """Morris' measures of the parameters in their order, where there are any."""
+        return self._answers(output).screening
+
+    def why_not_screened(self, output: str) -> str:
+        """Why there are no measures of Morris; nothing where there are."""
+        return self._answers(output).not_screened
+
     def slopes(self, output: str) -> Slopes | None:
         """Standardised regression coefficients of the `numeric` parameters."""
         return self._answers(output).slopes
@@ -113,7 +125,9 @@ class StudyResults:
         if self.facts["sampling"] is None:
             return []
         band, indices, slopes = self.band(output), self.sobol(output), self.slopes(output)
-        found = [] if band is None else [answers.too_few_for_ends(band.runs)]
+        found = []
+        if band is not None and self.facts["sampling"]["kind"] != "morris":
+            found.append(answers.too_few_for_ends(band.runs))
         if indices is not None:
             labels = [self.label(name) for name in self.parameters]
             found.append(answers.too_few_for_indices(indices, labels))
@@ -121,6 +135,15 @@ class StudyResults:
             labels = [self.label(name) for name in self.numeric]
             found.append(answers.too_few_for_slopes(slopes, band.runs, labels))
         return [text for text in found if text]
+
+    def surrogate(self, output: str, allow_poor: bool = False) -> Surrogate:
+        """A Gaussian process that answers new points with a spread (`surrogate.fit_surrogate`).
+        Raises InputError, also where it is poor unless `allow_poor`."""
+        values, numbers = self.values(output), self.table.select_dtypes("number").columns
+        if words := [name for name in self.parameters if name not in numbers]:
+            raise InputError(f"a surrogate needs numbers; {', '.join(words)} has words")
+        names, unit = self.numeric, self.units[output]
+        return fit_surrogate((output, unit, names), self.inputs, values, self.together, allow_poor)
 
     def pairs(self, output: str) -> dict[tuple[str, str], float]:
         """`ResponseSurface.pairs` by the parameters' names; empty without a surface."""
@@ -136,14 +159,26 @@ class StudyResults:
     def _answers_to(self, values: Array) -> _Answers:
         sampling, count = self.facts["sampling"] or {}, len(self.parameters)
         indices: Indices | str = 'no indices: sampling.kind = "saltelli" gives them'
-        together = 1
+        screened: tuple[Screening | None, str]
+        screened = None, 'no effects: sampling.kind = "morris" gives them'
         if sampling.get("kind") == "saltelli":
             indices = answers.indices(values, count, sampling["second_order"])
-            together = answers.block(count, sampling["second_order"])
+        if sampling.get("kind") == "morris":
+            every = self.table[list(self.parameters)].to_numpy(float)
+            screened = answers.screening(every, values)
         if not self.numeric:
-            return _Answers(indices, None, None)
-        x = self.inputs
-        return _Answers(indices, answers.slopes(x, values), answers.surface(x, values, together))
+            return _Answers(indices, *screened, None, None)
+        line = answers.slopes(self.inputs, values)
+        curved = answers.surface(self.inputs, values, self.together)
+        return _Answers(indices, *screened, line, curved)
+
+    @property
+    def together(self) -> int:
+        """How many runs in turn differ in few parameters, and would tell each other's values."""
+        s = self.facts["sampling"]
+        if s is None:
+            return 1
+        return points_together(s["kind"], len(self.parameters), s["second_order"])
 
     def dataset(self) -> xarray.Dataset:
         """Outputs by parameters where all of these are axes, else by run."""

@@ -1,4 +1,4 @@
-"""Points of the unit cube to try, by seed: at random, Latin hypercube, Sobol, Saltelli."""
+"""Points of the unit cube to try, by seed: at random, Latin hypercube, Sobol, Saltelli, Morris."""
 
 from __future__ import annotations
 
@@ -12,10 +12,16 @@ from cosim.extras import require
 from cosim.port import Array
 from cosim.study.distributions import Law, Word, is_axis
 
-Kind = Literal["random", "latin_hypercube", "sobol", "saltelli"]
+Kind = Literal["random", "latin_hypercube", "sobol", "saltelli", "morris"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 POWERS_OF_TWO: tuple[Kind, ...] = ("sobol", "saltelli")
 """Their sequences are balanced for such counts alone (Owen 2020, arXiv:2008.08051)."""
+
+
+LEVELS = 4
+"""Values of each parameter in Morris' scheme: the quantiles at the middles of as many parts."""
+SCHEMES: tuple[Kind, ...] = ("saltelli", "morris")
+"""Those that sample all parameters together, block after block."""
 
 
 def block(dimensions: int, second_order: bool) -> int:
@@ -26,7 +32,14 @@ def block(dimensions: int, second_order: bool) -> int:
 
 def count_points(kind: Kind, dimensions: int, n: int, second_order: bool) -> int:
     """How many points `unit_points` gives."""
-    return n * block(dimensions, second_order) if kind == "saltelli" else n
+    return n * points_together(kind, dimensions, second_order)
+
+
+def points_together(kind: Kind, dimensions: int, second_order: bool) -> int:
+    """How many points in turn differ in few parameters: Saltelli's block, Morris' trajectory."""
+    if kind == "saltelli":
+        return block(dimensions, second_order)
+    return dimensions + 1 if kind == "morris" else 1
 
 
 def check_sampling(kind: Kind, n: int) -> None:
@@ -39,13 +52,15 @@ def check_sampling(kind: Kind, n: int) -> None:
         raise InputError(
             f"sampling.n = {n}: {kind} needs a power of 2, for example {below} or {2 * below}"
         )
-    if kind == "saltelli":
+    if kind in SCHEMES:
         require(f"sampling.kind = {kind!r}", "SALib")
 
 
 def unit_points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bool) -> Array:
     """Points (m, dimensions) inside (0, 1); m is n, of Saltelli's scheme (Comput Phys Commun
-    145:280, 2002) n `block`s.  Raises InputError as `check_sampling` does."""
+    145:280, 2002) n `block`s, of Morris' (Technometrics 33:161, 1991) n trajectories, in which one
+    parameter after the other goes half of the `LEVELS` up or down.  Raises InputError as
+    `check_sampling` does."""
     check_sampling(kind, n)
     sampled = _points(kind, dimensions, n, seed, second_order)
     tiny = np.finfo(float).eps
@@ -61,6 +76,11 @@ def _points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bool) 
         return np.asarray(qmc.LatinHypercube(dimensions, seed=seed).random(n))
     if kind == "sobol":
         return np.asarray(qmc.Sobol(dimensions, seed=seed).random(n))
+    if kind == "morris":
+        from SALib.sample.morris import sample as trajectories
+
+        levels = trajectories(problem(dimensions), n, num_levels=LEVELS, seed=seed)
+        return np.asarray((levels * (LEVELS - 1) + 0.5) / LEVELS)
     from SALib.sample.sobol import sample
 
     sampled = sample(problem(dimensions), n, calc_second_order=second_order, seed=seed)

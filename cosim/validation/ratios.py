@@ -117,13 +117,12 @@ def share_group() -> TrialGroup:
 
 def shares(trial: Trial, summaries: Summaries) -> Iterator[Comparison]:
     """%, of intrinsics and lumbrical, by a run's arms at rest and the strengths of its case."""
-    summary = summaries.get(trial.name)
-    if summary is None:
+    arms = summaries.get(trial.name, {}).get("unloaded", {}).get("moment_arm_mm", {})
+    if not arms.keys() >= {*INTRINSICS, *FLEXORS}:  # without one of them there is no share
         yield from share_rows(trial, {}, {})
         return
     tendons = load_case(trial.case).tendons
-    strengths = {name: t.max_force or 0.0 for name, t in tendons.items()}
-    yield from share_rows(trial, summary["unloaded"]["moment_arm_mm"], strengths)
+    yield from share_rows(trial, arms, {name: t.max_force or 0.0 for name, t in tendons.items()})
 
 
 def share_rows(

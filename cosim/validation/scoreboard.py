@@ -70,12 +70,19 @@ def scoreboard(boards: Sequence[JudgedBoard]) -> str:
     content = {
         "format": FORMAT,
         "version": __version__,
-        "kinds": {b.group: _judge(b) for b in by_kind(plain)},
+        "kinds": {b.group: _judge(b) | {"judgements": _of_kind(boards, b)} for b in by_kind(plain)},
         "judged": {b.board.group: _judge(b.board) | {"judgements": b.judgements()} for b in boards},
         "failed": {name: why for b in plain for name, why in b.failures.items()},
         "groups": {b.board.group: [_row(b, row) for row in b.board.rows] for b in boards},
     }
     return json_text(content) + "\n"
+
+
+def _of_kind(boards: Sequence[JudgedBoard], kind: Board) -> dict[str, int]:
+    """The judgements of a kind's groups together."""
+    mine = [b for b in boards if b.board.kind == kind.kind and not b.board.variant]
+    count = sum((Counter(b.judgements()) for b in mine), Counter[str]())
+    return {word: count[word] for word in JUDGEMENTS if count[word]}
 
 
 def _row(board: JudgedBoard, row: Comparison) -> dict[str, Any]:

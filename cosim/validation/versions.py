@@ -12,10 +12,11 @@ from functools import partial
 from typing import Any
 
 from cosim.case.schema import Case
-from cosim.errors import Progress, quiet
+from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.json_text import json_text
 from cosim.outcome import Outcome, outcome_of
 from cosim.pipeline import run_cases
+from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison
 from cosim.results.result import Result
 from cosim.validation.run import Board, board_of, with_trials
@@ -69,9 +70,9 @@ def run_versions(
     return {name: [board_of(g, of_version) for g in kept] for name, of_version in outcomes.items()}
 
 
-def audited_summary(result: Result) -> Mapping[str, Any] | None:
-    """The summary of a run whose audit passes."""
-    if not result.audit.passed:
-        return None
+def audited_summary(result: Result) -> Mapping[str, Any]:
+    """The summary of a run.  Raises ConvergenceError where it misses its audit."""
+    if misses := list(describe_misses(result.summary)):
+        raise ConvergenceError(f"misses its audit: {'; '.join(misses)}")
     summary: Mapping[str, Any] = json.loads(json_text(result.summary))
     return summary

@@ -272,8 +272,8 @@ Family = ExponentialFamily | DispersedFamily
 
 
 def with_family(base: Expansion, family: Expansion) -> Expansion:
-    """The sum of an energy of (trace, det, *fibres) and a family's of (trace, det, f), whose f
-    comes last."""
+    """The sum of an energy of `(trace, det, *fibres)` and a family's of `(trace, det, f)`, whose
+    `f` comes last."""
     last = len(base.slope)
     place = {0: 0, 1: 1, 2: last}
     slope, mixed = [*base.slope, 0.0], [*base.mixed, 0.0]

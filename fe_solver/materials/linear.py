@@ -73,7 +73,7 @@ def require_poisson(law: object, nu: Real) -> None:
 
 
 def symmetric(entries: dict[tuple[int, int], Real], shape: tuple[int, ...]) -> Array:
-    """The matrix (*shape, 3, 3) from entries of the upper triangle; absent ones are zero."""
+    """The matrix `(*shape, 3, 3)` from entries of the upper triangle; absent ones are zero."""
     out = np.zeros((*shape, 3, 3))
     for (i, j), value in entries.items():
         out[..., i, j] = value

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.errors import InputError
+from cosim.errors import ConvergenceError, InputError
+from cosim.pipeline import run_case
 from cosim.results.compare import Comparison, Target
 from cosim.validation.forms import RUBBING, form_values, form_versions
 from cosim.validation.inputs import (
@@ -23,6 +25,7 @@ from cosim.validation.inputs import (
     read_inputs,
 )
 from cosim.validation.mesh import MeshSeries, mesh_factors
+from cosim.validation.ratios import share_group
 from cosim.validation.run import Board, choose_groups
 from cosim.validation.scoreboard import JudgedBoard, judged
 from cosim.validation.trial import Trial, TrialGroup
@@ -35,7 +38,7 @@ from cosim.validation.uncertainty import (
     update,
     write_uncertainty,
 )
-from cosim.validation.versions import run_versions, values_of_boards
+from cosim.validation.versions import audited_summary, run_versions, values_of_boards
 from tests.helpers.folders import ROOT
 
 CASES = ROOT / "cases"
@@ -200,17 +203,13 @@ def test_versions_are_compared_with_the_same_references_and_a_failure_has_no_num
     group = TrialGroup("g", "experiment", (Trial("edc", "split_edc"),), (target,))
 
     def at(settings: list[str]):
-        from cosim.case.file import load_case
-
         return lambda trial: load_case(trial.case, [*trial.settings, *settings])
 
-    tension = "tendons.EDC.tension=2 N"
     pulls = {"own": at([]), "more": at(["tendons.EDC={ tension = '5 N' }"]), "faulty": at(["x=1"])}
     found = run_versions([group], pulls, 1)
     values = {name: next(iter(values_of_boards(b).values())) for name, b in found.items()}
     assert values["more"] > values["own"] > 0
     assert values["faulty"] is None
-    assert tension
     assert "x" in found["faulty"][0].failures["edc"]
 
 
@@ -246,3 +245,22 @@ def test_the_committed_uncertainties_are_those_of_the_committed_scoreboard():
     assert told.samples >= 10
     for row in told.rows:
         assert row.model == pytest.approx(models[row.key], rel=1e-3, abs=1e-4)
+
+
+def test_a_run_that_misses_its_audit_has_no_number_and_the_reason_is_kept():
+    result = run_case(load_case("split_edc"))
+    assert audited_summary(result)["difference"]
+    missed = replace(result, summary={**result.summary, "audit_missed": ["force_balance"]})
+    with pytest.raises(ConvergenceError, match=r"misses its audit: .*balance"):
+        audited_summary(missed)
+
+
+def test_a_hood_that_lacks_a_muscle_has_no_share_of_the_moment():
+    group = share_group()
+    (trial,) = group.trials
+    full = run_case(load_case("split_edc", trial.settings)).summary
+    arms = dict(full["unloaded"]["moment_arm_mm"])
+    assert all(row.model for row in group.derived({trial.name: full}))
+    del arms["FPI"]
+    lacking = {**full, "unloaded": {**full["unloaded"], "moment_arm_mm": arms}}
+    assert [row.model for row in group.derived({trial.name: lacking})] == [None, None]

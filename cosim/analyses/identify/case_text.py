@@ -67,6 +67,11 @@ def _provenance(fit: Fit, targets: str, cases: Sequence[StatedCase]) -> Iterator
     yield from _rows("Targets, the model before and after:", fit.start, fit.rows, several)
     title = "Held out, rows that did not pull, the model before and after:"
     yield from _rows(title, fit.held_out_start, fit.held_out, several)
+    for part in fit.parts:
+        yield (
+            f"Rows {part.name}: {part.count}, RMS of their misses {part.start:.3g} SD before, "
+            f"{part.end:.3g} after, {part.zero:.3g} if every number were 0."
+        )
     for note in fit.notes:
         yield f"{note}."
         yield ""

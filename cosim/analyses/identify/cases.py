@@ -122,10 +122,12 @@ def fit_cases(
     held_out: Sequence[Target] = (),
 ) -> tuple[FitCase, ...]:
     """Each case with its parameters, those of the file at `path` or the built-in ones, and its
-    rows.
+    rows; targets that their file marks as held out are.
 
     Raises InputError with every fault: of the cases, of parameters that a case does not take, of
     rows."""
+    held_out = (*held_out, *(t for t in targets if t.held_out))
+    targets = [t for t in targets if not t.held_out]
     faults: list[str] = []
     frees = [free for case in stated for free in _free_parameters(case, path, faults)]
     if len(frees) == len(stated):

@@ -13,14 +13,16 @@ Rows inside their bands do not pull: they only bound the parameters.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from cosim.analyses.identify.cases import FitCase, StatedCase, assign_rows
+from cosim.analyses.identify.information import Information, check_identifiable, information
 from cosim.analyses.identify.parameters import FitParameter, Free, raise_faults
+from cosim.analyses.identify.profile import Profile, profile
 from cosim.analyses.trials.by_tangent import tangent_serves
 from cosim.analyses.trials.workers import CaseWorkers, Summary, Trial
 from cosim.case.file import Settings, load_case
@@ -66,6 +68,20 @@ class Confidence:
 
 
 @dataclass(frozen=True)
+class FitPart:
+    """How well rows are met: root mean squares of their misses, SDs."""
+
+    name: str
+    count: int
+    start: float
+    """With the parameters as they were at the start."""
+    end: float
+    """With those found."""
+    zero: float
+    """Of the null model, which says 0 of every number."""
+
+
+@dataclass(frozen=True)
 class Fit:
     """What was found.  Rows are those of all cases, each with its case's name."""
 
@@ -94,6 +110,23 @@ class Fit:
     """Why the search ended."""
     by_tangent: tuple[str, ...]
     """Cases whose gradients are by the hood's tangent, not by differences of solves."""
+    before: Information
+    """What the rows can say of the parameters, at the start."""
+    profiles: tuple[Profile, ...] = ()
+    """The profile likelihood of each parameter, where it was asked for."""
+
+    @property
+    def parts(self) -> tuple[FitPart, ...]:
+        """How well the rows fitted to and those held out are met."""
+        pairs = {
+            "fitted to": (self.start, self.rows),
+            "held out": (self.held_out_start, self.held_out),
+        }
+        return tuple(
+            FitPart(name, len(after), rms(before), rms(after), rms(after, model=0.0))
+            for name, (before, after) in pairs.items()
+            if after
+        )
 
     @property
     def within(self) -> tuple[FitParameter, ...]:
@@ -117,6 +150,14 @@ def miss(target: Target, model: float) -> float:
     low = -np.inf if target.low is None else target.low
     high = np.inf if target.high is None else target.high
     return float(model - np.clip(model, low, high)) / scale
+
+
+def rms(rows: Sequence[Comparison], model: float | None = None) -> float:
+    """The root mean square of rows' misses, or of those that one number has in place of all the
+    model's."""
+    numbers = [row.model or 0.0 if model is None else model for row in rows]
+    misses = [miss(row.target, x) for row, x in zip(rows, numbers, strict=True)]
+    return float(np.sqrt(np.mean(np.square(misses))))
 
 
 def pulls(target: Target, model: float) -> bool:
@@ -175,10 +216,11 @@ def fit(
     workers: int = 1,
     most: int = 30,
     progress: Progress = quiet,
+    **more: bool,
 ) -> Fit:
     """`fit_all` of one case, the one at `source` with settings; targets for others are left out."""
     stated = (StatedCase(source.stem, source, settings),)
-    return fit_all(assign_rows(stated, (free,), targets), workers, most, progress)
+    return fit_all(assign_rows(stated, (free,), targets), workers, most, progress, **more)
 
 
 def fit_all(
@@ -186,18 +228,25 @@ def fit_all(
     workers: int = 1,
     most: int = 30,
     progress: Progress = quiet,
+    *,
+    allow_unidentified: bool = False,
+    profiles: bool = False,
 ) -> Fit:
     """The parameters, the same in all cases, with which they miss their targets least, in at most
-    so many evaluations of all cases; gradients and the last solves, from scratch, come on top.
+    so many evaluations of all cases; gradients, the `profiles` of the likelihood and the last
+    solves, from scratch, come on top.
 
-    Raises InputError where a target is not in its run, ConvergenceError where a case does not
+    Raises InputError where a target is not in its run and, unless that is allowed, where the rows
+    cannot tell a parameter at the start (`information`), ConvergenceError where a case does not
     converge at the start or nowhere beside a point of the search."""
     serves = [tangent_serves(load_case(c.stated.source, c.stated.settings)) for c in cases]
     pool_cases = [(c.name, c.stated.source, on) for c, on in zip(cases, serves, strict=True)]
     rows = [row for case in cases for row in (*case.rows, *case.held_out)]
     arms = any("moment_arm" in row.quantity for row in rows)
     with process_pool(workers) as pool:
-        return _Search(cases, serves, CaseWorkers(pool_cases, pool, arms), most, progress).run()
+        search = _Search(cases, serves, CaseWorkers(pool_cases, pool, arms), most, progress)
+        found = search.run(allow_unidentified)
+        return replace(found, profiles=search.profiles(found)) if profiles else found
 
 
 @dataclass(frozen=True)
@@ -241,8 +290,9 @@ class _Search:
         self.failures: list[str] = []
         self.last = _Point(np.full(len(bounds), np.nan))
         self.best: _Point | None = None
+        self.last_slopes: tuple[Array, Array] | None = None
 
-    def run(self) -> Fit:
+    def run(self, allow_unidentified: bool) -> Fit:
         x = np.array([p.coordinate(p.start) for p in self.parameters])
         counts = len(self.cases), len(self.parameters), sum(len(c.rows) for c in self.cases)
         self.progress("{} cases, {} parameters, {} rows: the start, from scratch".format(*counts))
@@ -251,6 +301,9 @@ class _Search:
             raise ConvergenceError("at the start: " + "; ".join(start.failures))
         inside = 1e-6 * (self.high - self.low)
         begin = np.clip(x, self.low + inside, self.high - inside)
+        before = self.information(begin)
+        if not allow_unidentified:
+            check_identifiable(before)
         solution = least_squares(
             self.residuals,
             begin,
@@ -281,7 +334,30 @@ class _Search:
             notes,
             self.ending(solution.status, str(solution.message)),
             names,
+            before,
         )
+
+    def information(self, x: Array) -> Information:
+        """What the rows can say of the parameters near x; nothing is lost where no case has an
+        answer, which the search says."""
+        names = [p.name for p in self.parameters]
+        failed = bool(self.at(x).failures)
+        slopes = np.eye(len(names)) if failed else self.slopes_at(x)
+        return information(names, slopes, self.high - self.low)
+
+    def profiles(self, fit: Fit) -> tuple[Profile, ...]:
+        """The profile of every parameter around what was found."""
+        best = np.array([p.coordinate(fit.values[p.name]) for p in self.parameters])
+        widths = dict.fromkeys(fit.values, np.inf)
+        inflation = fit.confidence.inflation
+        for p, deviation in zip(fit.within, fit.confidence.deviation, strict=True):
+            widths[p.name] = NORMAL * deviation
+        out = []
+        for i, p in enumerate(self.parameters):
+            self.progress(f"the profile of {p.name}")
+            search = (self.residuals, self.slopes_that_pull, best, (self.low, self.high))
+            out.append(profile(p.name, i, *search, widths[p.name], inflation))
+        return tuple(out)
 
     def ending(self, status: int, message: str) -> str:
         if status == 0:
@@ -403,7 +479,13 @@ class _Search:
     def slopes_that_pull(self, x: Array) -> Array:
         point = self.at(x)
         pulling = np.array([pulls(row.target, row.model or 0.0) for row in point.rows])
-        return self.slopes(point) * pulling[:, None]
+        return self.slopes_at(x) * pulling[:, None]
+
+    def slopes_at(self, x: Array) -> Array:
+        """The slopes (m, n) at a point of the search, kept for the next who asks."""
+        if self.last_slopes is None or not np.array_equal(self.last_slopes[0], x):
+            self.last_slopes = (np.array(x), self.slopes(self.at(x)))
+        return self.last_slopes[1]
 
     def slopes(self, point: _Point) -> Array:
         """The slopes (m, n) of the numbers by the coordinates, in units of their SDs."""
