@@ -195,8 +195,8 @@ def _follow(kind: str, what: str, numbers: Numbers) -> Evidence:
                 return Evidence(kind, what, "", "the board has no such group")
             return Evidence(kind, what, board_words(what, numbers.board))
         case "uncertainty":
-            found = uncertainty_words(what, numbers)
-            return Evidence(kind, what, found, "" if found else "no number has it yet")
+            fault = uncertainty_part(what, numbers).fault
+            return Evidence(kind, what, uncertainty_words(what, numbers), fault)
     return Evidence(kind, what, "", "is no address of evidence")
 
 
@@ -225,28 +225,57 @@ def board_words(group: str, board: Mapping[str, Any]) -> str:
     return f"{tally or f'{len(rows)} numbers, none counts'}{skill}"
 
 
-def uncertainty_words(part: str, numbers: Numbers) -> str:
-    """How many numbers have a part of the uncertainty; empty where none has."""
-    known = numbers.uncertainty
+class Part(NamedTuple):
+    """A part of the uncertainty of the compared numbers."""
+
+    count: int
+    """Of how many numbers it is known."""
+    of: int
+    words: str
+
+    @property
+    def fault(self) -> str:
+        """Why it is no evidence; empty where it is."""
+        if not self.count:
+            return "no number has it yet"
+        return "" if 2 * self.count >= self.of else "fewer than half of the numbers have it"
+
+
+def uncertainty_part(part: str, numbers: Numbers) -> Part:
+    """A part of the uncertainty of the shipped models' numbers: `meshes`, `inputs`, `forms`, or
+    `judged`, the errors of experiments beside their uncertainty."""
+    known, judged = numbers.uncertainty, numbers.board["judged"]
+    rows = [row for row in known.rows if not judged.get(row.group, {}).get("variant")]
+    of = len(rows)
     match part:
         case "meshes":
-            series = [row.meshes for row in known.rows if row.meshes is not None]
+            series = [row.meshes for row in rows if row.meshes is not None]
             observed = sum(s.convergence.order is not None for s in series)
             beyond = sum(s.verdict == "beyond" for s in series)
-            words = f"{len(series)} numbers on {len(known.meshes)} meshes; an order is observed for"
-            return f"{words} {observed}; {beyond} off by more than they should" if series else ""
+            words = (
+                f"on {len(known.meshes)} meshes; an order is observed for {observed}, {beyond} are "
+                "off by more than they should"
+            )
+            return Part(len(series), of, words)
         case "inputs":
-            count = sum(row.inputs is not None for row in known.rows)
-            return f"{count} numbers at {known.samples} samples of the inputs" if count else ""
+            count = sum(row.inputs is not None for row in rows)
+            return Part(count, of, f"at {known.samples} samples of the inputs")
         case "forms":
-            count = sum(bool(row.forms) for row in known.rows)
-            return f"{count} numbers with other hoods" if count else ""
+            return Part(sum(bool(row.forms) for row in rows), of, "with other hoods")
         case "judged":
-            rows = [row for _, row in judged_rows(numbers.board)]
-            tally = Counter(str(r["judgement"]) for r in rows if r.get("judgement"))
-            del tally["no u_val"]
-            return ", ".join(f"{n} {word}" for word, n in tally.items())
-    return ""
+            every = [row for _, row in judged_rows(numbers.board)]
+            words_of = Counter(str(r.get("judgement")) for r in every if r["sd"] is not None)
+            known_words = {w: n for w, n in words_of.items() if w not in ("no u_val", "None")}
+            words = ", ".join(f"{n} {word}" for word, n in known_words.items())
+            return Part(sum(known_words.values()), sum(words_of.values()), words)
+    return Part(0, 0, "")
+
+
+def uncertainty_words(part: str, numbers: Numbers) -> str:
+    """How many numbers have a part of the uncertainty, and what it says."""
+    count, of, words = found = uncertainty_part(part, numbers)
+    which = "numbers with an SD" if part == "judged" else "numbers"
+    return f"{count} of {of} {which}: {words}" if found.count else ""
 
 
 def judged_rows(board: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:

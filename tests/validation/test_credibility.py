@@ -24,7 +24,7 @@ from cosim.validation.credibility import (
     pulled,
     read_credibility,
 )
-from cosim.validation.uncertainty import UncertaintyFile
+from cosim.validation.uncertainty import NumberUncertainty, UncertaintyFile
 
 CLAIMS = read_credibility()
 CLAIMED = [*CLAIMS.factors, *CLAIMS.rules.list]
@@ -43,7 +43,7 @@ def test_the_thirteen_factors_and_the_ten_rules_are_all_graded():
 def test_evidence_is_there(address: str):
     """What no validation has found yet is lacking on purpose, and its grade counts as 0."""
     (found,) = follow([address], committed_numbers())
-    assert not found.fault or (found.kind, found.fault) == ("uncertainty", "no number has it yet")
+    assert not found.fault or found.kind == "uncertainty"
 
 
 def commands() -> list[str]:
@@ -74,6 +74,21 @@ def test_a_grade_whose_evidence_is_lacking_counts_as_none(address: str):
     assert counted(2, follow([there], numbers)) == 2
     assert counted(2, follow([there, address], numbers)) == 0
     assert counted(2, []) == 0
+
+
+def test_a_part_of_the_uncertainty_that_few_numbers_have_is_no_evidence():
+    board = {"judged": {"a": {}, "b": {"variant": True}}, "groups": {}}
+    of = {"case": "c", "quantity": "q", "unit": "N", "model": 1.0}
+    rows = [
+        NumberUncertainty(group=g, name=str(i), forms={"split": 2.0} if i < 2 else {}, **of)
+        for g, i in (("a", 0), ("a", 1), ("a", 2), ("a", 3), ("b", 4), ("b", 5))
+    ]
+    numbers = Numbers(board, UncertaintyFile(rows=tuple(rows)))
+    (found,) = follow(["uncertainty forms"], numbers)
+    assert (found.found, found.fault) == ("2 of 4 numbers: with other hoods", "")
+    fewer = Numbers(board, UncertaintyFile(rows=tuple(rows[1:])))
+    (found,) = follow(["uncertainty forms"], fewer)
+    assert found.fault == "fewer than half of the numbers have it"
 
 
 def test_no_claim_types_a_number_of_the_board():
