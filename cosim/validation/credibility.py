@@ -228,7 +228,7 @@ def board_words(group: str, board: Mapping[str, Any]) -> str:
 class Part(NamedTuple):
     """A part of the uncertainty of the compared numbers."""
 
-    count: int
+    known: int
     """Of how many numbers it is known."""
     of: int
     words: str
@@ -236,9 +236,9 @@ class Part(NamedTuple):
     @property
     def fault(self) -> str:
         """Why it is no evidence; empty where it is."""
-        if not self.count:
+        if not self.known:
             return "no number has it yet"
-        return "" if 2 * self.count >= self.of else "fewer than half of the numbers have it"
+        return "" if 2 * self.known >= self.of else "fewer than half of the numbers have it"
 
 
 def uncertainty_part(part: str, numbers: Numbers) -> Part:
@@ -274,8 +274,8 @@ def uncertainty_part(part: str, numbers: Numbers) -> Part:
 def uncertainty_words(part: str, numbers: Numbers) -> str:
     """How many numbers have a part of the uncertainty, and what it says."""
     count, of, words = found = uncertainty_part(part, numbers)
-    which = "numbers with an SD" if part == "judged" else "numbers"
-    return f"{count} of {of} {which}: {words}" if found.count else ""
+    which = "numbers with an SD:" if part == "judged" else "numbers"
+    return f"{count} of {of} {which} {words}" if found.known else ""
 
 
 def judged_rows(board: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:

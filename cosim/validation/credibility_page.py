@@ -30,15 +30,16 @@ MUSCLES = ("EDC", "EI", "LUM", "FPI", "FDI", "RI", "UI", "FDP", "FDS")
 """The order of the columns; others follow."""
 
 
-def write_credibility_page(path: Path) -> None:
-    """The page.  Raises InputError where the claims or the board are at fault, or the file cannot
-    be written."""
+def write_credibility_page(path: Path, linked: bool = True) -> None:
+    """The page; `linked` to the files of the checkout from where it lies.  Raises InputError where
+    the claims or the board are at fault, or the file cannot be written."""
     claims, numbers = read_credibility(), committed_numbers()
+    start = path if linked else None
     covered = coverage(numbers)
     rows, unmeasured = injuries(numbers)
     judged = numbers.board["judged"]
-    factors = [_graded(f, f.grade, f.evidence, numbers, path) for f in claims.factors]
-    rules = [_graded(r, r.grade, r.evidence, numbers, path) for r in claims.rules.list]
+    factors = [_graded(f, f.grade, f.evidence, numbers, start) for f in claims.factors]
+    rules = [_graded(r, r.grade, r.evidence, numbers, start) for r in claims.rules.list]
     page = template("cosim.validation", "credibility.html.j2").render(
         claims=claims,
         factors=factors,
@@ -47,7 +48,7 @@ def write_credibility_page(path: Path) -> None:
         rules=rules,
         score=sum(r["counted"] for r in rules),
         most=(len(claims.rules.scale) - 1) * len(rules),
-        kinds=[_graded(k, 0, k.evidence, numbers, path) for k in claims.fda.kinds],
+        kinds=[_graded(k, 0, k.evidence, numbers, start) for k in claims.fda.kinds],
         fingers={finger: _matrix(covered, finger) for finger in _names(c.finger for c in covered)},
         shapes=SHAPES,
         largest=number(max(t for c in covered if c.verdicts for t in c.tensions), 3),
@@ -82,7 +83,7 @@ def credibility_rows() -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
 
 
 def _graded(
-    of: Any, grade: int, addresses: Sequence[str], numbers: Numbers, page: Path
+    of: Any, grade: int, addresses: Sequence[str], numbers: Numbers, page: Path | None
 ) -> dict[str, Any]:
     """A factor, rule or kind of evidence with the grade that counts and its evidence."""
     found = follow(addresses, numbers)
@@ -95,7 +96,7 @@ def _lacking(found: Sequence[Evidence]) -> str:
     return "; ".join(f"{e.kind} {e.what}: {e.fault}" for e in found if e.fault)
 
 
-def _evidence(found: Sequence[Evidence], page: Path) -> list[dict[str, Any]]:
+def _evidence(found: Sequence[Evidence], page: Path | None) -> list[dict[str, Any]]:
     return [
         {"e": e, "link": _link(e, page), "words": WORDS.get((e.kind, e.what), e.what)}
         for e in found
@@ -111,10 +112,12 @@ WORDS = {
 """Parts of the uncertainties in words."""
 
 
-def _link(e: Evidence, page: Path) -> str:
+def _link(e: Evidence, page: Path | None) -> str:
     """Where a file lies from the page, in a checkout."""
     place = CHECKOUT / e.what.partition("::")[0]
-    if e.kind not in ("file", "test") or not place.is_file() or not is_checkout():
+    if page is None or e.kind not in ("file", "test"):
+        return ""
+    if not place.is_file() or not is_checkout():
         return ""
     return relative_path(place, page.absolute().parent)
 

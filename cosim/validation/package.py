@@ -252,7 +252,11 @@ def readme(request: Request, boards: Sequence[JudgedBoard]) -> str:
     rows = [row for b in boards for row in b.board.rows]
     groups = "\n".join(f"* {b.board.group}: {b.board.headline}" for b in boards)
     here = versions_here()
-    text = resources.files("cosim.validation").joinpath("package.md").read_text(encoding="utf-8")
+    text = (
+        resources.files("cosim.validation")
+        .joinpath("package_readme.txt")
+        .read_text(encoding="utf-8")
+    )
     return text.format(
         **{"rows": len(rows), "boards": len(boards), "groups": groups, "command": command(request)},
         **{"cosim": here.cosim, "python": here.python, "platform": here.platform},

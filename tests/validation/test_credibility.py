@@ -85,7 +85,7 @@ def test_a_part_of_the_uncertainty_that_few_numbers_have_is_no_evidence():
     ]
     numbers = Numbers(board, UncertaintyFile(rows=tuple(rows)))
     (found,) = follow(["uncertainty forms"], numbers)
-    assert (found.found, found.fault) == ("2 of 4 numbers: with other hoods", "")
+    assert (found.found, found.fault) == ("2 of 4 numbers with other hoods", "")
     fewer = Numbers(board, UncertaintyFile(rows=tuple(rows[1:])))
     (found,) = follow(["uncertainty forms"], fewer)
     assert found.fault == "fewer than half of the numbers have it"
