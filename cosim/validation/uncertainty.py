@@ -236,7 +236,8 @@ def update(
                 continue
             known = old.get(key) or _nothing_known(key, row)
             found = {word: values[key] for word, values in (parts or {}).items() if key in values}
-            kept.append(known.model_copy(update={"model": row.model, **found}))
+            if key in old or found:
+                kept.append(known.model_copy(update={"model": row.model, **found}))
     return UncertaintyFile(
         meshes=meshes or before.meshes,
         samples=samples or before.samples,

@@ -124,6 +124,8 @@ def test_a_part_that_is_found_anew_leaves_the_others():
     (row,) = found.rows
     assert (row.meshes, row.inputs) == (MESHES, new)
     assert (found.samples, found.failed) == (20, {"run, sample 3": "no"})
+    other = Board("h", (Comparison(TARGET, 1.2),), {})
+    assert update(before, [other]).rows == ()
 
 
 def test_the_file_is_read_as_it_was_written_and_another_is_refused(tmp_path: Path):
