@@ -19,6 +19,7 @@ from cosim.errors import InputError
 from cosim.extras import require
 from cosim.face import score
 from cosim.report.measured_page import write_measured_page
+from cosim.validation.credibility_page import write_credibility_page
 
 ROOT = Path(__file__).parents[1]
 CONFIGURATION = ".docs"
@@ -39,6 +40,7 @@ CONTENTS = {
         "cases/papers/README.md": "cases/papers.md",
         ".docs/measured.md": "measured.md",
         ".docs/scores.md": "scores.md",
+        ".docs/credibility.md": "credible.md",
     },
     "Python": {
         ".docs/api/cosim.md": "api/cosim.md",
@@ -110,6 +112,7 @@ def build(folder: Path) -> None:
         if build_main(["-b", "html", *options, *kept, stage, str(folder)]):
             raise InputError("the documentation has the faults above; nothing else was built")
     write_measured_page(folder / "measurements.html")
+    write_credibility_page(folder / "credibility.html", linked=False)
     score(*SCORED).write(folder / "score.html")
 
 

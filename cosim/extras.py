@@ -16,6 +16,7 @@ EXTRAS = {
     "opensim": ("opensim",),
     "mkl": ("pypardiso",),
     "peers": ("KratosMultiphysics",),
+    "package": ("rocrate",),
     "notebooks": ("jupytext", "nbconvert"),
     "docs": ("sphinx", "myst_parser", "furo"),
 }

@@ -94,6 +94,7 @@ FLOORS = (
         "cosim.kernels",
         "cosim.json_text",
         "cosim.interrupts",
+        "cosim.zip_file",
     },
     {"cosim.file_size"},
     {"cosim.port", "cosim.extras", "cosim.abaqus_file", "cosim.foreign_process"},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -23,7 +23,9 @@ from cosim.validation.mesh import (
     mesh_versions,
     tally,
 )
+from cosim.validation.package import check_package, request_of, write_package
 from cosim.validation.page import write_page
+from cosim.validation.repeat import Differences, differences, read_package, sentences
 from cosim.validation.run import Board, by_kind, choose_groups, run_validation
 from cosim.validation.scoreboard import JudgedBoard, judged, write_scoreboard
 from cosim.validation.trial import TrialGroup
@@ -96,35 +98,63 @@ def validate(
     update: Annotated[
         bool, typer.Option("--update", help=f"Write {PLACE}, the committed scoreboard, as well.")
     ] = False,
+    package: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OUT.ZIP",
+            help="Pack inputs, versions, hashes and results, for others to repeat (RO-Crate).",
+        ),
+    ] = None,
+    repeat: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="IN.ZIP",
+            help="Run what a package was made by, and say which numbers, versions and inputs "
+            "differ; exit code 1 where numbers do.",
+        ),
+    ] = None,
 ) -> None:
     """Run the validations; print the tally by kind of reference, the skill over null models, and
     every compared number, misses first."""
+    if repeat is not None:
+        with exit_on_error():
+            if any((only, settings, published, meshes, samples, forms, listed, update, package)):
+                raise InputError("--repeat takes what the package says: only --out and --workers")
+            found = _repeat(repeat, out, workers)
+        for line in sentences(found):
+            typer.echo(line)
+        raise typer.Exit(1 if found.numbers else 0)
     with exit_on_error():
         hoods, other_settings = _hoods(settings or [])
         if update and (only or other_settings):
             raise InputError("--update takes all trials as they are: leave out --only and --set")
         if update and not PLACE.parent.is_dir():
             raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
+        request = None
+        if package is not None:
+            if hoods or published:
+                raise InputError("--package: the published hood is not ours to pack; leave it out")
+            check_package(package)
+            counts = {"meshes": meshes or 0, "samples": samples or 0, "forms": forms}
+            request = request_of(only=only, settings=tuple(other_settings), **counts)
         groups = choose_groups(only, hoods[-1] if hoods else published)
         if listed:
             _list(groups)
             return
         asked = _Asked(meshes or 0, samples or 0, forms, tuple(other_settings), workers)
-        check_file(out / "scoreboard.json")
-        boards = run_validation(groups, out, other_settings, workers, _progress)
-        known = asked.uncertainty(groups, boards, out / FILE)
-        judged_boards = judged(boards, known.by_key())
         places = [out / PLACE.name, *([PLACE] if update else [])]
-        for place in places:
-            write_scoreboard(place, judged_boards)
-            write_uncertainty(place.with_name(FILE), known)
-        write_page(out / "scoreboard.html", judged_boards)
+        boards, known = _judge(groups, asked, out, places)
+        judged_boards = judged(boards, known.by_key())
+        if package is not None and request is not None:
+            write_package(package, request, out, judged_boards)
     _print(judged_boards)
     if meshes:
         _print_meshes({row.key: row.meshes for row in known.rows if row.meshes is not None})
     for name, why in known.failed.items() if asked.anything else ():
         console().print(f"no result: {name}: {why}")
     typer.echo(f"scoreboard in {out / 'scoreboard.html'} and {' and '.join(map(str, places))}")
+    if package is not None:
+        typer.echo(f"{package}: repeat it with `cosim validate --repeat {package}`")
     missed = warn_of_audits(
         {name: why for board in boards for name, why in board.audit_misses.items()}
     )
@@ -184,6 +214,32 @@ class _Asked(NamedTuple):
             for trial, why in board.failures.items()
         }
         return found, failed
+
+
+def _judge(
+    groups: list[TrialGroup], asked: _Asked, out: Path, places: Sequence[Path]
+) -> tuple[list[Board], UncertaintyFile]:
+    """Run the groups, and write their runs and page to `out`, and the board to each of the places.
+    Raises InputError."""
+    check_file(places[0])
+    boards = run_validation(groups, out, asked.settings, asked.workers, _progress)
+    known = asked.uncertainty(groups, boards, out / FILE)
+    judged_boards = judged(boards, known.by_key())
+    for place in places:
+        write_scoreboard(place, judged_boards)
+        write_uncertainty(place.with_name(FILE), known)
+    write_page(out / "scoreboard.html", judged_boards)
+    return boards, known
+
+
+def _repeat(path: Path, out: Path, workers: int) -> Differences:
+    """Run what a package was made by, and say what differs.  Raises InputError."""
+    theirs = read_package(path)
+    asked = theirs.request
+    wanted = _Asked(asked.meshes, asked.samples, asked.forms, asked.settings, workers)
+    place = out / PLACE.name
+    _judge(choose_groups(asked.only), wanted, out, [place])
+    return differences(theirs, place.read_text(encoding="utf-8"))
 
 
 def _hoods(settings: list[str]) -> tuple[list[Path], list[str]]:

@@ -52,6 +52,7 @@ PURPOSES = {
     "your own bones": ("trimesh",),
     "FMUs": ("fmpy", *EXTRAS["fmu"]),
     "checks by OpenSim": EXTRAS["opensim"],
+    "packages of a validation": EXTRAS["package"],
     "notebooks": EXTRAS["notebooks"],
     "documentation": EXTRAS["docs"],
 }

@@ -6,22 +6,18 @@ runs here; where it is loaded later, it runs with the user's rights, as every FM
 
 from __future__ import annotations
 
-import stat
-import struct
 import warnings
 import zipfile
-from collections import Counter
 from dataclasses import dataclass
-from lzma import LZMAError
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.parsers import expat
-from zlib import error as ZlibError
 
 from lxml import etree
 
 from cosim.errors import InputError, ReadingWarning
 from cosim.fmu.description import lenient_description
+from cosim.zip_file import UNREADABLE, archive_fault
 
 if TYPE_CHECKING:
     from fmpy.model_description import ModelDescription
@@ -32,11 +28,6 @@ MOST_TAGS, MOST_MARKUP, CHUNK = 1_000_000, 2**20, 2**16
 """Tags and attributes of a description, bytes of one tag, and bytes parsed at once."""
 MOST_SHOWN = 3
 DESCRIPTION = "modelDescription.xml"
-UNREADABLE = (
-    *(zipfile.BadZipFile, ZlibError, LZMAError, struct.error),
-    *(EOFError, NotImplementedError, RuntimeError, OSError, ValueError),
-)
-"""What zipfile raises over archives that are damaged, encrypted or packed in unknown ways."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +54,7 @@ def unpack_fmu(path: Path, folder: Path, strict: bool = False) -> UnpackedFmu:
     with binaries for this machine."""
     try:
         with zipfile.ZipFile(path) as archive:
-            entries = archive.infolist()
-            for fault in (_crowd(entries), *map(_path_fault, entries)):
-                _refuse_if(path, fault)
+            _refuse_if(path, archive_fault(archive.infolist(), MOST_FILES, MOST_BYTES))
             able = _capabilities(_parse_xml(path, _description(path, archive)))
             archive.extractall(folder)
     except UNREADABLE as error:
@@ -78,31 +67,6 @@ def unpack_fmu(path: Path, folder: Path, strict: bool = False) -> UnpackedFmu:
 def _refuse_if(path: Path, fault: str) -> None:
     if fault:
         raise InputError(f"{path}: refused: {fault}")
-
-
-def _crowd(entries: list[zipfile.ZipInfo]) -> str:
-    """What is wrong with the archive as a whole; the sizes are those that zipfile holds it to."""
-    size, names = sum(e.file_size for e in entries), Counter(e.filename.lower() for e in entries)
-    if len(entries) > MOST_FILES or size > MOST_BYTES:
-        return (
-            f"unpacks to {len(entries)} files of {size / 2**20:.0f} MiB, expected at most "
-            f"{MOST_FILES} of {MOST_BYTES / 2**20:.0f} MiB"
-        )
-    twice = [name for name, times in names.items() if times > 1]
-    if not twice:
-        return ""
-    return f"holds {twice[0]!r} more than once (upper and lower case are the same on some systems)"
-
-
-def _path_fault(entry: zipfile.ZipInfo) -> str:
-    """What is wrong with one file of the archive."""
-    name, parts = entry.orig_filename, PurePosixPath(entry.orig_filename).parts
-    if "\\" in name or ":" in name or "\0" in name or name.startswith("/") or ".." in parts:
-        return f"the file {name!r} would lie outside of its folder"
-    kind = stat.S_IFMT(entry.external_attr >> 16)
-    if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
-        return f"{name!r} is a link or a device, expected files and folders"
-    return f"{name!r} is encrypted" if entry.flag_bits & 1 else ""
 
 
 def _description(path: Path, archive: zipfile.ZipFile) -> bytes:
