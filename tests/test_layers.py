@@ -293,7 +293,7 @@ def test_types_are_asked_for_seldom_and_kinds_never():
         for module, path in MODULES.items()
     }
     del lines["cosim.arguments"]  # which reads whatever a user hands to the face
-    assert sum(map(len, lines.values())) <= 165
+    assert sum(map(len, lines.values())) <= 170
     tables = "|".join(kind.table.__name__ for kind in (*KINDS.values(), *FINGERS.values()))
     ladder = re.compile(rf"isinstance\([^)]*(?:case|hood|finger)\b[^)]*\b(?:{tables})\b")
     own = {m for m in lines if _is_within(m, "cosim.hoods") or _is_within(m, "cosim.fingers")}
