@@ -168,7 +168,7 @@ def read_credibility(path: Path = CASES / "data" / "credibility.toml") -> Credib
 def committed_numbers() -> Numbers:
     """The committed board and uncertainties.  Raises InputError."""
     board = read_json_file(CASES / "scoreboard.json")
-    if not isinstance(board, dict) or not {"groups", "judged"} <= board.keys():
+    if "groups" not in board or "judged" not in board:
         raise InputError(f"{CASES / 'scoreboard.json'}: is no scoreboard of `cosim validate`")
     return Numbers(board, committed())
 

@@ -109,8 +109,8 @@ class MeshSeries(BaseModel):
 def observe_order(values: Sequence[float], ratio: float) -> Convergence:
     """The order of three numbers, the coarsest mesh's first, whose edges go by `ratio`.
 
-    >>> observe_order([1 + 0.09, 1 + 0.04, 1 + 0.0177778], 1.5).order
-    2.0...
+    >>> f"{observe_order([1 + 0.09, 1 + 0.04, 1 + 0.0177778], 1.5).order:.3f}"
+    '2.000'
     """
     coarse, middle, fine = values
     first, second = coarse - middle, middle - fine

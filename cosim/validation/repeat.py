@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from cosim.case.faults import listing
 from cosim.errors import InputError
@@ -65,6 +65,29 @@ class Rows(BaseModel):
     def by_key(self) -> dict[Key, Row]:
         """The rows by group, case, name and quantity."""
         return {(g, r.case, r.name, r.quantity): r for g, rows in self.groups.items() for r in rows}
+
+
+class Reference(BaseModel):
+    """What names an entity of a crate."""
+
+    id: str = Field(alias="@id")
+
+
+class Entity(BaseModel):
+    """An entity of a crate's metadata, as far as it is held to."""
+
+    model_config = ConfigDict(extra="ignore")
+    id: str = Field(alias="@id")
+    sha256: str | None = None
+    conforms_to: Any = Field(default=None, alias="conformsTo")
+    parts: list[Reference] = Field(default=[], alias="hasPart")
+
+
+class Metadata(BaseModel):
+    """The metadata of a crate."""
+
+    model_config = ConfigDict(extra="ignore")
+    graph: list[Entity] = Field(alias="@graph")
 
 
 class Package(NamedTuple):
@@ -156,23 +179,21 @@ def _sha256(archive: zipfile.ZipFile, name: str) -> str:
 
 def _hashes(metadata: Any) -> tuple[dict[str, str], list[str]]:
     """The sha256 of each file by its place, and what is wrong with the metadata."""
-    graph = metadata.get("@graph") if isinstance(metadata, dict) else None
-    entities = graph if isinstance(graph, list) else []
-    by_id = {e["@id"]: e for e in entities if isinstance(e, dict) and isinstance(e.get("@id"), str)}
-    conforms = by_id.get(METADATA, {}).get("conformsTo")
-    root = by_id.get("./", {})
-    parts = root.get("hasPart")
-    places = [p.get("@id") for p in parts if isinstance(p, dict)] if isinstance(parts, list) else []
+    try:
+        by_id = {e.id: e for e in Metadata.model_validate(metadata).graph}
+    except ValidationError:
+        return {}, [f"{METADATA}: is no metadata of an RO-Crate"]
+    conforms = [e.conforms_to for name, e in by_id.items() if name == METADATA]
+    places = [part.id for name, e in by_id.items() if name == "./" for part in e.parts]
     faults = []
-    if conforms != {"@id": CRATE}:
+    if conforms != [{"@id": CRATE}]:
         faults.append(f"{METADATA}: does not conform to {CRATE}")
     if not places:
         faults.append(f"{METADATA}: its root has no parts")
     hashes = {}
     for place in places:
-        sha = by_id.get(place, {}).get("sha256") if isinstance(place, str) else None
-        if isinstance(sha, str):
-            hashes[str(place)] = sha
+        if place in by_id and by_id[place].sha256 is not None:
+            hashes[place] = by_id[place].sha256 or ""
         else:
             faults.append(f"{METADATA}: {place!a:.80} has no sha256")
     return hashes, faults
