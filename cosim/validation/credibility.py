@@ -28,6 +28,7 @@ from cosim.fingers.kinds import native
 from cosim.measured import Measured, all_measured
 from cosim.results.compare import number
 from cosim.text_tables import read_json_file, read_toml
+from cosim.validation.mesh import distinct, tally
 from cosim.validation.plan import groups
 from cosim.validation.trial import Trial, TrialGroup
 from cosim.validation.uncertainty import UncertaintyFile, committed
@@ -249,12 +250,13 @@ def uncertainty_part(part: str, numbers: Numbers) -> Part:
     of = len(rows)
     match part:
         case "meshes":
-            series = [row.meshes for row in rows if row.meshes is not None]
-            observed = sum(s.convergence.order is not None for s in series)
-            beyond = sum(s.verdict == "beyond" for s in series)
+            series = {row.key: row.meshes for row in rows if row.meshes is not None}
+            touched = [one for _, one in distinct(series)]
+            observed = sum(one.convergence.order is not None for one in touched)
             words = (
-                f"on {len(known.meshes)} meshes; an order is observed for {observed}, {beyond} are "
-                "off by more than they should"
+                f"on {len(known.meshes)} meshes; of {len(touched)} that the mesh touches an order "
+                f"is observed for {observed}, {tally(series)['beyond']} are off by more than they "
+                "should"
             )
             return Part(len(series), of, words)
         case "inputs":
