@@ -57,15 +57,19 @@ def draw_rows(board: Board) -> Figure | None:
     for axes, unit, ordered in zip(panels.ravel(), units, by_unit, strict=True):
         _draw_unit(axes, board, ordered)
         style_axes(axes, "ratio" if unit == "1" else unit, "")
+    _add_legend(picture, 4)
+    return picture
+
+
+def _add_legend(picture: Figure, columns: int) -> None:
+    """One legend below all panels, each word once."""
     handles = {
         label: handle
-        for axes in panels.ravel()
+        for axes in picture.axes
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
-    picture.legend(
-        handles.values(), handles, loc="outside lower center", ncols=4, frameon=False, fontsize=8
-    )
-    return picture
+    style: Any = {"loc": "outside lower center", "frameon": False, "fontsize": 8}
+    picture.legend(handles.values(), handles, ncols=columns, **style)
 
 
 def tendon_of(row: Comparison) -> str:
@@ -162,14 +166,7 @@ def draw_budgets(judged: JudgedBoard) -> Figure | None:
         axes.set_ylim(len(ordered) - 0.4, -0.6)
         axes.set_xlim(left=0)
         style_axes(axes, "uncertainty and error" + (f", {unit}" if unit != "1" else ""), "")
-    handles = {
-        label: handle
-        for axes in panels.ravel()
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    picture.legend(
-        handles.values(), handles, loc="outside lower center", ncols=5, frameon=False, fontsize=8
-    )
+    _add_legend(picture, 5)
     return picture
 
 

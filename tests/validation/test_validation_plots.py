@@ -6,8 +6,19 @@ import numpy as np
 import pytest
 
 from cosim.results.compare import Comparison, Target
-from cosim.validation.plots import NO_TENDON, SHAPES, draw_kind, draw_rows, tendon_of
+from cosim.validation.inputs import InputSpread
+from cosim.validation.mesh import MeshSeries, mesh_factors
+from cosim.validation.plots import (
+    NO_TENDON,
+    SHAPES,
+    draw_budgets,
+    draw_kind,
+    draw_rows,
+    tendon_of,
+)
 from cosim.validation.run import Board
+from cosim.validation.scoreboard import JudgedBoard
+from cosim.validation.uncertainty import NumberUncertainty
 
 
 def row(name: str, model: float | None, unit: str = "N", **more: float | None) -> Comparison:
@@ -78,3 +89,32 @@ def test_a_chart_holds_all_references_and_answers() -> None:
 )
 def test_a_row_goes_to_the_tendon_that_it_names(name: str, tendon: str) -> None:
     assert tendon_of(row(name, 1.0, reference=1.0)) == tendon
+
+
+def test_a_budget_has_a_bar_for_each_part_and_a_mark_of_the_error() -> None:
+    target = Target(*("EDC, distal", "q", "N", 0.9, 0.2, None, None, "s", "experiment", "c"), n=3)
+    row_of = Comparison(target, 1.0)
+    series = MeshSeries(factors=mesh_factors(3), values=(1.1, 1.0, 0.95), bound=0.02)
+    inputs = InputSpread(nominal=1.0, mean=1.0, sd=0.05, samples=16, failed=0)
+    known = NumberUncertainty(
+        group="g",
+        case="c",
+        name="EDC, distal",
+        quantity="q",
+        unit="N",
+        model=1.0,
+        meshes=series,
+        inputs=inputs,
+    )
+    board = Board("g", (row_of, row("FDP", 2.0, reference=1.0)), {})
+    figure = draw_budgets(JudgedBoard(board, {known.key: known}))
+    assert figure is not None
+    (axes,) = figure.axes
+    assert [t.get_text() for t in axes.get_yticklabels()] == ["EDC, distal"]
+    of_row = JudgedBoard(board, {known.key: known}).budget(row_of)
+    widths = [bar.get_width() for bar in axes.patches]
+    assert widths == pytest.approx([of_row.u_num, of_row.u_input, of_row.u_data])
+    marks = {line.get_label(): line.get_xdata()[0] for line in axes.lines}
+    assert marks["95 % of u_val"] == pytest.approx(of_row.expanded)
+    assert marks["|model - measured|, within uncertainty"] == pytest.approx(0.1)
+    assert draw_budgets(JudgedBoard(board)) is None
