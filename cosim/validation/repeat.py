@@ -170,11 +170,7 @@ def _model(path: Path, archive: zipfile.ZipFile, name: str, model: type[Model]) 
 
 
 def _sha256(archive: zipfile.ZipFile, name: str) -> str:
-    digest = hashlib.sha256()
-    with archive.open(name) as stream:
-        while part := stream.read(MB):
-            digest.update(part)
-    return digest.hexdigest()
+    return hashlib.sha256(archive.read(name)).hexdigest()
 
 
 def _hashes(metadata: Any) -> tuple[dict[str, str], list[str]]:
