@@ -8,6 +8,7 @@ import os
 import pickle
 import signal
 import sys
+import tempfile
 import traceback
 from _thread import interrupt_main
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -48,6 +49,9 @@ PRELOADED = (
 )
 """What the server of a pool imports before it forks: what the processes need, and nothing that
 starts a thread."""
+LONGEST_TEMPORARY = 60
+"""Letters of the path of the folder for temporary files; the socket in it has some 40 more, and 107
+are the most that Linux takes."""
 YOUNG_COLLECTIONS = 200
 """Collections of garbage among younger objects before one among all (Python's own: 10)."""
 
@@ -403,7 +407,10 @@ def process_context(environment: Mapping[str, str] | None = None) -> BaseContext
     starts once, with these variables, and which has imported what they need; elsewhere each begins
     anew (a fork is not safe on macOS and there is none on Windows).
 
-    Call it ahead of a pool to let the server import while this process does something else."""
+    Call it ahead of a pool to let the server import while this process does something else.
+
+    Raises InputError where the path of the folder for temporary files is too long for its
+    socket."""
     from multiprocessing import get_context
 
     if sys.platform != "linux":
@@ -421,6 +428,15 @@ def process_context(environment: Mapping[str, str] | None = None) -> BaseContext
         try:
             with _variables(variables):
                 forkserver.ensure_running()
+        except OSError as error:
+            folder = tempfile.gettempdir()
+            if len(os.fsencode(folder)) < LONGEST_TEMPORARY:
+                raise
+            raise InputError(
+                f"{folder}: the folder for temporary files (TMPDIR) has too long a path for what "
+                "processes talk by; set TMPDIR to a shorter one, for example /tmp, or use one "
+                "worker where the command has --workers"
+            ) from error
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
     return get_context("forkserver")

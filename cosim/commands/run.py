@@ -108,10 +108,10 @@ def run(
 ) -> None:
     """Run cases; each writes its results to a folder of its name.  One case prints its results;
     several print a counter, and a table of all at the end."""
-    if workers > 1:
-        process_context()  # imports while the cases are read
-    if watch:
-        with exit_on_error():
+    with exit_on_error():
+        if workers > 1:
+            process_context()  # imports while the cases are read
+        if watch:
             require("the page", "starlette", "uvicorn")
     none = () if pictures else ("output.picture=false",)
     checked = load_cases(cases, (*(settings or ()), *none))

@@ -45,8 +45,8 @@ def ui(
     """Work on a case in a page of your browser: sliders for posture, tensions, material, thickness,
     lesion and hood; the finger, its forces and residuals as they are solved; runs to pin, compare
     and save.  Nothing leaves this machine; Ctrl-C ends it."""
-    process_context()  # imports while the case is read
     with exit_on_error():
+        process_context()  # imports while the case is read
         require("the page", "starlette", "uvicorn")
         begun = load_case(case, settings or ())
         lean = None if reduced is None else load_case(reduced)

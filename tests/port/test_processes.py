@@ -110,6 +110,24 @@ def test_processes_have_the_environment_of_their_pool(monkeypatch: pytest.Monkey
         assert os.environ["A_SETTING"] == value
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="a server of processes has a socket there")
+def test_a_folder_for_temporary_files_of_a_long_path_is_one_message(tmp_path: Path) -> None:
+    room = tmp_path / ("a" * 100)
+    room.mkdir()
+    words = [sys.executable, "-m", "cosim", "run", "split_edc", "split_ei", "--workers", "2"]
+    done = subprocess.run(
+        [*words, "--out", "out"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(room)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "TMPDIR" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 @pytest.mark.skipif(os.name == "nt", reason="sends signals")
 def test_a_killed_process_ends_the_others_with_words() -> None:
     begun = time.monotonic()

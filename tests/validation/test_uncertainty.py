@@ -218,7 +218,7 @@ def test_versions_are_compared_with_the_same_references_and_a_failure_has_no_num
 @pytest.mark.slow
 def test_the_command_finds_mesh_inputs_and_forms(tmp_path: Path):
     words = ["validate", "--only", "inferred: central slip", "--out", str(tmp_path)]
-    coarse = ["--set", "hood.mesh.quads=300", "--meshes", "3", "--samples", "5", "--forms"]
+    coarse = ["--set", "hood.mesh.quads=300", "--meshes", "3", "--samples", "8", "--forms"]
     done = CliRunner().invoke(app, [*words, *coarse, "--workers", "1"])
     assert done.exit_code == 0, done.output
     told = read_uncertainty(tmp_path / "uncertainty.json")
