@@ -18,7 +18,7 @@ from cosim.pipeline import run_case
 from cosim.results.conventions import vector_of
 from cosim.study.plan import read_plan
 from cosim.validation.mesh import distinct, tally
-from cosim.validation.uncertainty import committed
+from cosim.validation.uncertainty import read_committed
 from cosim.verification.lesions import CUTS, EXTENDING, FREE, HOODS, changes
 from rigid.papers.networks.testbed_study import REPORTED_ERRORS, errors, trials
 from rigid.verification.network_study_rows import SEEDS
@@ -116,7 +116,7 @@ def test_the_figures_of_trust_are_the_boards():
 
 def test_the_figures_of_uncertainty_are_those_that_were_found():
     text = " ".join(TOP.split())
-    known = committed().rows
+    known = read_committed().rows
     series = {row.key: row.meshes for row in known if row.meshes is not None}
     touched = [one for _, one in distinct(series)]
     observed = sum(one.convergence.order is not None for one in touched)

@@ -32,7 +32,7 @@ CEILINGS = {
     "cosim/study": 3424,
     "cosim/tendons": 534,
     "cosim/ui": 1522,
-    "cosim/validation": 4011,
+    "cosim/validation": 4013,
     "cosim/verification": 990,
     "fe_solver": 477,
     "fe_solver/elements": 1478,

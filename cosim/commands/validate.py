@@ -27,12 +27,12 @@ from cosim.validation.package import check_package, request_of, write_package
 from cosim.validation.page import write_page
 from cosim.validation.repeat import Differences, differences, read_package, sentences
 from cosim.validation.run import Board, by_kind, choose_groups, run_validation
-from cosim.validation.scoreboard import JudgedBoard, judged, write_scoreboard
+from cosim.validation.scoreboard import JudgedBoard, join_uncertainty, write_scoreboard
 from cosim.validation.trial import TrialGroup
 from cosim.validation.uncertainty import (
     FILE,
     UncertaintyFile,
-    committed,
+    read_committed,
     sentence,
     write_uncertainty,
 )
@@ -144,7 +144,7 @@ def validate(
         asked = _Asked(meshes or 0, samples or 0, forms, tuple(other_settings), workers)
         places = [out / PLACE.name, *([PLACE] if update else [])]
         boards, known = _judge(groups, asked, out, places)
-        judged_boards = judged(boards, known.by_key())
+        judged_boards = join_uncertainty(boards, known.by_key())
         if package is not None and request is not None:
             write_package(package, request, out, judged_boards)
     _print(judged_boards)
@@ -181,7 +181,7 @@ class _Asked(NamedTuple):
         """What is known of the boards' numbers: what the package says, and over it what is found
         anew, part by part, each written to `place` as it is there.  Variants have no versions.
         Raises InputError."""
-        known = update_uncertainty(committed(), boards)
+        known = update_uncertainty(read_committed(), boards)
         shipped = [group for group in groups if not group.variant]
         if self.meshes:
             factors = mesh_factors(self.meshes)
@@ -224,7 +224,7 @@ def _judge(
     check_file(places[0])
     boards = run_validation(groups, out, asked.settings, asked.workers, _progress)
     known = asked.uncertainty(groups, boards, out / FILE)
-    judged_boards = judged(boards, known.by_key())
+    judged_boards = join_uncertainty(boards, known.by_key())
     for place in places:
         write_scoreboard(place, judged_boards)
         write_uncertainty(place.with_name(FILE), known)
@@ -272,7 +272,7 @@ def _print(boards: list[JudgedBoard]) -> None:
         for line in board.hand_lines:
             screen.print(f"  {line}")
         _print_rows(board)
-        for row, budget in judged_board.changed():
+        for row, budget in judged_board.changed_verdicts():
             words = f"{row.verdict}, but {budget.judgement}"
             screen.print(f"  {row.target.name}: {words}: {sentence(row, budget)}")
         _print_failures(board)

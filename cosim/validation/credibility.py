@@ -31,7 +31,7 @@ from cosim.text_tables import read_json_file, read_toml
 from cosim.validation.mesh import distinct, tally
 from cosim.validation.plan import groups
 from cosim.validation.trial import Trial, TrialGroup
-from cosim.validation.uncertainty import UncertaintyFile, committed
+from cosim.validation.uncertainty import UncertaintyFile, read_committed
 
 CASES = Path(str(resources.files("cases")))
 CHECKOUT = CASES.parent
@@ -171,7 +171,7 @@ def committed_numbers() -> Numbers:
     board = read_json_file(CASES / "scoreboard.json")
     if "groups" not in board or "judged" not in board:
         raise InputError(f"{CASES / 'scoreboard.json'}: is no scoreboard of `cosim validate`")
-    return Numbers(board, committed())
+    return Numbers(board, read_committed())
 
 
 def counted(grade: int, evidence: Sequence[Evidence]) -> int:

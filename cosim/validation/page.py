@@ -54,7 +54,7 @@ def write_page(path: Path, boards: Sequence[JudgedBoard]) -> None:
             _changed(row, of_row, board.board.group)
             for board in boards
             if not board.board.variant
-            for row, of_row in board.changed()
+            for row, of_row in board.changed_verdicts()
         ],
         changes=[_mesh_row(key, s) for key, s in distinct(series)],
         mesh_tally=tally(series),

@@ -47,7 +47,7 @@ class JudgedBoard:
         count = Counter(self.budget(row).judgement for row in judging_rows(self.board.rows))
         return {word: count[word] for word in JUDGEMENTS if count[word]}
 
-    def changed(self) -> list[tuple[Comparison, Budget]]:
+    def changed_verdicts(self) -> list[tuple[Comparison, Budget]]:
         """The rows that count whose verdict by one SD and whose judgement by u_val are not of one
         mind, with their budgets."""
         changed = []
@@ -59,7 +59,9 @@ class JudgedBoard:
         return changed
 
 
-def judged(boards: Sequence[Board], rows: Mapping[Key, NumberUncertainty]) -> list[JudgedBoard]:
+def join_uncertainty(
+    boards: Sequence[Board], rows: Mapping[Key, NumberUncertainty]
+) -> list[JudgedBoard]:
     """The boards with what is known of their numbers."""
     return [JudgedBoard(board, known_of(board, rows)) for board in boards]
 

@@ -186,7 +186,7 @@ def known_of(board: Board, rows: Mapping[Key, NumberUncertainty]) -> dict[Key, N
     return known
 
 
-def committed() -> UncertaintyFile:
+def read_committed() -> UncertaintyFile:
     """What stands in `cases/uncertainty.json`.  Raises InputError."""
     return read_uncertainty(Path(str(resources.files("cases") / FILE)))
 

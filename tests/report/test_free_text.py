@@ -16,7 +16,7 @@ from cosim.results.compare import compare_with_targets, read_targets
 from cosim.study import page as study_page
 from cosim.validation.page import write_page
 from cosim.validation.run import Board
-from cosim.validation.scoreboard import judged
+from cosim.validation.scoreboard import join_uncertainty
 from tests.helpers.fixed_posture import HELD
 from tests.helpers.report_runs import run_into
 
@@ -159,7 +159,7 @@ def test_in_the_page_of_a_study(tmp_path: Path, table: Path, monkeypatch) -> Non
 def test_in_the_page_of_the_validation(tmp_path: Path, table: Path) -> None:
     rows = tuple(compare_with_targets(read_targets(table), {"fingertip_force_N": FORCE}, ""))
     boards = [Board(EVIL, rows, {EVIL: EVIL}, {EVIL: [EVIL]}, kind=kind) for kind in KINDS]
-    write_page(tmp_path / "page.html", judged(boards, {}))
+    write_page(tmp_path / "page.html", join_uncertainty(boards, {}))
     check((tmp_path / "page.html").read_text(encoding="utf-8"), 10)
 
 

@@ -27,13 +27,13 @@ from cosim.validation.inputs import (
 from cosim.validation.mesh import MeshSeries, mesh_factors
 from cosim.validation.ratios import share_group
 from cosim.validation.run import Board, choose_groups
-from cosim.validation.scoreboard import JudgedBoard, judged
+from cosim.validation.scoreboard import JudgedBoard, join_uncertainty
 from cosim.validation.trial import Trial, TrialGroup
 from cosim.validation.uncertainty import (
     NumberUncertainty,
     UncertaintyFile,
     budget,
-    committed,
+    read_committed,
     read_uncertainty,
     update,
     write_uncertainty,
@@ -100,19 +100,19 @@ def test_what_is_not_known_forms_no_u_val_and_is_said():
 
 def test_a_verdict_that_uncertainty_changes_is_found():
     board = Board("g", (Comparison(TARGET, 1.2),), {})
-    assert JudgedBoard(board, {KNOWN.key: KNOWN}).changed() == []
+    assert JudgedBoard(board, {KNOWN.key: KNOWN}).changed_verdicts() == []
     sure = KNOWN.model_copy(update={"inputs": INPUTS.model_copy(update={"mean": 1.0})})
     many = replace(TARGET, n=10_000)
     exact = sure.model_copy(update={"meshes": MESHES.model_copy(update={"values": (1.2,) * 3})})
     board = Board("g", (Comparison(many, 1.2),), {})
-    ((row, found),) = JudgedBoard(board, {exact.key: exact}).changed()
+    ((row, found),) = JudgedBoard(board, {exact.key: exact}).changed_verdicts()
     assert (row.verdict, found.judgement) == ("inside 1 SD", "model differs")
 
 
 def test_what_was_found_for_another_number_is_not_taken():
-    (board,) = judged([Board("g", (Comparison(TARGET, 1.2),), {})], {KNOWN.key: KNOWN})
+    (board,) = join_uncertainty([Board("g", (Comparison(TARGET, 1.2),), {})], {KNOWN.key: KNOWN})
     assert board.known == {KNOWN.key: KNOWN}
-    (board,) = judged([Board("g", (Comparison(TARGET, 1.21),), {})], {KNOWN.key: KNOWN})
+    (board,) = join_uncertainty([Board("g", (Comparison(TARGET, 1.21),), {})], {KNOWN.key: KNOWN})
     assert board.known == {}
 
 
@@ -235,7 +235,7 @@ def test_the_command_finds_mesh_inputs_and_forms(tmp_path: Path):
 
 
 def test_the_committed_uncertainties_are_those_of_the_committed_scoreboard():
-    told = committed()
+    told = read_committed()
     board = json.loads((CASES / "scoreboard.json").read_text(encoding="utf-8"))
     models = {
         (g, r["case"], r["name"], r["quantity"]): r["model"]

@@ -36,7 +36,7 @@ from cosim.validation.run import (
     run_validation,
 )
 from cosim.validation.run import board_of as board_of_outcomes
-from cosim.validation.scoreboard import judged as with_uncertainty
+from cosim.validation.scoreboard import join_uncertainty as with_uncertainty
 from cosim.validation.scoreboard import scoreboard
 from cosim.validation.skill import FACTORS, hand_data, hands_headline, judging_rows
 from cosim.validation.trial import TrialGroup
