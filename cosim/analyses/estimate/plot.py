@@ -9,6 +9,7 @@ import numpy as np
 from cosim.analyses.estimate.capacity import Capacity
 from cosim.analyses.estimate.feasible import ForceSet
 from cosim.analyses.estimate.of_case import MotionEstimate
+from cosim.analyses.estimate.tracking import Tracking
 from cosim.port import Array
 from cosim.results.looks import look
 
@@ -77,21 +78,33 @@ def _set(axes: Axes, forces: ForceSet, wanted: Array | None, exact: bool) -> Non
 
 
 def draw_motion(
-    names: tuple[str, ...], joints: tuple[str, ...], result: MotionEstimate, title: str
+    names: tuple[str, ...],
+    joints: tuple[str, ...],
+    result: MotionEstimate,
+    title: str,
+    tracking: Tracking | None = None,
 ) -> Figure:
-    """Joint angles, needed torques and tensions over time."""
+    """Joint angles, needed torques and tensions over time; with a `tracking` also by how much the
+    finger that was run forward misses the angles, and under which tensions."""
     from matplotlib.figure import Figure
 
-    sheet = Figure(figsize=(7.5, 8.0), layout="constrained")
-    panels = sheet.subplots(3, 1, sharex=True)
-    shown = (
-        (np.degrees(result.motion.angle), joints, "angle, deg"),
-        (1e3 * result.required_torque, joints, "torque of muscles, N mm"),
-        (result.tension, names, "tension, N"),
-    )
-    for axes, (values, labels, unit) in zip(panels, shown, strict=True):
+    time = result.motion.time
+    shown = [
+        ("angle, deg", time, np.degrees(result.motion.angle), joints),
+        ("torque of muscles, N mm", time, 1e3 * result.required_torque, joints),
+        ("tension, N", time, result.tension, names),
+    ]
+    if tracking is not None:
+        off = np.degrees(tracking.angle - tracking.wanted)
+        shown += [
+            ("forward: angle less wanted, deg", time[0] + tracking.step_time, off, joints),
+            ("forward: tension, N", time[0] + tracking.time, tracking.tension, names),
+        ]
+    sheet = Figure(figsize=(7.5, 2.7 * len(shown)), layout="constrained")
+    panels = sheet.subplots(len(shown), 1, sharex=True)
+    for axes, (unit, at, values, labels) in zip(panels, shown, strict=True):
         for k, label in enumerate(labels):
-            axes.plot(result.motion.time, values[:, k], label=label, lw=1.5, **look(k).line)
+            axes.plot(at, values[:, k], label=label, lw=1.5, **look(k).line)
         axes.set_ylabel(unit)
         axes.grid(color="0.9")
         axes.legend(

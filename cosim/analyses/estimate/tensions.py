@@ -25,6 +25,9 @@ MOST_ROUNDS = 40
 PATIENCE = 6
 """Rounds after which a step that does not bring the hood nearer to what was predicted is halved."""
 LEAST_PART = 2.0**-8
+ROUGH = 1e-4
+"""The difference that is taken, and told, where it is no smaller after MOST_ROUNDS: a sheet's
+contact comes and goes with the tensions, and its torques have a kink there."""
 AGREED = 1e-6
 """Relative difference of the hood's torques and the predicted ones, and of tensions between
 rounds, at which the rounds end."""
@@ -77,10 +80,11 @@ def estimate(
     start: tuple[Array, State] | None = None,
     progress: Progress = quiet,
     reserve: float = 0.0,
+    agreed: float = AGREED,
 ) -> Estimate:
     """The cheapest tensions that make the components `wanted` (d,) of a demand, or where none do
     those nearest, if none of them is further off than `reserve`; `start`: tensions and a hood's
-    state near by.
+    state near by; `agreed`: the relative difference at which the rounds end.
 
     Raises InputError where the wanted lies out of reach, ConvergenceError where hood and programme
     do not agree."""
@@ -98,7 +102,8 @@ def estimate(
             raise _not_converged(rounds, last)
         gap, moved = _gap(demand, asked, at), _relative_change(tension, solution.x)
         progress(f"round {rounds}: torques off by {gap:.1e}, tensions by {moved:.1e}")
-        if gap <= AGREED and moved <= AGREED:
+        near = agreed if rounds < MOST_ROUNDS else max(agreed, ROUGH)
+        if gap <= near and moved <= near:
             if np.abs(asked - wanted).max() > max(SHORT * np.abs(wanted).max(), reserve, 1e-12):
                 raise _out_of_reach(demand, wanted, asked, programme, tension, bounds, held)
             return Estimate(tension, demand.component_values(at.torque), at, solution, gap, rounds)
@@ -124,8 +129,10 @@ def nearest(demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: 
     programme = linearise(demand, wanted, tension, at, bounds)
     d, n = len(wanted), len(tension)
     free = np.full(d, np.inf)
+    # in units of what a unit of tension makes, so that the programme is well scaled
+    unit = float(np.abs(programme.A).max(initial=0.0)) or 1.0
     wider = Programme(
-        np.hstack([-demand.spread, programme.A]),
+        np.hstack([-unit * demand.spread, programme.A]),
         programme.b,
         np.append(-free, bounds.least),
         np.append(free, bounds.most),
@@ -137,7 +144,7 @@ def nearest(demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: 
             "some joint is left with a torque. Try another posture, wider bounds (max_force of a "
             'tendon), or a clamped fingertip (finger.tip.kind = "clamped")'
         )
-    components: Array = wanted + solution.x[:d]
+    components: Array = wanted + unit * solution.x[:d]
     return components
 
 
