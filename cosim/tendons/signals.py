@@ -34,7 +34,8 @@ def factor_of(
             times, factors = np.array(signal.at).T
         case FileSignalConfig():
             times, factors = _recorded_signal(signal.path, signal.column)
-    return lambda t: float(np.interp(t, times, factors))
+    # rounding alone would take the way to a zero below it
+    return lambda t: max(float(np.interp(t, times, factors)), 0.0)
 
 
 def _recorded_signal(path: Path, column: str) -> tuple[Array, Array]:

@@ -14,7 +14,6 @@ from cosim.analyses.estimate.demand import Demand, force_demand, torque_demand
 from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.tensions import (
-    AGREED,
     SHORT,
     Bounds,
     Cost,
@@ -278,7 +277,6 @@ def cheapest(
     wanted: Array,
     start: tuple[Array, State] | None,
     reserve: float,
-    agreed: float = AGREED,
 ) -> Estimate:
     """The cheapest tensions that make the components `wanted` (d,) but for a `reserve`, looked for
     from `start`, then from FIRST parts of the greatest tensions.  Raises as `estimate`."""
@@ -288,9 +286,7 @@ def cheapest(
     for tension, state in starts if start is None else [start, *starts]:
         begin = tension, held.begin() if state is None else state
         try:
-            found = estimate(
-                held, demand, wanted, s.bounds, s.cost, begin, reserve=reserve, agreed=agreed
-            )
+            found = estimate(held, demand, wanted, s.bounds, s.cost, begin, reserve=reserve)
         except (InputError, ConvergenceError) as error:
             failure = failure or error
             continue

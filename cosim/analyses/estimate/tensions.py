@@ -80,11 +80,10 @@ def estimate(
     start: tuple[Array, State] | None = None,
     progress: Progress = quiet,
     reserve: float = 0.0,
-    agreed: float = AGREED,
 ) -> Estimate:
     """The cheapest tensions that make the components `wanted` (d,) of a demand, or where none do
     those nearest, if none of them is further off than `reserve`; `start`: tensions and a hood's
-    state near by; `agreed`: the relative difference at which the rounds end.
+    state near by.
 
     Raises InputError where the wanted lies out of reach, ConvergenceError where hood and programme
     do not agree."""
@@ -102,7 +101,7 @@ def estimate(
             raise _not_converged(rounds, last)
         gap, moved = _gap(demand, asked, at), _relative_change(tension, solution.x)
         progress(f"round {rounds}: torques off by {gap:.1e}, tensions by {moved:.1e}")
-        near = agreed if rounds < MOST_ROUNDS else max(agreed, ROUGH)
+        near = AGREED if rounds < MOST_ROUNDS else ROUGH
         if gap <= near and moved <= near:
             if np.abs(asked - wanted).max() > max(SHORT * np.abs(wanted).max(), reserve, 1e-12):
                 raise _out_of_reach(demand, wanted, asked, programme, tension, bounds, held)

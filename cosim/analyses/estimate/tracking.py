@@ -5,8 +5,8 @@ is made for the end of the next interval: the error e of then dies as a critical
 
     e(h) = (e + (e' + w e) h) exp(-w h),
 
-from what it is now.  Inverse dynamics of the plan give the joint torques there, `estimate` the
-cheapest tensions that make them on the hood there, and the tensions go to those in a straight line.
+from what it is now.  Inverse dynamics of the plan give the joint torques there, a programme with
+the hood's tangent the tensions that make them, and the tensions go to those in a straight line.
 (Thelen and Anderson 2006, J Biomech 39:1107, plan the acceleration of now.  A finger's joints are
 damped so much, and weigh so little, that its rates follow the torques within the interval.)
 Finger and hood move by the case's own scheme in time.
@@ -15,15 +15,17 @@ Finger and hood move by the case's own scheme in time.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from cosim.analyses.estimate.demand import torque_demand
+from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.of_case import Setup, cheapest
+from cosim.analyses.estimate.tensions import linearise, nearest
 from cosim.case.schema import Case
 from cosim.coupling.motion import CoupledMotion, MotionState
 from cosim.errors import ConvergenceError, InputError, Progress
@@ -32,14 +34,19 @@ from cosim.models.motion import moving_models
 from cosim.port import Array, State
 from rigid.mujoco.dynamics import DynamicPull
 from rigid.mujoco.finger import MujocoFinger, needed_torque
+from rigid.muscle.least_cost import Programme, least
 
 INTERVAL = 0.01
 """s, from one plan to the next."""
 RATE = 20.0
 """1/s, with which an error dies."""
-AGREED = 1e-3
-"""Relative difference of the torques of a plan and those of the hood: what is left, the next plan
-takes out."""
+SMOOTH = 0.05
+"""s, in which tensions go to the cheapest ones, as activations would: where two tendons do nearly
+the same on a hood, the cheapest pair jumps from the one to the other."""
+MOST_ROUNDS = 6
+AGREED = 1e-2
+"""Relative difference of the hood's torques and those of a plan, at which its rounds end: what is
+left, the next plan takes out."""
 ROUNDING = 1e-6
 """Of a step, by which a motion may be too short for the last one."""
 
@@ -120,7 +127,7 @@ class PlannedTensions:
         tension = np.array(self.tensions[-1])
         if len(self.times) > 1:
             (a, b), (low, high) = self.times[-2:], self.tensions[-2:]
-            tension = low + (high - low) * (time - a) / (b - a)
+            tension = np.maximum(low + (high - low) * ((time - a) / (b - a)), 0.0)
         return DynamicPull(tension, np.zeros_like(tension), None)
 
     def cylinder_signals(self, state: State, time: float) -> Array:
@@ -136,7 +143,6 @@ class Planner:
     rate: float
     lacking: float = 0.0
     rounds: int = 0
-    _last: Array | None = field(default=None, init=False)
 
     def plan(self, angle: Array, rate: Array, time: float, ahead: float) -> Plan:
         """Where the finger, now at `time` s at angles and rates (nq,), is to be `ahead` s later."""
@@ -151,20 +157,57 @@ class Planner:
             then.acceleration - 2 * w * slope - w**2 * error,
         )
 
-    def tensions(self, plan: Plan, hood: State | None) -> Array:
-        """The cheapest tensions (nt,) N with which the finger is as planned, from a state of the
-        hood near by; where none are, those whose torques are nearest."""
+    def begin(self, plan: Plan) -> Array:
+        """The cheapest tensions (nt,) N of all with which the finger is as planned; where none are,
+        those whose torques are nearest."""
+        held, needed = self._held(plan)
+        found = cheapest(self.setup, held, torque_demand(held), needed, None, np.inf)
+        self.lacking = float(np.abs(found.components - needed).max())
+        self.rounds += found.rounds
+        return found.tension
+
+    def go_on(self, plan: Plan, tension: Array, hood: State, ahead: float) -> Array:
+        """The tensions (nt,) N of a plan `ahead` s from now, when they are `tension` and the hood
+        is in the state `hood`.
+
+        They go to the cheapest with the time SMOOTH, and the hood from that state, so that it stays
+        on its way where it has more than one equilibrium.  Raises ConvergenceError."""
+        held, needed = self._held(plan)
+        demand, bounds = torque_demand(held), self.setup.bounds
+        kept = tension * SMOOTH / (SMOOTH + ahead)
+        at = held.at(tension, hood)
+        for _ in range(MOST_ROUNDS):
+            self.rounds += 1
+            wanted, found = needed, self._nearby(held, needed, tension, at, kept)
+            if found is None:
+                wanted = nearest(demand, needed, tension, at, bounds)
+                found = self._nearby(held, wanted, tension, at, kept)
+            if found is None:
+                raise ConvergenceError("no tensions were found that make the torques of the plan")
+            tension, at = found, held.at(found, at.state)
+            if np.abs(at.torque - wanted).max() <= AGREED * np.abs(at.torque).max():
+                break
+        self.lacking = max(self.lacking, float(np.abs(wanted - needed).max()))
+        return tension
+
+    def _nearby(
+        self, held: HeldFinger, wanted: Array, tension: Array, at: Torques, kept: Array
+    ) -> Array | None:
+        """The tensions (nt,) N that make torques, by the tangent at others, and cost least in what
+        they have beyond those `kept`; None where there are none."""
+        bounds = self.setup.bounds
+        A, b, lower, upper = linearise(torque_demand(held), wanted, tension, at, bounds)
+        beyond = Programme(A, b - A @ kept, lower - kept, upper - kept)
+        found = least(beyond, self.setup.cost.factors, 2)
+        return None if found is None else np.clip(kept + found.x, *bounds)
+
+    def _held(self, plan: Plan) -> tuple[HeldFinger, Array]:
+        """The finger in the planned posture, and the torques (nq,) N m that the plan takes."""
         finger = cast(MujocoFinger, self.setup.models.finger)
         ends = np.array([finger.ranges.get(j, (-np.inf, np.inf)) for j in finger.joints]).T
         angle = np.clip(plan.angle, *ends)
         needed = needed_torque(finger, angle, plan.rate, plan.acceleration)
-        held = self.setup.hold_finger(dict(zip(finger.joints, angle, strict=True)))
-        start = None if self._last is None or hood is None else (self._last, hood)
-        found = cheapest(self.setup, held, torque_demand(held), needed, start, np.inf, AGREED)
-        self._last = found.tension
-        self.rounds += found.rounds
-        self.lacking = max(self.lacking, float(np.abs(found.components - needed).max()))
-        return found.tension
+        return self.setup.hold_finger(dict(zip(finger.joints, angle, strict=True))), needed
 
 
 def start_of(s: Setup, motion: JointMotion) -> Setup:
@@ -233,16 +276,17 @@ def track(
     assert forward is not None
     steps, each = round(forward.duration / forward.step), max(1, round(interval / forward.step))
     planner, first = Planner(s, wanted, rate), wanted.at(0.0)
-    drive = PlannedTensions([0.0], [planner.tensions(first, None)])
+    drive = PlannedTensions([0.0], [planner.begin(first)])
     moves: CoupledMotion = replace(moving_models(s.case, forward).moves, drive=drive)
     at = moves.begin(moves.finger.begin(dict(zip(moves.finger.joints, first.angle, strict=True))))
     seen = [at]
     for done in range(0, steps, each):
         count, now = min(each, steps - done), at.coupled.time
         try:
-            plan = planner.plan(*_angles_rates(moves, at), now, count * forward.step)
-            aim = planner.tensions(plan, at.coupled.hood)
-            drive.times.append(now + count * forward.step)
+            ahead = count * forward.step
+            plan = planner.plan(*_angles_rates(moves, at), now, ahead)
+            aim = planner.go_on(plan, drive.tensions[-1], at.coupled.hood, ahead)
+            drive.times.append(now + ahead)
             drive.tensions.append(aim)
             for _ in range(count):
                 at = moves.advance(at)
