@@ -25,9 +25,6 @@ MOST_ROUNDS = 40
 PATIENCE = 6
 """Rounds after which a step that does not bring the hood nearer to what was predicted is halved."""
 LEAST_PART = 2.0**-8
-ROUGH = 1e-4
-"""The difference that is taken, and told, where it is no smaller after MOST_ROUNDS: a sheet's
-contact comes and goes with the tensions, and its torques have a kink there."""
 AGREED = 1e-6
 """Relative difference of the hood's torques and the predicted ones, and of tensions between
 rounds, at which the rounds end."""
@@ -85,11 +82,15 @@ def estimate(
     those nearest, if none of them is further off than `reserve`; `start`: tensions and a hood's
     state near by.
 
+    A sheet's contact comes and goes with the tensions, so that its torques have kinks, at which the
+    rounds may not end: with a reserve, what came nearest is then taken if it is within it.
+
     Raises InputError where the wanted lies out of reach, ConvergenceError where hood and programme
     do not agree."""
     tension, state = (bounds.least, held.begin()) if start is None else start
     at = held.at(tension, state)
     aim, part, last = tension, 1.0, np.inf
+    best, least_miss = None, np.inf
     for rounds in range(1, MOST_ROUNDS + 1):
         programme = linearise(demand, wanted, tension, at, bounds)
         solution = least(programme, cost.factors, cost.power)
@@ -101,15 +102,20 @@ def estimate(
             raise _not_converged(rounds, last)
         gap, moved = _gap(demand, asked, at), _relative_change(tension, solution.x)
         progress(f"round {rounds}: torques off by {gap:.1e}, tensions by {moved:.1e}")
-        near = AGREED if rounds < MOST_ROUNDS else ROUGH
-        if gap <= near and moved <= near:
+        components = demand.component_values(at.torque)
+        found = Estimate(tension, components, at, solution, gap, rounds)
+        if gap <= AGREED and moved <= AGREED:
             if np.abs(asked - wanted).max() > max(SHORT * np.abs(wanted).max(), reserve, 1e-12):
                 raise _out_of_reach(demand, wanted, asked, programme, tension, bounds, held)
-            return Estimate(tension, demand.component_values(at.torque), at, solution, gap, rounds)
+            return found
+        if (miss := float(np.abs(components - wanted).max())) < min(least_miss, reserve):
+            best, least_miss = found, miss
         if rounds > PATIENCE and gap + moved >= last:
             part = max(0.5 * part, LEAST_PART)
         last, aim = gap + moved, solution.x
         tension, at = _take_step(held, tension, at, aim, part)
+    if best is not None:
+        return best
     raise _not_converged(MOST_ROUNDS, last)
 
 
