@@ -7,9 +7,9 @@
 # %% [markdown]
 # # A captured flexion, followed by all muscles
 #
-# Cameras saw markers on a finger. Which muscle forces make this motion, and does the finger do it under
-# them? Here the markers are those of a trial that comes with the program. It was made, not captured: by
-# known angles, and with 0.3 mm of noise.
+# Cameras saw markers on a finger. Which muscle forces make this motion, and does the finger do it
+# under them? Here the markers are those of a trial that comes with the program. It was made, not
+# captured: by known angles, and with 0.3 mm of noise.
 
 # %%
 from pathlib import Path
@@ -32,10 +32,10 @@ case = cosim.load(
 )
 
 # %% [markdown]
-# `track` finds the angles that the markers show, smooths them, and estimates the tensions by inverse
-# dynamics. Then it moves the finger forward: every 10 ms it compares the finger with the motion and plans
-# the tensions anew. What comes back is the case that runs under these tensions; it knows nothing of the
-# motion any more.
+# `track` finds the angles that the markers show, smooths them, and estimates the tensions by
+# inverse dynamics. Then it moves the finger forward: every 10 ms it compares the finger with the
+# motion and plans the tensions anew. What comes back is the case that runs under these tensions;
+# it knows nothing of the motion any more.
 
 # %%
 found = cosim.track(
@@ -60,8 +60,8 @@ assert float(missed.max()) < 2.0
 missed.to_series().round(2)
 
 # %% [markdown]
-# The shipped case `motion_flexion` is what this gives with the shell hood: it takes some minutes, and its
-# film and page show force and strain over the motion:
+# The shipped case `motion_flexion` is what this gives with the shell hood: it takes some minutes,
+# and its film and page show force and strain over the motion:
 #
 #     cosim run motion_flexion
 #     cosim film runs/motion_flexion -o flexion.gif

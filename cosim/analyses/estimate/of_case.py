@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import cast
 
@@ -14,12 +15,12 @@ from cosim.analyses.estimate.demand import Demand, force_demand, torque_demand
 from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.tensions import (
-    SHORT,
     Bounds,
     Cost,
     Estimate,
     estimate,
     format_components,
+    nearby,
 )
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, Progress
@@ -279,26 +280,23 @@ def cheapest(
     reserve: float,
 ) -> Estimate:
     """The cheapest tensions that make the components `wanted` (d,) but for a `reserve`, looked for
-    from `start`, then from FIRST parts of the greatest tensions.  Raises as `estimate`."""
+    from `start`, then from FIRST parts of the greatest tensions; with a reserve, where that leads
+    nowhere, tensions near by.  Raises as `estimate`."""
+    loose = reserve > 0 and not s.case.hood.shares_fixed
     parts = FIRST[:1] if s.case.hood.shares_fixed else FIRST
     starts = [(np.maximum(part * s.capacity.most, s.capacity.least), None) for part in parts]
-    best, failure, least_miss = None, None, np.inf
+    failure = None
     for tension, state in starts if start is None else [start, *starts]:
         begin = tension, held.begin() if state is None else state
         try:
-            found = estimate(held, demand, wanted, s.bounds, s.cost, begin, reserve=reserve)
+            return estimate(held, demand, wanted, s.bounds, s.cost, begin, reserve=reserve)
         except (InputError, ConvergenceError) as error:
             failure = failure or error
-            continue
-        miss = float(np.abs(found.components - wanted).max())
-        if miss < least_miss:
-            best, least_miss = found, miss
-        if miss <= SHORT * float(np.abs(wanted).max()):
-            break
-    if best is None:
-        assert failure is not None
-        raise failure
-    return best
+        if loose:
+            with suppress(ConvergenceError):
+                return nearby(held, demand, wanted, s.bounds, s.cost, begin, reserve)
+    assert failure is not None
+    raise failure
 
 
 def _required_torque(s: Setup, motion: JointMotion) -> Array:

@@ -82,15 +82,11 @@ def estimate(
     those nearest, if none of them is further off than `reserve`; `start`: tensions and a hood's
     state near by.
 
-    A sheet's contact comes and goes with the tensions, so that its torques have kinks, at which the
-    rounds may not end: with a reserve, what came nearest is then taken if it is within it.
-
     Raises InputError where the wanted lies out of reach, ConvergenceError where hood and programme
     do not agree."""
     tension, state = (bounds.least, held.begin()) if start is None else start
     at = held.at(tension, state)
     aim, part, last = tension, 1.0, np.inf
-    best, least_miss = None, np.inf
     for rounds in range(1, MOST_ROUNDS + 1):
         programme = linearise(demand, wanted, tension, at, bounds)
         solution = least(programme, cost.factors, cost.power)
@@ -102,21 +98,68 @@ def estimate(
             raise _not_converged(rounds, last)
         gap, moved = _gap(demand, asked, at), _relative_change(tension, solution.x)
         progress(f"round {rounds}: torques off by {gap:.1e}, tensions by {moved:.1e}")
-        components = demand.component_values(at.torque)
-        found = Estimate(tension, components, at, solution, gap, rounds)
         if gap <= AGREED and moved <= AGREED:
             if np.abs(asked - wanted).max() > max(SHORT * np.abs(wanted).max(), reserve, 1e-12):
                 raise _out_of_reach(demand, wanted, asked, programme, tension, bounds, held)
-            return found
-        if (miss := float(np.abs(components - wanted).max())) < min(least_miss, reserve):
-            best, least_miss = found, miss
+            return Estimate(tension, demand.component_values(at.torque), at, solution, gap, rounds)
         if rounds > PATIENCE and gap + moved >= last:
             part = max(0.5 * part, LEAST_PART)
         last, aim = gap + moved, solution.x
         tension, at = _take_step(held, tension, at, aim, part)
-    if best is not None:
-        return best
     raise _not_converged(MOST_ROUNDS, last)
+
+
+def nearby(
+    held: HeldFinger,
+    demand: Demand,
+    wanted: Array,
+    bounds: Bounds,
+    cost: Cost,
+    start: tuple[Array, State],
+    within: float,
+) -> Estimate:
+    """Tensions that make the components `wanted` (d,) to `within`, near those of `start` and not
+    the cheapest: by steps of least change, halved until they bring the components nearer.
+
+    A sheet's contact comes and goes with the tensions, so that its torques have kinks, between
+    which `estimate` may go to and fro.  Raises ConvergenceError."""
+    (tension, state), part = start, 1.0
+    at = held.at(tension, state)
+    miss = _miss(demand, wanted, at)
+    for rounds in range(1, 2 * MOST_ROUNDS):
+        step = least_beyond(linearise(demand, wanted, tension, at, bounds), cost, tension)
+        if step is None:
+            asked = nearest(demand, wanted, tension, at, bounds)
+            step = least_beyond(linearise(demand, asked, tension, at, bounds), cost, tension)
+        if step is None:
+            break
+        if miss <= within:
+            components = demand.component_values(at.torque)
+            return Estimate(tension, components, at, step, _gap(demand, wanted, at), rounds)
+        while True:
+            trial, there = _take_step(held, tension, at, step.x, part)
+            new_miss = _miss(demand, wanted, there)
+            if new_miss <= (1 - 0.1 * part) * miss or part <= 0.125:
+                break
+            part *= 0.5
+        tension, at, miss, part = trial, there, new_miss, min(4 * part, 1.0)
+    raise ConvergenceError(
+        f"estimate: the hood's torques have kinks here; within {within:.2g} {demand.unit} no "
+        f"tensions were found, the last ones miss by {miss:.2g} {demand.unit}"
+    )
+
+
+def _miss(demand: Demand, wanted: Array, at: Torques) -> float:
+    return float(np.abs(demand.component_values(at.torque) - wanted).max())
+
+
+def least_beyond(programme: Programme, cost: Cost, kept: Array) -> Optimum | None:
+    """The tensions that cost least, by squares, in what they have beyond those `kept` (n,) N."""
+    A, b, lower, upper = programme
+    found = least(Programme(A, b - A @ kept, lower - kept, upper - kept), cost.factors, 2)
+    if found is None:
+        return None
+    return found._replace(x=np.clip(kept + found.x, lower, upper))
 
 
 def linearise(

@@ -22,10 +22,10 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from cosim.analyses.estimate.demand import torque_demand
-from cosim.analyses.estimate.held_finger import HeldFinger, Torques
+from cosim.analyses.estimate.held_finger import HeldFinger
 from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.of_case import Setup, cheapest
-from cosim.analyses.estimate.tensions import linearise, nearest
+from cosim.analyses.estimate.tensions import least_beyond, linearise, nearest
 from cosim.case.schema import Case
 from cosim.coupling.motion import CoupledMotion, MotionState
 from cosim.errors import ConvergenceError, InputError, Progress
@@ -34,7 +34,6 @@ from cosim.models.motion import moving_models
 from cosim.port import Array, State
 from rigid.mujoco.dynamics import DynamicPull
 from rigid.mujoco.finger import MujocoFinger, needed_torque
-from rigid.muscle.least_cost import Programme, least
 
 INTERVAL = 0.01
 """s, from one plan to the next."""
@@ -161,7 +160,12 @@ class Planner:
         """The cheapest tensions (nt,) N of all with which the finger is as planned; where none are,
         those whose torques are nearest."""
         held, needed = self._held(plan)
-        found = cheapest(self.setup, held, torque_demand(held), needed, None, np.inf)
+        demand = torque_demand(held)
+        try:
+            near = AGREED * float(np.abs(needed).max())
+            found = cheapest(self.setup, held, demand, needed, None, near)
+        except (InputError, ConvergenceError):
+            found = cheapest(self.setup, held, demand, needed, None, np.inf)
         self.lacking = float(np.abs(found.components - needed).max())
         self.rounds += found.rounds
         return found.tension
@@ -173,33 +177,24 @@ class Planner:
         They go to the cheapest with the time SMOOTH, and the hood from that state, so that it stays
         on its way where it has more than one equilibrium.  Raises ConvergenceError."""
         held, needed = self._held(plan)
-        demand, bounds = torque_demand(held), self.setup.bounds
+        demand, bounds, cost = torque_demand(held), self.setup.bounds, self.setup.cost
         kept = tension * SMOOTH / (SMOOTH + ahead)
         at = held.at(tension, hood)
         for _ in range(MOST_ROUNDS):
             self.rounds += 1
-            wanted, found = needed, self._nearby(held, needed, tension, at, kept)
-            if found is None:
+            wanted = needed
+            programme = linearise(demand, wanted, tension, at, bounds)
+            if (found := least_beyond(programme, cost, kept)) is None:
                 wanted = nearest(demand, needed, tension, at, bounds)
-                found = self._nearby(held, wanted, tension, at, kept)
+                programme = linearise(demand, wanted, tension, at, bounds)
+                found = least_beyond(programme, cost, kept)
             if found is None:
                 raise ConvergenceError("no tensions were found that make the torques of the plan")
-            tension, at = found, held.at(found, at.state)
+            tension, at = found.x, held.at(found.x, at.state)
             if np.abs(at.torque - wanted).max() <= AGREED * np.abs(at.torque).max():
                 break
         self.lacking = max(self.lacking, float(np.abs(wanted - needed).max()))
         return tension
-
-    def _nearby(
-        self, held: HeldFinger, wanted: Array, tension: Array, at: Torques, kept: Array
-    ) -> Array | None:
-        """The tensions (nt,) N that make torques, by the tangent at others, and cost least in what
-        they have beyond those `kept`; None where there are none."""
-        bounds = self.setup.bounds
-        A, b, lower, upper = linearise(torque_demand(held), wanted, tension, at, bounds)
-        beyond = Programme(A, b - A @ kept, lower - kept, upper - kept)
-        found = least(beyond, self.setup.cost.factors, 2)
-        return None if found is None else np.clip(kept + found.x, *bounds)
 
     def _held(self, plan: Plan) -> tuple[HeldFinger, Array]:
         """The finger in the planned posture, and the torques (nq,) N m that the plan takes."""
