@@ -347,28 +347,25 @@ def track(
     folder: str | Path,
     markers: str | Path | None = None,
     cutoff: float | str | None = None,
-    reserve: float | str = 0.0,
     progress: Progress = quiet,
 ) -> Case:
     """Move a finger forward along a motion by all its muscles; the case that runs under the
     tensions found.
 
     `motion`: angles over time (.sto, .mot or .csv), or a .trc whose `markers` a .csv places on the
-    straight finger; `cutoff`: of a low-pass filter of the angles, Hz or a text with its unit;
-    `reserve`: torque that the tensions by inverse dynamics may lack, N m or a text with its unit.
-    `folder`/<case name> gets what `cosim estimate --motion --forward` writes: tensions by inverse
-    dynamics and those of the way forward, the angles beside the wanted ones, pictures, and the case
-    `<case name>_forward.toml`, which is returned.
+    straight finger; `cutoff`: of a low-pass filter of the angles, Hz or a text with its unit.
+    `folder`/<case name> gets what `cosim estimate --motion --forward` writes: the tensions, the
+    angles beside the wanted ones, a picture, and the case `<case name>_forward.toml`, which is
+    returned.
 
     Raises InputError, also for a fingertip that is held, and ConvergenceError."""
-    from cosim.analyses.estimate.files import forward_path, write_motion
+    from cosim.analyses.estimate.files import forward_path, write_tracking
     from cosim.analyses.estimate.markers import read_any_motion
-    from cosim.analyses.estimate.of_case import for_motion, setup
+    from cosim.analyses.estimate.of_case import setup
     from cosim.analyses.estimate.tracking import start_of, track
 
     started = perf_counter()
     highest = None if cutoff is None else quantity_in_si("cutoff", cutoff, units.FREQUENCY)
-    lacking = quantity_in_si("reserve", reserve, units.TORQUE)
     marked = None if markers is None else path_from("markers", markers)
     problem = setup(case_from(case), "pcsa", 2, {}, {})
     finger, target = problem.models.finger, path_from("folder", folder) / problem.case.name
@@ -376,10 +373,8 @@ def track(
         path_from("motion", motion), marked, finger, problem.models.posture, None, highest, progress
     )
     problem = start_of(problem, asked)
-    estimated = for_motion(problem, asked, progress, lacking)
-    write_motion(
-        target, problem, estimated, perf_counter() - started, track(problem, asked, progress)
-    )
+    tracking = track(problem, asked, progress)
+    write_tracking(target, problem, tracking, perf_counter() - started)
     return load(forward_path(target))
 
 

@@ -32,10 +32,9 @@ case = cosim.load(
 )
 
 # %% [markdown]
-# `track` finds the angles that the markers show, smooths them, and estimates the tensions by
-# inverse dynamics. Then it moves the finger forward: every 10 ms it compares the finger with the
-# motion and plans the tensions anew. What comes back is the case that runs under these tensions;
-# it knows nothing of the motion any more.
+# `track` finds the angles that the markers show, smooths them, and moves the finger along them:
+# every 10 ms it compares the finger with the motion and plans the tensions anew. What comes back
+# is the case that runs under these tensions; it knows nothing of the motion any more.
 
 # %%
 found = cosim.track(
@@ -44,7 +43,6 @@ found = cosim.track(
     "tracked",
     markers=trial / "flexion_markers.csv",
     cutoff="6 Hz",
-    reserve="1 N*mm",
 )
 result = cosim.run(found)
 
@@ -53,7 +51,7 @@ result = cosim.run(found)
 
 # %%
 (folder,) = Path("tracked").iterdir()
-wanted = pd.read_csv(folder / "forward_angles.csv").filter(like="_wanted_deg")
+wanted = pd.read_csv(folder / "estimate.csv").filter(like="_wanted_deg")
 angle = np.degrees(result.data.angle)
 missed = np.sqrt(((angle - wanted.to_numpy()) ** 2).mean("time"))
 assert float(missed.max()) < 2.0

@@ -16,6 +16,7 @@ from cosim.analyses.estimate.files import (
     muscle_table,
     write_answer,
     write_motion,
+    write_tracking,
 )
 from cosim.analyses.estimate.markers import read_any_motion
 from cosim.analyses.estimate.of_case import (
@@ -36,6 +37,7 @@ from cosim.commands.options import CaseName, Settings, quantities, quantity
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
 from cosim.files import check_folder, shown_path
+from cosim.port import Array
 from cosim.schema import units
 
 
@@ -125,8 +127,8 @@ def estimate(
         bool,
         typer.Option(
             "--forward",
-            help="Of a motion: also move the finger forward along it, with the tensions planned "
-            "anew every 10 ms, and write the case that runs under them.",
+            help="Of a motion: move the finger forward along it, with the tensions planned anew "
+            "every 10 ms, and write the case that runs under them.",
         ),
     ] = False,
     settings: Settings = None,
@@ -146,6 +148,8 @@ def estimate(
             raise InputError(
                 "--samples, --cutoff, --reserve, --markers and --forward belong to --motion"
             )
+        if forward and reserve is not None:
+            raise InputError("--reserve: leave it out with --forward, which takes what is nearest")
         if motion is not None and (markers is None) == (motion.suffix.lower() == ".trc"):
             raise InputError("--markers belongs to a --motion of markers, a .trc, and that to it")
         started = time.perf_counter()
@@ -171,15 +175,16 @@ def estimate(
                 highest,
                 _say,
             )
-            lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
             if forward:
                 problem = start_of(problem, asked)
-            estimated = for_motion(problem, asked, _say, lacking)
-            tracking = track(problem, asked, _say) if forward else None
-            write_motion(folder, problem, estimated, time.perf_counter() - started, tracking)
-            _show_motion(problem, estimated)
-            if tracking is not None:
+                tracking = track(problem, asked, _say)
+                write_tracking(folder, problem, tracking, time.perf_counter() - started)
                 _show_tracking(problem, tracking, folder)
+            else:
+                lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
+                estimated = for_motion(problem, asked, _say, lacking)
+                write_motion(folder, problem, estimated, time.perf_counter() - started)
+                _show_motion(problem, estimated)
         else:
             answer = _answer(problem, force, torque)
             forces = _forces(problem, answer)
@@ -243,13 +248,7 @@ def _show(s: Setup, answer: EstimateAnswer) -> None:
 
 
 def _show_motion(s: Setup, result: MotionEstimate) -> None:
-    rows = [
-        (name, f"{low:.4g}", f"{high:.4g}")
-        for name, low, high in zip(
-            s.capacity.names, result.tension.min(axis=0), result.tension.max(axis=0), strict=True
-        )
-    ]
-    print_table("Tensions over the motion, N", ("muscle", "least", "most"), rows)
+    _show_range(s, result.tension)
     lacking = 1e3 * float(abs(result.torque - result.required_torque).max())
     typer.echo(
         f"{result.rounds} hood solves; conditions missed by at most {result.worst:.1e}, "
@@ -257,7 +256,14 @@ def _show_motion(s: Setup, result: MotionEstimate) -> None:
     )
 
 
+def _show_range(s: Setup, tension: Array) -> None:
+    ends = zip(s.capacity.names, tension.min(axis=0), tension.max(axis=0), strict=True)
+    rows = [(name, f"{low:.4g}", f"{high:.4g}") for name, low, high in ends]
+    print_table("Tensions over the motion, N", ("muscle", "least", "most"), rows)
+
+
 def _show_tracking(s: Setup, tracking: Tracking, folder: Path) -> None:
+    _show_range(s, tracking.tension)
     off = np.degrees(np.abs(tracking.angle - tracking.wanted).max(axis=0))
     rows = [
         (joint, f"{rms:.3g}", f"{most:.3g}")
@@ -267,6 +273,6 @@ def _show_tracking(s: Setup, tracking: Tracking, folder: Path) -> None:
     ]
     print_table("Run forward: the angles miss the motion by, deg", ("joint", "RMS", "most"), rows)
     typer.echo(
-        f"torques of the plans lack at most {1e3 * tracking.lacking:.3g} N mm; run it with: "
+        f"torques miss their plans by at most {1e3 * tracking.lacking:.3g} N mm; run it with: "
         f"cosim run {shown_path(forward_path(folder))}"
     )

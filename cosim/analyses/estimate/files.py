@@ -11,7 +11,7 @@ import pandas as pd
 from cosim.analyses.estimate.capacity import Capacity
 from cosim.analyses.estimate.feasible import ForceSet
 from cosim.analyses.estimate.of_case import EstimateAnswer, MotionEstimate, Setup
-from cosim.analyses.estimate.plot import draw_estimate, draw_motion
+from cosim.analyses.estimate.plot import draw_estimate, draw_motion, draw_tracking
 from cosim.analyses.estimate.tensions import format_components
 from cosim.analyses.estimate.tracking import Tracking
 from cosim.case.file import moved_toml, resolved_toml
@@ -67,11 +67,8 @@ def write_answer(
         write_figure(sheet, part / "estimate.png", DPI)
 
 
-def write_motion(
-    folder: Path, s: Setup, result: MotionEstimate, wall: float, tracking: Tracking | None = None
-) -> None:
-    """Tensions along a motion; with a `tracking` also those of the way forward, and a case that
-    runs under them, called as the folder and `forward`.  Raises InputError."""
+def write_motion(folder: Path, s: Setup, result: MotionEstimate, wall: float) -> None:
+    """Tensions along a motion.  Raises InputError."""
     joints = s.models.finger.joints
     table = {"time_s": result.motion.time}
     table |= {f"{j}_deg": np.degrees(result.motion.angle[:, k]) for k, j in enumerate(joints)}
@@ -88,13 +85,9 @@ def write_motion(
         if (miss := result.motion.markers_miss) is not None:
             audit["markers_miss_mm"] = 1e3 * miss
         most = dict(zip(s.capacity.names, result.tension.max(axis=0), strict=True))
-        summary = {**_head(s, wall), "largest_tension_N": most, "audit": audit}
-        if tracking is not None:
-            summary["forward"] = _forward(s, tracking)
-            _write_forward(part, forward_path(folder).name, s, tracking)
-        _json(part / MARK, summary)
+        _json(part / MARK, {**_head(s, wall), "largest_tension_N": most, "audit": audit})
         _csv(part / "estimate.csv", pd.DataFrame(table))
-        sheet = draw_motion(s.capacity.names, joints, result, s.case.name, tracking)
+        sheet = draw_motion(s.capacity.names, joints, result, s.case.name)
         write_figure(sheet, part / "estimate.png", DPI)
 
 
@@ -103,38 +96,47 @@ def forward_path(folder: Path) -> Path:
     return folder / f"{folder.name}_forward.toml"
 
 
-def _forward(s: Setup, tracking: Tracking) -> dict[str, Any]:
-    joints, off = s.models.finger.joints, np.abs(tracking.angle - tracking.wanted)
-    return {
-        "rms_deg": dict(zip(joints, np.degrees(tracking.error), strict=True)),
-        "largest_deg": dict(zip(joints, np.degrees(off.max(axis=0)), strict=True)),
-        "largest_tension_N": dict(zip(s.capacity.names, tracking.tension.max(axis=0), strict=True)),
-        "largest_torque_lacking_Nmm": 1e3 * tracking.lacking,
-        "hood_solves_of_plans": tracking.rounds,
-    }
+def write_tracking(folder: Path, s: Setup, tracking: Tracking, wall: float) -> None:
+    """Tensions that move the finger forward along a motion, in full precision, the angles beside
+    those wanted, and the case of `forward_path`, which runs under these tensions.
 
-
-def _write_forward(folder: Path, file: str, s: Setup, tracking: Tracking) -> None:
-    """The tensions of the way forward in full precision, the angles beside those wanted, and the
-    case that runs under these tensions."""
-    path, names = folder / "forward_tensions.csv", s.capacity.names
-    table = pd.DataFrame(tracking.tension, columns=list(names))
-    table.insert(0, "time", tracking.time)
-    table.to_csv(path, index=False)
+    Raises InputError."""
+    joints, names = s.models.finger.joints, s.capacity.names
     angles = {"time_s": tracking.step_time}
-    for k, joint in enumerate(s.models.finger.joints):
+    for k, joint in enumerate(joints):
         angles |= {
             f"{joint}_deg": np.degrees(tracking.angle[:, k]),
             f"{joint}_wanted_deg": np.degrees(tracking.wanted[:, k]),
         }
-    _csv(folder / "forward_angles.csv", pd.DataFrame(angles))
-    pulls = {
-        name: {"tension": "1 N", "signal": {"kind": "file", "path": str(path), "column": name}}
-        for name in names
+    pulls = pd.DataFrame(tracking.tension, columns=list(names))
+    pulls.insert(0, "time", tracking.time)
+    off = np.degrees(np.abs(tracking.angle - tracking.wanted).max(axis=0))
+    summary = {
+        **_head(s, wall),
+        "largest_tension_N": dict(zip(names, tracking.tension.max(axis=0), strict=True)),
+        "angle_rms_deg": dict(zip(joints, np.degrees(tracking.error), strict=True)),
+        "angle_most_deg": dict(zip(joints, off, strict=True)),
+        "audit": {
+            "largest_torque_lacking_Nmm": 1e3 * tracking.lacking,
+            "hood_solves_of_plans": tracking.rounds,
+        },
     }
-    case = s.case.replace({"title": f"{s.case.title}, along a motion", "tendons": pulls})
-    text = moved_toml(resolved_toml(case), folder)
-    (folder / file).write_text(text, encoding="utf-8")
+    if (miss := tracking.motion.markers_miss) is not None:
+        summary["audit"]["markers_miss_mm"] = 1e3 * miss
+    with output_folder(folder, MARK) as part:
+        table = part / "forward_tensions.csv"
+        pulls.to_csv(table, index=False)
+        signals = {
+            name: {"tension": "1 N", "signal": {"kind": "file", "path": str(table), "column": name}}
+            for name in names
+        }
+        case = s.case.replace({"title": f"{s.case.title}, along a motion", "tendons": signals})
+        text = moved_toml(resolved_toml(case), part)
+        (part / forward_path(folder).name).write_text(text, encoding="utf-8")
+        _csv(part / "estimate.csv", pd.DataFrame(angles))
+        _json(part / MARK, summary)
+        sheet = draw_tracking(names, joints, tracking, s.case.name)
+        write_figure(sheet, part / "estimate.png", DPI)
 
 
 def _head(s: Setup, wall: float) -> dict[str, Any]:

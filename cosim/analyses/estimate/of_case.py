@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import cast
 
@@ -20,7 +19,6 @@ from cosim.analyses.estimate.tensions import (
     Estimate,
     estimate,
     format_components,
-    nearby,
 )
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, Progress
@@ -280,9 +278,7 @@ def cheapest(
     reserve: float,
 ) -> Estimate:
     """The cheapest tensions that make the components `wanted` (d,) but for a `reserve`, looked for
-    from `start`, then from FIRST parts of the greatest tensions; with a reserve, where that leads
-    nowhere, tensions near by.  Raises as `estimate`."""
-    loose = reserve > 0 and not s.case.hood.shares_fixed
+    from `start`, then from FIRST parts of the greatest tensions.  Raises as `estimate`."""
     parts = FIRST[:1] if s.case.hood.shares_fixed else FIRST
     starts = [(np.maximum(part * s.capacity.most, s.capacity.least), None) for part in parts]
     failure = None
@@ -292,9 +288,6 @@ def cheapest(
             return estimate(held, demand, wanted, s.bounds, s.cost, begin, reserve=reserve)
         except (InputError, ConvergenceError) as error:
             failure = failure or error
-        if loose:
-            with suppress(ConvergenceError):
-                return nearby(held, demand, wanted, s.bounds, s.cost, begin, reserve)
     assert failure is not None
     raise failure
 

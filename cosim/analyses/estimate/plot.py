@@ -78,33 +78,40 @@ def _set(axes: Axes, forces: ForceSet, wanted: Array | None, exact: bool) -> Non
 
 
 def draw_motion(
-    names: tuple[str, ...],
-    joints: tuple[str, ...],
-    result: MotionEstimate,
-    title: str,
-    tracking: Tracking | None = None,
+    names: tuple[str, ...], joints: tuple[str, ...], result: MotionEstimate, title: str
 ) -> Figure:
-    """Joint angles, needed torques and tensions over time; with a `tracking` also by how much the
-    finger that was run forward misses the angles, and under which tensions."""
-    from matplotlib.figure import Figure
-
+    """Joint angles, needed torques and tensions over time."""
     time = result.motion.time
-    shown = [
+    return _draw_courses(
+        title,
         ("angle, deg", time, np.degrees(result.motion.angle), joints),
         ("torque of muscles, N mm", time, 1e3 * result.required_torque, joints),
         ("tension, N", time, result.tension, names),
-    ]
-    if tracking is not None:
-        off = np.degrees(tracking.angle - tracking.wanted)
-        shown += [
-            ("forward: angle less wanted, deg", time[0] + tracking.step_time, off, joints),
-            ("forward: tension, N", time[0] + tracking.time, tracking.tension, names),
-        ]
-    sheet = Figure(figsize=(7.5, 2.7 * len(shown)), layout="constrained")
+    )
+
+
+def draw_tracking(
+    names: tuple[str, ...], joints: tuple[str, ...], tracking: Tracking, title: str
+) -> Figure:
+    """Joint angles, by how much they miss those wanted, and tensions over time."""
+    off = tracking.angle - tracking.wanted
+    return _draw_courses(
+        title,
+        ("angle, deg", tracking.step_time, np.degrees(tracking.angle), joints),
+        ("angle less wanted, deg", tracking.step_time, np.degrees(off), joints),
+        ("tension, N", tracking.time, tracking.tension, names),
+    )
+
+
+def _draw_courses(title: str, *shown: tuple[str, Array, Array, tuple[str, ...]]) -> Figure:
+    """Panels over one time: what stands at the axis, times (n,) s, values (n, k), their names."""
+    from matplotlib.figure import Figure
+
+    sheet = Figure(figsize=(7.5, 8.0), layout="constrained")
     panels = sheet.subplots(len(shown), 1, sharex=True)
-    for axes, (unit, at, values, labels) in zip(panels, shown, strict=True):
+    for axes, (unit, time, values, labels) in zip(panels, shown, strict=True):
         for k, label in enumerate(labels):
-            axes.plot(at, values[:, k], label=label, lw=1.5, **look(k).line)
+            axes.plot(time, values[:, k], label=label, lw=1.5, **look(k).line)
         axes.set_ylabel(unit)
         axes.grid(color="0.9")
         axes.legend(

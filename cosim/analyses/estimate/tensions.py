@@ -109,50 +109,6 @@ def estimate(
     raise _not_converged(MOST_ROUNDS, last)
 
 
-def nearby(
-    held: HeldFinger,
-    demand: Demand,
-    wanted: Array,
-    bounds: Bounds,
-    cost: Cost,
-    start: tuple[Array, State],
-    within: float,
-) -> Estimate:
-    """Tensions that make the components `wanted` (d,) to `within`, near those of `start` and not
-    the cheapest: by steps of least change, halved until they bring the components nearer.
-
-    A sheet's contact comes and goes with the tensions, so that its torques have kinks, between
-    which `estimate` may go to and fro.  Raises ConvergenceError."""
-    (tension, state), part = start, 1.0
-    at = held.at(tension, state)
-    miss = _miss(demand, wanted, at)
-    for rounds in range(1, 2 * MOST_ROUNDS):
-        step = least_beyond(linearise(demand, wanted, tension, at, bounds), cost, tension)
-        if step is None:
-            asked = nearest(demand, wanted, tension, at, bounds)
-            step = least_beyond(linearise(demand, asked, tension, at, bounds), cost, tension)
-        if step is None:
-            break
-        if miss <= within:
-            components = demand.component_values(at.torque)
-            return Estimate(tension, components, at, step, _gap(demand, wanted, at), rounds)
-        while True:
-            trial, there = _take_step(held, tension, at, step.x, part)
-            new_miss = _miss(demand, wanted, there)
-            if new_miss <= (1 - 0.1 * part) * miss or part <= 0.125:
-                break
-            part *= 0.5
-        tension, at, miss, part = trial, there, new_miss, min(4 * part, 1.0)
-    raise ConvergenceError(
-        f"estimate: the hood's torques have kinks here; within {within:.2g} {demand.unit} no "
-        f"tensions were found, the last ones miss by {miss:.2g} {demand.unit}"
-    )
-
-
-def _miss(demand: Demand, wanted: Array, at: Torques) -> float:
-    return float(np.abs(demand.component_values(at.torque) - wanted).max())
-
-
 def least_beyond(programme: Programme, cost: Cost, kept: Array) -> Optimum | None:
     """The tensions that cost least, by squares, in what they have beyond those `kept` (n,) N."""
     A, b, lower, upper = programme

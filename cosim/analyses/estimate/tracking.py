@@ -42,7 +42,9 @@ RATE = 20.0
 SMOOTH = 0.05
 """s, in which tensions go to the cheapest ones, as activations would: where two tendons do nearly
 the same on a hood, the cheapest pair jumps from the one to the other."""
-MOST_ROUNDS = 6
+BEGIN = 0.02
+MOST_ROUNDS, MOST_BEGIN = 6, 30
+"""Of a plan, and of the first one."""
 AGREED = 1e-2
 """Relative difference of the hood's torques and those of a plan, at which its rounds end: what is
 left, the next plan takes out."""
@@ -62,12 +64,13 @@ class Plan(NamedTuple):
 class Tracking:
     """How a finger followed a motion, and under what tensions."""
 
+    motion: JointMotion
     time: Array
     """(n,) s since the motion's start, at which the tensions change their slope."""
     tension: Array
     """(n, nt) N."""
     lacking: float
-    """N m, the largest torque of a plan that tensions within their bounds could not make."""
+    """N m, the most that the torques of a tension miss those of its plan by."""
     step_time: Array
     """(m,) s, the start and the ends of the steps."""
     angle: Array
@@ -157,16 +160,15 @@ class Planner:
         )
 
     def begin(self, plan: Plan) -> Array:
-        """The cheapest tensions (nt,) N of all with which the finger is as planned; where none are,
-        those whose torques are nearest."""
+        """The cheapest tensions (nt,) N of all with which the finger is as planned; where those are
+        not found, others near a part BEGIN of the greatest ones."""
         held, needed = self._held(plan)
-        demand = torque_demand(held)
         try:
-            near = AGREED * float(np.abs(needed).max())
-            found = cheapest(self.setup, held, demand, needed, None, near)
+            found = cheapest(self.setup, held, torque_demand(held), needed, None, 0.0)
         except (InputError, ConvergenceError):
-            found = cheapest(self.setup, held, demand, needed, None, np.inf)
-        self.lacking = float(np.abs(found.components - needed).max())
+            bounds = self.setup.bounds
+            tension = np.maximum(BEGIN * bounds.most, bounds.least)
+            return self._rounds(held, needed, tension, held.begin(), 1.0, MOST_BEGIN)
         self.rounds += found.rounds
         return found.tension
 
@@ -177,24 +179,36 @@ class Planner:
         They go to the cheapest with the time SMOOTH, and the hood from that state, so that it stays
         on its way where it has more than one equilibrium.  Raises ConvergenceError."""
         held, needed = self._held(plan)
+        share = SMOOTH / (SMOOTH + ahead)
+        return self._rounds(held, needed, tension, hood, share, MOST_ROUNDS)
+
+    def _rounds(
+        self, held: HeldFinger, needed: Array, tension: Array, hood: State, share: float, most: int
+    ) -> Array:
+        """Of the tensions that make the torques (nq,) N m by the hood's tangent, and cost least in
+        what they have beyond a share of the last ones, those of at most so many rounds that come
+        nearest."""
         demand, bounds, cost = torque_demand(held), self.setup.bounds, self.setup.cost
-        kept = tension * SMOOTH / (SMOOTH + ahead)
-        at = held.at(tension, hood)
-        for _ in range(MOST_ROUNDS):
+        at, kept = held.at(tension, hood), share * tension
+        best, least_miss = tension, np.inf
+        for _ in range(most):
             self.rounds += 1
-            wanted = needed
-            programme = linearise(demand, wanted, tension, at, bounds)
+            programme = linearise(demand, needed, tension, at, bounds)
             if (found := least_beyond(programme, cost, kept)) is None:
-                wanted = nearest(demand, needed, tension, at, bounds)
-                programme = linearise(demand, wanted, tension, at, bounds)
-                found = least_beyond(programme, cost, kept)
+                aim = nearest(demand, needed, tension, at, bounds)
+                found = least_beyond(linearise(demand, aim, tension, at, bounds), cost, kept)
             if found is None:
-                raise ConvergenceError("no tensions were found that make the torques of the plan")
-            tension, at = found.x, held.at(found.x, at.state)
-            if np.abs(at.torque - wanted).max() <= AGREED * np.abs(at.torque).max():
                 break
-        self.lacking = max(self.lacking, float(np.abs(wanted - needed).max()))
-        return tension
+            tension, at = found.x, held.at(found.x, at.state)
+            miss = float(np.abs(at.torque - needed).max())
+            if miss < least_miss:
+                best, least_miss = tension, miss
+            if miss <= AGREED * np.abs(needed).max():
+                break
+            if share == 1.0:
+                kept = tension
+        self.lacking = max(self.lacking, least_miss)
+        return best
 
     def _held(self, plan: Plan) -> tuple[HeldFinger, Array]:
         """The finger in the planned posture, and the torques (nq,) N m that the plan takes."""
@@ -295,6 +309,7 @@ def track(
         )
     time = np.array([x.coupled.time for x in seen])
     return Tracking(
+        motion,
         np.array(drive.times),
         np.array(drive.tensions),
         planner.lacking,
