@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -17,7 +17,11 @@ from cosim.hoods.view import NO_POINTS, HoodView, TrackedPoints
 from cosim.models.fit import check_fit, check_tendons
 from cosim.port import Array, Hood, Motion, OpenFinger, Pair, PairState, State, Triangles
 from cosim.tendons.muscles import CaseMuscles, live_muscles
+from cosim.tendons.table import Course
 from meshes.hood_mesh import HoodMesh
+
+if TYPE_CHECKING:
+    from rigid.chain.statics import ChainFinger
 
 
 @dataclass(frozen=True)
@@ -71,9 +75,8 @@ def build_any(case: Case) -> Models:
     that the solver and the observer of an equilibrium ask for."""
     check_fit(case)
     if case.finger.is_native:
-        stated = case.native_finger()
-        finger: OpenFinger = live_finger(stated, case.hood.left_to_finger)
-        posture = stated.posture.angles()
+        finger: OpenFinger = case_finger(case)
+        posture = case.native_finger().posture.angles()
     else:
         finger, posture = cast(OpenFinger, unit(case.finger).at_rest()), {}
     site = site_of(case, finger.rest())
@@ -98,8 +101,24 @@ def with_own_finger(models: Models, case: Case) -> Models:
     """The models of a case with another's hood, from which it differs in no more than what holds
     the fingertip (`Case.hood_key`).  Raises InputError."""
     check_fit(case)
+    return replace(models, finger=case_finger(case), muscles=live_muscles(case.tendons))
+
+
+def case_finger(case: Case, course: Course | None = None) -> ChainFinger:
+    """The finger of ours of a case, with the friction of its own tendons, each on its course or all
+    on one.  Raises InputError."""
+    from rigid.mujoco.tendon_friction import PRESLIDING, TendonFriction
+
     finger = live_finger(case.native_finger(), case.hood.left_to_finger)
-    return replace(models, finger=finger, muscles=live_muscles(case.tendons))
+    friction = {
+        name: TendonFriction(
+            float(tendon.friction or 0.0),
+            course or tendon.course or "loading",
+            tendon.presliding or PRESLIDING,
+        )
+        for name, tendon in case.rubbing_tendons().items()
+    }
+    return finger.with_friction(friction) if friction else finger
 
 
 def site_of(case: Case, rest: Motion) -> Site:

@@ -36,6 +36,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<pair>": ("MCP_PIP", "PIP_DIP"),
     "<springs>": (*SPRINGS, *(f"adhesion_{r}_{body}" for r in REGIONS for body in BODIES)),
     "<beside>": ("at_rest", "change"),
+    "<course>": ("loading", "unloading"),
     "<torque>": ("hood", "gravity", "passive", "limit", "fingertip", "holder", *TENDONS),
 }
 """What stands for a key of a path."""
@@ -176,11 +177,23 @@ CHECKS = {
     "step_control.longest_half_ms": "longest half step",
 }
 """Figures of the audit and counts, by path."""
+BETWEEN = "between friction of loading and of unloading"
 OF_RUN = (
     Quantity(
         "second_start.fingertip_force_N.<axis>", "fingertip force from a second start, <axis>"
     ),
     Quantity("second_start.posture_deg.<joint>", "<joint> angle from a second start"),
+    Quantity("friction.half_interval_N", f"half of the fingertip force's way {BETWEEN}", True),
+    Quantity("friction.tendon.<tendon>.coefficient", "friction of <tendon> at its guides"),
+    Quantity("friction.tendon.<tendon>.turn_deg", "angle by which <tendon> turns at its guides"),
+    Quantity("friction.tendon.<tendon>.tension_at_insertion_N", "tension of <tendon> at its end"),
+    Quantity("friction.<course>.fingertip_force_N.<axis>", "fingertip force, <axis>, <course>"),
+    Quantity("friction.<course>.fingertip_magnitude_N", "fingertip force, magnitude, <course>"),
+    Quantity("friction.<course>.posture_deg.<joint>", "<joint> angle, <course>"),
+    Quantity(
+        "friction.<course>.joint_torque_Nmm.<tendon>.<joint>",
+        "torque of <tendon> about <joint>, <course>",
+    ),
     Quantity("wall_s", "wall time"),
     Quantity("hood_quads", "quads of the hood's mesh"),
     Quantity("hood_cells", "line cells of the hood"),

@@ -83,6 +83,9 @@ class MillardConfig(Table):
     """Whether the tendon stretches."""
 
 
+Course = Literal["loading", "unloading", "frictionless"]
+
+
 class TendonConfig(Table):
     """A muscle: its tension, or its greatest force and its activation (0..1); with neither it is
     at the resting tension.  The force of an activation is activation times the greatest force, or
@@ -103,6 +106,26 @@ class TendonConfig(Table):
     """In place of a tension, in a motion: what pulls, and on what command."""
     signal: SignalConfig | None = None
     """Over time, of a motion: what tension, activation, excursion or command is multiplied by."""
+
+    friction: Annotated[Number, Field(ge=0, le=2)] | None = None
+    """Coulomb's coefficient along a tendon of the finger's own, where it wraps a surface or turns
+    at a guide point; without it the tendon glides freely."""
+    course: Course | None = None
+    """Which way a tendon with friction slides at its guides: "loading" (by default; towards the
+    muscle, so that tension falls on the way to the insertion), "unloading", or "frictionless"; of a
+    motion at its start, after which friction follows the slide."""
+    presliding: Annotated[float, quantity(units.LENGTH, least="0.001 mm", most="10 mm")] | None = (
+        None
+    )
+    """Slide over which friction in a motion turns from none to all; by default 0.1 mm, an
+    assumption."""
+
+    @model_validator(mode="after")
+    def _rubs(self) -> TendonConfig:
+        for key in ("course", "presliding"):
+            if self.friction is None and getattr(self, key) is not None:
+                raise fault(f"gives {key} without friction; add for example friction = 0.04")
+        return self
 
     @model_validator(mode="after")
     def _one_way(self) -> TendonConfig:

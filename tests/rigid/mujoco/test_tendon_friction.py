@@ -1,0 +1,127 @@
+"""Friction of tendons at their guides: the capstan's law, virtual work, balance, hysteresis."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from cosim.errors import InputError
+from cosim.port import Load
+from meshes.skeleton import index_finger
+from rigid.chain.kinematics import body_jacobian
+from rigid.fingers.index import finger_model
+from rigid.fingers.robot import robot_finger
+from rigid.mujoco.finger import MujocoFinger
+from rigid.mujoco.tendon_friction import TendonFriction, TendonGuides
+
+MU = 0.12
+HUMAN, ROBOT = finger_model(index_finger(), central=0.5), robot_finger()
+POSTURE = np.radians([38.0, 4.0, 51.0, 22.0])
+
+
+def rubbing(model, mu=MU, course="loading"):
+    finger = MujocoFinger(model)
+    return finger.with_friction({t: TendonFriction(mu, course) for t in finger.tendons})
+
+
+def wheel(kind, *, through=0.0, rise=0.0, side=True):
+    """A tendon along -x, a quarter round a wheel of 20 mm about y and down to a hinged body."""
+    geom = "cylinder" if kind == "cylinder" else "sphere"
+    size = "0.02 0.1" if kind == "cylinder" else "0.02"
+    return f"""
+    <mujoco><worldbody>
+      <site name="a" pos="-0.1 {through} 0.02"/>
+      <geom name="wheel" type="{geom}" size="{size}" zaxis="0 1 0" contype="0" conaffinity="0"/>
+      <site name="side" pos="0.03 0 0.03"/>
+      <body name="b" pos="0.02 0 -0.1"><joint type="slide" axis="0 0 1"/>
+        <geom size="0.001" mass="1"/><site name="b" pos="0 {through + rise} 0"/></body>
+    </worldbody><tendon><spatial name="t"><site site="a"/>
+      <geom geom="wheel" sidesite="side"/><site site="b"/></spatial></tendon></mujoco>"""
+
+
+def quarter(text, mu=0.3, course="loading"):
+    """The force along the slide per N of the muscle."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    guides = TendonGuides(model, ("t",), {"t": TendonFriction(mu, course)})
+    readings = guides.read(data)
+    arms = readings.arms(guides.grip, np.zeros((1, model.nv)))
+    return arms[0, 0], readings.turn.sum() / mu, guides.wrenches(data, np.ones(1), guides.grip)
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "sphere"])
+@pytest.mark.parametrize(("course", "sign"), [("loading", -1), ("unloading", 1), ("frictionless", 0)])
+def test_a_quarter_turn_round_a_wheel_leaves_exp_of_mu_theta(kind, course, sign):
+    force, turn, _ = quarter(wheel(kind), course=course)
+    assert turn == pytest.approx(np.pi / 2, rel=1e-12)
+    assert force == pytest.approx(np.exp(sign * 0.3 * np.pi / 2), rel=1e-12)
+
+
+def test_a_helix_turns_by_the_sum_of_its_curvature():
+    _, turn, wrenches = quarter(wheel("cylinder", rise=0.05))
+    around, straight = 0.02 * np.pi / 2, 0.2
+    cosine = (around + straight) / np.hypot(around + straight, 0.05)
+    assert turn == pytest.approx(np.pi / 2 * cosine, rel=1e-12)
+    assert np.abs(wrenches[0, :, :3].sum(axis=0)).max() > 0.1  # what holds the muscle's end
+
+
+@pytest.mark.parametrize("model", [HUMAN, ROBOT], ids=["human", "robot"])
+def test_without_friction_the_torques_are_those_of_the_path(model):
+    bare, grip = MujocoFinger(model), rubbing(model, course="frictionless")
+    arms = bare.moment_arms(POSTURE)
+    assert np.abs(grip.torques_per_tension(POSTURE) - arms).max() < 1e-15
+    tension = np.arange(1.0, len(bare.tendons) + 1)
+    ours, theirs = (f.own_wrenches(POSTURE, tension) for f in (grip, bare))
+    assert max(np.abs(ours[t] - theirs[t]).max() for t in bare.tendons) < 1e-13
+
+
+@pytest.mark.parametrize("model", [HUMAN, ROBOT], ids=["human", "robot"])
+def test_friction_keeps_wrenches_torques_and_work_together(model):
+    finger, rng = rubbing(model), np.random.default_rng(1)
+    guides, bare = finger.guides, MujocoFinger(model)
+    for _ in range(3):
+        q, v = rng.uniform(0.0, 1.0, 4), rng.normal(size=4)
+        grip, tension = rng.uniform(-1, 1, len(guides.owner)), rng.uniform(1, 9, len(bare.tendons))
+        readings = guides.read(finger._forward(q))
+        arms = bare.moment_arms(q)
+        torque = readings.arms(grip, arms)
+        wrenches = finger.own_wrenches(q, tension, grip)
+        turns = body_jacobian(finger.chain(q))
+        for t, name in enumerate(finger.tendons):
+            assert turns.T @ wrenches[name].ravel() == pytest.approx(tension[t] * torque[t], abs=1e-14)
+            pulled = wrenches[name]
+            moment = pulled[:, 3:] + np.cross(finger.chain(q).motion.position, pulled[:, :3])
+            assert np.abs(pulled[:, :3].sum(axis=0)).max() < 1e-13
+            assert np.abs(moment.sum(axis=0)).max() < 1e-14
+        before, beyond = readings.factors(grip)
+        lost = tension[readings.owner] * (before - beyond) @ (readings.slides() @ v)
+        assert lost == pytest.approx(tension @ (arms - torque) @ v, abs=1e-14)
+
+
+@pytest.mark.parametrize("model", [HUMAN, ROBOT], ids=["human", "robot"])
+def test_the_tangent_with_friction_is_the_derivative_of_the_torques(model):
+    finger, tension, step = rubbing(model), np.full(len(model.muscles), 5.0), 1e-4
+    torque = lambda q: np.sum(list(finger.own_torques(q, tension).values()), axis=0)  # noqa: E731
+    columns = [(torque(POSTURE + e) - torque(POSTURE - e)) / (2 * step) for e in step * np.eye(4)]
+    assert finger.own_tangent(POSTURE, tension) == pytest.approx(np.array(columns).T, abs=2e-7)
+
+
+def test_the_ledger_closes_with_friction():
+    finger = rubbing(HUMAN)
+    state = finger.start(dict(zip(finger.joints, POSTURE, strict=True)))
+    bodies = finger.bodies
+    none = Load(bodies, ("none",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
+    tension = np.full(len(finger.tendons), 4.0)
+    ledger = finger.ledger(state, none, tension)
+    assert np.abs(np.sum(list(ledger.values()), axis=0)[:, :3]).max() < 1e-12
+    torque = finger.balance(state, none, tension).torque
+    turns = body_jacobian(finger.chain(POSTURE))
+    for name in finger.tendons:
+        assert turns.T @ ledger[name].ravel() == pytest.approx(torque[name], abs=1e-14)
+
+
+def test_friction_of_a_tendon_that_a_finger_lacks_is_refused():
+    with pytest.raises(InputError, match="friction of XYZ"):
+        MujocoFinger(HUMAN).with_friction({"XYZ": TendonFriction(0.1)})
