@@ -116,6 +116,8 @@ FIELDS = (
     "imbalance",
     "drive",
     "points",
+    "grip",
+    "friction",
 )
 NUMBERS = ("residual", "energy")
 
@@ -140,6 +142,8 @@ def _unstack_frames(arrays: dict[str, Array]) -> tuple[tuple[MotionFrame, ...], 
             energy=float(arrays["energy"][k]),
             drive=arrays["drive"][k],
             points=arrays["points"][k],
+            grip=arrays["grip"][k],
+            friction=arrays["friction"][k],
         )
         for k in range(len(arrays["time"]))
     )

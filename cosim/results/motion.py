@@ -167,8 +167,9 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     t, frames, end = moved.models, moved.history.frames, moved.history.moment
     done = end.coupled.energy
     stored = done.tendons - done.hood
-    lost = end.dissipated + end.slipped
-    artificial = done.tendons + done.own - (frames[-1].energy - frames[0].energy) - stored - lost
+    rubbed, held, from_stretch = end.friction.tolist()
+    lost, own = end.dissipated + end.slipped + rubbed + held, done.own + from_stretch
+    artificial = done.tendons + own - (frames[-1].energy - frames[0].energy) - stored - lost
     first, last = (t.finger.stored_energy(at) for at in (t.initial_state, end.coupled.finger))
     gained = {kind: last[kind] - first[kind] for kind in last}
     parts = (
@@ -183,11 +184,12 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     )
     energy = {
         "tendons": done.tendons,
-        "own_tendons": done.own,
+        "own_tendons": own,
         **parts,
         "hood_stored": stored,
         "joints_dissipated": end.dissipated,
         "device_dissipated": end.slipped,
+        **({"guides_dissipated": rubbed, "guides_held": held} if end.friction.any() else {}),
         "artificial": artificial,
     }
     in_mJ = {name: 1e3 * value for name, value in energy.items()}
@@ -238,6 +240,7 @@ def _books(t: MovingModels, start: MotionFrame, end: MotionFrame, tip: Array) ->
         end.total,
         end.tension[len(t.hood.tendons) :],
         tip,
+        end.grip,
     )
 
 
@@ -286,6 +289,14 @@ def _arrays(case: Case, t: MovingModels, kept: MotionHistory, scene: Scene) -> A
             "tendon": list(hood.tendons),
             "body": list(hood.bodies),
             "source": list(hood.sources),
+        }
+    if frames[0].grip.size:
+        values |= {
+            "insertion_tension": [
+                finger.at_insertions(f.angles, f.tension[split:], f.grip) for f in frames
+            ],
+            "guide_loss": [f.friction[0] for f in frames],
+            "path_length": [finger.path_lengths(f.angles) for f in frames],
         }
     if t.point_names:
         values["hood_point_position"] = [f.points for f in frames]

@@ -149,6 +149,8 @@ ENERGIES = {
     "device_stored": "stored in the fingertip's device",
     "joints_dissipated": "dissipated in the joints",
     "device_dissipated": "dissipated in the fingertip's device",
+    "guides_dissipated": "lost to friction at the tendons' guides",
+    "guides_held": "held at the tendons' guides before they slide",
     "artificial": "taken by the method",
 }
 """Where the work of tendons and gravity went in a motion."""

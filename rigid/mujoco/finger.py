@@ -105,7 +105,7 @@ class MujocoFinger(ChainFinger):
             motion = Motion(self.bodies, d.xpos[self._body], turn)
             tip = d.site_xpos[self._tip].copy()
             chain = Chain(motion, self._child, d.xanchor.copy(), d.xaxis.copy(), tip)
-            self._seen = np.array(angles, dtype=float), chain, self._arms(d)
+            self._seen = np.array(angles, dtype=float), chain, self.arms_of(d)
         return self._seen[1], self._seen[2]
 
     def torques_per_tension(self, angles: Array) -> Array:
@@ -122,7 +122,8 @@ class MujocoFinger(ChainFinger):
             )
         return self._rubbed[1]
 
-    def _arms(self, data: mujoco.MjData) -> Array:
+    def arms_of(self, data: mujoco.MjData) -> Array:
+        """The moment arms (nt, nq) m in the posture of `data`."""
         m = self.model
         out = np.zeros((m.ntendon, m.nv))
         out[self._arm_row, m.ten_J_colind] = -data.ten_J
@@ -182,7 +183,7 @@ class MujocoFinger(ChainFinger):
         """`torques_per_tension` of a posture that is not kept."""
         data = self._place(angles)
         assert self.guides is not None
-        return self.guides.read(data).arms(self.guides.grip, self._arms(data))
+        return self.guides.read(data).arms(self.guides.grip, self.arms_of(data))
 
     def own_wrenches(
         self, angles: Array, tension: Array, grip: Array | None = None

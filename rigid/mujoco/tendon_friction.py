@@ -19,7 +19,8 @@ which is what the guides take.  In a motion g follows the slide over a preslidin
 
     dg = d(slide) / s,    held within -1 and 1                          (Prandtl 1928; Dahl 1968),
 
-so that it depends on the way and not on the speed.
+so that it depends on the way and not on the speed.  A tendon of stiffness k that is given more
+tension stretches, and slides by c_k dT more, c_k the part of 1/k that lies beyond the guide.
 """
 
 from __future__ import annotations
@@ -55,6 +56,8 @@ class TendonFriction:
     """Which way it slides, or in a motion slid before the start."""
     presliding: float = PRESLIDING
     """m."""
+    stiffness: float = np.inf
+    """N/m, of the whole tendon, by which it slides at its guides as tension changes."""
 
 
 class _Pattern(NamedTuple):
@@ -84,6 +87,8 @@ class GuideReadings(NamedTuple):
     """(n,) where the place's strand begins."""
     owner: Ints
     """(n,) the tendon."""
+    give: Array
+    """(n,) m/N by which the tendon beyond each place stretches."""
 
     def factors(self, grip: Array) -> tuple[Array, Array]:
         """The tension before and beyond each place over the muscle's, (n,) each."""
@@ -122,11 +127,83 @@ class GuideReadings(NamedTuple):
         return self.turn[:, None] * self._beyond(self.factors(grip)[1][:, None] * self.part)
 
     def _beyond(self, values: Array) -> Array:
-        """The sums (n, nq) over each place and those beyond it in its strand."""
-        total = np.cumsum(values[::-1], axis=0)[::-1]
-        after = np.append(total, np.zeros((1, values.shape[1])), axis=0)
-        end = np.searchsorted(self.first, self.first, side="right")
-        return np.asarray(total - after[end])
+        return _sum_beyond(self.first, values)
+
+
+def _sum_beyond(first: Ints, values: Array) -> Array:
+    """The sums (n, ...) over each place and those beyond it in its strand."""
+    total = np.cumsum(values[::-1], axis=0)[::-1]
+    after = np.concatenate([total, np.zeros_like(values[:1])])
+    return np.asarray(total - after[np.searchsorted(first, first, side="right")])
+
+
+class FrictionWork(NamedTuple):
+    """Where the work at guides went, J."""
+
+    lost: float
+    """Made heat; never negative."""
+    held: float
+    """Taken up before the tendon slides, or given back."""
+    from_stretch: float
+    """Of both what the muscles brought as their tendons stretched, the joints at rest."""
+
+
+NO_WORK = FrictionWork(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class FrictionStep:
+    """Friction over one step in time, in which it follows the slide: implicit Euler's."""
+
+    readings: GuideReadings
+    presliding: Array
+    arms: Array
+    """(nt, nq) m, without friction."""
+    grip: Array
+    """(n,) at the start."""
+    tension: Array
+    """(nt,) N at the end, where the joints have not turned."""
+    stiffness: Array
+    """(nt,) N/m, by which it falls with the path's shortening."""
+    change: Array
+    """(nt,) N, of the tension since the last step."""
+
+    def slide(self, turned: Array) -> Array:
+        """The slide (n,) m at each guide after the joints have turned by (nq,) rad."""
+        return self.readings.slides() @ turned + self._stretch
+
+    def grip_after(self, turned: Array) -> Array:
+        """The grip (n,) after the joints have turned by (nq,) rad."""
+        return np.clip(self.grip + self.slide(turned) / self.presliding, -1.0, 1.0)
+
+    def torque(self, grip: Array, turned: Array) -> tuple[Array, Array]:
+        """What friction adds to the tendons' torques (nq,) N m, and its slope (nq, nq) by the
+        joints' turn: linear about a grip (n,) that a turn led to, where guides do not yet slide."""
+        r = self.readings
+        extra = r.arms(grip, self.arms) - self.arms
+        shortening = self.stiffness[:, None] * self.arms
+        torque, slope = self.tension @ extra, -extra.T @ shortening
+        free = self.grip + self.slide(turned) / self.presliding
+        sticks = np.abs(free) < 1.0
+        pull = (self.tension - shortening @ turned)[r.owner[sticks]]
+        by_grip = pull[:, None] * r.arms_by_grip(grip)[sticks]
+        by_turn = r.slides()[sticks] / self.presliding[sticks][:, None]
+        at_rest = free[sticks] - by_turn @ turned
+        return torque + by_grip.T @ (at_rest - grip[sticks]), slope + by_grip.T @ by_turn
+
+    def work(self, grip: Array, turned: Array, tension: Array) -> FrictionWork:
+        """Where the work went, with the grip (n,) and the tensions (nt,) N at the end."""
+        before, beyond = self.readings.factors(grip)
+        force, slide = tension[self.readings.owner] * (before - beyond), self.slide(turned)
+        held = self.presliding * (grip - self.grip)
+        return FrictionWork(
+            float(force @ (slide - held)), float(force @ held), float(force @ self._stretch)
+        )
+
+    @property
+    def _stretch(self) -> Array:
+        r = self.readings
+        return r.give * self.change[r.owner]
 
 
 class TendonGuides:
@@ -162,23 +239,30 @@ class TendonGuides:
         """(n,) g of the courses."""
         self.presliding = np.array([f.presliding for f in by_owner])
         """(n,) m."""
+        self._give = np.array([1.0 / f.stiffness for f in by_owner])
+        self._read: tuple[Array, GuideReadings] | None = None
         self._moves = model.jnt_bodyid
         self._patterns: dict[bytes, _Pattern] = {}
 
     def read(self, data: mujoco.MjData) -> GuideReadings:
-        """What friction depends on, in the posture of `data`."""
-        _, _, way, turn, pattern = self._geometry(data)
-        return GuideReadings(
-            turn, self._parts(data, way, pattern), self._share, self._first, self.owner
-        )
+        """What friction depends on, in the posture of `data`; that of the last one is kept."""
+        if self._read is None or not np.array_equal(self._read[0], data.qpos):
+            into, out_of, way, turn, pattern = self._geometry(data)
+            length = np.linalg.norm(out_of - into, axis=1)
+            length[:-1] += np.linalg.norm(into[1:] - out_of[:-1], axis=1) * ~self._is_end[:-1]
+            beyond = _sum_beyond(self._first, length)
+            give = self._give * beyond / beyond[self._first]
+            part = self._parts(data, way, pattern)
+            readings = GuideReadings(turn, part, self._share, self._first, self.owner, give)
+            self._read = data.qpos.copy(), readings
+        return self._read[1]
 
     def wrenches(self, data: mujoco.MjData, tension: Array, grip: Array) -> Array:
         """The wrenches (nt, nbody, 6) of the tendons with friction on each body about its origin,
         world frame, under tensions (nt,) N."""
-        into, out_of, way, turn, pattern = self._geometry(data)
-        none = np.zeros((len(way), 0))
-        at = GuideReadings(turn, none, self._share, self._first, self.owner)
-        pull = (tension[self.owner] * at.factors(grip)[1])[:, None] * way
+        into, out_of, way, _, pattern = self._geometry(data)
+        beyond = self.read(data).factors(grip)[1]
+        pull = (tension[self.owner] * beyond)[:, None] * way
         out = np.zeros((self.model.ntendon, self.model.nbody, 6))
         on = np.flatnonzero(~self._is_end)
         for points, places, force in ((out_of, on, pull[on]), (into, on + 1, -pull[on])):
