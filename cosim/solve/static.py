@@ -55,9 +55,7 @@ def _on_courses(
     """The loaded equilibrium with every tendon that has friction sliding towards its muscle, and
     with every one sliding away, each from the case's own."""
     rubbing, out = case.rubbing_tendons(), dict[str, OnCourse]()
-    if not any(tendon.friction for tendon in rubbing.values()):
-        return out
-    for course in INTERVAL:
+    for course in INTERVAL if rubbing else ():
         if all((tendon.course or INTERVAL[0]) == course for tendon in rubbing.values()):
             out[course] = OnCourse(models.finger, loaded)
             continue

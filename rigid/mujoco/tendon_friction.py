@@ -1,12 +1,7 @@
 """Coulomb friction of tendons where they wrap a surface or turn at a guide point (capstan).
 
-A tendon that turns by theta (rad) round a guide with coefficient mu has beyond it, seen from the
-muscle, the tension
-
-    T_beyond = T_before exp(-mu theta g),    -1 <= g <= 1:
-
-g = 1 where it slides towards the muscle ("loading"), -1 where it slides away ("unloading"), 0
-without friction.  Each straight part pulls its two ends, which are points of bones, with its own
+`rigid.chain.capstan` has the law of one guide, with g = 1 where the tendon slides towards the muscle
+("loading"), -1 where it slides away ("unloading"), 0 without friction.  Each straight part pulls its two ends, which are points of bones, with its own
 tension T_k.  With its length l_k and those ends held on the bones,
 
     torque = -sum_k T_k dl_k/dq,    slide at guide k = -sum_{j >= k} dl_j    (towards the muscle),
@@ -15,11 +10,8 @@ so that forces and moments balance on every body, and the muscle's work less the
 
     sum_k (T_before - T_beyond) slide_k,
 
-which is what the guides take.  In a motion g follows the slide over a presliding distance s,
-
-    dg = d(slide) / s,    held within -1 and 1                          (Prandtl 1928; Dahl 1968),
-
-so that it depends on the way and not on the speed.  A tendon of stiffness k that is given more
+which is what the guides take.  In a motion g follows the slide, and depends on the way and not on
+the speed.  A tendon of stiffness k that is given more
 tension stretches, and slides by c_k dT more, c_k the part of 1/k that lies beyond the guide.
 """
 
@@ -34,6 +26,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints, Mask
+from rigid.chain.capstan import free_grip, grip_after, tension_ratio
 from rigid.mujoco.tendon_paths import PULLEY, SITE
 
 Course = Literal["loading", "unloading", "frictionless"]
@@ -93,9 +86,9 @@ class GuideReadings(NamedTuple):
     def factors(self, grip: Array) -> tuple[Array, Array]:
         """The tension before and beyond each place over the muscle's, (n,) each."""
         loss = np.cumsum(self.turn * grip)
-        before = loss - self.turn * grip
-        start = before[self.first]
-        return self.share * np.exp(start - before), self.share * np.exp(start - loss)
+        loss -= (loss - self.turn * grip)[self.first]
+        beyond = self.share * tension_ratio(loss, np.ones_like(loss))
+        return beyond / tension_ratio(self.turn, grip), beyond
 
     def arms(self, grip: Array, arms: Array) -> Array:
         """The torques (nt, nq) m per N of each muscle; `arms`: those without friction, kept for
@@ -174,7 +167,7 @@ class FrictionStep:
 
     def grip_after(self, turned: Array) -> Array:
         """The grip (n,) after the joints have turned by (nq,) rad."""
-        return np.clip(self.grip + self.slide(turned) / self.presliding, -1.0, 1.0)
+        return grip_after(self.grip, self.slide(turned), self.presliding)
 
     def torque(self, grip: Array, turned: Array) -> tuple[Array, Array]:
         """What friction adds to the tendons' torques (nq,) N m, and its slope (nq, nq) by the
@@ -183,7 +176,7 @@ class FrictionStep:
         extra = r.arms(grip, self.arms) - self.arms
         shortening = self.stiffness[:, None] * self.arms
         torque, slope = self.tension @ extra, -extra.T @ shortening
-        free = self.grip + self.slide(turned) / self.presliding
+        free = free_grip(self.grip, self.slide(turned), self.presliding)
         sticks = np.abs(free) < 1.0
         pull = (self.tension - shortening @ turned)[r.owner[sticks]]
         by_grip = pull[:, None] * r.arms_by_grip(grip)[sticks]
