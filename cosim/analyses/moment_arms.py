@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import resources
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from rigid.chain.statics import ChainFinger
 
 ACTION = 5e-5
 """m: a tendon that nowhere reaches this arm does not act on a joint."""
@@ -58,8 +60,9 @@ def sweep(
 
 
 def native_arms(models: Models, posture: Mapping[str, float]) -> dict[str, Array]:
-    """Moment arms (nq,) m of the finger's own tendons at joint angles `posture` (rad)."""
-    finger = models.finger
+    """Moment arms (nq,) m of the finger's own tendons at joint angles `posture` (rad), which no
+    friction changes."""
+    finger = cast("ChainFinger", models.finger).with_friction({})
     bodies, names = finger.bodies, finger.tendons
     idle = Load(bodies, ("hood",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
     torque = finger.balance(finger.start(posture), idle, np.ones(len(names))).torque

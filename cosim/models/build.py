@@ -165,4 +165,10 @@ def bone_surfaces(case: Case) -> Mapping[str, Triangles]:
 def mjcf_of(case: Case) -> str:
     """The finger of a case as MJCF, at the resting tensions.  Raises InputError for one that has
     none."""
-    return mjcf(case.native_finger(), case.hood.left_to_finger, case.solve.resting_tension)
+    lost = [
+        f"{name}: its friction of {tendon.friction:g} at guides is left out; along a tendon MuJoCo "
+        "has one tension"
+        for name, tendon in case.rubbing_tendons().items()
+    ]
+    resting = case.solve.resting_tension
+    return mjcf(case.native_finger(), case.hood.left_to_finger, resting, lost)

@@ -23,8 +23,8 @@ Summary = Mapping[str, Any]
 
 
 def answer(summary: Summary) -> list[str]:
-    """Return the sentences of fingertip force, friction of tendons, slips, strain and posture; what a run lacks is left
-    out."""
+    """Return the sentences of fingertip force, friction of tendons, slips, strain and posture;
+    what a run lacks is left out."""
     sentences = (
         _force(summary),
         _friction(summary),
@@ -82,7 +82,7 @@ def _friction(summary: Summary) -> str:
     if sizes[0] is None or sizes[1] is None or max(sizes[0], sizes[1]) <= LEAST_FORCE:
         return ""
     return (
-        f"With friction of the tendons it is {sizes[0]:.2f} N where all slide towards their muscles "
+        f"With friction it is {sizes[0]:.2f} N where all tendons slide towards their muscles "
         f"(loading) and {sizes[1]:.2f} N where all slide back (unloading)."
     )
 

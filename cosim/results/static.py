@@ -166,9 +166,7 @@ def _friction(case: Case, models: Models, states: States) -> dict[str, Any]:
         out[course] = {
             "fingertip_force_N": by_axis(force),
             "fingertip_magnitude_N": float(np.linalg.norm(force)),
-            "posture_deg": _by_joint(
-                models, np.rad2deg(on.finger.angles(on.found.finger_state))
-            ),
+            "posture_deg": _by_joint(models, np.rad2deg(on.finger.angles(on.found.finger_state))),
             "joint_torque_Nmm": {name: _by_joint(models, 1e3 * torque[name]) for name in rubbing},
         }
     if len(forces) == 2:

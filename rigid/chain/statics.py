@@ -74,6 +74,8 @@ class ChainFinger(ABC):
     def with_friction(self, friction: Mapping[str, Any]) -> ChainFinger:
         """The finger with friction along tendons of its own.  Raises InputError for a finger
         without paths of tendons, along which alone friction acts."""
+        if not friction:
+            return self
         raise InputError(
             f"friction of {', '.join(friction)}: this finger has no tendons of its own whose paths "
             "it knows; leave friction out, or take a finger with a MuJoCo model"

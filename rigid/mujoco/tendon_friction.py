@@ -1,8 +1,9 @@
 """Coulomb friction of tendons where they wrap a surface or turn at a guide point (capstan).
 
-`rigid.chain.capstan` has the law of one guide, with g = 1 where the tendon slides towards the muscle
-("loading"), -1 where it slides away ("unloading"), 0 without friction.  Each straight part pulls its two ends, which are points of bones, with its own
-tension T_k.  With its length l_k and those ends held on the bones,
+`rigid.chain.capstan` has the law of one guide, with g = 1 where the tendon slides towards the
+muscle ("loading"), -1 where it slides away ("unloading"), 0 without friction.  Each straight part
+pulls its two ends, which are points of bones, with its own tension T_k.  With its length l_k and
+those ends held on the bones,
 
     torque = -sum_k T_k dl_k/dq,    slide at guide k = -sum_{j >= k} dl_j    (towards the muscle),
 
@@ -11,8 +12,8 @@ so that forces and moments balance on every body, and the muscle's work less the
     sum_k (T_before - T_beyond) slide_k,
 
 which is what the guides take.  In a motion g follows the slide, and depends on the way and not on
-the speed.  A tendon of stiffness k that is given more
-tension stretches, and slides by c_k dT more, c_k the part of 1/k that lies beyond the guide.
+the speed.  A tendon of stiffness k that is given more tension stretches, and slides by c_k dT more,
+c_k the part of 1/k that lies beyond the guide.
 """
 
 from __future__ import annotations
@@ -283,9 +284,7 @@ class TendonGuides:
                 turn[k] = self._arc(data, self._what[k], into[k], out_of[k], came[k])
         return into, out_of, way, self._mu * turn, pattern
 
-    def _arc(
-        self, data: mujoco.MjData, geom: int, begin: Array, end: Array, came: Array
-    ) -> float:
+    def _arc(self, data: mujoco.MjData, geom: int, begin: Array, end: Array, came: Array) -> float:
         """The angle (rad) by which a tendon that came along `came` turns over a surface between two
         points of it: of a helix the sum of its curvature."""
         centre, axis = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)[:, 2]

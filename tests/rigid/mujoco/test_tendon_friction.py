@@ -49,11 +49,17 @@ def quarter(text, mu=0.3, course="loading"):
     guides = TendonGuides(model, ("t",), {"t": TendonFriction(mu, course)})
     readings = guides.read(data)
     arms = readings.arms(guides.grip, np.zeros((1, model.nv)))
-    return arms[0, 0] / 0.02, readings.turn.sum() / mu, guides.wrenches(data, np.ones(1), guides.grip)
+    return (
+        arms[0, 0] / 0.02,
+        readings.turn.sum() / mu,
+        guides.wrenches(data, np.ones(1), guides.grip),
+    )
 
 
 @pytest.mark.parametrize("kind", ["cylinder", "sphere"])
-@pytest.mark.parametrize(("course", "sign"), [("loading", -1), ("unloading", 1), ("frictionless", 0)])
+@pytest.mark.parametrize(
+    ("course", "sign"), [("loading", -1), ("unloading", 1), ("frictionless", 0)]
+)
 def test_a_quarter_turn_round_a_wheel_leaves_exp_of_mu_theta(kind, course, sign):
     force, turn, _ = quarter(wheel(kind), course=course)
     assert turn == pytest.approx(np.pi / 2, rel=1e-12)
@@ -91,7 +97,9 @@ def test_friction_keeps_wrenches_torques_and_work_together(model):
         wrenches = finger.own_wrenches(q, tension, grip)
         turns = body_jacobian(finger.chain(q))
         for t, name in enumerate(finger.tendons):
-            assert turns.T @ wrenches[name].ravel() == pytest.approx(tension[t] * torque[t], abs=1e-14)
+            assert turns.T @ wrenches[name].ravel() == pytest.approx(
+                tension[t] * torque[t], abs=1e-14
+            )
             pulled = wrenches[name]
             moment = pulled[:, 3:] + np.cross(finger.chain(q).motion.position, pulled[:, :3])
             assert np.abs(pulled[:, :3].sum(axis=0)).max() < 1e-13
