@@ -32,6 +32,14 @@ def grip_after(grip: Array, slide: Array, presliding: Array | float) -> Array:
     return np.clip(free_grip(grip, slide, presliding), -1.0, 1.0)
 
 
+def held_length(turn: Array, before: Array, after: Array) -> Array:
+    """The work per N of tension before a guide, and per m of presliding, that it takes up as its
+    grip changes: the integral of 1 - exp(-mu theta g)."""
+    change = tension_ratio(turn, after) - tension_ratio(turn, before)
+    straight = after - before
+    return straight + np.divide(change, turn, out=-straight, where=turn > 0)
+
+
 def rounded_grip(free: Array, corner: float) -> Array:
     """The grip between its limits with rounded corners, for the sake of Newton's method with
     differences."""

@@ -27,7 +27,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints, Mask
-from rigid.chain.capstan import free_grip, grip_after, tension_ratio
+from rigid.chain.capstan import free_grip, grip_after, held_length, tension_ratio
 from rigid.mujoco.tendon_paths import PULLEY, SITE
 
 Course = Literal["loading", "unloading", "frictionless"]
@@ -187,11 +187,15 @@ class FrictionStep:
 
     def work(self, grip: Array, turned: Array, tension: Array) -> FrictionWork:
         """Where the work went, with the grip (n,) and the tensions (nt,) N at the end."""
-        before, beyond = self.readings.factors(grip)
-        force, slide = tension[self.readings.owner] * (before - beyond), self.slide(turned)
-        held = self.presliding * (grip - self.grip)
+        r = self.readings
+        before, beyond = tension[r.owner] * r.factors(grip)
+        free = free_grip(self.grip, self.slide(turned), self.presliding)
+        glided = self.presliding * (free - np.clip(free, -1.0, 1.0))
+        taken_up = self.presliding * held_length(r.turn, self.grip, grip)
         return FrictionWork(
-            float(force @ (slide - held)), float(force @ held), float(force @ self._stretch)
+            float((before - beyond) @ glided),
+            float(before @ taken_up),
+            float((before - beyond) @ self._stretch),
         )
 
     @property

@@ -9,11 +9,17 @@ import pytest
 from cosim.errors import InputError
 from cosim.port import Load
 from meshes.skeleton import index_finger
+from rigid.chain.capstan import cycle_loss
 from rigid.chain.kinematics import body_jacobian
 from rigid.fingers.index import finger_model
 from rigid.fingers.robot import robot_finger
 from rigid.mujoco.finger import MujocoFinger
-from rigid.mujoco.tendon_friction import TendonFriction, TendonGuides
+from rigid.mujoco.tendon_friction import (
+    FrictionStep,
+    GuideReadings,
+    TendonFriction,
+    TendonGuides,
+)
 
 MU = 0.12
 HUMAN, ROBOT = finger_model(index_finger(), central=0.5), robot_finger()
@@ -134,3 +140,71 @@ def test_the_ledger_closes_with_friction():
 def test_friction_of_a_tendon_that_a_finger_lacks_is_refused():
     with pytest.raises(InputError, match="friction of XYZ"):
         MujocoFinger(HUMAN).with_friction({"XYZ": TendonFriction(0.1)})
+
+
+def one_guide(turn=0.09, arm=0.01):
+    """Readings of one tendon that turns by mu theta round one guide, with a moment arm of `arm`."""
+    places = np.zeros(3, dtype=np.intp)
+    part = np.array([[0.0], [-arm], [0.0]])
+    return GuideReadings(
+        np.array([0.0, turn, 0.0]), part, np.ones(3), places, places, np.zeros(3)
+    )
+
+
+def slide(readings, turns, tension, presliding):
+    """The grips and works over steps that turn the joint by `turns` (n,) rad each."""
+    grip, works, grips = np.zeros(3), [], []
+    for turned in np.asarray(turns)[:, None]:
+        step = FrictionStep(
+            readings, np.full(3, presliding), np.array([[0.01]]), grip,
+            np.array([tension]), np.zeros(1), np.zeros(1),
+        )  # fmt: skip
+        after = step.grip_after(turned)
+        works.append(step.work(after, turned, np.array([tension])))
+        grip = after
+        grips.append(grip[1])
+    return np.array(grips), np.array(works)
+
+
+def test_a_cycle_of_slides_loses_the_closed_form_of_its_loop():
+    turn, tension, presliding, half = 0.09, 7.0, 1e-4, 2e-3
+    quarter = np.full(400, half / 0.01 / 400)
+    cycle = np.concatenate([quarter, -quarter, -quarter, quarter])
+    grips, works = slide(one_guide(turn), np.tile(cycle, 2), tension, presliding)
+    lost, held, _ = works[len(cycle) :].sum(axis=0)
+    assert lost == pytest.approx(cycle_loss(turn, tension, half, presliding), rel=1e-10)
+    assert held == pytest.approx(0.0, abs=1e-6 * lost)
+    assert (works[:, 0] >= 0).all()
+    assert grips[399] == 1.0
+    assert grips[3 * 400 - 1] == -1.0
+
+
+def test_a_small_slide_to_and_fro_loses_nothing():
+    grips, works = slide(one_guide(), np.array([2e-3, -2e-3] * 5), 7.0, 1e-4)
+    assert works[:, 0] == pytest.approx(0.0, abs=1e-20)
+    assert grips == pytest.approx([0.2, 0.0] * 5)
+
+
+def test_friction_in_a_motion_does_not_depend_on_the_speed():
+    turns = np.concatenate([np.full(50, 0.01), np.full(30, -0.01)])
+    fine = np.repeat(turns / 10, 10)
+    coarse = slide(one_guide(), turns, 7.0, 1e-3)
+    assert slide(one_guide(), fine, 7.0, 1e-3)[0][-1] == pytest.approx(coarse[0][-1])
+
+
+def test_a_stretching_tendon_slides_as_its_tension_rises():
+    """In a still finger, by the part of its stretch that lies beyond a guide."""
+    model = {t: TendonFriction(MU, "frictionless", 1e-3, 20e3) for t in ("FDP",)}
+    finger = MujocoFinger(HUMAN).with_friction(model)
+    readings = finger.guides.read(finger._forward(POSTURE))
+    give = readings.give
+    assert give[0] == pytest.approx(1 / 20e3)
+    assert give[-1] == 0.0
+    assert (np.diff(give) <= 0).all()
+    arms, n = finger.moment_arms(POSTURE), len(give)
+    rise = np.where(np.array(finger.tendons) == "FDP", 3.0, 0.0)
+    step = FrictionStep(readings, np.full(n, 1e-3), arms, np.zeros(n), rise, 0 * rise, rise)
+    grip = step.grip_after(np.zeros(4))
+    assert grip == pytest.approx(np.minimum(3.0 * give / 1e-3, 1.0))
+    work = step.work(grip, np.zeros(4), rise)
+    assert work.from_stretch >= work.lost + work.held > 0
