@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import resources
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,13 +14,12 @@ from cosim.measured import RANGE, measured_of_kind
 from cosim.models.build import Models
 from cosim.port import STATIC, Array, Load, Motion, State
 from cosim.results.looks import Look, look
+from cosim.tendons.friction import without_friction
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from rigid.chain.statics import ChainFinger
 
 ACTION = 5e-5
 """m: a tendon that nowhere reaches this arm does not act on a joint."""
@@ -62,7 +61,7 @@ def sweep(
 def native_arms(models: Models, posture: Mapping[str, float]) -> dict[str, Array]:
     """Moment arms (nq,) m of the finger's own tendons at joint angles `posture` (rad), which no
     friction changes."""
-    finger = cast("ChainFinger", models.finger).with_friction({})
+    finger = without_friction(models.finger)
     bodies, names = finger.bodies, finger.tendons
     idle = Load(bodies, ("hood",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
     torque = finger.balance(finger.start(posture), idle, np.ones(len(names))).torque

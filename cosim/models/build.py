@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 
@@ -16,12 +16,10 @@ from cosim.hoods.kinds import KINDS
 from cosim.hoods.view import NO_POINTS, HoodView, TrackedPoints
 from cosim.models.fit import check_fit, check_tendons
 from cosim.port import Array, Hood, Motion, OpenFinger, Pair, PairState, State, Triangles
+from cosim.tendons.friction import with_friction
 from cosim.tendons.muscles import CaseMuscles, live_muscles
 from cosim.tendons.table import Course
 from meshes.hood_mesh import HoodMesh
-
-if TYPE_CHECKING:
-    from rigid.chain.statics import ChainFinger
 
 
 @dataclass(frozen=True)
@@ -104,21 +102,11 @@ def with_own_finger(models: Models, case: Case) -> Models:
     return replace(models, finger=case_finger(case), muscles=live_muscles(case.tendons))
 
 
-def case_finger(case: Case, course: Course | None = None) -> ChainFinger:
+def case_finger(case: Case, course: Course | None = None) -> OpenFinger:
     """The finger of ours of a case, with the friction of its own tendons, each on its course or all
     on one.  Raises InputError."""
-    from rigid.mujoco.tendon_friction import PRESLIDING, TendonFriction
-
     finger = live_finger(case.native_finger(), case.hood.left_to_finger)
-    friction = {
-        name: TendonFriction(
-            float(tendon.friction or 0.0),
-            course or tendon.course or "loading",
-            tendon.presliding or PRESLIDING,
-        )
-        for name, tendon in case.rubbing_tendons().items()
-    }
-    return finger.with_friction(friction) if friction else finger
+    return with_friction(finger, case.tendons, course)
 
 
 def site_of(case: Case, rest: Motion) -> Site:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -27,11 +27,9 @@ from cosim.results.result import Result
 from cosim.results.scene import scene, with_measures
 from cosim.results.tip_reach import tip_force_over_reach
 from cosim.solve.states import States
+from cosim.tendons.friction import beyond_guides
 from cosim.version import __version__
 from meshes.skeleton import BODIES
-
-if TYPE_CHECKING:
-    from rigid.mujoco.finger import MujocoFinger
 
 Books = Mapping[str, Array]
 """(nb, 6) wrenches on the bodies by source, as of `Finger.ledger`."""
@@ -144,8 +142,8 @@ def _friction(case: Case, models: Models, states: States) -> dict[str, Any]:
     is with all of them loading, and all unloading."""
     if not (rubbing := case.rubbing_tendons()):
         return {}
-    finger, e = cast("MujocoFinger", models.finger), states.loaded
-    left = finger.beyond_guides(models.finger.angles(e.finger_state), e.finger_tension)
+    e = states.loaded
+    left = beyond_guides(models.finger, e.finger_state, e.finger_tension)
     tendons = {
         name: {
             "coefficient": tendon.friction,

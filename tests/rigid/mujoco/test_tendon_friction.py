@@ -146,9 +146,7 @@ def one_guide(turn=0.09, arm=0.01):
     """Readings of one tendon that turns by mu theta round one guide, with a moment arm of `arm`."""
     places = np.zeros(3, dtype=np.intp)
     part = np.array([[0.0], [-arm], [0.0]])
-    return GuideReadings(
-        np.array([0.0, turn, 0.0]), part, np.ones(3), places, places, np.zeros(3)
-    )
+    return GuideReadings(np.array([0.0, turn, 0.0]), part, np.ones(3), places, places, np.zeros(3))
 
 
 def slide(readings, turns, tension, presliding):
