@@ -21,6 +21,7 @@ from cosim.models.fit import check_tendons
 from cosim.models.scheme import scheme_of
 from cosim.port import Array, Hood, Motion, State, Triangles
 from cosim.tendons.air import cylinders, initial_air, step_cylinders
+from cosim.tendons.elastic import stretch_of
 from cosim.tendons.muscles import fibres
 from cosim.tendons.signals import factor_of
 from cosim.tendons.table import TendonConfig
@@ -116,8 +117,9 @@ def _prescribed_excursions(case: Case, tendons: tuple[str, ...]) -> PrescribedEx
     most = np.array([case.tendons[n].excursion for n in names], dtype=float)
     signals = [factor_of(case.tendons[n].signal) for n in names]
     index = np.array([tendons.index(n) for n in names], dtype=int)
+    give, slack = stretch_of([case.tendons[n] for n in names])
     return PrescribedExcursions(
-        names, index, lambda time: most * [signal(time) for signal in signals]
+        names, index, lambda time: most * [signal(time) for signal in signals], give, slack
     )
 
 

@@ -21,6 +21,7 @@ from cosim.port import Array, PairState, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
 from cosim.solve.session import Session
 from cosim.solve.states import OnCourse, SecondStart, States
+from cosim.tendons.elastic import stretch_of
 from cosim.tendons.muscles import MusclePull
 from cosim.tendons.table import Course
 
@@ -167,7 +168,10 @@ def _loaded_equilibrium(
 def _prescribed_excursions(case: Case, names: tuple[str, ...]) -> PrescribedExcursions:
     stated = {n: t.excursion for n, t in case.tendons.items() if t.excursion is not None}
     index = np.array([names.index(name) for name in stated], dtype=int)
-    return PrescribedExcursions(tuple(stated), index, lambda time: np.array(list(stated.values())))
+    give, slack = stretch_of([case.tendons[name] for name in stated])
+    return PrescribedExcursions(
+        tuple(stated), index, lambda time: np.array(list(stated.values())), give, slack
+    )
 
 
 def _shortening(models: Models, unloaded: Equilibrium, loaded: Equilibrium) -> Array:

@@ -1,9 +1,13 @@
-"""Friction along the tendons of a case's finger.  One of the files that know the solvers by name."""
+"""Friction along the tendons of a case's finger.
+
+One of the files that know the solvers by name."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, cast
+
+import numpy as np
 
 from cosim.port import Array, OpenFinger, State
 from cosim.tendons.table import Course, TendonConfig
@@ -25,6 +29,7 @@ def with_friction(
             float(tendon.friction),
             course or tendon.course or "loading",
             tendon.presliding or PRESLIDING,
+            np.inf if tendon.elastic is None else tendon.elastic.rate,
         )
         for name, tendon in tendons.items()
         if tendon.friction is not None
