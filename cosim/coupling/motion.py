@@ -47,6 +47,10 @@ class TendonDrive(Protocol):
         """Signals (nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
         ...
 
+    def motor_signals(self, state: State, time: float) -> Array:
+        """Of each motor (nm, 2) how far it has drawn its tendon's end, m, and its torque, N m."""
+        ...
+
 
 class RecordedFinger(MovingFinger, Protocol):
     """A moving finger that also reports what is recorded of a motion."""
@@ -156,6 +160,8 @@ class MotionFrame:
     """J, the finger's energy."""
     drive: Array
     """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
+    motors: Array
+    """(nm, 2) of each motor: m that its tendon's end is drawn, N m."""
     points: Array
     """(k, 3) m, the points of the user's on the hood, world axes."""
     grip: Array
@@ -271,6 +277,7 @@ class CoupledMotion:
             c.residual,
             self.finger.energy(c.finger),
             self.drive.cylinder_signals(at.drive, c.time),
+            self.drive.motor_signals(at.drive, c.time),
             self.points(c.hood),
             self.finger.grip(c.finger),
             at.friction,

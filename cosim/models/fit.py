@@ -8,6 +8,7 @@ from cosim.fingers.kinds import native_tendons, tip_support_kind, with_mass
 from cosim.hoods.kinds import fitting_kinds
 from cosim.models.double_count import pairs_of_case, refuse
 from cosim.tendons.air import check_air
+from cosim.tendons.motor import check_motors
 from cosim.tendons.signals import factor_of
 
 
@@ -31,6 +32,7 @@ def check_fit(case: Case) -> None:
     for name in signals:
         factor_of(case.tendons[name].signal)
     check_air(case.tendons, in_motion=case.forward is not None)
+    check_motors(case.tendons, in_motion=case.forward is not None)
     case.finger.check_extensor(case.hood.left_to_finger)
     _check_excursions(case)
     _check_tip(case)

@@ -60,6 +60,8 @@ ARRAYS: Mapping[str, ArrayInfo] = {
     ),
     "guide_loss": ArrayInfo((), "J", "energy lost to friction at tendons' guides since the start"),
     "path_length": ArrayInfo(("muscle",), "m", "length of the finger's tendons"),
+    "motor_position": ArrayInfo(("motor",), "m", "how far a motor has drawn its tendon's end"),
+    "motor_torque": ArrayInfo(("motor",), "N m", "torque of the motor"),
     "command": ArrayInfo(("cylinder",), "V", "valve voltage commanded"),
     "pressure": ArrayInfo(("cylinder",), "Pa", "pressure above the atmosphere"),
 }

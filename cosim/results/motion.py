@@ -132,6 +132,11 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         out["double_counted"] = twice
     if lengths := t.pulls.lengths(end.drive):
         out["muscle"] = {name: _muscle(case, name, length) for name, length in lengths.items()}
+    if t.pulls.motors:
+        out["motor"] = {
+            name: {"drawn_mm": 1e3 * float(drawn), "torque_Nmm": 1e3 * float(torque)}
+            for name, (drawn, torque) in zip(t.pulls.motors, last.motors, strict=True)
+        }
     if t.pulls.cylinders:
         out["air"] = {
             name: {"command_V": float(volts), "pressure_kPa": 1e-3 * float(pressure)}
@@ -301,6 +306,10 @@ def _arrays(case: Case, t: MovingModels, kept: MotionHistory, scene: Scene) -> A
     if t.point_names:
         values["hood_point_position"] = [f.points for f in frames]
         coords["hood_point"] = list(t.point_names)
+    if t.pulls.motors:
+        wound = np.array([f.motors for f in frames])
+        values |= {"motor_position": wound[..., 0], "motor_torque": wound[..., 1]}
+        coords["motor"] = list(t.pulls.motors)
     if t.pulls.cylinders:
         drive = np.array([f.drive for f in frames])
         values |= {"command": drive[..., 0], "pressure": drive[..., 1]}

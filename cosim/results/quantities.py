@@ -204,6 +204,8 @@ OF_RUN = (
     Quantity("last_force_change_N", "largest change of the fingertip force at a motion's end"),
     Quantity("largest_interface_residual", "largest disagreement of hood and finger, relative"),
     Quantity("prescribed_excursion_mm.<tendon>", "prescribed excursion of <tendon>"),
+    Quantity("motor.<tendon>.drawn_mm", "how far the motor has drawn the end of <tendon>"),
+    Quantity("motor.<tendon>.torque_Nmm", "torque of the motor of <tendon>"),
     Quantity("air.<tendon>.command_V", "voltage of the valve of <tendon>"),
     Quantity("air.<tendon>.pressure_kPa", "pressure in the cylinder of <tendon>"),
     Quantity("muscle.<tendon>.activation", "activation of <tendon>"),

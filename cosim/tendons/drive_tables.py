@@ -22,9 +22,7 @@ class ElasticConfig(Table):
         Annotated[float, quantity(units.STIFFNESS, least="0.01 N/mm", most="1e5 N/mm")] | None
     ) = None
     """Stiffness of the whole tendon."""
-    modulus: (
-        Annotated[float, quantity(units.PRESSURE, least="1 MPa", most="500 GPa")] | None
-    ) = None
+    modulus: Annotated[float, quantity(units.PRESSURE, least="1 MPa", most="500 GPa")] | None = None
     """Young's modulus, in place of the stiffness; tendons have some 1 GPa."""
     section: (
         Annotated[float, quantity(units.AREA, least="0.001 mm**2", most="100 mm**2")] | None
@@ -53,7 +51,9 @@ class ElasticConfig(Table):
         if self.stiffness is not None:
             return self.stiffness
         modulus, section, length = self.modulus, self.section, self.length
-        assert modulus is not None and section is not None and length is not None
+        assert modulus is not None
+        assert section is not None
+        assert length is not None
         return modulus * section / length
 
 
@@ -66,13 +66,9 @@ class MotorConfig(Table):
     does.  The tendon holds the gear on one flank, so that its backlash is passed once, at first."""
 
     kind: Literal["motor"]
-    torque: (
-        Annotated[float, quantity(units.TORQUE, least="0 N*mm", most="1e5 N*mm")] | None
-    ) = None
+    torque: Annotated[float, quantity(units.TORQUE, least="0 N*mm", most="1e5 N*mm")] | None = None
     """Torque of the motor that is commanded."""
-    position: (
-        Annotated[float, quantity(units.LENGTH, least="-100 mm", most="100 mm")] | None
-    ) = None
+    position: Annotated[float, quantity(units.LENGTH, least="-100 mm", most="100 mm")] | None = None
     """In place of the torque: how far the tendon's end is drawn."""
     spool: Annotated[float, quantity(units.LENGTH, least="0.5 mm", most="200 mm")]
     """Radius of the spool."""

@@ -287,6 +287,15 @@ class FingerDynamics:
         weight = self._model.body_mass[:, None] * self._model.opt.gravity
         return 0.5 * float(at.rates @ product), -float((weight * self._data.xipos).sum())
 
+    def fastest_rate(self, stiffness: Array) -> float:
+        """The fastest rate (rad/s) at which the finger at the start would swing on tendons of
+        `stiffness` (nt,) N/m: the root of the largest eigenvalue of M^-1 A^T k A."""
+        self._at(self._state.angles, np.zeros(len(self._state.angles)))
+        mass = np.array(self._readings.mass)[self._readings.mass_at]
+        arms = self._finger.arms_of(self._data)
+        hold = arms.T @ (stiffness[:, None] * arms)
+        return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, hold)).real.max(initial=0.0)))
+
     def _at(self, angles: Array, rates: Array) -> None:
         m, d, jacobian = self._model, self._data, self._readings.jacobian
         self._position[:] = angles

@@ -72,6 +72,11 @@ class MovingMujoco:
         at_rest = self._dynamics(start).start()
         return Moving(start, at_rest, np.zeros_like(at_rest.rates))
 
+    def fastest_rate(self, state: Moving, stiffness: Array) -> float:
+        """The fastest rate (rad/s) at which the finger would swing from its beginning on tendons of
+        `stiffness` (nt,) N/m."""
+        return self._dynamics(state.start).fastest_rate(stiffness)
+
     def angles(self, state: Moving) -> Array:
         """Joint angles (nq,) of a state, rad."""
         return state.moment.angles
