@@ -89,7 +89,7 @@ class MujocoFinger(ChainFinger):
 
     def tendon_lengths(self, angles: Array) -> Array:
         """The tendons' path lengths (nt,) m, strands counted by their shares."""
-        return self._forward(angles).ten_length.copy()
+        return self.at_angles(angles).ten_length.copy()
 
     def moment_arms(self, angles: Array) -> Array:
         """The moment arms (nt, nq) m: the shortening of each tendon per rad, positive where its
@@ -100,7 +100,7 @@ class MujocoFinger(ChainFinger):
         """Kinematics and moment arms, those of the last posture asked for kept: an equilibrium and
         its tangent ask for the same again and again."""
         if self._seen is None or not np.array_equal(self._seen[0], angles):
-            d = self._forward(angles)
+            d = self.at_angles(angles)
             turn = d.xmat[self._body].reshape(-1, 3, 3)
             motion = Motion(self.bodies, d.xpos[self._body], turn)
             tip = d.site_xpos[self._tip].copy()
@@ -115,7 +115,7 @@ class MujocoFinger(ChainFinger):
         if self.guides is None:
             return arms
         if self._rubbed is None or not np.array_equal(self._rubbed[0], angles):
-            readings = self.guides.read(self._forward(angles))
+            readings = self.guides.read(self.at_angles(angles))
             self._rubbed = (
                 np.array(angles, dtype=float),
                 readings.arms(self.guides.grip, arms),
@@ -171,7 +171,7 @@ class MujocoFinger(ChainFinger):
         under tensions (nt,) N, and the angle (rad) by which its longest strand turns at guides."""
         if self.guides is None:
             return {}
-        left, turn = self.guides.read(self._forward(angles)).beyond(
+        left, turn = self.guides.read(self.at_angles(angles)).beyond(
             self.guides.grip if grip is None else grip
         )
         return {
@@ -190,7 +190,7 @@ class MujocoFinger(ChainFinger):
     ) -> dict[str, Array]:
         """The wrench (nb, 6) on each body about its origin by muscle, and of gravity; `grip`: of
         friction at each guide, that of the tendons' courses if not given."""
-        data, guides = self._forward(angles), self.guides
+        data, guides = self.at_angles(angles), self.guides
         pulls = self._ways.wrenches(data, tension)
         if guides is not None:
             rubbed = guides.wrenches(data, tension, guides.grip if grip is None else grip)
@@ -210,7 +210,7 @@ class MujocoFinger(ChainFinger):
     def paths_at(self, angles: Array) -> dict[str, Array]:
         """The world points (k, 3) of each strand from origin to insertion, m, at joint angles
         (nq,); the strands of a tendon that parts are named NAME, NAME 2, ..."""
-        data = self._forward(angles)
+        data = self.at_angles(angles)
         return {
             name if n == 0 else f"{name} {n + 1}": points
             for name, strands in zip(self.tendons, self._ways.points(data), strict=True)
@@ -219,7 +219,7 @@ class MujocoFinger(ChainFinger):
 
     def momentum(self, angles: Array, rates: Array) -> Array:
         """Each body's momentum (nb, 6) about its centre of mass, N s and N m s, world frame."""
-        data, m = self._forward(angles), self.model
+        data, m = self.at_angles(angles), self.model
         index = np.arange(len(self.bodies))
         twist = point_jacobian(self.chain(angles), index, self.mass_centres(angles)) @ rates
         axes = data.ximat[self._body].reshape(-1, 3, 3)
@@ -229,9 +229,11 @@ class MujocoFinger(ChainFinger):
 
     def mass_centres(self, angles: Array) -> Array:
         """The bodies' centres of mass (nb, 3) m, world frame."""
-        return self._forward(angles).xipos[self._body]
+        return self.at_angles(angles).xipos[self._body]
 
-    def _forward(self, angles: Array) -> mujoco.MjData:
+    def at_angles(self, angles: Array) -> mujoco.MjData:
+        """MuJoCo's kinematics and tendons at joint angles (nq,), until another posture is asked
+        for."""
         return self._data if np.array_equal(self._at, angles) else self._place(angles)
 
     def _place(self, angles: Array) -> mujoco.MjData:

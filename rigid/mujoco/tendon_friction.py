@@ -269,6 +269,18 @@ class TendonGuides:
             np.add.at(out, (self.owner[places], body), np.hstack([force, moment]))
         return out
 
+    def straight_parts(
+        self, data: mujoco.MjData, tension: Array, grip: Array
+    ) -> list[tuple[Array, Ints, float]]:
+        """Ends (2, 3) m, their bodies (2,) and tension (N) of every straight part, under the
+        muscles' tensions (nt,) N."""
+        into, out_of, way, _, pattern = self._geometry(data)
+        pull = tension[self.owner] * self.read(data).factors(grip)[1]
+        return [
+            (np.stack([out_of[k], into[k + 1]]), pattern.body[k : k + 2], float(pull[k]))
+            for k in np.flatnonzero(way.any(axis=1))
+        ]
+
     def _geometry(self, data: mujoco.MjData) -> tuple[Array, Array, Array, Array, _Pattern]:
         """Where the tendon comes to and leaves each place (n, 3), the directions (n, 3) in which it
         leaves, and mu theta (n,)."""

@@ -97,7 +97,7 @@ def test_friction_keeps_wrenches_torques_and_work_together(model):
     for _ in range(3):
         q, v = rng.uniform(0.0, 1.0, 4), rng.normal(size=4)
         grip, tension = rng.uniform(-1, 1, len(guides.owner)), rng.uniform(1, 9, len(bare.tendons))
-        readings = guides.read(finger._forward(q))
+        readings = guides.read(finger.at_angles(q))
         arms = bare.moment_arms(q)
         torque = readings.arms(grip, arms)
         wrenches = finger.own_wrenches(q, tension, grip)
@@ -194,7 +194,7 @@ def test_a_stretching_tendon_slides_as_its_tension_rises():
     """In a still finger, by the part of its stretch that lies beyond a guide."""
     model = {t: TendonFriction(MU, "frictionless", 1e-3, 20e3) for t in ("FDP",)}
     finger = MujocoFinger(HUMAN).with_friction(model)
-    readings = finger.guides.read(finger._forward(POSTURE))
+    readings = finger.guides.read(finger.at_angles(POSTURE))
     give = readings.give
     assert give[0] == pytest.approx(1 / 20e3)
     assert give[-1] == 0.0
