@@ -23,7 +23,7 @@ WOUND = (
     'tendons.FDP.elastic={stiffness="20 N/mm"}',
     'tendons.FDP.actuation={kind="motor",position="2 mm",spool="6 mm",gear=30,'
     'greatest_torque="3 N*mm",greatest_speed="800 rad/s",inertia="0.05 kg*mm**2"}',
-    'tendons.FDP.signal={kind="points",at=[["0 s",0.0],["0.1 s",1.0]]}',
+    'tendons.FDP.signal={kind="points",at=[["0 s",0.0],["0.06 s",1.0]]}',
     *(
         f'finger.passive.{joint}={{stiffness="0.08 N*m/rad",rest="posture",'
         'damping="2e-3 N*m*s/rad"}'
@@ -109,7 +109,7 @@ def test_backlash_and_slack_are_passed_before_the_tendon_pulls() -> None:
 
 
 def test_a_wound_finger_keeps_its_energy_books_and_goes_on_from_a_checkpoint(tmp_path) -> None:
-    settings = (*WOUND, 'forward={duration="0.15 s",must_rest=false,checkpoint=40}')
+    settings = (*WOUND, 'forward={duration="0.1 s",must_rest=false,checkpoint=40}')
     whole = run_case(load_case("pulley_edc", settings))
     energy = whole.summary["energy_mJ"]
     assert work_done(energy) == pytest.approx(work_kept(energy), rel=1e-9)
@@ -120,10 +120,10 @@ def test_a_wound_finger_keeps_its_energy_books_and_goes_on_from_a_checkpoint(tmp
     assert data.motor_position.values[-1, 0] == pytest.approx(2e-3, abs=0.3e-3)
     pulled = data.own_tension.sel(muscle="FDP").values
     left = data.insertion_tension.sel(muscle="FDP").values
-    assert (left[50:100] < pulled[50:100]).all()
+    assert (left[20:45] < pulled[20:45]).all()
     session = Session(checkpoints=tmp_path)
     with pytest.raises(StoppedError):
-        run_case(load_case("pulley_edc", settings), session, Stopper(3))
+        run_case(load_case("pulley_edc", settings), session, Stopper(2))
     assert identical(run_case(load_case("pulley_edc", settings), session), whole)
 
 
