@@ -189,11 +189,15 @@ OF_RUN = (
     Quantity("friction.tendon.<tendon>.coefficient", "friction of <tendon> at its guides"),
     Quantity("friction.tendon.<tendon>.turn_deg", "angle by which <tendon> turns at its guides"),
     Quantity("friction.tendon.<tendon>.tension_at_insertion_N", "tension of <tendon> at its end"),
-    Quantity("friction.<course>.fingertip_force_N.<axis>", "fingertip force, <axis>, <course>"),
-    Quantity("friction.<course>.fingertip_magnitude_N", "fingertip force, magnitude, <course>"),
-    Quantity("friction.<course>.posture_deg.<joint>", "<joint> angle, <course>"),
     Quantity(
-        "friction.<course>.joint_torque_Nmm.<tendon>.<joint>",
+        "friction.course.<course>.fingertip_force_N.<axis>", "fingertip force, <axis>, <course>"
+    ),
+    Quantity(
+        "friction.course.<course>.fingertip_magnitude_N", "fingertip force, magnitude, <course>"
+    ),
+    Quantity("friction.course.<course>.posture_deg.<joint>", "<joint> angle, <course>"),
+    Quantity(
+        "friction.course.<course>.joint_torque_Nmm.<tendon>.<joint>",
         "torque of <tendon> about <joint>, <course>",
     ),
     Quantity("wall_s", "wall time"),

@@ -14,7 +14,7 @@ from cosim.models.build import build, mjcf_of
 from cosim.models.motion import moving_models
 from cosim.pipeline import run_case
 from cosim.results.answer import answer
-from cosim.results.quantities import is_known
+from cosim.results.quantities import is_known, misfit
 from cosim.results.result import Result
 from cosim.solve.session import Session
 
@@ -34,25 +34,26 @@ def test_the_interval_is_what_either_course_gives_alone() -> None:
     found = run("split_fdp", RUBS).summary
     back = run("split_fdp", RUBS, "tendons.FDP.course='unloading'").summary
     free = run("split_fdp").summary
-    both = found["friction"]
+    both = found["friction"]["course"]
     assert both["loading"]["fingertip_force_N"] == found["fingertip_force_N"]
     assert forces(both["unloading"]) == pytest.approx(forces(back), abs=1e-9)
-    assert back["friction"]["loading"]["fingertip_magnitude_N"] == pytest.approx(
+    assert back["friction"]["course"]["loading"]["fingertip_magnitude_N"] == pytest.approx(
         found["fingertip_magnitude_N"], abs=1e-9
     )
     sizes = [s["fingertip_magnitude_N"] for s in (found, free, back)]
     assert sizes == sorted(sizes)
-    assert both["half_interval_N"] == pytest.approx(
+    assert found["friction"]["half_interval_N"] == pytest.approx(
         np.linalg.norm(forces(found) - forces(back)) / 2, abs=1e-9
     )
-    tendon = both["tendon"]["FDP"]
+    tendon = found["friction"]["tendon"]["FDP"]
     left = found["tension_N"]["FDP"] * np.exp(-0.1 * np.radians(tendon["turn_deg"]))
     assert tendon["tension_at_insertion_N"] == pytest.approx(left)
     assert "friction" not in free
     assert found["audit_missed"] == []
     assert any("loading" in sentence for sentence in answer(found))
+    assert misfit(found) == ""
     assert is_known("friction.half_interval_N")
-    assert is_known("friction.unloading.joint_torque_Nmm.FDP.PIP")
+    assert is_known("friction.course.unloading.joint_torque_Nmm.FDP.PIP")
 
 
 def test_friction_of_zero_changes_nothing() -> None:
@@ -88,9 +89,11 @@ def test_a_motion_that_only_loads_comes_to_rest_as_the_equilibrium_does() -> Non
     tip = "finger.tip.kind='point'"
     ramp = 'tendons.FDP.signal={kind="points",at=[["0 s",0.01],["0.1 s",1.0]]}'
     still = run("split_fdp", RUBS).summary
-    moved = run("split_fdp", RUBS, tip, ramp, "forward={duration='0.2 s',step='2 ms',must_rest=false}")
+    moved = run(
+        "split_fdp", RUBS, tip, ramp, "forward={duration='0.2 s',step='2 ms',must_rest=false}"
+    )
     settled = forces(moved.summary)
-    interval = [forces(still["friction"][c]) for c in ("loading", "unloading")]
+    interval = [forces(still["friction"]["course"][c]) for c in ("loading", "unloading")]
     assert np.linalg.norm(settled - interval[0]) < 0.5 * np.linalg.norm(interval[1] - interval[0])
     rows = [row for row in moved.rows if row.state == moved.rows[-1].state]
     for body in ("proximal", "middle", "distal"):
