@@ -34,8 +34,7 @@ def factor_of(
             times, factors = np.array(signal.at).T
         case FileSignalConfig():
             times, factors = _recorded_signal(signal.path, signal.column)
-    # rounding alone would take the way to a zero below it
-    return lambda t: max(float(np.interp(t, times, factors)), 0.0)
+    return lambda t: float(np.interp(t, times, factors))
 
 
 def _recorded_signal(path: Path, column: str) -> tuple[Array, Array]:

@@ -135,6 +135,9 @@ class PlannedTensions:
     def cylinder_signals(self, state: State, time: float) -> Array:
         return np.zeros((0, 2))
 
+    def motor_signals(self, state: State, time: float) -> Array:
+        return np.zeros((0, 2))
+
 
 @dataclass
 class Planner:
