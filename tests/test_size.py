@@ -12,12 +12,12 @@ from tests.helpers.folders import ROOT
 
 CEILINGS = {
     ".docs": 54,
-    "cases": 3193,
-    "cosim": 5885,
-    "cosim/analyses": 7087,
+    "cases": 3266,
+    "cosim": 5926,
+    "cosim/analyses": 7557,
     "cosim/anatomy": 869,
     "cosim/case": 1019,
-    "cosim/commands": 4939,
+    "cosim/commands": 4969,
     "cosim/coupling": 2258,
     "cosim/fingers": 1126,
     "cosim/fmu": 2036,
@@ -26,7 +26,7 @@ CEILINGS = {
     "cosim/kernels": 362,
     "cosim/models": 785,
     "cosim/report": 2923,
-    "cosim/results": 5930,
+    "cosim/results": 5935,
     "cosim/schema": 611,
     "cosim/scoring": 1788,
     "cosim/solve": 965,
@@ -59,7 +59,7 @@ CEILINGS = {
     "rigid/opensim": 3745,
     "rigid/papers": 3272,
     "rigid/verification": 2686,
-    "tests": 53184,
+    "tests": 53321,
 }
 
 

@@ -11,6 +11,7 @@ from cosim.analyses.estimate.feasible import ForceSet
 from cosim.analyses.estimate.of_case import MotionEstimate
 from cosim.analyses.estimate.tracking import Tracking
 from cosim.port import Array
+from cosim.results.conventions import joint_words
 from cosim.results.looks import look
 
 if TYPE_CHECKING:
@@ -81,11 +82,11 @@ def draw_motion(
     names: tuple[str, ...], joints: tuple[str, ...], result: MotionEstimate, title: str
 ) -> Figure:
     """Joint angles, needed torques and tensions over time."""
-    time = result.motion.time
+    time, words = result.motion.time, tuple(map(joint_words, joints))
     return _draw_courses(
         title,
-        ("angle, deg", time, np.degrees(result.motion.angle), joints),
-        ("torque of muscles, N mm", time, 1e3 * result.required_torque, joints),
+        ("angle, deg", time, np.degrees(result.motion.angle), words),
+        ("torque of muscles, N mm", time, 1e3 * result.required_torque, words),
         ("tension, N", time, result.tension, names),
     )
 
@@ -94,11 +95,11 @@ def draw_tracking(
     names: tuple[str, ...], joints: tuple[str, ...], tracking: Tracking, title: str
 ) -> Figure:
     """Joint angles, by how much they miss those wanted, and tensions over time."""
-    off = tracking.angle - tracking.wanted
+    off, words = tracking.angle - tracking.wanted, tuple(map(joint_words, joints))
     return _draw_courses(
         title,
-        ("angle, deg", tracking.step_time, np.degrees(tracking.angle), joints),
-        ("angle less wanted, deg", tracking.step_time, np.degrees(off), joints),
+        ("angle, deg", tracking.step_time, np.degrees(tracking.angle), words),
+        ("angle less wanted, deg", tracking.step_time, np.degrees(off), words),
         ("tension, N", tracking.time, tracking.tension, names),
     )
 
