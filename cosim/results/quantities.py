@@ -179,13 +179,13 @@ CHECKS = {
     "step_control.longest_half_ms": "longest half step",
 }
 """Figures of the audit and counts, by path."""
-BETWEEN = "between friction of loading and of unloading"
+BETWEEN = "of friction, loading to unloading"
 OF_RUN = (
     Quantity(
         "second_start.fingertip_force_N.<axis>", "fingertip force from a second start, <axis>"
     ),
     Quantity("second_start.posture_deg.<joint>", "<joint> angle from a second start"),
-    Quantity("friction.half_interval_N", f"half of the fingertip force's way {BETWEEN}", True),
+    Quantity("friction.half_interval_N", f"half of the fingertip force's interval {BETWEEN}", True),
     Quantity("friction.tendon.<tendon>.coefficient", "friction of <tendon> at its guides"),
     Quantity("friction.tendon.<tendon>.turn_deg", "angle by which <tendon> turns at its guides"),
     Quantity("friction.tendon.<tendon>.tension_at_insertion_N", "tension of <tendon> at its end"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -134,3 +135,44 @@ def test_a_step_of_a_rubbing_finger_can_be_repeated() -> None:
 def test_friction_where_none_can_act_is_refused(name: str, setting: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         run(name, setting)
+
+
+def test_a_tendon_that_stretches_holds_a_free_finger_as_a_spring_in_plain_mujoco_does() -> None:
+    """MuJoCo's tendons are springs beyond a length, which the drawn end shortens."""
+    stiffness, drawn, slack, resting = 20e3, 3e-3, 0.5e-3, 0.05
+    settings = [
+        "finger.tip.kind='free'",
+        "finger.limit.half_range='60 deg'",
+        *(
+            f"finger.passive.{joint}={{stiffness='0.1 N*m/rad',rest='posture'}}"
+            for joint in ("MCP", "MCP_abduction", "PIP", "DIP")
+        ),
+        f"tendons.FDP={{excursion='{1e3 * drawn} mm'}}",
+        f"tendons.FDP.elastic={{stiffness='20 N/mm',slack='{1e3 * slack} mm'}}",
+    ]
+    found = run("base/split.toml", *settings)
+    case = load_case("base/split.toml", settings)
+    finger = build(case).finger
+    states = {n: found.data.sel(state=n) for n in ("unloaded", "loaded")}
+    k = finger.tendons.index("FDP")
+    start = finger.start(build(case).posture)
+    lengths = {
+        n: finger.path_lengths(finger.with_angles(start, s.angle.values))[k]
+        for n, s in states.items()
+    }
+    spec = mujoco.MjSpec.from_string(mjcf_of(case))
+    tendon = next(t for t in spec.tendons if t.name == "FDP")
+    bears = lengths["unloaded"] - drawn + slack - resting / stiffness
+    tendon.stiffness = np.array([stiffness, 0.0, 0.0])
+    tendon.springlength = np.array([0.0, bears])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("posture").id)
+    data.ctrl[model.actuator("FDP").id] = 0.0
+    while data.time < 1.0:
+        mujoco.mj_step(model, data)
+    ours = states["loaded"].angle.values
+    assert np.abs(ours - states["unloaded"].angle.values).max() > np.radians(3.0)
+    assert np.degrees(data.qpos - ours) == pytest.approx(np.zeros(4), abs=0.01)
+    pull = stiffness * (lengths["loaded"] - bears)
+    assert found.summary["tension_N"]["FDP"] == pytest.approx(pull, rel=1e-6)
