@@ -11,7 +11,6 @@ from pathlib import Path
 from tests.helpers.folders import ROOT
 
 CEILINGS = {
-    ".docs": 54,
     "cases": 3193,
     "cosim": 5885,
     "cosim/analyses": 7087,
@@ -26,7 +25,7 @@ CEILINGS = {
     "cosim/kernels": 362,
     "cosim/models": 785,
     "cosim/report": 2923,
-    "cosim/results": 5930,
+    "cosim/results": 5935,
     "cosim/schema": 611,
     "cosim/scoring": 1788,
     "cosim/solve": 965,
@@ -59,7 +58,7 @@ CEILINGS = {
     "rigid/opensim": 3745,
     "rigid/papers": 3272,
     "rigid/verification": 2686,
-    "tests": 53184,
+    "tests": 53231,
 }
 
 

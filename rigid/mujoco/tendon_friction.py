@@ -30,9 +30,9 @@ from cosim.port import Array, Ints, Mask
 from rigid.chain.capstan import free_grip, grip_after, held_length, tension_ratio
 from rigid.mujoco.tendon_paths import PULLEY, SITE
 
-Course = Literal["loading", "unloading", "frictionless"]
-GRIPS: Mapping[Course, float] = {"loading": 1.0, "unloading": -1.0, "frictionless": 0.0}
-"""g of each course."""
+Sliding = Literal["loading", "unloading", "frictionless"]
+GRIPS: Mapping[Sliding, float] = {"loading": 1.0, "unloading": -1.0, "frictionless": 0.0}
+"""g of each way of sliding."""
 PRESLIDING = 1e-4
 """m, the way over which friction turns from none to all where a case states none; an assumption:
 ten thousandths of a metre is little beside an excursion and much beside what one step slides."""
@@ -46,7 +46,7 @@ class TendonFriction:
 
     coefficient: float
     """Coulomb's mu, of all its guides."""
-    course: Course = "loading"
+    sliding: Sliding = "loading"
     """Which way it slides, or in a motion slid before the start."""
     presliding: float = PRESLIDING
     """m."""
@@ -233,8 +233,8 @@ class TendonGuides:
         self._mu = np.array([f.coefficient for f in by_owner])
         self.coefficients = np.array([f.coefficient for f in friction.values()])
         """Of `tendons`."""
-        self.grip = np.array([GRIPS[f.course] for f in by_owner])
-        """(n,) g of the courses."""
+        self.grip = np.array([GRIPS[f.sliding] for f in by_owner])
+        """(n,) g of the tendons as they slide."""
         self.presliding = np.array([f.presliding for f in by_owner])
         """(n,) m."""
         self._give = np.array([1.0 / f.stiffness for f in by_owner])

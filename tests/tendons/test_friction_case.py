@@ -33,12 +33,12 @@ def forces(block: Any) -> np.ndarray:
 
 def test_the_interval_is_what_either_course_gives_alone() -> None:
     found = run("split_fdp", RUBS).summary
-    back = run("split_fdp", RUBS, "tendons.FDP.course='unloading'").summary
+    back = run("split_fdp", RUBS, "tendons.FDP.sliding='unloading'").summary
     free = run("split_fdp").summary
-    both = found["friction"]["course"]
+    both = found["friction"]["sliding"]
     assert both["loading"]["fingertip_force_N"] == found["fingertip_force_N"]
     assert forces(both["unloading"]) == pytest.approx(forces(back), abs=1e-9)
-    assert back["friction"]["course"]["loading"]["fingertip_magnitude_N"] == pytest.approx(
+    assert back["friction"]["sliding"]["loading"]["fingertip_magnitude_N"] == pytest.approx(
         found["fingertip_magnitude_N"], abs=1e-9
     )
     sizes = [s["fingertip_magnitude_N"] for s in (found, free, back)]
@@ -54,7 +54,7 @@ def test_the_interval_is_what_either_course_gives_alone() -> None:
     assert any("loading" in sentence for sentence in answer(found))
     assert misfit(found) == ""
     assert is_known("friction.half_interval_N")
-    assert is_known("friction.course.unloading.joint_torque_Nmm.FDP.PIP")
+    assert is_known("friction.sliding.unloading.joint_torque_Nmm.FDP.PIP")
 
 
 def test_friction_of_zero_changes_nothing() -> None:
@@ -94,7 +94,7 @@ def test_a_motion_that_only_loads_comes_to_rest_as_the_equilibrium_does() -> Non
         "split_fdp", RUBS, tip, ramp, "forward={duration='0.2 s',step='2 ms',must_rest=false}"
     )
     settled = forces(moved.summary)
-    interval = [forces(still["friction"]["course"][c]) for c in ("loading", "unloading")]
+    interval = [forces(still["friction"]["sliding"][c]) for c in ("loading", "unloading")]
     assert np.linalg.norm(settled - interval[0]) < 0.5 * np.linalg.norm(interval[1] - interval[0])
     rows = [row for row in moved.rows if row.state == moved.rows[-1].state]
     for body in ("proximal", "middle", "distal"):
@@ -127,7 +127,7 @@ def test_a_step_of_a_rubbing_finger_can_be_repeated() -> None:
     [
         ("pulley_edc", "tendons.EDC.friction=0.1", "EDC runs in the hood"),
         ("network_contact_planar", RUBS, "the finger has none"),
-        ("split_fdp", "tendons.FDP.course='loading'", "course without friction"),
+        ("split_fdp", "tendons.FDP.sliding='loading'", "sliding without friction"),
         ("split_fdp", "tendons.FDP.friction=-0.1", "friction"),
         ("split_fdp", "tendons.XYZ.friction=0.1", "XYZ"),
     ],

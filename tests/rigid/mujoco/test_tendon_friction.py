@@ -26,9 +26,9 @@ HUMAN, ROBOT = finger_model(index_finger(), central=0.5), robot_finger()
 POSTURE = np.radians([38.0, 4.0, 51.0, 22.0])
 
 
-def rubbing(model, mu=MU, course="loading"):
+def rubbing(model, mu=MU, sliding="loading"):
     finger = MujocoFinger(model)
-    return finger.with_friction({t: TendonFriction(mu, course) for t in finger.tendons})
+    return finger.with_friction({t: TendonFriction(mu, sliding) for t in finger.tendons})
 
 
 def wheel(kind, *, through=0.0, rise=0.0, side=True):
@@ -47,12 +47,12 @@ def wheel(kind, *, through=0.0, rise=0.0, side=True):
       <geom geom="wheel" sidesite="side"/><site site="b"/></spatial></tendon></mujoco>"""
 
 
-def quarter(text, mu=0.3, course="loading"):
+def quarter(text, mu=0.3, sliding="loading"):
     """The force at the wheel's rim per N of the muscle, the angle, and the wrenches."""
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    guides = TendonGuides(model, ("t",), {"t": TendonFriction(mu, course)})
+    guides = TendonGuides(model, ("t",), {"t": TendonFriction(mu, sliding)})
     readings = guides.read(data)
     arms = readings.arms(guides.grip, np.zeros((1, model.nv)))
     return (
@@ -64,10 +64,10 @@ def quarter(text, mu=0.3, course="loading"):
 
 @pytest.mark.parametrize("kind", ["cylinder", "sphere"])
 @pytest.mark.parametrize(
-    ("course", "sign"), [("loading", -1), ("unloading", 1), ("frictionless", 0)]
+    ("sliding", "sign"), [("loading", -1), ("unloading", 1), ("frictionless", 0)]
 )
-def test_a_quarter_turn_round_a_wheel_leaves_exp_of_mu_theta(kind, course, sign):
-    force, turn, _ = quarter(wheel(kind), course=course)
+def test_a_quarter_turn_round_a_wheel_leaves_exp_of_mu_theta(kind, sliding, sign):
+    force, turn, _ = quarter(wheel(kind), sliding=sliding)
     assert turn == pytest.approx(np.pi / 2, rel=1e-12)
     assert force == pytest.approx(np.exp(sign * 0.3 * np.pi / 2), rel=1e-12)
 
@@ -82,7 +82,7 @@ def test_a_helix_turns_by_the_sum_of_its_curvature():
 
 @pytest.mark.parametrize("model", [HUMAN, ROBOT], ids=["human", "robot"])
 def test_without_friction_the_torques_are_those_of_the_path(model):
-    bare, grip = MujocoFinger(model), rubbing(model, course="frictionless")
+    bare, grip = MujocoFinger(model), rubbing(model, sliding="frictionless")
     arms = bare.moment_arms(POSTURE)
     assert np.abs(grip.torques_per_tension(POSTURE) - arms).max() < 1e-15
     tension = np.arange(1.0, len(bare.tendons) + 1)
