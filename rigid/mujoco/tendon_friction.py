@@ -219,7 +219,8 @@ class TendonGuides:
                 f"friction of {', '.join(unknown)}: the finger's own tendons are "
                 f"{', '.join(names) or 'none'}"
             )
-        self.model, self.friction = model, dict(friction)
+        friction = {name: friction[name] for name in names if name in friction}
+        self.model, self.friction = model, friction
         self.tendons: Ints = np.array([names.index(name) for name in friction], dtype=np.intp)
         rows = [row for t in self.tendons for row in _places(model, int(t))]
         self._what = [what for _, _, what, _ in rows]

@@ -137,6 +137,23 @@ def test_the_ledger_closes_with_friction():
         assert turns.T @ ledger[name].ravel() == pytest.approx(torque[name], abs=1e-14)
 
 
+def test_the_order_in_which_tendons_are_named_plays_no_part():
+    tension = np.full(len(HUMAN.muscles), 4.0)
+    several = ("FDS", "EDC", "FDP")
+    rubs = [
+        MujocoFinger(HUMAN).with_friction({t: TendonFriction(MU) for t in names})
+        for names in (several, several[::-1])
+    ]
+    torques = [finger.own_torques(POSTURE, tension) for finger in rubs]
+    alone = rubbing(HUMAN).own_torques(POSTURE, tension)
+    for name in several:
+        assert np.array_equal(torques[0][name], torques[1][name])
+        assert torques[0][name] == pytest.approx(alone[name], rel=1e-12)
+    assert torques[0]["LUM"] == pytest.approx(
+        MujocoFinger(HUMAN).own_torques(POSTURE, tension)["LUM"]
+    )
+
+
 def test_friction_of_a_tendon_that_a_finger_lacks_is_refused():
     with pytest.raises(InputError, match="friction of XYZ"):
         MujocoFinger(HUMAN).with_friction({"XYZ": TendonFriction(0.1)})
