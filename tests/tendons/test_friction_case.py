@@ -10,7 +10,9 @@ import pytest
 
 from cosim.analyses.moment_arms import native_arms
 from cosim.case.file import load_case
+from cosim.coupling.state_arrays import flatten, rebuild
 from cosim.errors import InputError
+from cosim.fmu_export.motion_parts import moving_part
 from cosim.models.build import build, mjcf_of
 from cosim.models.motion import moving_models
 from cosim.pipeline import run_case
@@ -120,6 +122,17 @@ def test_a_step_of_a_rubbing_finger_can_be_repeated() -> None:
     grips = [models.finger.grip(s.coupled.finger) for s in (once, again)]
     assert grips[0].tobytes() == grips[1].tobytes()
     assert once.friction.tobytes() == again.friction.tobytes()
+
+
+def test_an_fmu_of_a_rubbing_finger_writes_its_grip_with_its_state() -> None:
+    case = load_case("forward_fdp", [RUBS])
+    assert case.forward is not None
+    part = moving_part(case, case.forward, "finger", tangent=True)
+    moving = moving_models(case, case.forward)
+    at = moving.moves.advance(moving.moves.begin(moving.initial_state)).coupled.finger
+    back = rebuild(part.start(), flatten(at))
+    assert moving.finger.grip(back).tobytes() == moving.finger.grip(at).tobytes()
+    assert moving.finger.grip(at).any()
 
 
 @pytest.mark.parametrize(
