@@ -161,7 +161,7 @@ def finger_rows() -> Iterator[Row]:
             torque = tension @ readings.arms(grip, arms)
             apart.append(np.abs(peer_torques(finger, q, tension, grip) / torque - 1).max())
             before, beyond = tension[readings.owner] * readings.factors(grip)
-            taken = (before - beyond) @ (readings.slides() @ v)
+            taken = (before - beyond) @ (readings.slides @ v)
             wrenches = finger.own_wrenches(q, tension, grip)
             pulled = sum(wrenches[t] for t in bare.tendons)
             bones = np.ravel(pulled) @ body_jacobian(finger.chain(q)) @ v

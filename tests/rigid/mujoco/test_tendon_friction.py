@@ -111,7 +111,7 @@ def test_friction_keeps_wrenches_torques_and_work_together(model):
             assert np.abs(pulled[:, :3].sum(axis=0)).max() < 1e-13
             assert np.abs(moment.sum(axis=0)).max() < 1e-14
         before, beyond = readings.factors(grip)
-        lost = tension[readings.owner] * (before - beyond) @ (readings.slides() @ v)
+        lost = tension[readings.owner] * (before - beyond) @ (readings.slides @ v)
         assert lost == pytest.approx(tension @ (arms - torque) @ v, abs=1e-14)
 
 
@@ -163,7 +163,15 @@ def one_guide(turn=0.09, arm=0.01):
     """Readings of one tendon that turns by mu theta round one guide, with a moment arm of `arm`."""
     places = np.zeros(3, dtype=np.intp)
     part = np.array([[0.0], [-arm], [0.0]])
-    return GuideReadings(np.array([0.0, turn, 0.0]), part, np.ones(3), places, places, np.zeros(3))
+    return GuideReadings(
+        np.array([0.0, turn, 0.0]),
+        part,
+        np.ones(3),
+        places,
+        places,
+        np.zeros(3),
+        np.array([[arm], [arm], [0.0]]),
+    )
 
 
 def slide(readings, turns, tension, presliding):
