@@ -158,5 +158,10 @@ def mjcf_of(case: Case) -> str:
         "has one tension"
         for name, tendon in case.rubbing_tendons().items()
     ]
+    lost += [
+        f"{name}: its stretch is left out; the actuator states the tension"
+        for name, tendon in case.tendons.items()
+        if tendon.elastic is not None
+    ]
     resting = case.solve.resting_tension
     return mjcf(case.native_finger(), case.hood.left_to_finger, resting, lost)

@@ -111,6 +111,8 @@ def test_what_knows_no_friction_keeps_its_arms_or_says_so() -> None:
     assert all(np.array_equal(ours[t], theirs[t]) for t in theirs)
     assert "FDP: its friction of 0.1 at guides is left out" in mjcf_of(rubs).split("<compiler")[0]
     assert "friction" not in mjcf_of(plain)
+    stretches = load_case("split_fdp", [RUBS, 'tendons.FDP.elastic.stiffness="50 N/mm"'])
+    assert "FDP: its stretch is left out" in mjcf_of(stretches)
 
 
 def test_a_step_of_a_rubbing_finger_can_be_repeated() -> None:
