@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         run_many,
         run_study,
         score,
+        track,
         validate,
         write_report,
     )
@@ -69,6 +70,7 @@ _HOME = {
     "run_many": "cosim.face",
     "run_study": "cosim.face",
     "score": "cosim.face",
+    "track": "cosim.face",
     "validate": "cosim.face",
     "write_report": "cosim.face",
 }
@@ -92,6 +94,7 @@ __all__ = [
     "run_many",
     "run_study",
     "score",
+    "track",
     "validate",
     "write_report",
 ]
