@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from cosim.fingers.chain import build_on_mujoco, thick_rods
 from cosim.fingers.common import Extensor, MassiveFingerConfig
 from cosim.fingers.kind import FingerKind
+from cosim.fingers.pulleys import Points, Pulleys, routes
 from cosim.port import Triangles
 from cosim.schema.types import Inertia, Mass, Phalanx
 
@@ -33,6 +36,14 @@ class PlanarFingerConfig(MassiveFingerConfig):
     """Masses of the phalanges, from proximal to distal."""
     inertias: tuple[Inertia, Inertia, Inertia]
     """Moments of inertia about the centres of mass, normal to the plane."""
+    pulleys: Pulleys = Field(default_factory=dict)
+    """Tendons of its own over pulleys of constant radius: by tendon and joint the radius, positive
+    where the tendon flexes the joint (palmar of its axis), negative where it extends it; the tendon
+    ends on the bone beyond its last pulley and crosses a joint without one through the axis."""
+    points: Points = Field(default_factory=dict)
+    """Points of the bones that a tendon of its own runs through: by tendon and bone, in the bone's
+    frame (distal, radial, dorsal); between points on two bones it runs straight, or over the pulley
+    that `pulleys` gives it at the joint between."""
 
 
 def planar_chain(finger: PlanarFingerConfig) -> PlanarChain:
@@ -46,7 +57,11 @@ def planar_chain(finger: PlanarFingerConfig) -> PlanarChain:
 
 def model(finger: PlanarFingerConfig, extensor: Extensor) -> FingerModel:
     """Bones, joints and tendons of the finger's MuJoCo model."""
-    return planar_chain(finger).model()
+    from rigid.fingers.pulley_tendons import routed_tendon
+
+    bare = planar_chain(finger).model()
+    own = (routed_tendon(r, bare.segments) for r in routes(finger.pulleys, finger.points))
+    return replace(bare, tendons=tuple(own))
 
 
 def build(finger: PlanarFingerConfig, extensor: Extensor) -> ChainFinger:
