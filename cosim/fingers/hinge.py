@@ -28,9 +28,7 @@ class HingeFingerConfig(ChainFingerConfig):
     lengths: tuple[Phalanx, Phalanx, Phalanx]
     """Lengths of proximal, middle and distal phalanx."""
     pulleys: Pulleys = Field(default_factory=dict)
-    """Tendons of its own over pulleys of constant radius: by tendon and joint the radius, positive
-    where the tendon flexes the joint (palmar of its axis), negative where it extends it; the tendon
-    ends on the bone beyond its last pulley and crosses a joint without one through the axis."""
+    """Tendons of its own over pulleys of constant radius, by tendon."""
 
 
 def tendons(finger: HingeFingerConfig) -> tuple[str, ...]:
@@ -44,8 +42,9 @@ def build(finger: HingeFingerConfig, extensor: Extensor) -> ChainFinger:
     from rigid.chain.hinge import HingeFinger as Hinges
 
     support = tip_support(finger.tip, in_plane=True)
+    pulleys = {name: pulley.radius() for name, pulley in finger.pulleys.items()}
     law = joint_torques(finger, JOINTS)
-    return Hinges(finger.lengths, law=law, support=support, pulleys=finger.pulleys)
+    return Hinges(finger.lengths, law=law, support=support, pulleys=pulleys)
 
 
 def bones(finger: HingeFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:

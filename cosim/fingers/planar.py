@@ -12,7 +12,7 @@ from pydantic import Field
 from cosim.fingers.chain import build_on_mujoco, thick_rods
 from cosim.fingers.common import Extensor, MassiveFingerConfig
 from cosim.fingers.kind import FingerKind
-from cosim.fingers.pulleys import Points, Pulleys, routes
+from cosim.fingers.pulleys import Pulleys, Routes, routes_of
 from cosim.port import Triangles
 from cosim.schema.types import Inertia, Mass, Phalanx
 
@@ -37,13 +37,9 @@ class PlanarFingerConfig(MassiveFingerConfig):
     inertias: tuple[Inertia, Inertia, Inertia]
     """Moments of inertia about the centres of mass, normal to the plane."""
     pulleys: Pulleys = Field(default_factory=dict)
-    """Tendons of its own over pulleys of constant radius: by tendon and joint the radius, positive
-    where the tendon flexes the joint (palmar of its axis), negative where it extends it; the tendon
-    ends on the bone beyond its last pulley and crosses a joint without one through the axis."""
-    points: Points = Field(default_factory=dict)
-    """Points of the bones that a tendon of its own runs through: by tendon and bone, in the bone's
-    frame (distal, radial, dorsal); between points on two bones it runs straight, or over the pulley
-    that `pulleys` gives it at the joint between."""
+    """Tendons of its own over pulleys of constant radius, by tendon."""
+    points: Routes = Field(default_factory=dict)
+    """Points of the bones that tendons of its own run through, by tendon."""
 
 
 def planar_chain(finger: PlanarFingerConfig) -> PlanarChain:
@@ -60,7 +56,7 @@ def model(finger: PlanarFingerConfig, extensor: Extensor) -> FingerModel:
     from rigid.fingers.pulley_tendons import routed_tendon
 
     bare = planar_chain(finger).model()
-    own = (routed_tendon(r, bare.segments) for r in routes(finger.pulleys, finger.points))
+    own = (routed_tendon(r, bare.segments) for r in routes_of(finger.pulleys, finger.points))
     return replace(bare, tendons=tuple(own))
 
 

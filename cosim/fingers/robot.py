@@ -11,7 +11,7 @@ from cosim.errors import InputError
 from cosim.fingers.chain import build_on_mujoco, rods
 from cosim.fingers.common import Extensor, JointedFingerConfig
 from cosim.fingers.kind import FingerKind
-from cosim.fingers.pulleys import Points, Pulleys, routes
+from cosim.fingers.pulleys import Pulleys, Routes, routes_of
 from cosim.port import Triangles
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
@@ -210,14 +210,10 @@ class RobotFingerConfig(JointedFingerConfig):
     """The tendons of the paper are there; without them it has those of `pulleys` and `points`
     alone."""
     pulleys: Pulleys = Field(default_factory=dict)
-    """Tendons of a builder's own over pulleys of constant radius, beside the paper's or in place of
-    one of that name: by tendon and joint the radius, positive where the tendon flexes the joint
-    (palmar of its axis), negative where it extends it; the tendon ends on the bone beyond its last
-    pulley and crosses a joint without one through the axis."""
-    points: Points = Field(default_factory=dict)
-    """Points of the bones that a tendon of a builder's own runs through: by tendon and bone, in the
-    bone's frame (distal, radial, dorsal); between points on two bones it runs straight, or over the
-    pulley that `pulleys` gives it at the joint between."""
+    """Tendons of a builder's own over pulleys of constant radius, beside the paper's or in place
+    of one of that name, by tendon."""
+    points: Routes = Field(default_factory=dict)
+    """Points of the bones that tendons of a builder's own run through, by tendon."""
 
     @model_validator(mode="after")
     def _check_second(self) -> RobotFingerConfig:
@@ -245,7 +241,7 @@ class RobotFingerConfig(JointedFingerConfig):
             self.arms.table(),
             self.extensor_share,
             self.guides.guides(),
-            routes(self.pulleys, self.points),
+            routes_of(self.pulleys, self.points),
             self.paper_tendons,
         )
 
