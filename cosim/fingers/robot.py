@@ -83,7 +83,7 @@ class FlexorArmsConfig(Table):
 
 
 class AbductionArmsConfig(Table):
-    """Moment arms of the abduction tendon."""
+    """Arms of the tendon that abducts, beside the MCP."""
 
     MCP: SideArm = 0.00617
     """At the MCP, positive where it flexes."""
@@ -92,7 +92,7 @@ class AbductionArmsConfig(Table):
 
 
 class AdductionArmsConfig(Table):
-    """Moment arms of the adduction tendon."""
+    """Arms of the tendon that adducts, beside the MCP."""
 
     MCP: SideArm = 0.00606
     """At the MCP, positive where it flexes."""
