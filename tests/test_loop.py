@@ -112,7 +112,7 @@ def test_a_step_that_does_not_converge_leaves_the_loop_where_it_was(loop, monkey
     with monkeypatch.context() as patch:
         patch.setattr(type(loop.models.hood), "advance", fail)
         with pytest.raises(
-            ConvergenceError, match="no equilibrium. The loop stands where it stood"
+            ConvergenceError, match=r"no equilibrium\. The loop stands where it stood"
         ):
             loop.step({"EDC": 3.0})
         with pytest.raises(ConvergenceError):
