@@ -11,7 +11,6 @@ from pathlib import Path
 from tests.helpers.folders import ROOT
 
 CEILINGS = {
-    ".docs": 54,
     "cases": 3497,
     "cosim": 6234,
     "cosim/analyses": 7083,
