@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -86,8 +86,11 @@ def finger_model(finger: NativeFinger, extensor: Extensor) -> FingerModel:
     return model(finger, extensor)
 
 
-def mjcf(finger: NativeFinger, extensor: Extensor, tension: float) -> str:
-    """The finger as MJCF that plain MuJoCo simulates, its tendons at `tension` N.
+def mjcf(
+    finger: NativeFinger, extensor: Extensor, tension: float, losses: Sequence[str] = ()
+) -> str:
+    """The finger as MJCF that plain MuJoCo simulates, its tendons at `tension` N; its first lines
+    say what differs, `losses` among it.
 
     Raises InputError for one without a MuJoCo model."""
     from cosim.fingers.chain import joint_torques
@@ -100,6 +103,7 @@ def mjcf(finger: NativeFinger, extensor: Extensor, tension: float) -> str:
         finger.posture.angles(),
         dict.fromkeys(model.muscles, tension),
         cast(MassiveFingerConfig, finger).gravity,
+        losses,
     )
 
 
