@@ -26,6 +26,13 @@ if TYPE_CHECKING:
 LONGEST_DELAY = 1.0
 """s, for which commands of drives with a dead time are kept."""
 MOST_SUBSTEPS = 10_000
+DRIVES = {
+    "voltage": ("V", 0.0, 10.0),
+    "pressure": ("Pa", 0.0, 2e6),
+    "torque": ("N*m", 0.0, 100.0),
+    "position": ("m", -0.1, 0.1),
+}
+"""The commands of cylinders and motors, with unit and bounds."""
 LEAST_ACTIVATION = 0.01
 """What a muscle's fibre takes any smaller activation for."""
 
@@ -64,12 +71,13 @@ class Loop:
 
     `case`: as `load` takes it, of a finger with mass (index, middle, planar, robot, or an FMU's).
     `step`: s, or a text with its unit, between two observations; it is made of `substeps` equal
-    steps of the motion.  An action gives numbers by tendon, and those that are not named stay: N
-    of a tendon, 0 to 1 of a muscle with a fibre, V or Pa of a pneumatic cylinder, m of a tendon
-    whose end is drawn (`actions` says which, with unit and bounds).  Observations are numbers by
-    name, always in the order of `observations`, which says their units: angles and rates of the
-    joints, place of the fingertip and its force on the world, tensions, excursions, forces in the
-    slips.
+    steps of the motion.
+
+    An action gives numbers by tendon, and those that are not named stay: N of a tendon, 0 to 1 of a
+    muscle with a fibre, V or Pa of a pneumatic cylinder, N m or m of a motor, m of a tendon whose
+    end is drawn (`actions` says which, with unit and bounds).  Observations are numbers by name,
+    always in the order of `observations`, which says their units: angles and rates of the joints,
+    place of the fingertip and its force on the world, tensions, excursions, forces in the slips.
 
     >>> import cosim
     >>> loop = cosim.Loop("pulley_edc", step="2 ms")
@@ -328,13 +336,12 @@ def _channel(case: Case, name: str, table: TendonConfig) -> tuple[Channel, float
         says = "how far the tendon's end is drawn proximally from the reset on"
         return Channel("m", says, -0.05, 0.05), 1.0, {"excursion": 1.0}
     if table.actuation is not None:
-        for key, unit, most in (("voltage", "V", 10.0), ("pressure", "Pa", 2e6)):
-            stated = getattr(table.actuation, key, None)
-            if stated is not None:
-                says = f"{key} commanded of the cylinder"
-                changed = {"actuation": table.actuation.model_copy(update={key: 1.0})}
-                return Channel(unit, says, 0.0, most, stated * first), 1.0, changed
-        return Channel("1", "factor of the drive's command", 0.0, 1e6, first), 1.0, {}
+        key = next(key for key in DRIVES if getattr(table.actuation, key, None) is not None)
+        unit, least, most = DRIVES[key]
+        says = f"{key} commanded of what pulls the tendon"
+        start = getattr(table.actuation, key) * first
+        changed = {"actuation": table.actuation.model_copy(update={key: 1.0})}
+        return Channel(unit, says, least, most, start), 1.0, changed
     if table.muscle is not None and table.activation is not None:
         base, start = max(table.activation, LEAST_ACTIVATION), table.activation * first
         says = "activation of the muscle"

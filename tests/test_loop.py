@@ -162,6 +162,25 @@ def test_a_muscle_with_a_fibre_takes_its_activation():
     assert seen["tension.EDC"] > 2.0 * weak
 
 
+def test_a_motor_takes_its_torque_or_its_way():
+    motor = {"kind": "motor", "spool": "5 mm", "greatest_torque": "500 N*mm", "band": "1 mm"}
+    elastic = {"stiffness": "20 N/mm"}
+    for command, unit, value in (
+        ({"torque": "10 N*mm"}, "N*m", 0.02),
+        ({"position": "1 mm"}, "m", 2e-3),
+    ):
+        inertia = {"inertia": "1 kg*mm**2"}
+        table = {"actuation": motor | inertia | command, "elastic": elastic}
+        case = cosim.load("split_edc").replace({"forward.step": "1 ms", "tendons.FDP": table})
+        loop = cosim.Loop(case, "1 ms")
+        assert loop.actions["FDP"].unit == unit
+        assert loop.actions["FDP"].start == pytest.approx(value / 2)
+        begun = loop.reset()["tension.FDP"]
+        for _ in range(100):
+            seen = loop.step({"FDP": value})
+        assert seen["tension.FDP"] > begun + 0.5
+
+
 @pytest.mark.parametrize("name", ["network_edc", "split_edc"])
 def test_its_gain_is_that_of_the_equilibria_of_a_held_tip(name):
     damped = {f"finger.passive.{j}.damping": "0.01 N*m*s/rad" for j in JOINTS}

@@ -13,11 +13,8 @@ from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.excursion import PrescribedExcursions
 from cosim.coupling.motion import CoupledMotion, RecordedFinger
 from cosim.coupling.schemes import Alone
-<<<<<<< HEAD
 from cosim.coupling.state import CoupledState
-=======
 from cosim.errors import InputError
->>>>>>> main
 from cosim.fingers.common import CageTipConfig, ShellTipConfig
 from cosim.fingers.kinds import joint_ranges, unit
 from cosim.hoods.kind import Slips
