@@ -24,7 +24,8 @@ from rigid.chain.kinematics import move_wrench
 
 FREE_END = 0.03
 """m, of the cable on the first bone that pictures show."""
-ARC_POINTS = 9
+ARC_STEP = 0.2
+"""rad, between two points of an arc that is drawn."""
 
 
 @dataclass(frozen=True)
@@ -89,19 +90,16 @@ class PulleyCable:
 
     def path(self, motion: Motion) -> Array:
         """The world points (n, 3) m, from the first bone to where the cable leaves its last
-        pulley."""
-        points, slopes = [], self.slopes
+        pulley; over a palmar pulley it is drawn with the turn that keeps it wound on."""
+        points, slopes = [], np.append(self.slopes, 0.0)
         for j, radius in enumerate(self.radii):
-            ends = [slopes[j], slopes[j + 1] if j + 1 < len(slopes) else 0.0]
-            before, after = (
-                motion.rotation[at] @ [-np.sin(dip), 0.0, -np.cos(dip)]
-                for at, dip in zip((j, j + 1), ends, strict=True)
-            )
-            centre = motion.position[j + 1]
+            turn, centre = motion.rotation[j], motion.position[j + 1]
+            bend = turn.T @ motion.rotation[j + 1]
+            sweep = slopes[j] - slopes[j + 1] - np.arctan2(bend[0, 2], bend[0, 0])
+            sweep += 2 * np.pi if radius > 0 else 0.0
+            at = -slopes[j] + np.linspace(0.0, sweep, 2 + int(abs(sweep) / ARC_STEP))
+            spokes = np.stack([np.sin(at), np.zeros(len(at)), -np.cos(at)], axis=1) @ turn.T
             if j == 0:
-                points.append(centre + radius * before - FREE_END * motion.rotation[0][:, 0])
-            for part in np.linspace(0.0, 1.0, ARC_POINTS):
-                spoke = (1 - part) * before + part * after
-                size = np.linalg.norm(spoke)
-                points.append(centre + radius * spoke / (size if size > 0 else 1.0))
+                points.append(centre + radius * spokes[0] - FREE_END * turn[:, 0])
+            points += list(centre + radius * spokes)
         return np.array(points)

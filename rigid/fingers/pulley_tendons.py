@@ -21,6 +21,8 @@ WOUND = np.radians(20.0)
 LEAD = 1.5
 """From where before a pulley the tendon runs along the bone, over the pulley's radius: from further
 off MuJoCo takes the straight line for the shorter way once a pulley is half wrapped."""
+TURN = np.radians(50.0)
+"""Between the points of the turn that keeps a palmar tendon wound on."""
 FIRST_BONE = 0.03
 """m, of the tendon on the first bone that pictures show."""
 
@@ -97,10 +99,13 @@ def _crossing(
 
     along = np.array([np.cos(wound), 0.0, side * np.sin(wound)])
     outside = vector(1.5 * size * spoke((begins + wound) / 2))
+    # what is wound on stays on the bone beyond: to the tangent where it leaves, a turn later
+    rest = np.arange(wound + TURN, 2 * np.pi, TURN) if radius > 0 else ()
     start = [Via(before.name, (x - FIRST_BONE, y, z - radius))] if starts else []
     return [
         *start,
         Via(before.name, (x - LEAD * size, y, z - radius)),
         WrapCylinder(beyond.name, (0.0, 0.0, 0.0), hinge.axis, size, outside),
         Via(beyond.name, vector(size * (spoke(wound) + 0.1 * along))),
+        *(Via(beyond.name, vector(1.1 * size * spoke(at))) for at in rest),
     ]

@@ -111,6 +111,11 @@ def test_where_the_torques_balance_a_force_at_the_tip_the_finger_does_not_fold()
     assert reached == pytest.approx(wanted, abs=0.1)  # the extensor rests at 0.05 N
 
 
+def test_what_rolls_over_pulleys_does_not_rub():
+    with pytest.raises(InputError, match="wound on pulleys that turn"):
+        build(load_case(OWN, ["tendons.FDP.friction=0.1"]))
+
+
 def test_a_page_has_a_slider_for_each_of_these():
     keys = {c.key for c in controls_of(load_case(OWN))}
     assert {"finger.pulleys.FDP.MCP", "finger.passive.DIP.stiffness"} <= keys

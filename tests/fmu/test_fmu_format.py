@@ -21,7 +21,7 @@ from tests.helpers.fmus import NEEDS_FMU, change_archive
 
 pytestmark = NEEDS_FMU
 BOTH = pytest.mark.parametrize("fmi", [2, 3])
-LAYOUT = "d8b0cd99"
+LAYOUT = "6ce88985"
 """Digest of what a unit of FMU_FORMAT holds and imports of the program."""
 
 
@@ -43,7 +43,7 @@ def test_the_format_has_another_number_where_the_layout_is_another(written):
             about = json.loads(archive.read("resources/about.json"))
         uses = re.findall(r"from cosim\S* import .*|self\.run\.\w+|self\._\w+", script)
         facts.append([sorted(names), sorted(about), sorted(set(uses))])
-    assert about["format"] == FMU_FORMAT == 2
+    assert about["format"] == FMU_FORMAT == 3
     assert hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:8] == LAYOUT
 
 
