@@ -59,8 +59,8 @@ def with_about(source: Path, target: Path, **facts: object) -> Path:
 @pytest.mark.parametrize(
     ("facts", "words"),
     [
-        ({"format": None}, f"by cosim-hand {__version__} in format 1, .* which runs format 2"),
-        ({"format": 99}, r"in format 99, and this Python has cosim-hand \S+, which runs format 2"),
+        ({"format": None}, f"by cosim-hand {__version__} in format 1, .* which runs format 3"),
+        ({"format": 99}, r"in format 99, and this Python has cosim-hand \S+, which runs format 3"),
         ({"version": "0.0.1"}, r"written by cosim-hand 0\.0\.1"),
         ({"version": None}, "does not describe a unit"),
     ],
@@ -82,7 +82,7 @@ def test_another_simulator_is_told_so_too(tmp_path, written, fmi):
     code = "import sys, fmpy; fmpy.simulate_fmu(sys.argv[1], stop_time=1e-3, debug_logging=True)"
     for unit, words in (
         (path, "in format 1, and this Python has cosim-hand"),
-        (gone, f"needs cosim-hand {__version__} with its extra fmu, which runs FMUs of format 2"),
+        (gone, f"needs cosim-hand {__version__} with its extra fmu, which runs FMUs of format 3"),
     ):
         done = subprocess.run(
             [sys.executable, "-c", code, str(unit)],
