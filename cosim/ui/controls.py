@@ -54,6 +54,10 @@ WORDS = {
     "c5": "fibre modulus, c5",
     "lam_max": "fibres straight at stretch",
     "quads": "elements of the mesh",
+    "arms": "moment arm of",
+    "limit": "joint limit",
+    "passive": "torque of the joint",
+    "pulleys": "radius of the pulley of",
 }
 """Keys whose words are others."""
 
