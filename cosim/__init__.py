@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         run_many,
         run_study,
         score,
+        track,
         validate,
         write_report,
     )
@@ -71,6 +72,7 @@ _HOME = {
     "run_many": "cosim.face",
     "run_study": "cosim.face",
     "score": "cosim.face",
+    "track": "cosim.face",
     "validate": "cosim.face",
     "write_report": "cosim.face",
 }
@@ -95,6 +97,7 @@ __all__ = [
     "run_many",
     "run_study",
     "score",
+    "track",
     "validate",
     "write_report",
 ]

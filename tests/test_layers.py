@@ -136,6 +136,7 @@ KNOW_THE_SOLVERS = {
     "cosim.analyses.estimate.markers",
     "cosim.analyses.estimate.of_case",
     "cosim.analyses.estimate.tensions",
+    "cosim.analyses.estimate.tracking",
     "cosim.analyses.growth",
     "cosim.analyses.hood.literature",
     "cosim.analyses.opensim.loads",
