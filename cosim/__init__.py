@@ -49,6 +49,7 @@ if TYPE_CHECKING:
         validate,
         write_report,
     )
+    from cosim.loop import Loop
     from cosim.results.result import Result
     from cosim.solve.session import Session
 
@@ -56,6 +57,7 @@ _HOME = {
     "Case": "cosim.case.schema",
     "ConvergenceError": "cosim.errors",
     "InputError": "cosim.errors",
+    "Loop": "cosim.loop",
     "Result": "cosim.results.result",
     "Session": "cosim.solve.session",
     "compare": "cosim.face",
@@ -79,6 +81,7 @@ __all__ = [
     "Case",
     "ConvergenceError",
     "InputError",
+    "Loop",
     "Result",
     "Session",
     "__version__",

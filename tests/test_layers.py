@@ -118,6 +118,7 @@ FLOORS = (
     {"cosim.scoring"},
     {"cosim.arguments"},
     {"cosim.face"},
+    {"cosim.loop"},
     {"cosim.commands"},
     {"cosim.cli"},
     {"cosim.__main__"},

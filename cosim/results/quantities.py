@@ -76,6 +76,10 @@ STATE = (
     Quantity("tension_N.<tendon>", "tension of <tendon>"),
     Quantity("excursion_mm.<tendon>", "excursion of <tendon>, positive proximally"),
     Quantity(
+        "own_excursion_mm.<tendon>",
+        "excursion of the finger's own <tendon> from the straight finger, positive proximally",
+    ),
+    Quantity(
         "fingertip_force_in_phalanx_N.<axis>", "fingertip force, <axis> of the distal phalanx"
     ),
     Quantity("fingertip_moment_Nmm.<axis>", "moment of the tip on the world, <axis>"),

@@ -246,6 +246,10 @@ def _state(
     arms = _arms(models, e)
     if arms or e.balance is not None:
         out["moment_arm_mm"] = {t: _by_joint(models, 1e3 * arm) for t, arm in arms.items()}
+    if e.balance is not None and finger.tendons:
+        straight, now = (finger.path_lengths(at) for at in (finger.start({}), e.finger_state))
+        own = dict(zip(finger.tendons, 1e3 * (straight - now), strict=True))
+        out["own_excursion_mm"] = own
     if e.balance is not None:
         out["joint_torque_Nmm"] = {
             source: _by_joint(models, 1e3 * torque) for source, torque in e.balance.torque.items()
