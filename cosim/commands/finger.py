@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.analyses.mjcf_hood import HoodFile, HoodName, hood_file
 from cosim.analyses.moment_arms import (
     ACTION,
     by_posture,
@@ -104,19 +105,44 @@ def mjcf(
     out: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")] = Path(
         "finger.xml"
     ),
+    hood: Annotated[
+        HoodName | None,
+        typer.Option(help="Write the case's hood too, which must be of this kind."),
+    ] = None,
 ) -> None:
     """Write a case's finger as a model for plain MuJoCo: bones with their shapes, joints with
     passive torques and limits, its own tendons with an actuator each, whose control is the tension,
-    and the keyframe "posture" with the resting tensions; without what holds the tip, and the
-    hood."""
+    and the keyframe "posture" with the resting tensions; without what holds the tip.
+
+    With --hood the hood's tendons are in it too, as junctions on slides and elastic tendons, and
+    their errors over postures and loads are told: "network" of a case with a network or two bands,
+    "reduced" of one that `cosim reduce` wrote."""
     with exit_on_error():
-        text = mjcf_of(load_case(case, settings or ()))
+        checked = load_case(case, settings or ())
+        check_file(out)
+        made = None
+        if hood is None:
+            text = mjcf_of(checked)
+        else:
+            with stages(checked.name) as progress:
+                progress.say("writing the hood, and comparing it with the case's")
+                made = hood_file(checked, hood)
+            text = made.text
+            show_hood_errors(made)
         with output_file(out) as path:
             path.write_text(text + "\n", encoding="utf-8")
         typer.echo(
-            f"finger in {out}, without the tip's support and the hood; begin in its keyframe "
-            '"posture"; its first lines say what differs from ours'
+            f"finger in {out}, without the tip's support{'' if made else ' and the hood'}; begin "
+            'in its keyframe "posture"; its first lines say what differs from ours'
         )
+
+
+def show_hood_errors(made: HoodFile) -> None:
+    """A line for each quantity, and what was written."""
+    rows = [(e.quantity, f"{100 * e.median:.2g} %", f"{100 * e.most:.2g} %") for e in made.errors]
+    print_table("The file's hood less the case's", ("error of", "median", "most"), rows)
+    for line in (*made.doubts, *made.notes):
+        typer.echo(line)
 
 
 def bench_fingers() -> dict[str, float]:

@@ -17,6 +17,7 @@ from cosim.port import Finger, Triangles
 if TYPE_CHECKING:
     from meshes.skeleton import Skeleton
     from rigid.chain.statics import ChainFinger
+    from rigid.mjcf.hood import HoodParts
     from rigid.model import FingerModel
 
 FINGERS: Mapping[str, FingerKind[Any]] = {
@@ -86,8 +87,10 @@ def finger_model(finger: NativeFinger, extensor: Extensor) -> FingerModel:
     return model(finger, extensor)
 
 
-def mjcf(finger: NativeFinger, extensor: Extensor, tension: float) -> str:
-    """The finger as MJCF that plain MuJoCo simulates, its tendons at `tension` N.
+def mjcf(
+    finger: NativeFinger, extensor: Extensor, tension: float, hood: HoodParts | None = None
+) -> str:
+    """The finger as MJCF that plain MuJoCo simulates, with a hood, all tendons at `tension` N.
 
     Raises InputError for one without a MuJoCo model."""
     from cosim.fingers.chain import joint_torques
@@ -98,8 +101,9 @@ def mjcf(finger: NativeFinger, extensor: Extensor, tension: float) -> str:
         model,
         joint_torques(finger, model.joints),
         finger.posture.angles(),
-        dict.fromkeys(model.muscles, tension),
+        dict.fromkeys((*model.muscles, *(() if hood is None else hood.muscles)), tension),
         cast(MassiveFingerConfig, finger).gravity,
+        hood,
     )
 
 

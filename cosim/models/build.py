@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from cosim.models.fit import check_fit, check_tendons
 from cosim.port import Array, Hood, Motion, OpenFinger, Pair, PairState, State, Triangles
 from cosim.tendons.muscles import CaseMuscles, live_muscles
 from meshes.hood_mesh import HoodMesh
+
+if TYPE_CHECKING:
+    from rigid.mjcf.hood import HoodParts
 
 
 @dataclass(frozen=True)
@@ -143,7 +146,8 @@ def bone_surfaces(case: Case) -> Mapping[str, Triangles]:
     return bones_of(case.native_finger(), case.hood.left_to_finger)
 
 
-def mjcf_of(case: Case) -> str:
-    """The finger of a case as MJCF, at the resting tensions.  Raises InputError for one that has
-    none."""
-    return mjcf(case.native_finger(), case.hood.left_to_finger, case.solve.resting_tension)
+def mjcf_of(case: Case, hood: HoodParts | None = None) -> str:
+    """The finger of a case as MJCF, with these parts of a hood, at the resting tensions.  Raises
+    InputError for one that has none."""
+    resting = case.solve.resting_tension
+    return mjcf(case.native_finger(), case.hood.left_to_finger, resting, hood)

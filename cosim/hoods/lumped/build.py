@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,6 +32,9 @@ from rigid.hoods.reduction import reduce_hood as reduce_hood
 from rigid.hoods.reduction import stack as stack
 from rigid.hoods.two_band import arms, band_stiffnesses
 from rigid.model import FingerModel
+
+if TYPE_CHECKING:
+    from rigid.mjcf.hood import HoodParts
 
 
 def build(hood: NetworkHoodConfig, site: Site) -> BuiltHood:
@@ -110,11 +114,23 @@ def slip_forces(hood: NetworkHoodConfig, state: JointState) -> dict[str, float]:
     else:
         share = network.distribution(at, np.full(len(network.muscles), hood.operating_force))
         tension = share @ state.tension
-    _, beyond_pip, beyond_dip = (network.connecting.at(at) != 0) | (network.connecting.slope != 0)
+    return slips_of(hood, dict(zip(hood.connecting, map(float, tension), strict=True)))
+
+
+def slips_of(hood: NetworkHoodConfig, tension: Mapping[str, float]) -> dict[str, float]:
+    """What bears on the middle phalanx and on the distal one, N, of the tensions (N) of a hood's
+    connecting tendons by name."""
+    last = {name: _last_joint(tendon.arms) for name, tendon in hood.connecting.items()}
     return {
-        "central": float(tension[beyond_pip & ~beyond_dip].sum()),
-        "terminal": float(tension[beyond_dip].sum()),
+        slip: sum((tension[name] for name, crossed in last.items() if crossed == joint), 0.0)
+        for slip, joint in (("central", JOINTS[1]), ("terminal", JOINTS[2]))
     }
+
+
+def _last_joint(arms: Mapping[str, ArmConfig]) -> str:
+    """The last joint that a tendon crosses at an arm other than zero; empty of none."""
+    crossed = [j for j in JOINTS if j in arms and (arms[j].constant or arms[j].slope)]
+    return crossed[-1] if crossed else ""
 
 
 def potential(hood: ReductionConfig) -> ReducedPotential:
@@ -170,6 +186,23 @@ def as_network(hood: TwoBandHoodConfig) -> NetworkHoodConfig:
 
 def _arms(columns: Sequence[dict[str, ArmConfig]]) -> Arms:
     return arms([{j: (a.constant, a.slope) for j, a in column.items()} for column in columns])
+
+
+def parts_in_mujoco(
+    hood: NetworkHoodConfig | TwoBandHoodConfig, lesion: LesionConfig | None
+) -> HoodParts:
+    """A network's junctions and tendons in MuJoCo's words.  Raises InputError for shares that do
+    not follow from forces."""
+    from rigid.mjcf.network import network_parts
+
+    whole = as_network(hood) if isinstance(hood, TwoBandHoodConfig) else hood
+    if whole.operating_force is not None:
+        raise InputError(
+            "hood.operating_force: shares that depend on posture alone are no mechanism of springs "
+            "and junctions; leave it out, and they follow the forces"
+        )
+    left = apply_lesion_to_network(whole, lesion)
+    return network_parts(_network(left), tuple(left.connecting))
 
 
 NETWORK = HoodBuilder(build)
