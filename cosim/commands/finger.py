@@ -125,8 +125,7 @@ def mjcf(
             text = mjcf_of(checked)
         else:
             with stages(checked.name) as progress:
-                progress.say("writing the hood, and comparing it with the case's")
-                made = hood_file(checked, hood)
+                made = hood_file(checked, hood, progress.say)
             text = made.text
             show_hood_errors(made)
         with output_file(out) as path:

@@ -185,6 +185,11 @@ class HeldModel:
         model.jnt_limited[[model.joint(j).id for j in joints]] = 0
         self._junctions = np.array([model.joint(n).qposadr[0] for n in parts.junctions], dtype=int)
 
+    @classmethod
+    def of(cls, xml: str, joints: tuple[str, ...], parts: HoodParts) -> HeldModel:
+        """Of a model's text."""
+        return cls(mujoco.MjModel.from_xml_string(xml), joints, parts)
+
     def settle(self, angle: Array, tension: Mapping[str, float]) -> None:
         """Move to angles (n,) rad and tensions (N) by muscle, and step until the junctions rest."""
         data, named = self.data, dict(zip(self.joints, map(float, angle), strict=True))

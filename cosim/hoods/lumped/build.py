@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.hoods.kind import BuiltHood, HoodBuilder, Site
+from cosim.hoods.kind import BuiltHood, HoodBuilder, MujocoHood, Site
 from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.lumped.table import (
     JOINTS,
@@ -27,14 +26,12 @@ from rigid.hoods.network import Arms, Network
 from rigid.hoods.network_hood import NetworkHood
 from rigid.hoods.reduced import ReducedHood
 from rigid.hoods.reduced import ReducedPotential as ReducedPotential
+from rigid.hoods.reduction import HELD
 from rigid.hoods.reduction import Sample as Sample
 from rigid.hoods.reduction import reduce_hood as reduce_hood
 from rigid.hoods.reduction import stack as stack
 from rigid.hoods.two_band import arms, band_stiffnesses
 from rigid.model import FingerModel
-
-if TYPE_CHECKING:
-    from rigid.mjcf.hood import HoodParts
 
 
 def build(hood: NetworkHoodConfig, site: Site) -> BuiltHood:
@@ -188,22 +185,46 @@ def _arms(columns: Sequence[dict[str, ArmConfig]]) -> Arms:
     return arms([{j: (a.constant, a.slope) for j, a in column.items()} for column in columns])
 
 
-def parts_in_mujoco(
-    hood: NetworkHoodConfig | TwoBandHoodConfig, lesion: LesionConfig | None
-) -> HoodParts:
-    """A network's junctions and tendons in MuJoCo's words.  Raises InputError for shares that do
-    not follow from forces."""
+def in_mujoco(hood: NetworkHoodConfig, lesion: LesionConfig | None) -> MujocoHood:
+    """A network's junctions and tendons, or what comes near to a reduced hood, in plain MuJoCo.
+    Raises InputError for shares that do not follow from forces."""
+    if hood.reduced is not None:
+        return _reduced_in_mujoco(potential(hood.reduced))
     from rigid.mjcf.network import network_parts
 
-    whole = as_network(hood) if isinstance(hood, TwoBandHoodConfig) else hood
-    if whole.operating_force is not None:
+    if hood.operating_force is not None:
         raise InputError(
             "hood.operating_force: shares that depend on posture alone are no mechanism of springs "
             "and junctions; leave it out, and they follow the forces"
         )
-    left = apply_lesion_to_network(whole, lesion)
-    return network_parts(_network(left), tuple(left.connecting))
+    left = apply_lesion_to_network(hood, lesion)
+    parts = network_parts(_network(left), tuple(left.connecting))
+    return MujocoHood(
+        "network", JOINTS, None, lambda *_: parts, lambda tension, *_: slips_of(left, tension)
+    )
 
 
-NETWORK = HoodBuilder(build)
-TWO_BANDS = HoodBuilder(build_two_bands)
+def two_bands_in_mujoco(hood: TwoBandHoodConfig, lesion: LesionConfig | None) -> MujocoHood:
+    """The network of the two bands in plain MuJoCo."""
+    return in_mujoco(as_network(hood), lesion)
+
+
+def _reduced_in_mujoco(reduced: ReducedPotential) -> MujocoHood:
+    from rigid.mjcf.reduced import reduced_parts, states_of
+
+    ends = zip(map(float, reduced.low), map(float, reduced.high), strict=True)
+    angles = dict(zip(reduced.joints, ends, strict=True))
+    return MujocoHood(
+        "reduced",
+        reduced.joints,
+        (angles, dict(zip(reduced.muscles, map(float, reduced.most), strict=True))),
+        lambda angle, tension, maps: reduced_parts(
+            reduced, states_of(reduced, angle, tension), maps
+        ),
+        lambda _, angle, torque: reduced.slip_forces(angle, torque),
+        tuple(j for j, (low, high) in angles.items() if high - low <= 2 * HELD + 1e-6),
+    )
+
+
+NETWORK = HoodBuilder(build, in_mujoco=in_mujoco)
+TWO_BANDS = HoodBuilder(build_two_bands, in_mujoco=two_bands_in_mujoco)
