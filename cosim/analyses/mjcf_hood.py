@@ -28,7 +28,7 @@ from rigid.mjcf.hood import HeldModel, HoodParts
 HoodName = Literal["network", "reduced", "cable"]
 MARK = 0.02
 """What a file's hood should keep of the hood that it was written from."""
-STATES, FITTED = 60, 800
+STATES, FITTED = 60, 1200
 """States that are compared, and those to which parts are fitted."""
 SEED, FIT_SEED = 1, 2
 MOST_LOAD, USUAL_LOAD = 0.5, 20.0

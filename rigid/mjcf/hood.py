@@ -42,7 +42,9 @@ LOOSE = -1.0
 """m, a length that no band reaches: it bears only tension."""
 FIRM = f"{2 * STEP!r} 1", "0.9999 0.9999 0.001 0.5 2"
 """solref and solimp of MuJoCo's stiffest equality at STEP."""
-STILL, CHUNK, CHUNKS = 3e-9, 25, 60
+TOLERANCE = "1e-12"
+"""Of MuJoCo's solver: with its usual 1e-8 a light follower trembles."""
+STILL, CHUNK, CHUNKS = 1e-9, 25, 60
 """m, of junctions that rest over so many steps, and how often that is tried."""
 HELD = 1e4
 """kg m2, of joints whose torques are measured."""
@@ -90,6 +92,7 @@ def add_hood(root: ET.Element, parts: HoodParts) -> ET.Element:
     """Add a hood to a model (MJCF elements) whose joints it names, and return the model: for each
     muscle a tendon and an actuator whose control is its tension (N), for each band a tendon and a
     sensor of its tension (N)."""
+    _section(root, "option").set("tolerance", TOLERANCE)
     world = _section(root, "worldbody")
     for name in parts.junctions:
         _add_slide(world, name, JUNCTION, DRAG)

@@ -32,7 +32,7 @@ from numpy.polynomial import Polynomial
 
 from cosim.port import Array
 from rigid.hoods.reduced import ReducedPotential
-from rigid.hoods.reduction import Sample, tip_rows
+from rigid.hoods.reduction import TIP, Sample, tip_rows
 from rigid.mjcf.hood import Band, Follower, HoodParts
 
 ALONE = 2
@@ -181,7 +181,7 @@ class _Fit:
         size = np.linalg.norm(data.torque, axis=1)
         size = np.maximum(size, LEAST_TORQUE * np.median(size))
         whole = np.eye(data.angle.shape[1]) / size[:, None, None]
-        self._rows = np.concatenate([whole, tip_rows(data, maps)], axis=1)
+        self._rows = np.concatenate([whole, tip_rows(data, maps) / TIP], axis=1)
         self._excursions = EXCURSIONS / float(np.ptp(data.excursion, axis=0).mean())
 
     def solve(self, bands: Bands) -> Bands:
