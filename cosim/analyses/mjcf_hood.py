@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, NamedTuple, cast
 
 import numpy as np
@@ -23,6 +24,7 @@ from cosim.hoods.kinds import KINDS
 from cosim.models.build import Models, build, mjcf_of
 from cosim.port import Array
 from rigid.hoods.joint_hood import JointState
+from rigid.mjcf.attach import Attached, Target, attach_hood
 from rigid.mjcf.hood import HeldModel, HoodParts
 
 HoodName = Literal["network", "reduced", "cable"]
@@ -35,6 +37,12 @@ MOST_LOAD, USUAL_LOAD = 0.5, 20.0
 """Loads where the hood states none: of a muscle's greatest force; N where that is not stated."""
 BEARS = 0.01
 """Of a state's greatest tension: a slip that bears less counts as slack."""
+
+
+
+
+SAME = {"FPI": "UI", "UI": "FPI"}
+"""The ulnar interosseous is called FPI at the index finger and UI at the others."""
 
 
 class Error(NamedTuple):
@@ -120,6 +128,38 @@ def hood_file(
     tell("comparing the file with the hood")
     errors = tuple(compare(case, models, hood, HeldModel.of(xml, models.finger.joints, parts), states))
     return HoodFile(xml, parts, errors, tuple(_notes(hood, parts)))
+
+
+def attach(
+    case: Case,
+    hood_name: HoodName,
+    path: Path,
+    finger: str,
+    names: Mapping[str, str],
+    tell: Progress = quiet,
+) -> Attached:
+    """A hand model with the case's hood on one finger; names: from ours to the model's.  Raises
+    InputError where the finger or a muscle is not there."""
+    hood, models = hood_in_mujoco(case, hood_name), build(case)
+    tell("fitting MuJoCo's parts to the hood")
+    angles, loads = sample_states(case, models, hood, FITTED, FIT_SEED)
+    parts = hood.parts(angles, loads, tip_maps(case, angles))
+    tell("putting them in place of the model's paths")
+    joints = {j: names[j] for j in hood.joints if j in names}
+    if lacking := [j for j in hood.joints if j not in names]:
+        raise InputError(f"{path}: has no joint that is known as {lacking[0]} of the finger")
+    of = {m: names[_synonym(m, names)] for m in hood_muscles(case) if _synonym(m, names) in names}
+    target = Target(joints, of, names["metacarpal"], names["proximal"], f"{finger}_hood_")
+    return attach_hood(path, parts, target)
+
+
+def hood_muscles(case: Case) -> tuple[str, ...]:
+    """The muscles of a case's hood."""
+    return case.hood.tendon_names(case.finger.kind) or ()
+
+
+def _synonym(muscle: str, names: Mapping[str, str]) -> str:
+    return SAME.get(muscle, muscle) if muscle not in names else muscle
 
 
 def _notes(hood: MujocoHood, parts: HoodParts) -> Iterator[str]:

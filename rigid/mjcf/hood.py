@@ -27,6 +27,7 @@ import mujoco
 import numpy as np
 
 from cosim.port import Array
+from rigid.model import Vector
 
 STEP = 2e-3
 """s: the longest step at which a file is stable."""
@@ -44,6 +45,8 @@ FIRM = f"{2 * STEP!r} 1", "0.9999 0.9999 0.001 0.5 2"
 """solref and solimp of MuJoCo's stiffest equality at STEP."""
 TOLERANCE = "1e-12"
 """Of MuJoCo's solver: with its usual 1e-8 a light follower trembles."""
+NO_DEFAULTS = {"armature": "0", "stiffness": "0", "frictionloss": "0"}
+"""What a model's defaults may say of joints and tendons, which is not of the hood's."""
 STILL, CHUNK, CHUNKS = 1e-9, 25, 60
 """m, of junctions that rest over so many steps, and how often that is tried."""
 HELD = 1e4
@@ -88,54 +91,82 @@ class HoodParts:
     followers: Mapping[str, Follower] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Place:
+    """Where a junction slides, in the frame of a body of the model."""
+
+    body: str
+    position: Vector
+    """m, of the junction at zero."""
+    axis: Vector
+
+
 def add_hood(root: ET.Element, parts: HoodParts) -> ET.Element:
-    """Add a hood to a model (MJCF elements) whose joints it names, and return the model: for each
-    muscle a tendon and an actuator whose control is its tension (N), for each band a tendon and a
-    sensor of its tension (N)."""
-    _section(root, "option").set("tolerance", TOLERANCE)
-    world = _section(root, "worldbody")
+    """Add a hood to a model (MJCF elements) whose joints it names, and return the model: what
+    `add_parts` adds, and for each muscle a tendon and an actuator whose control is its tension
+    (N)."""
+    tendons, actuators = section(root, "tendon"), section(root, "actuator")
+    for name, weights in parts.muscles.items():
+        _add_sum(tendons, name, weights)
+        ET.SubElement(actuators, "general", name=name, tendon=name, gainprm="-1")
+    return add_parts(root, parts, {})
+
+
+def add_parts(root: ET.Element, parts: HoodParts, places: Mapping[str, Place]) -> ET.Element:
+    """Add junctions (in the world where no place is given, else with a site of their name),
+    followers, and for each band a tendon and a sensor of its tension (N), and return the model."""
+    section(root, "option").set("tolerance", TOLERANCE)
+    world = section(root, "worldbody")
+    bodies = {body.get("name"): body for body in root.iter("body")}
     for name in parts.junctions:
-        _add_slide(world, name, JUNCTION, DRAG)
+        if name not in places:
+            _add_slide(world, name, JUNCTION, DRAG)
+            continue
+        place = places[name]
+        made = _add_slide(bodies[place.body], name, JUNCTION, DRAG, place.axis)
+        made.set("pos", _text(place.position))
+        ET.SubElement(made, "site", name=name, pos="0 0 0", size="0.001")
     for name in parts.followers:
         _add_slide(world, name, FOLLOWER, 0.0)
     for name, follower in parts.followers.items():
         _add_follower(root, name, follower)
-    tendons, actuators = _section(root, "tendon"), _section(root, "actuator")
-    for name, weights in parts.muscles.items():
-        _add_sum(tendons, name, weights)
-        ET.SubElement(actuators, "general", name=name, tendon=name, gainprm="-1")
+    tendons = section(root, "tendon")
     for name, band in parts.bands.items():
         limits = {"limited": "true", "range": f"{LOOSE!r} {band.rest!r}"}
         _add_sum(tendons, name, band.weights, limits)
-        ET.SubElement(_section(root, "sensor"), "tendonlimitfrc", name=name, tendon=name)
+        ET.SubElement(section(root, "sensor"), "tendonlimitfrc", name=name, tendon=name)
     _set_stiffness(root, parts.bands)
     return root
 
 
-def _section(root: ET.Element, name: str) -> ET.Element:
+def section(root: ET.Element, name: str) -> ET.Element:
+    """The element of a model that holds its bodies, tendons or the like, made where it lacks."""
     found = root.find(name)
     return ET.SubElement(root, name) if found is None else found
 
 
-def _add_slide(world: ET.Element, name: str, inertia: float, drag: float) -> None:
+def _add_slide(
+    parent: ET.Element, name: str, inertia: float, drag: float, axis: Vector = (1.0, 0.0, 0.0)
+) -> ET.Element:
     """A mass and not an armature, which MuJoCo leaves out of `dof_invweight0` here and with it of
     a follower's firmness."""
-    body = ET.SubElement(world, "body", name=name, gravcomp="1")
+    body = ET.SubElement(parent, "body", name=name, gravcomp="1")
     turning = _text((inertia,) * 3)
     ET.SubElement(body, "inertial", pos="0 0 0", mass=repr(inertia), diaginertia=turning)
-    slide = {"name": name, "type": "slide", "axis": "1 0 0", "damping": repr(drag)}
-    ET.SubElement(body, "joint", slide)
+    slide = {"name": name, "type": "slide", "axis": _text(axis), "damping": repr(drag)}
+    ET.SubElement(body, "joint", slide | NO_DEFAULTS | {"limited": "false"})
+    return body
 
 
 def _add_follower(root: ET.Element, name: str, follower: Follower) -> None:
-    equality = _section(root, "equality")
+    equality = section(root, "equality")
     solref, solimp = FIRM
     facts = {"polycoef": _text(follower.polynomial), "solref": solref, "solimp": solimp}
     (joint, weight), *more = follower.weights.items()
     if not more and weight == 1.0:
         ET.SubElement(equality, "joint", {"joint1": name, "joint2": joint} | facts)
         return
-    tendons, of = _section(root, "tendon"), f"{name}_of"
+    tendons, of = section(root, "tendon"), f"{name}_of"
     _add_sum(tendons, name, {name: 1.0})
     _add_sum(tendons, of, follower.weights)
     ET.SubElement(equality, "tendon", {"tendon1": name, "tendon2": of} | facts)
@@ -147,7 +178,7 @@ def _add_sum(
     weights: Mapping[str, float],
     facts: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
-    out = ET.SubElement(tendons, "fixed", {"name": name, **facts})
+    out = ET.SubElement(tendons, "fixed", {"name": name} | NO_DEFAULTS | {"limited": "false", **facts})
     for joint, weight in weights.items():
         ET.SubElement(out, "joint", joint=joint, coef=repr(float(weight)))
 
@@ -173,6 +204,20 @@ def _set_stiffness(root: ET.Element, bands: Mapping[str, Band]) -> None:
 def compile_model(root: ET.Element) -> mujoco.MjModel:
     """The model of MJCF elements."""
     return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+
+
+def slides_at_rest(parts: HoodParts, angles: Mapping[str, float]) -> dict[str, float]:
+    """Followers at joint angles (rad), and junctions (m) where the first band begins to bear."""
+    out = {name: follower.value(angles) for name, follower in parts.followers.items()}
+    at = {**angles, **out}
+    for junction in parts.junctions:
+        own = [b for b in parts.bands.values() if set(b.weights) & set(parts.junctions) == {junction}]
+        begins = [
+            b.rest - sum(w * at[name] for name, w in b.weights.items() if name != junction)
+            for b in own
+        ]
+        out[junction] = min(begins, default=0.0)
+    return out
 
 
 class HeldModel:
