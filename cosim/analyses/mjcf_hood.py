@@ -7,10 +7,11 @@ hood behind the port.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from cosim.hoods.kinds import KINDS
 from cosim.models.build import Models, build, mjcf_of
 from cosim.port import Array
 from rigid.hoods.joint_hood import JointState
-from rigid.mjcf.attach import Attached, Target, attach_hood
+from rigid.mjcf.attach import Attached, Target, add_note, attach_hood, note_of
 from rigid.mjcf.hood import HeldModel, HoodParts
 
 HoodName = Literal["network", "reduced", "cable"]
@@ -39,8 +40,8 @@ BEARS = 0.01
 """Of a state's greatest tension: a slip that bears less counts as slack."""
 
 
-
-
+NOTE = "cosim_hood_"
+"""Before a finger's name: the text of a model that keeps the hood's table."""
 SAME = {"FPI": "UI", "UI": "FPI"}
 """The ulnar interosseous is called FPI at the index finger and UI at the others."""
 
@@ -126,13 +127,15 @@ def hood_file(
     parts = hood.parts(angles, loads, tip_maps(case, angles))
     xml = mjcf_of(case, parts)
     tell("comparing the file with the hood")
-    errors = tuple(compare(case, models, hood, HeldModel.of(xml, models.finger.joints, parts), states))
+    errors = tuple(
+        compare(case, models, hood, HeldModel.of(xml, models.finger.joints, parts), states)
+    )
     return HoodFile(xml, parts, errors, tuple(_notes(hood, parts)))
 
 
 def attach(
     case: Case,
-    hood_name: HoodName,
+    which: HoodName,
     path: Path,
     finger: str,
     names: Mapping[str, str],
@@ -140,26 +143,58 @@ def attach(
 ) -> Attached:
     """A hand model with the case's hood on one finger; names: from ours to the model's.  Raises
     InputError where the finger or a muscle is not there."""
-    hood, models = hood_in_mujoco(case, hood_name), build(case)
+    hood, models = hood_in_mujoco(case, which), build(case)
+    if lacking := [part for part in (*hood.joints, "metacarpal", "proximal") if part not in names]:
+        raise InputError(
+            f"{path}: no part is named like {lacking[0]} of the {finger} finger. Say which is "
+            'which: a file of lines like PIP = "2pm_flexion", and --names FILE'
+        )
     tell("fitting MuJoCo's parts to the hood")
     angles, loads = sample_states(case, models, hood, FITTED, FIT_SEED)
     parts = hood.parts(angles, loads, tip_maps(case, angles))
     tell("putting them in place of the model's paths")
-    joints = {j: names[j] for j in hood.joints if j in names}
-    if lacking := [j for j in hood.joints if j not in names]:
-        raise InputError(f"{path}: has no joint that is known as {lacking[0]} of the finger")
-    of = {m: names[_synonym(m, names)] for m in hood_muscles(case) if _synonym(m, names) in names}
+    ours = {muscle: _known(muscle, names) for muscle in models.hood.tendons}
+    of = {muscle: names[known] for muscle, known in ours.items() if known in names}
+    joints = {joint: names[joint] for joint in hood.joints}
     target = Target(joints, of, names["metacarpal"], names["proximal"], f"{finger}_hood_")
-    return attach_hood(path, parts, target)
+    made = attach_hood(path, parts, target)
+    table = json.dumps(case.hood.model_dump(mode="json", exclude_none=True))
+    for muscle, known in ours.items():
+        table = table.replace(f'"{muscle}"', f'"{known}"')
+    strengths = {ours[muscle]: force for muscle, force in made.strengths.items()}
+    note = {"hood": json.loads(table), "strengths": strengths, "case": case.name}
+    add_note(made.root, f"{NOTE}{finger}", json.dumps(note))
+    told = [*_attached_notes(case, hood, finger), *made.told]
+    return replace(made, told=tuple(told))
 
 
-def hood_muscles(case: Case) -> tuple[str, ...]:
-    """The muscles of a case's hood."""
-    return case.hood.tendon_names(case.finger.kind) or ()
-
-
-def _synonym(muscle: str, names: Mapping[str, str]) -> str:
+def _known(muscle: str, names: Mapping[str, str]) -> str:
+    """What this finger's muscle of that name is called."""
     return SAME.get(muscle, muscle) if muscle not in names else muscle
+
+
+def _attached_notes(case: Case, hood: MujocoHood, finger: str) -> Iterator[str]:
+    yield f"hood of {case.name} ({hood.word}) on the {finger} finger, its lengths as they are there"
+    if "MCP_abduction" not in hood.joints:
+        yield "lost: its muscles' arms in abduction, which a network has not"
+
+
+def attached_hood(path: Path, finger: str) -> Mapping[str, Any] | None:
+    """What `attach` noted of the hood on a finger of a model: its table "hood", the greatest forces
+    (N) "strengths" of its muscles, and its "case"; None where there is none.  Raises InputError for
+    another text of this name."""
+    text = note_of(path, f"{NOTE}{finger}")
+    if text is None:
+        return None
+    try:
+        note = json.loads(text)
+        return {
+            "hood": dict(note["hood"]),
+            "strengths": dict(note["strengths"]),
+            "case": str(note["case"]),
+        }
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: its text {NOTE}{finger} is not what cosim mjcf wrote") from error
 
 
 def _notes(hood: MujocoHood, parts: HoodParts) -> Iterator[str]:
@@ -179,7 +214,7 @@ def _notes(hood: MujocoHood, parts: HoodParts) -> Iterator[str]:
             f"box {_box(hood)}; outside of it the file says nothing"
         )
     if hood.held:
-        yield f"{', '.join(hood.held)}: fitted where the sheet was sampled, in the middle of the box"
+        yield f"{', '.join(hood.held)}: fitted in mid-box, where alone the sheet was sampled"
     yield (
         "the hood acts by joint torques: it presses no bones together, and forces of joints lack "
         "its thrust"
@@ -188,7 +223,9 @@ def _notes(hood: MujocoHood, parts: HoodParts) -> Iterator[str]:
 
 def _box(hood: MujocoHood) -> str:
     assert hood.box is not None
-    angles = (f"{j} {np.degrees(a):.0f} to {np.degrees(b):.0f} deg" for j, (a, b) in hood.box[0].items())
+    angles = (
+        f"{j} {np.degrees(a):.0f} to {np.degrees(b):.0f} deg" for j, (a, b) in hood.box[0].items()
+    )
     loads = (f"{m} to {force:.3g} N" for m, force in hood.box[1].items())
     return ", ".join((*angles, *loads))
 

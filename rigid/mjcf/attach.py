@@ -28,8 +28,10 @@ from rigid.mjcf.hood import (
     Place,
     add_parts,
     compile_model,
+    section,
     slides_at_rest,
 )
+from rigid.mjcf.tendons import greatest_force
 from rigid.model import vector
 
 REACH = 0.045
@@ -65,6 +67,8 @@ class Attached:
     """By the model's names."""
     told: tuple[str, ...]
     """What was changed and what could not be."""
+    strengths: Mapping[str, float]
+    """The greatest force (N) of each of the hood's muscles for which the model states one."""
 
 
 def attach_hood(path: Path, parts: HoodParts, target: Target) -> Attached:
@@ -73,7 +77,7 @@ def attach_hood(path: Path, parts: HoodParts, target: Target) -> Attached:
     check_bounds(path)
     spec = _load(path)
     old = spec.compile()
-    root = ET.fromstring(spec.to_xml())
+    root = _tree(spec)
     _set_folders(root, path, spec)
     there = {m: t for m, t in target.muscles.items() if m in parts.muscles}
     if not there:
@@ -101,7 +105,19 @@ def attach_hood(path: Path, parts: HoodParts, target: Target) -> Attached:
         "the hood acts by joint torques: it presses no bones together, and forces of joints lack "
         "its thrust"
     )
-    return Attached(root, ours, tuple(told))
+    most = {m: greatest_force(old, old.tendon(t).id) for m, t in there.items()}
+    return Attached(root, ours, tuple(told), {m: force for m, force in most.items() if force})
+
+
+def add_note(root: ET.Element, name: str, text: str) -> None:
+    """Keep a text in a model, by a name."""
+    ET.SubElement(section(root, "custom"), "text", name=name, data=text)
+
+
+def note_of(path: Path, name: str) -> str | None:
+    """The text that a model keeps by a name; None where there is none."""
+    spec = _load(path)
+    return next((text.data for text in spec.texts if text.name == name), None)
 
 
 def write_attached(root: ET.Element, out: Path) -> str:
@@ -124,6 +140,17 @@ def _load(path: Path) -> mujoco.MjSpec:
         raise InputError(f"{path}: is no MuJoCo model that can be read: {error}") from error
 
 
+def _tree(spec: mujoco.MjSpec) -> ET.Element:
+    """The model's elements; texts with quotation marks, which MuJoCo writes as it does not read
+    them, as attributes."""
+    root = ET.fromstring(spec.to_xml())
+    for tag in root.iter("text"):
+        if "data" not in tag.attrib:
+            tag.set("data", tag.text or " ")
+            tag.text = None
+    return root
+
+
 def _set_folders(root: ET.Element, path: Path, spec: mujoco.MjSpec) -> None:
     """State the folders of meshes and textures from the root of the disk."""
     compiler = root.find("compiler")
@@ -136,7 +163,9 @@ def _set_folders(root: ET.Element, path: Path, spec: mujoco.MjSpec) -> None:
 
 def _only(parts: HoodParts, muscles: Mapping[str, str]) -> HoodParts:
     """The parts without muscles that are not there, their junctions and what hangs on them."""
-    gone = {j for m, w in parts.muscles.items() if m not in muscles for j in w if j in parts.junctions}
+    gone = {
+        j for m, w in parts.muscles.items() if m not in muscles for j in w if j in parts.junctions
+    }
     return replace(
         parts,
         muscles={m: w for m, w in parts.muscles.items() if m in muscles},
@@ -155,7 +184,10 @@ def _at_excursions(parts: HoodParts) -> HoodParts:
             by_junction[junction] = rest
         else:
             firm[f"{muscle}_firm"] = Band({junction: 1.0} | rest, 0.0, FIRM_BAND)
-    bands = {name: replace(b, weights=_with_direct(b.weights, by_junction)) for name, b in parts.bands.items()}
+    bands = {
+        name: replace(b, weights=_with_direct(b.weights, by_junction))
+        for name, b in parts.bands.items()
+    }
     muscles = {muscle: {f"{muscle}_junction": -1.0} for muscle in parts.muscles}
     return replace(
         parts,
@@ -215,6 +247,11 @@ def _cut(
     kept, left = list[ET.Element](), list(element)
     while left and not _on_finger(model, left[0], target.proximal):
         kept.append(left.pop(0))
+    for tag in [
+        tag for tag in kept if tag.tag == "pulley"
+    ]:  # strands that the hood brings together
+        element.remove(tag)
+        kept.remove(tag)
     beyond = next((tag for tag in left if tag.tag == "site"), None)
     while kept and kept[-1].tag != "site":
         left.insert(0, kept.pop())
@@ -233,7 +270,8 @@ def _cut(
         vector(-axis @ turn),
     )
     points = sum(tag.tag == "site" for tag in left)
-    return place, f"changed: {tendon} ends at a junction on {target.metacarpal}; its {points} points beyond are the hood's now"
+    words = f"ends at a junction on {target.metacarpal}; its {points} points beyond are the hood's"
+    return place, f"changed: {tendon} {words}"
 
 
 def _on_finger(model: mujoco.MjModel, tag: ET.Element, proximal: str) -> bool:
@@ -311,9 +349,7 @@ def _with_slides(
     for j, to in enumerate(theirs):  # joints keep their order
         start, place, width = old.jnt_qposadr[j], model.jnt_qposadr[to], len(old.joint(j).qpos0)
         position[place : place + width] = stated[start : start + width]
-    named = {
-        model.joint(j).name: float(position[model.jnt_qposadr[j]]) for j in theirs
-    }
+    named = {model.joint(j).name: float(position[model.jnt_qposadr[j]]) for j in theirs}
     for name, value in slides_at_rest(parts, named).items():
         position[model.joint(name).qposadr[0]] = value
     return position

@@ -178,7 +178,9 @@ def _add_sum(
     weights: Mapping[str, float],
     facts: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
-    out = ET.SubElement(tendons, "fixed", {"name": name} | NO_DEFAULTS | {"limited": "false", **facts})
+    out = ET.SubElement(
+        tendons, "fixed", {"name": name} | NO_DEFAULTS | {"limited": "false", **facts}
+    )
     for joint, weight in weights.items():
         ET.SubElement(out, "joint", joint=joint, coef=repr(float(weight)))
 
@@ -211,7 +213,9 @@ def slides_at_rest(parts: HoodParts, angles: Mapping[str, float]) -> dict[str, f
     out = {name: follower.value(angles) for name, follower in parts.followers.items()}
     at = {**angles, **out}
     for junction in parts.junctions:
-        own = [b for b in parts.bands.values() if set(b.weights) & set(parts.junctions) == {junction}]
+        own = [
+            b for b in parts.bands.values() if set(b.weights) & set(parts.junctions) == {junction}
+        ]
         begins = [
             b.rest - sum(w * at[name] for name, w in b.weights.items() if name != junction)
             for b in own

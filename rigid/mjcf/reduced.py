@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -76,7 +77,10 @@ class Lengths:
         """Values (s, K) and slopes (s, K, n) at angles (s, n)."""
         u, n = self.potential.scaled_angle(angle), angle.shape[1]
         values = [np.ones((len(u), 1)), u]
-        slopes = [np.zeros((len(u), 1, n)), np.tile(np.diag(1 / self.potential.half), (len(u), 1, 1))]
+        slopes = [
+            np.zeros((len(u), 1, n)),
+            np.tile(np.diag(1 / self.potential.half), (len(u), 1, 1)),
+        ]
         for ridge in self.ridges:
             middle, half = self.scaled(ridge)
             x = (angle @ ridge.weights - middle) / half
@@ -141,7 +145,8 @@ def _first_bands(potential: ReducedPotential, data: Sample, basis: Lengths) -> B
     own = [_own_bands(potential, data, value, m) for m in range(len(potential.muscles))]
     one = np.eye(len(own))
     shares = [one[m] for m in range(len(own)) for _ in range(ALONE)]
-    lengths, stiffness = ([x for bands in own for x in bands[i]] for i in (0, 1))
+    lengths = [length for bands, _ in own for length in bands]
+    stiffness = [k for _, stiffnesses in own for k in stiffnesses]
     pairs = [one[i] + one[k] for i, k in combinations(range(len(own)), 2)]
     pairs += [one[i] - one[k] for i, k in permutations(range(len(own)), 2)]
     soft = JOINED * float(np.mean(stiffness))
@@ -207,7 +212,12 @@ class _Fit:
 
     def _answer(self, bands: Bands, start: Array) -> Answer:
         """The equilibrium, by Newton's method with halved steps on the convex energy."""
-        length, data, a, k = self._value @ bands.lengths.T, self._data, bands.shares, bands.stiffness
+        length, data, a, k = (
+            self._value @ bands.lengths.T,
+            self._data,
+            bands.shares,
+            bands.stiffness,
+        )
 
         def energy(at: Array) -> Array:
             stretch = np.maximum(at @ a.T - length, 0.0)
@@ -230,7 +240,9 @@ class _Fit:
                 part[high] /= 2
             junction = junction + part[:, None] * step
         tension = k * np.maximum(junction @ a.T - length, 0.0)
-        return Answer(junction, tension, np.einsum("sj,jk,skn->sn", tension, bands.lengths, self._slope))
+        return Answer(
+            junction, tension, np.einsum("sj,jk,skn->sn", tension, bands.lengths, self._slope)
+        )
 
     def _left(self, answer: Answer) -> Array:
         """What is left of the rows, (s (n + 3 + m),)."""
@@ -247,8 +259,12 @@ class _Fit:
         arms = np.einsum("jk,skn->sjn", bands.lengths, self._slope)
         turned = np.einsum("sjm,smn->sjn", moved, np.einsum("sj,jm,sjn->smn", on, a, arms)) - arms
         rows, weight = self._rows, self._excursions
-        by_length = np.einsum("srn,sj,sjn->srj", rows, on, turned)[..., None] * self._value[:, None, None]
-        by_length += np.einsum("sj,srk->srjk", at.tension, np.einsum("srn,skn->srk", rows, self._slope))
+        by_length = (
+            np.einsum("srn,sj,sjn->srj", rows, on, turned)[..., None] * self._value[:, None, None]
+        )
+        by_length += np.einsum(
+            "sj,srk->srjk", at.tension, np.einsum("srn,skn->srk", rows, self._slope)
+        )
         by_junction = weight * np.einsum("sj,sjm,sk->smjk", on, moved, self._value)
         stiffer = -np.einsum("srn,sj,sjn->srj", rows, at.tension, turned)
         stiffer_junction = -weight * np.einsum("sjm,sj->smj", moved, at.tension)
@@ -258,7 +274,7 @@ class _Fit:
         return np.hstack([lengths.reshape(count, -1), stiffness.reshape(count, -1)])
 
 
-def _move(bands: Bands, step: Array) -> Bands:
+def _move(bands: Bands, step: Any) -> Bands:
     size = bands.lengths.size
     factor = np.exp(np.clip(step[size:], -1.0, 1.0))
     return replace(
