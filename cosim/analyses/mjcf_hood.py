@@ -122,15 +122,22 @@ def hood_file(
 ) -> HoodFile:
     """A case's finger with its hood.  Raises InputError where the hood is of another kind."""
     hood, models = hood_in_mujoco(case, which), build(case)
-    tell("fitting MuJoCo's parts to the hood")
-    angles, loads = sample_states(case, models, hood, FITTED, FIT_SEED)
-    parts = hood.parts(angles, loads, tip_maps(case, angles))
+    parts = _parts(case, models, hood, tell)
     xml = mjcf_of(case, parts)
     tell("comparing the file with the hood")
     errors = tuple(
         compare(case, models, hood, HeldModel.of(xml, models.finger.joints, parts), states)
     )
     return HoodFile(xml, parts, errors, tuple(_notes(hood, parts)))
+
+
+def _parts(case: Case, models: Models, hood: MujocoHood, tell: Progress) -> HoodParts:
+    """The hood's parts, fitted in its box where it has one."""
+    count = 0 if hood.box is None else FITTED
+    if count:
+        tell("fitting MuJoCo's parts to the hood")
+    angles, loads = sample_states(case, models, hood, count, FIT_SEED)
+    return hood.parts(angles, loads, tip_maps(case, angles))
 
 
 def attach(
@@ -149,9 +156,7 @@ def attach(
             f"{path}: no part is named like {lacking[0]} of the {finger} finger. Say which is "
             'which: a file of lines like PIP = "2pm_flexion", and --names FILE'
         )
-    tell("fitting MuJoCo's parts to the hood")
-    angles, loads = sample_states(case, models, hood, FITTED, FIT_SEED)
-    parts = hood.parts(angles, loads, tip_maps(case, angles))
+    parts = _parts(case, models, hood, tell)
     tell("putting them in place of the model's paths")
     ours = {muscle: _known(muscle, names) for muscle in models.hood.tendons}
     of = {muscle: names[known] for muscle, known in ours.items() if known in names}
