@@ -166,8 +166,8 @@ COMMANDS = {
         ),
         "mjcf": Command(
             "finger.mjcf",
-            "Write the MuJoCo model of a case's finger.",
-            "cosim mjcf split_edc --out finger.xml",
+            "Write a case's finger for MuJoCo, with its hood, or a hood onto your hand model.",
+            "cosim mjcf network_edc --hood network --out finger.xml",
         ),
         "solve": Command("febio.solve", "Solve a FEBio model.", "cosim solve model.feb"),
         "export": Command(

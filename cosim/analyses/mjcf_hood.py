@@ -66,6 +66,8 @@ class HoodFile:
     errors: tuple[Error, ...]
     notes: tuple[str, ...]
     """What was written and what it leaves out."""
+    rate: float
+    """Steps of 2 ms in a second of one core."""
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -128,7 +130,7 @@ def hood_file(
     errors = tuple(
         compare(case, models, hood, HeldModel.of(xml, models.finger.joints, parts), states)
     )
-    return HoodFile(xml, parts, errors, tuple(_notes(hood, parts)))
+    return HoodFile(xml, parts, errors, tuple(_notes(hood, parts)), steps_per_second(xml))
 
 
 def _parts(case: Case, models: Models, hood: MujocoHood, tell: Progress) -> HoodParts:

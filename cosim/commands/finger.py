@@ -29,6 +29,7 @@ from cosim.models.build import build, mjcf_of, tensions
 from cosim.results.picture import write_figure
 from cosim.scoring.names import FingerName, match_names, read_names
 from rigid.mjcf.attach import write_attached
+from rigid.mjcf.hood import steps_per_second
 from rigid.mjcf.read import part_names
 from rigid.verification.bench import PAPER_LOOP, PAPER_QP, bench_robot
 from rigid.verification.bench import bench_opensim as measure
@@ -204,6 +205,19 @@ def show_hood_errors(made: HoodFile) -> None:
     print_table("The file's hood less the case's", ("error of", "median", "most"), rows)
     for line in (*made.doubts, *made.notes):
         typer.echo(line)
+    typer.echo(f"{made.rate:.3g} steps of 2 ms in a second of one core")
+
+
+def bench_mjcf() -> dict[str, float]:
+    """Print how many steps of 2 ms plain MuJoCo makes in a second, without and with a hood; what a
+    step with it takes over one without."""
+    case = load_case(ATTACHED)
+    with stages("bench") as shown:
+        shown.say("stepping the finger in plain MuJoCo")
+        bare = steps_per_second(mjcf_of(case))
+        hooded = hood_file(case, "network", states=3).rate
+    figures = {"steps_per_s_bare": bare, "steps_per_s_hood": hooded, "ratio": bare / hooded}
+    return _print_figures(figures, "step with the hood / without")
 
 
 def bench_fingers() -> dict[str, float]:
