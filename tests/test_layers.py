@@ -158,6 +158,7 @@ KNOW_THE_SOLVERS = {
     "cosim.scoring.names",
     "cosim.solve.one_way",
     "cosim.tendons.air",
+    "cosim.tendons.friction",
     "cosim.tendons.signals",
     "cosim.tendons.muscles",
     "cosim.validation.published_hood",

@@ -26,7 +26,7 @@ from cosim.models.build import Models, build, mjcf_of
 from cosim.port import Array
 from rigid.hoods.joint_hood import JointState
 from rigid.mjcf.attach import Attached, Target, add_note, attach_hood, note_of
-from rigid.mjcf.hood import HeldModel, HoodParts
+from rigid.mjcf.hood import HeldModel, HoodParts, steps_per_second
 
 HoodName = Literal["network", "reduced", "cable"]
 MARK = 0.02

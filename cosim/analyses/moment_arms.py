@@ -14,6 +14,7 @@ from cosim.measured import RANGE, measured_of_kind
 from cosim.models.build import Models
 from cosim.port import STATIC, Array, Load, Motion, State
 from cosim.results.looks import Look, look
+from cosim.tendons.friction import without_friction
 
 if TYPE_CHECKING:
     import pandas
@@ -58,8 +59,9 @@ def sweep(
 
 
 def native_arms(models: Models, posture: Mapping[str, float]) -> dict[str, Array]:
-    """Moment arms (nq,) m of the finger's own tendons at joint angles `posture` (rad)."""
-    finger = models.finger
+    """Moment arms (nq,) m of the finger's own tendons at joint angles `posture` (rad), which no
+    friction changes."""
+    finger = without_friction(models.finger)
     bodies, names = finger.bodies, finger.tendons
     idle = Load(bodies, ("hood",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
     torque = finger.balance(finger.start(posture), idle, np.ones(len(names))).torque

@@ -294,19 +294,26 @@ class Case(CaseFile):
         stated = self.tendons.get(tendon, TendonConfig()).force
         return self.solve.resting_tension if stated is None else stated
 
+    def rubbing_tendons(self) -> dict[str, TendonConfig]:
+        """The tendons for which the case states friction."""
+        return {name: t for name, t in self.tendons.items() if t.friction is not None}
+
     def setting_key(self) -> str:
-        """A text that two cases share if and only if they differ in nothing but name and tendons; a
-        file that they read counts with its time and size."""
+        """A text that two cases share if and only if they differ in nothing but name and what pulls
+        the tendons; a file that they read counts with its time and size."""
         shared = {"finger", "hood", "lesion", "solve", "coupling"}
         parts = self.model_dump(mode="json", include=shared)
+        if rubbing := self.rubbing_tendons():
+            parts["friction"] = [[n, t.friction, t.course] for n, t in rubbing.items()]
         files = (*self.finger.files(), *self.hood.files())
         return json.dumps([parts, stamps(files)], sort_keys=True)
 
     def hood_key(self) -> str:
-        """A text that two cases share only if they differ in nothing but name, tendons and what
-        holds the fingertip, so that one hood serves both."""
+        """A text that two cases share only if they differ in nothing but name, tendons (their
+        friction too) and what holds the fingertip, so that one hood serves both."""
         parts, files = json.loads(self.setting_key())
         parts["finger"].pop("tip", None)
+        parts.pop("friction", None)
         return json.dumps([parts, files], sort_keys=True)
 
     def mesh_key(self) -> str:

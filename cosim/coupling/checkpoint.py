@@ -115,7 +115,10 @@ FIELDS = (
     "total",
     "imbalance",
     "drive",
+    "motors",
     "points",
+    "grip",
+    "friction",
 )
 NUMBERS = ("residual", "energy")
 
@@ -139,7 +142,10 @@ def _unstack_frames(arrays: dict[str, Array]) -> tuple[tuple[MotionFrame, ...], 
             residual=float(arrays["residual"][k]),
             energy=float(arrays["energy"][k]),
             drive=arrays["drive"][k],
+            motors=arrays["motors"][k],
             points=arrays["points"][k],
+            grip=arrays["grip"][k],
+            friction=arrays["friction"][k],
         )
         for k in range(len(arrays["time"]))
     )

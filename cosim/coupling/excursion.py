@@ -6,6 +6,7 @@ prescribed ones, it solves
     T >= 0,    x(T) - e >= 0,    T (x(T) - e) = 0,
 
 the last two for each tendon by itself: one whose path shortens more than its end is drawn is slack.
+Of a tendon that stretches, x(T) is the excursion of its drawn end: the path's, and the stretch.
 The slope dx/dT is kept from step to step (Broyden 1965, Math Comp 19:577).
 """
 
@@ -41,6 +42,10 @@ class PrescribedExcursions:
     names: tuple[str, ...]
     index: Any
     excursion: Callable[[float], Array]
+    give: Array | float = 0.0
+    """(nd,) m/N, by which the tendons stretch."""
+    slack: Array | float = 0.0
+    """(nd,) m, by which the ends are moved before the tendons bear."""
 
 
 class ExcursionState(NamedTuple):
@@ -54,11 +59,13 @@ class ExcursionState(NamedTuple):
     """m, those that they began with."""
     slope: Array
     """(nd, nd) m/N; (0, 0) before the first solve."""
+    pretension: Array
+    """N, the tensions that they began with."""
 
 
 def initial_excursions(tension: Array, excursion: Array) -> ExcursionState:
     """The state at rest under tensions (nd,) N with excursions (nd,) m."""
-    return ExcursionState(tension, excursion, excursion, np.zeros((0, 0)))
+    return ExcursionState(tension, excursion, excursion, np.zeros((0, 0)), tension)
 
 
 def solve_excursions(
@@ -66,16 +73,21 @@ def solve_excursions(
 ) -> tuple[T, ExcursionState]:
     """What comes of the tensions with which the tendons have the excursions of `time` s, or are
     slack.  Raises ConvergenceError."""
-    aim, tension = at.start + prescribed.excursion(time), at.tension
-    result, excursion = trial(tension)
-    slope = at.slope if at.slope.size else _first_slope(trial, tension, excursion)
+    aim, tension = at.start + prescribed.excursion(time) - prescribed.slack, at.tension
+
+    def drawn(tension: Array) -> tuple[T, Array]:
+        result, excursion = trial(tension)
+        return result, excursion + prescribed.give * (tension - at.pretension)
+
+    result, excursion = drawn(tension)
+    slope = at.slope if at.slope.size else _first_slope(drawn, tension, excursion)
     for _ in range(MOST_TRIALS):
         gap = aim - excursion
         taut = (tension > 0) | (gap > 0)
         if np.abs(gap[taut]).max(initial=0.0) <= TOLERANCE:
-            return result, ExcursionState(tension, excursion, at.start, slope)
+            return result, ExcursionState(tension, excursion, at.start, slope, at.pretension)
         after = _next_tensions(tension, gap, taut, slope)
-        result, new_excursion = trial(after)
+        result, new_excursion = drawn(after)
         slope = _broyden_update(slope, after - tension, new_excursion - excursion)
         tension, excursion = after, new_excursion
     off = np.where(taut, np.abs(gap), 0.0)

@@ -47,6 +47,10 @@ class TendonDrive(Protocol):
         """Signals (nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
         ...
 
+    def motor_signals(self, state: State, time: float) -> Array:
+        """Of each motor (nm, 2) how far it has drawn its tendon's end, m, and its torque, N m."""
+        ...
+
 
 class RecordedFinger(MovingFinger, Protocol):
     """A moving finger that also reports what is recorded of a motion."""
@@ -58,6 +62,19 @@ class RecordedFinger(MovingFinger, Protocol):
     def device_loss(self, state: State) -> float:
         """The energy (J) that a device about the fingertip dissipated in the step that ended in the
         state."""
+        ...
+
+    def friction_work(self, state: State) -> Array:
+        """The work (3,) J at the guides of tendons in the step that ended in the state: made heat,
+        held before a tendon slides, and of both what came from the tendons' stretch."""
+        ...
+
+    def grip(self, state: State) -> Array:
+        """The grip (n,), -1 to 1, of friction at the guides of tendons."""
+        ...
+
+    def at_insertions(self, angles: Array, tension: Array, grip: Array) -> Array:
+        """The tensions (nt,) N that friction leaves at the insertions of the finger's own."""
         ...
 
     def stored_energy(self, state: State) -> Mapping[str, float]:
@@ -85,10 +102,12 @@ class RecordedFinger(MovingFinger, Protocol):
         hood: Array,
         tension: Array,
         tip: Array,
+        grip: Array,
     ) -> dict[str, Array]:
         """The wrench (nb, 6) on each body about its origin by source at the end of a step of `dt` s
         between two (angles, rates), beside the hood's (nb, 6) and under the own tendons' tensions
-        (nt,) and the tip's wrench (6,) on the world, as far as the finger knows its forces."""
+        (nt,), the tip's wrench (6,) on the world and friction's `grip` (n,), as far as the finger
+        knows its forces."""
         ...
 
 
@@ -114,6 +133,8 @@ class MotionState:
     """J, dissipated by the joints and limits since the start."""
     slipped: float
     """J, dissipated by a device about the fingertip since the start."""
+    friction: Array
+    """(3,) J since the start, as of `RecordedFinger.friction_work`."""
     pace: Pace
     draw: ExcursionState
 
@@ -139,8 +160,14 @@ class MotionFrame:
     """J, the finger's energy."""
     drive: Array
     """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
+    motors: Array
+    """(nm, 2) of each motor: m that its tendon's end is drawn, N m."""
     points: Array
     """(k, 3) m, the points of the user's on the hood, world axes."""
+    grip: Array
+    """(n,) of friction at the guides of tendons."""
+    friction: Array
+    """(3,) J since the start, as of `RecordedFinger.friction_work`."""
 
 
 NO_EXCURSIONS = PrescribedExcursions((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
@@ -178,7 +205,7 @@ class CoupledMotion:
         draw = initial_excursions(tension[index], self._excursions(coupled)[index])
         lengths = np.concatenate([-coupled.point.excursion, self._path_lengths(coupled.finger)])
         pulls = self.drive.settle_at(pulls, lengths)
-        return MotionState(coupled, pulls, 0.0, 0.0, Pace(self.dt), draw)
+        return MotionState(coupled, pulls, 0.0, 0.0, np.zeros(3), Pace(self.dt), draw)
 
     def first_pull(self, state: State) -> tuple[State, Array]:
         """What pulls at t = 0 on the finger in `state`, and with what tensions (nt,) N."""
@@ -196,7 +223,8 @@ class CoupledMotion:
             after, draw = self._step_under(at.coupled, pull.tension), at.draw
         lost = at.dissipated + self.dt * self.finger.dissipation(after.finger)
         slipped = at.slipped + self.finger.device_loss(after.finger)
-        return MotionState(after, pull.state, lost, slipped, at.pace, draw)
+        rubbed = at.friction + self.finger.friction_work(after.finger)
+        return MotionState(after, pull.state, lost, slipped, rubbed, at.pace, draw)
 
     def _step_to_excursions(
         self, at: MotionState, tension: Array, time: float
@@ -249,7 +277,10 @@ class CoupledMotion:
             c.residual,
             self.finger.energy(c.finger),
             self.drive.cylinder_signals(at.drive, c.time),
+            self.drive.motor_signals(at.drive, c.time),
             self.points(c.hood),
+            self.finger.grip(c.finger),
+            at.friction,
         )
 
     def _path_lengths(self, state: State) -> Array:

@@ -69,7 +69,9 @@ def _state_after(
     """The state `c`, `dt` s after `last`, in the step that began at `at`."""
     lost = last.dissipated + dt * moves.finger.dissipation(c.finger)
     slipped = last.slipped + moves.finger.device_loss(c.finger)
-    return MotionState(c, moves.tendon_pull(at, c.time).state, lost, slipped, at.pace, at.draw)
+    rubbed = last.friction + moves.finger.friction_work(c.finger)
+    pulls = moves.tendon_pull(at, c.time).state
+    return MotionState(c, pulls, lost, slipped, rubbed, at.pace, at.draw)
 
 
 def _next_pace(last: Pace, step: AdaptiveStep) -> Pace:

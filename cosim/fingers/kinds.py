@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -88,9 +88,14 @@ def finger_model(finger: NativeFinger, extensor: Extensor) -> FingerModel:
 
 
 def mjcf(
-    finger: NativeFinger, extensor: Extensor, tension: float, hood: HoodParts | None = None
+    finger: NativeFinger,
+    extensor: Extensor,
+    tension: float,
+    losses: Sequence[str] = (),
+    hood: HoodParts | None = None,
 ) -> str:
-    """The finger as MJCF that plain MuJoCo simulates, with a hood, all tendons at `tension` N.
+    """The finger as MJCF that plain MuJoCo simulates, with a hood, all tendons at `tension` N; its
+    first lines say what differs, `losses` among it.
 
     Raises InputError for one without a MuJoCo model."""
     from cosim.fingers.chain import joint_torques
@@ -103,6 +108,7 @@ def mjcf(
         finger.posture.angles(),
         dict.fromkeys((*model.muscles, *(() if hood is None else hood.muscles)), tension),
         cast(MassiveFingerConfig, finger).gravity,
+        losses,
         hood,
     )
 

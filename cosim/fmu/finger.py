@@ -240,6 +240,18 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
         """Zero: an FMU reports none."""
         return 0.0
 
+    def friction_work(self, state: FmuMovingState) -> Array:
+        """Zeros (3,): an FMU reports none."""
+        return np.zeros(3)
+
+    def grip(self, state: FmuMovingState) -> Array:
+        """None (0,): an FMU reports no guides of tendons."""
+        return np.zeros(0)
+
+    def at_insertions(self, angles: Array, tension: Array, grip: Array) -> Array:
+        """The tensions (nt,) N as they are given."""
+        return tension
+
     def stored_energy(self, state: FmuMovingState) -> dict[str, float]:
         """Empty: an FMU reports their sum alone."""
         return {}
@@ -295,6 +307,7 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
         hood: Array,
         tension: Array,
         tip: Array,
+        grip: Array,
     ) -> dict[str, Array]:
         """The fingertip's alone."""
         return self._fingertip(self.kinematics.at(now[0]), tip)

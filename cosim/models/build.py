@@ -16,7 +16,9 @@ from cosim.hoods.kinds import KINDS
 from cosim.hoods.view import NO_POINTS, HoodView, TrackedPoints
 from cosim.models.fit import check_fit, check_tendons
 from cosim.port import Array, Hood, Motion, OpenFinger, Pair, PairState, State, Triangles
+from cosim.tendons.friction import with_friction
 from cosim.tendons.muscles import CaseMuscles, live_muscles
+from cosim.tendons.table import Course
 from meshes.hood_mesh import HoodMesh
 
 if TYPE_CHECKING:
@@ -74,9 +76,8 @@ def build_any(case: Case) -> Models:
     that the solver and the observer of an equilibrium ask for."""
     check_fit(case)
     if case.finger.is_native:
-        stated = case.native_finger()
-        finger: OpenFinger = live_finger(stated, case.hood.left_to_finger)
-        posture = stated.posture.angles()
+        finger: OpenFinger = case_finger(case)
+        posture = case.native_finger().posture.angles()
     else:
         finger, posture = cast(OpenFinger, unit(case.finger).at_rest()), {}
     site = site_of(case, finger.rest())
@@ -101,8 +102,14 @@ def with_own_finger(models: Models, case: Case) -> Models:
     """The models of a case with another's hood, from which it differs in no more than what holds
     the fingertip (`Case.hood_key`).  Raises InputError."""
     check_fit(case)
+    return replace(models, finger=case_finger(case), muscles=live_muscles(case.tendons))
+
+
+def case_finger(case: Case, course: Course | None = None) -> OpenFinger:
+    """The finger of ours of a case, with the friction of its own tendons, each on its course or all
+    on one.  Raises InputError."""
     finger = live_finger(case.native_finger(), case.hood.left_to_finger)
-    return replace(models, finger=finger, muscles=live_muscles(case.tendons))
+    return with_friction(finger, case.tendons, course)
 
 
 def site_of(case: Case, rest: Motion) -> Site:
@@ -149,5 +156,10 @@ def bone_surfaces(case: Case) -> Mapping[str, Triangles]:
 def mjcf_of(case: Case, hood: HoodParts | None = None) -> str:
     """The finger of a case as MJCF, with these parts of a hood, at the resting tensions.  Raises
     InputError for one that has none."""
+    lost = [
+        f"{name}: its friction of {tendon.friction:g} at guides is left out; along a tendon MuJoCo "
+        "has one tension"
+        for name, tendon in case.rubbing_tendons().items()
+    ]
     resting = case.solve.resting_tension
-    return mjcf(case.native_finger(), case.hood.left_to_finger, resting, hood)
+    return mjcf(case.native_finger(), case.hood.left_to_finger, resting, lost, hood)

@@ -8,6 +8,7 @@ from cosim.fingers.kinds import native_tendons, tip_support_kind, with_mass
 from cosim.hoods.kinds import fitting_kinds
 from cosim.models.double_count import pairs_of_case, refuse
 from cosim.tendons.air import check_air
+from cosim.tendons.motor import check_motors
 from cosim.tendons.signals import factor_of
 
 
@@ -31,6 +32,7 @@ def check_fit(case: Case) -> None:
     for name in signals:
         factor_of(case.tendons[name].signal)
     check_air(case.tendons, in_motion=case.forward is not None)
+    check_motors(case.tendons, in_motion=case.forward is not None)
     case.finger.check_extensor(case.hood.left_to_finger)
     _check_excursions(case)
     _check_tip(case)
@@ -41,6 +43,25 @@ def check_fit(case: Case) -> None:
     refuse(case, pairs_of_case(case, native))
     if hooded is not None:
         check_tendons(case, hooded + native)
+    _check_friction(case, native)
+
+
+def _check_friction(case: Case, native: tuple[str, ...]) -> None:
+    """Friction acts along the paths of tendons of a finger of ours."""
+    for name in case.rubbing_tendons():
+        where = f"tendons.{name}.friction"
+        if not case.finger.is_native:
+            raise InputError(
+                f"{where}: a finger in an FMU keeps its tendons' paths to itself; leave it out, or "
+                "take a finger of ours"
+            )
+        if name not in native:
+            whose = f"runs in the hood ({case.hood.title}), whose own friction is its contact's"
+            own = f"the finger's own are {', '.join(native)}" if native else "the finger has none"
+            raise InputError(
+                f"{where}: acts along tendons of the finger's own; {name} {whose}. Leave it out: "
+                f"{own}"
+            )
 
 
 def _check_excursions(case: Case) -> None:
@@ -128,8 +149,8 @@ def check_tendons(case: Case, known: tuple[str, ...]) -> None:
     """Check that every tendon that the case pulls is among `known`.  Raises InputError."""
     for name, tendon in case.tendons.items():
         if name not in known and (
-            (tendon.force, tendon.excursion, tendon.signal, tendon.actuation)
-            != (None, None, None, None)
+            (tendon.force, tendon.excursion, tendon.signal, tendon.actuation, tendon.friction)
+            != (None, None, None, None, None)
         ):
             raise InputError(
                 f"tendons.{name}: this finger and hood have no such tendon; they have "

@@ -13,6 +13,7 @@ from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.excursion import PrescribedExcursions
 from cosim.coupling.motion import CoupledMotion, RecordedFinger
 from cosim.coupling.schemes import Alone
+from cosim.errors import InputError
 from cosim.fingers.common import CageTipConfig, ShellTipConfig
 from cosim.fingers.kinds import joint_ranges, unit
 from cosim.hoods.view import HoodView
@@ -21,6 +22,8 @@ from cosim.models.fit import check_tendons
 from cosim.models.scheme import scheme_of
 from cosim.port import Array, Hood, Motion, State, Triangles
 from cosim.tendons.air import cylinders, initial_air, step_cylinders
+from cosim.tendons.elastic import stretch_of
+from cosim.tendons.motor import MotorState, motors
 from cosim.tendons.muscles import fibres
 from cosim.tendons.signals import factor_of
 from cosim.tendons.table import TendonConfig
@@ -29,9 +32,14 @@ if TYPE_CHECKING:
     from rigid.air.plant import AirState
     from rigid.mujoco.dynamics import DynamicPull
     from rigid.mujoco.finger import MujocoFinger
+    from rigid.mujoco.moving_finger import MovingMujoco
     from rigid.mujoco.tip_device import Device
     from rigid.muscle.dynamics import MuscleState
     from rigid.muscle.parameters import Muscles
+
+
+MOST_SWING = 1.5
+"""rad, of the finger's swing on an elastic tendon in one step; at 2 a step is unstable."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +89,7 @@ def moving_models(case: Case, forward: ForwardConfig) -> MovingModels:
     pulls = CaseTendonDrive(case, (*models.hood.tendons, *finger.tendons))
     driven = _prescribed_excursions(case, pulls.tendons)
     scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()
+    _check_step(case, finger, pulls, models.posture)
     points = models.points
     moves = CoupledMotion(
         scheme, finger, models.hood, pulls, forward.step, driven, points.positions
@@ -110,14 +119,35 @@ def _with_unit(case: Case, forward: ForwardConfig) -> MovingModels:
     return MovingModels(moves, pulls, {}, {}, case.hood.lines, built.view)
 
 
+def _check_step(
+    case: Case, finger: MovingMujoco, pulls: CaseTendonDrive, posture: Mapping[str, float]
+) -> None:
+    """Check that steps are short beside the swing of the finger on its motors' tendons, whose
+    tensions follow a step late.  Raises InputError."""
+    assert case.forward is not None
+    own = slice(len(pulls.tendons) - len(finger.tendons), None)
+    stiffness = pulls.motor_stiffness()[own]
+    if not stiffness.any():
+        return
+    longest = MOST_SWING / finger.fastest_rate(finger.begin(posture), stiffness)
+    if case.forward.step > longest:
+        stiffest = finger.tendons[int(np.argmax(stiffness))]
+        raise InputError(
+            f"forward.step: {case.forward.step:g} s is too long for a finger on the elastic "
+            f"tendons of its motors; write {0.95 * longest:.2g} s or less, or a smaller "
+            f"tendons.{stiffest}.elastic.stiffness"
+        )
+
+
 def _prescribed_excursions(case: Case, tendons: tuple[str, ...]) -> PrescribedExcursions:
     """The tendons whose ends are displaced, each by its excursion times its signal."""
     names = tuple(n for n in tendons if n in case.tendons and case.tendons[n].excursion is not None)
     most = np.array([case.tendons[n].excursion for n in names], dtype=float)
     signals = [factor_of(case.tendons[n].signal) for n in names]
     index = np.array([tendons.index(n) for n in names], dtype=int)
+    give, slack = stretch_of([case.tendons[n] for n in names])
     return PrescribedExcursions(
-        names, index, lambda time: most * [signal(time) for signal in signals]
+        names, index, lambda time: most * [signal(time) for signal in signals], give, slack
     )
 
 
@@ -159,12 +189,13 @@ class DriveState(NamedTuple):
     air: AirState | None
     home: Array
     """(nc,) m, of the paths with which the pistons stand where they started."""
+    motors: MotorState | None = None
 
 
 class CaseTendonDrive:
     """Stated tensions, fibres that begin in equilibrium at their first excitation, and cylinders
-    at rest under their first command, each times the factor of its signal; the resting tension of
-    tendons whose ends are displaced."""
+    and motors at rest under their first command, each times the factor of its signal; the resting
+    tension of tendons whose ends are displaced."""
 
     def __init__(self, case: Case, tendons: tuple[str, ...]) -> None:
         self.tendons = tendons
@@ -178,13 +209,18 @@ class CaseTendonDrive:
             )
             for muscles, activation, home in fibres(case.tendons)
         ]
-        self._air = cylinders(case.tendons, tendons)
+        self._air, self._motors = cylinders(case.tendons, tendons), motors(case.tendons, tendons)
         self._start = np.zeros(len(tendons))
 
     @property
     def cylinders(self) -> tuple[str, ...]:
         """The tendons that air pulls."""
         return () if self._air is None else self._air.names
+
+    @property
+    def motors(self) -> tuple[str, ...]:
+        """The tendons that motors wind."""
+        return () if self._motors is None else self._motors.names
 
     def start(self, length: Array) -> State:
         """The drive's state where the tendons have lengths (nt,) m, from which shortening then
@@ -193,13 +229,32 @@ class CaseTendonDrive:
 
         self._start = length.copy()
         fibres = [at_rest(g.muscles, self._excitation(g, 0.0), g.home) for g in self._groups]
+        wound = None
+        if self._motors is not None:
+            wound = self._motors.initial(length[self._motors.where])
         if self._air is None:
-            return DriveState(fibres, None, np.zeros(0))
-        return DriveState(fibres, initial_air(self._air), length[self._air.where])
+            return DriveState(fibres, None, np.zeros(0), wound)
+        return DriveState(fibres, initial_air(self._air), length[self._air.where], wound)
 
     def settle_at(self, state: State, length: Array) -> State:
-        """The state of the start with pistons where they start at paths of `length` (nt,) m."""
+        """The state of the start with pistons and motors where they start at paths of `length`
+        (nt,) m."""
+        if self._motors is not None:
+            state = state._replace(motors=state.motors._replace(home=length[self._motors.where]))
         return state if self._air is None else state._replace(home=length[self._air.where])
+
+    def motor_stiffness(self) -> Array:
+        """The stiffness (nt,) N/m of the tendons that motors wind; zero of the others."""
+        out = np.zeros(len(self.tendons))
+        if self._motors is not None:
+            out[self._motors.where] = self._motors.stiffness
+        return out
+
+    def motor_signals(self, state: State, time: float) -> Array:
+        """Of each motor (nm, 2) how far it has drawn its tendon's end, m, and its torque, N m."""
+        if self._motors is None:
+            return np.zeros((0, 2))
+        return self._motors.signals(state.motors, time)
 
     def cylinder_signals(self, state: State, time: float) -> Array:
         """Signals (nc, 2) of each cylinder: V commanded, Pa above the atmosphere."""
@@ -240,7 +295,13 @@ class CaseTendonDrive:
             where = self._air.where
             drawn = step_cylinders(self._air, air, time, state.home - length[where], dt)
             tension[where], stiffness[where], air = drawn
-        return DynamicPull(tension, stiffness, DriveState(after, air, state.home))
+        wound = state.motors
+        if self._motors is not None:
+            where = self._motors.where
+            tension[where], stiffness[where], wound = self._motors.step(
+                wound, time, length[where], dt
+            )
+        return DynamicPull(tension, stiffness, DriveState(after, air, state.home, wound))
 
     def lengths(self, state: State) -> dict[str, float]:
         """Normalised fibre lengths in a state, by muscle."""

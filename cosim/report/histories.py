@@ -97,6 +97,14 @@ def _states(run: Result) -> Iterator[Chart]:
         for name, values in zip(_names(run, dimension), _at(run, variable).T, strict=True)
     }
     yield Chart("Tendons", "tension, N", time, tension)
+    if "insertion_tension" in run.arrays.variables:
+        left = dict(zip(_names(run, "muscle"), _at(run, "insertion_tension").T, strict=True))
+        yield Chart("Tendons at their insertions", "tension left by friction, N", time, left)
+        lost = {"all tendons": 1e3 * _at(run, "guide_loss")}
+        yield Chart("Friction of tendons", "energy lost at guides, mJ", time, lost)
+    if "motor_position" in run.arrays.variables:
+        wound = dict(zip(_names(run, "motor"), 1e3 * _at(run, "motor_position").T, strict=True))
+        yield Chart("Motors", "tendon drawn by, mm", time, wound)
 
 
 def _slips(run: Result) -> Iterator[Chart]:

@@ -23,9 +23,15 @@ Summary = Mapping[str, Any]
 
 
 def answer(summary: Summary) -> list[str]:
-    """Return the sentences of fingertip force, slips, strain and posture; what a run lacks is left
-    out."""
-    sentences = (_force(summary), _slips(summary), _strain(summary), _posture(summary))
+    """Return the sentences of fingertip force, friction of tendons, slips, strain and posture;
+    what a run lacks is left out."""
+    sentences = (
+        _force(summary),
+        _friction(summary),
+        _slips(summary),
+        _strain(summary),
+        _posture(summary),
+    )
     return [sentence.replace("-", "−") for sentence in sentences if sentence]
 
 
@@ -68,6 +74,17 @@ def _force(summary: Summary) -> str:
     when = "Under load" if "unloaded" in summary else "At the end"
     rest = _at_rest(summary, "fingertip_magnitude_N")
     return f"{when}, the fingertip pushes with {size:.2f} N ({split}){rest}."
+
+
+def _friction(summary: Summary) -> str:
+    courses = ("loading", "unloading")
+    sizes = [value_of(summary, f"friction.course.{c}.fingertip_magnitude_N") for c in courses]
+    if sizes[0] is None or sizes[1] is None or max(sizes[0], sizes[1]) <= LEAST_FORCE:
+        return ""
+    return (
+        f"With friction it is {sizes[0]:.2f} N where all tendons slide towards their muscles "
+        f"(loading) and {sizes[1]:.2f} N where all slide back (unloading)."
+    )
 
 
 def _slips(summary: Summary) -> str:

@@ -55,6 +55,13 @@ ARRAYS: Mapping[str, ArrayInfo] = {
         "m",
         "tendon of the hood beyond its mesh, at the stored times `frame`",
     ),
+    "insertion_tension": ArrayInfo(
+        ("muscle",), "N", "tension that friction at guides leaves at the insertion"
+    ),
+    "guide_loss": ArrayInfo((), "J", "energy lost to friction at tendons' guides since the start"),
+    "path_length": ArrayInfo(("muscle",), "m", "length of the finger's tendons"),
+    "motor_position": ArrayInfo(("motor",), "m", "how far a motor has drawn its tendon's end"),
+    "motor_torque": ArrayInfo(("motor",), "N m", "torque of the motor"),
     "command": ArrayInfo(("cylinder",), "V", "valve voltage commanded"),
     "pressure": ArrayInfo(("cylinder",), "Pa", "pressure above the atmosphere"),
 }

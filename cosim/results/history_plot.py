@@ -29,12 +29,21 @@ Curves = Mapping[str, Array]
 def draw_history(data: xarray.Dataset, title: str) -> Figure:
     """Return panels against time, s: how far each joint has turned, deg; the force of the tip on
     the world, N, along the world's axes, of a finger that is not free; the tensions of the tendons
-    that are pulled and the forces of the slips, N; of pneumatic cylinders command and pressure."""
+    that are pulled and the forces of the slips, N; of pneumatic cylinders command and pressure; of
+    motors how far they have wound; of tendons with friction the energy lost and, last, the tensions
+    against the shortening of their paths."""
     from matplotlib.figure import Figure
 
-    panels = list(_panels(data))
-    figure = Figure(figsize=(8.5, 0.9 + 2.3 * len(panels)), layout="constrained")
-    every = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    panels, loops = list(_panels(data)), _loops(data)
+    heights = [1.0] * len(panels) + [1.6] * bool(loops)
+    figure = Figure(figsize=(8.5, 0.9 + 2.3 * sum(heights)), layout="constrained")
+    every = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
+    if loops:
+        _draw_loops(every[-1], loops)
+        every = every[:-1]
+    for axes in every[:-1]:
+        axes.sharex(every[-1])
+        axes.tick_params(labelbottom=False)
     for axes, (label, curves, finish) in zip(every, panels, strict=True):
         for i, (name, values) in enumerate(curves.items()):
             style = look(i).line if name != MAGNITUDE else {"color": "0.3", "ls": "--"}
@@ -69,10 +78,47 @@ def _panels(data: xarray.Dataset) -> Iterator[tuple[str, Curves, Callable[[Any],
         pressure = {name: 1e-3 * data.pressure.sel(cylinder=name).values for name in cylinders}
         yield "valve voltage, V", volts, _no_more
         yield "pressure, kPa", pressure, _no_more
+    if "motor_position" in data:
+        motors = [str(name) for name in data.motor.values]
+        wound = {name: 1e3 * data.motor_position.sel(motor=name).values for name in motors}
+        torque = {name: 1e3 * data.motor_torque.sel(motor=name).values for name in motors}
+        yield "drawn by the motor, mm", wound, _no_more
+        yield "torque of the motor, N mm", torque, _no_more
+    if "guide_loss" in data:
+        lost = {"all tendons": 1e3 * data.guide_loss.values}
+        yield "energy lost to friction\nof tendons, mJ", lost, _from_zero
     if tensions := _pulled(data):
         yield "tension of the tendons\nthat are pulled, N", tensions, _from_zero
     if slips := _slips(data):
         yield "force in the slips, N", slips, _from_zero
+
+
+def _loops(data: xarray.Dataset) -> dict[str, tuple[Array, Array, Array]]:
+    """Of each tendon with friction how far its path has shortened, mm, and its tension at the
+    muscle and at the insertion, N."""
+    if "insertion_tension" not in data:
+        return {}
+    out = {}
+    for name in data.muscle.values:
+        length, pulled, left = (
+            data[array].sel(muscle=name).values
+            for array in ("path_length", "own_tension", "insertion_tension")
+        )
+        if not np.allclose(pulled, left, rtol=1e-9, atol=0.0):
+            out[str(name)] = 1e3 * (length[0] - length), pulled, left
+    return out
+
+
+def _draw_loops(axes: Axes, loops: Mapping[str, tuple[Array, Array, Array]]) -> None:
+    for i, (name, (shortened, pulled, left)) in enumerate(loops.items()):
+        colour = look(i).line["color"]
+        axes.plot(shortened, pulled, color=colour, lw=1.4, label=f"{name}, at the muscle")
+        axes.plot(shortened, left, color=colour, lw=1.2, ls=":", label=f"{name}, at the insertion")
+    axes.set_xlabel("path shortened by, mm")
+    axes.set_ylabel("tension, N")
+    axes.set_title("hysteresis of tendons with friction", fontsize=9)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def _no_more(axes: Axes) -> None:

@@ -132,6 +132,11 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         out["double_counted"] = twice
     if lengths := t.pulls.lengths(end.drive):
         out["muscle"] = {name: _muscle(case, name, length) for name, length in lengths.items()}
+    if t.pulls.motors:
+        out["motor"] = {
+            name: {"drawn_mm": 1e3 * float(drawn), "torque_Nmm": 1e3 * float(torque)}
+            for name, (drawn, torque) in zip(t.pulls.motors, last.motors, strict=True)
+        }
     if t.pulls.cylinders:
         out["air"] = {
             name: {"command_V": float(volts), "pressure_kPa": 1e-3 * float(pressure)}
@@ -167,8 +172,9 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     t, frames, end = moved.models, moved.history.frames, moved.history.moment
     done = end.coupled.energy
     stored = done.tendons - done.hood
-    lost = end.dissipated + end.slipped
-    artificial = done.tendons + done.own - (frames[-1].energy - frames[0].energy) - stored - lost
+    rubbed, held, from_stretch = end.friction.tolist()
+    lost, own = end.dissipated + end.slipped + rubbed + held, done.own + from_stretch
+    artificial = done.tendons + own - (frames[-1].energy - frames[0].energy) - stored - lost
     first, last = (t.finger.stored_energy(at) for at in (t.initial_state, end.coupled.finger))
     gained = {kind: last[kind] - first[kind] for kind in last}
     parts = (
@@ -183,11 +189,12 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     )
     energy = {
         "tendons": done.tendons,
-        "own_tendons": done.own,
+        "own_tendons": own,
         **parts,
         "hood_stored": stored,
         "joints_dissipated": end.dissipated,
         "device_dissipated": end.slipped,
+        **({"guides_dissipated": rubbed, "guides_held": held} if end.friction.any() else {}),
         "artificial": artificial,
     }
     in_mJ = {name: 1e3 * value for name, value in energy.items()}
@@ -238,6 +245,7 @@ def _books(t: MovingModels, start: MotionFrame, end: MotionFrame, tip: Array) ->
         end.total,
         end.tension[len(t.hood.tendons) :],
         tip,
+        end.grip,
     )
 
 
@@ -287,9 +295,21 @@ def _arrays(case: Case, t: MovingModels, kept: MotionHistory, scene: Scene) -> A
             "body": list(hood.bodies),
             "source": list(hood.sources),
         }
+    if frames[0].grip.size:
+        values |= {
+            "insertion_tension": [
+                finger.at_insertions(f.angles, f.tension[split:], f.grip) for f in frames
+            ],
+            "guide_loss": [f.friction[0] for f in frames],
+            "path_length": [finger.path_lengths(f.angles) for f in frames],
+        }
     if t.point_names:
         values["hood_point_position"] = [f.points for f in frames]
         coords["hood_point"] = list(t.point_names)
+    if t.pulls.motors:
+        wound = np.array([f.motors for f in frames])
+        values |= {"motor_position": wound[..., 0], "motor_torque": wound[..., 1]}
+        coords["motor"] = list(t.pulls.motors)
     if t.pulls.cylinders:
         drive = np.array([f.drive for f in frames])
         values |= {"command": drive[..., 0], "pressure": drive[..., 1]}

@@ -36,6 +36,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<pair>": ("MCP_PIP", "PIP_DIP"),
     "<springs>": (*SPRINGS, *(f"adhesion_{r}_{body}" for r in REGIONS for body in BODIES)),
     "<beside>": ("at_rest", "change"),
+    "<course>": ("loading", "unloading"),
     "<torque>": ("hood", "gravity", "passive", "limit", "fingertip", "holder", *TENDONS),
 }
 """What stands for a key of a path."""
@@ -148,6 +149,8 @@ ENERGIES = {
     "device_stored": "stored in the fingertip's device",
     "joints_dissipated": "dissipated in the joints",
     "device_dissipated": "dissipated in the fingertip's device",
+    "guides_dissipated": "lost to friction at the tendons' guides",
+    "guides_held": "held at the tendons' guides before they slide",
     "artificial": "taken by the method",
 }
 """Where the work of tendons and gravity went in a motion."""
@@ -176,11 +179,27 @@ CHECKS = {
     "step_control.longest_half_ms": "longest half step",
 }
 """Figures of the audit and counts, by path."""
+BETWEEN = "between friction of loading and of unloading"
 OF_RUN = (
     Quantity(
         "second_start.fingertip_force_N.<axis>", "fingertip force from a second start, <axis>"
     ),
     Quantity("second_start.posture_deg.<joint>", "<joint> angle from a second start"),
+    Quantity("friction.half_interval_N", f"half of the fingertip force's way {BETWEEN}", True),
+    Quantity("friction.tendon.<tendon>.coefficient", "friction of <tendon> at its guides"),
+    Quantity("friction.tendon.<tendon>.turn_deg", "angle by which <tendon> turns at its guides"),
+    Quantity("friction.tendon.<tendon>.tension_at_insertion_N", "tension of <tendon> at its end"),
+    Quantity(
+        "friction.course.<course>.fingertip_force_N.<axis>", "fingertip force, <axis>, <course>"
+    ),
+    Quantity(
+        "friction.course.<course>.fingertip_magnitude_N", "fingertip force, magnitude, <course>"
+    ),
+    Quantity("friction.course.<course>.posture_deg.<joint>", "<joint> angle, <course>"),
+    Quantity(
+        "friction.course.<course>.joint_torque_Nmm.<tendon>.<joint>",
+        "torque of <tendon> about <joint>, <course>",
+    ),
     Quantity("wall_s", "wall time"),
     Quantity("hood_quads", "quads of the hood's mesh"),
     Quantity("hood_cells", "line cells of the hood"),
@@ -189,6 +208,8 @@ OF_RUN = (
     Quantity("last_force_change_N", "largest change of the fingertip force at a motion's end"),
     Quantity("largest_interface_residual", "largest disagreement of hood and finger, relative"),
     Quantity("prescribed_excursion_mm.<tendon>", "prescribed excursion of <tendon>"),
+    Quantity("motor.<tendon>.drawn_mm", "how far the motor has drawn the end of <tendon>"),
+    Quantity("motor.<tendon>.torque_Nmm", "torque of the motor of <tendon>"),
     Quantity("air.<tendon>.command_V", "voltage of the valve of <tendon>"),
     Quantity("air.<tendon>.pressure_kPa", "pressure in the cylinder of <tendon>"),
     Quantity("muscle.<tendon>.activation", "activation of <tendon>"),

@@ -27,6 +27,7 @@ from cosim.results.result import Result
 from cosim.results.scene import scene, with_measures
 from cosim.results.tip_reach import tip_force_over_reach
 from cosim.solve.states import States
+from cosim.tendons.friction import beyond_guides
 from cosim.version import __version__
 from meshes.skeleton import BODIES
 
@@ -119,6 +120,7 @@ def summary(
         **_muscles(case, models, states),
         **_one_way(case, models, states),
         **_second_start(models, states),
+        **_friction(case, models, states),
         "iterations": iterations,
     }
     return {**head, **at_load, **beside}
@@ -133,6 +135,42 @@ def _second_start(models: Models, states: States) -> dict[str, Any]:
         out["fingertip_force_N"] = by_axis(models.finger.tip_force(e.finger_state))
         out["posture_deg"] = _by_joint(models, np.rad2deg(models.finger.angles(e.finger_state)))
     return {"second_start": out}
+
+
+def _friction(case: Case, models: Models, states: States) -> dict[str, Any]:
+    """Of tendons with friction how they turn and what is left at their insertions; and what there
+    is with all of them loading, and all unloading."""
+    if not (rubbing := case.rubbing_tendons()):
+        return {}
+    e = states.loaded
+    left = beyond_guides(models.finger, e.finger_state, e.finger_tension)
+    tendons = {
+        name: {
+            "coefficient": tendon.friction,
+            "turn_deg": float(np.rad2deg(left[name][1])),
+            "tension_at_insertion_N": left[name][0],
+        }
+        for name, tendon in rubbing.items()
+    }
+    courses: dict[str, Any] = {}
+    forces = []
+    for course, on in states.courses.items():
+        if on.found is None:
+            courses[course] = {"failure": on.failure}
+            continue
+        force = on.finger.tip_force(on.found.finger_state)
+        forces.append(force)
+        torque = on.found.known_balance.torque
+        courses[course] = {
+            "fingertip_force_N": by_axis(force),
+            "fingertip_magnitude_N": float(np.linalg.norm(force)),
+            "posture_deg": _by_joint(models, np.rad2deg(on.finger.angles(on.found.finger_state))),
+            "joint_torque_Nmm": {name: _by_joint(models, 1e3 * torque[name]) for name in rubbing},
+        }
+    out: dict[str, Any] = {"tendon": tendons, "course": courses}
+    if len(forces) == 2:
+        out["half_interval_N"] = float(0.5 * np.linalg.norm(forces[1] - forces[0]))
+    return {"friction": out}
 
 
 def _differences(models: Models, first: Equilibrium, second: Equilibrium) -> dict[str, float]:

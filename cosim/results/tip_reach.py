@@ -16,8 +16,7 @@ from cosim.case.schema import Case
 from cosim.coupling.equilibrium import moment_arms
 from cosim.errors import InputError
 from cosim.fingers.common import HeldTipConfig
-from cosim.fingers.kinds import live_finger
-from cosim.models.build import Models
+from cosim.models.build import Models, case_finger
 from cosim.port import Array, Load, OpenFinger, State
 from cosim.results.load_and_rest import LEAST_TENSION
 from cosim.solve.motion import SolvedMotion
@@ -81,7 +80,7 @@ def motion_over_reach(case: Case, moved: SolvedMotion) -> float | str:
         return LITTLE_PULL
     held = stated.model_copy(update={"tip": HeldTipConfig(kind="point")})
     try:
-        finger = live_finger(held, case.hood.left_to_finger)
+        finger = case_finger(case.model_copy(update={"finger": held}), "unloading")
     except InputError:
         return STRAIGHT
     n = len(t.hood.tendons)

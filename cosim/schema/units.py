@@ -121,6 +121,7 @@ VOLUME = Kind("volume", "mm**3", "m**3", "5000 mm**3")
 VOLTAGE = Kind("voltage", "V", "V", "5.2 V")
 CONDUCTANCE = Kind("sonic conductance", "mm**3/s/Pa", "m**3/s/Pa", "3.8 mm**3/s/Pa")
 HEAT = Kind("power per temperature", "W/K", "W/K", "0.5 W/K")
+ANGULAR_RATE = Kind("angle per time", "rad/s", "rad/s", "500 rad/s")
 SPEED = Kind("speed", "m/s", "m/s", "0.1 m/s")
 
 

@@ -11,8 +11,7 @@ from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.one_way import FrozenHood, OneWayPass, torques
 from cosim.errors import Progress, quiet
-from cosim.fingers.kinds import live_finger
-from cosim.models.build import Models, tensions
+from cosim.models.build import Models, case_finger, tensions
 from cosim.port import (
     STATIC,
     Array,
@@ -117,9 +116,8 @@ def _second(case: Case, first: OpenFinger) -> OpenFinger:
     """The finger of the second pass."""
     if case.coupling.one_way.passive:
         return first
-    return live_finger(
-        case.native_finger().model_copy(update={"passive": {}}), case.hood.left_to_finger
-    )
+    limp = case.native_finger().model_copy(update={"passive": {}})
+    return case_finger(case.model_copy(update={"finger": limp}))
 
 
 def _lumps(case: Case) -> bool:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.coupling.one_way import OneWayPass
+from cosim.port import OpenFinger
 from cosim.tendons.muscles import MusclePull
 
 
@@ -15,6 +17,17 @@ class SecondStart:
 
     scheme: str
     """By which scheme of the coupling."""
+    found: Equilibrium | None
+    """None where it did not converge."""
+    failure: str = ""
+    """Why it did not; empty where it did."""
+
+
+@dataclass(frozen=True)
+class OnCourse:
+    """The loaded equilibrium with all tendons that have friction on one course."""
+
+    finger: OpenFinger
     found: Equilibrium | None
     """None where it did not converge."""
     failure: str = ""
@@ -35,3 +48,6 @@ class States:
     """What a one-way pass handed over; None of a coupled equilibrium."""
     second: SecondStart | None = None
     """Where the case asks for it."""
+    courses: Mapping[str, OnCourse] = field(default_factory=dict)
+    """By course, loading and unloading, of a case whose tendons have friction: what lies between
+    them friction can hold."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -15,16 +16,20 @@ from cosim.coupling.excursion import (
     solve_excursions,
 )
 from cosim.errors import ConvergenceError, Progress, quiet
-from cosim.models.build import Models, tensions
+from cosim.models.build import Models, case_finger, tensions
 from cosim.port import Array, PairState, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
 from cosim.solve.session import Session
-from cosim.solve.states import SecondStart, States
+from cosim.solve.states import OnCourse, SecondStart, States
+from cosim.tendons.elastic import stretch_of
 from cosim.tendons.muscles import MusclePull
+from cosim.tendons.table import Course
 
 AUDIT_STEP = 2e-5
 """rad, joint step of the reciprocity audit: small against the contact's smoothing."""
 MOST_PULLS = 30
+INTERVAL: tuple[Course, Course] = ("loading", "unloading")
+"""The courses between which friction holds; a tendon that states none is on the first."""
 PULL_TOLERANCE = 1e-7  # relative to the largest tension (at least 1 N)
 
 
@@ -36,12 +41,37 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
     loaded, pull = _loaded_from_nearby(case, session, models, unloaded, progress)
     session.remember(case, models, unloaded, loaded)
     second = _second_start(case, models, unloaded, progress) if case.solve.second_start else None
+    courses = _on_courses(case, models, unloaded, loaded, progress)
     if not models.hood.tendons or loaded.balance is None or case.hood.has_friction:
-        return models, States(unloaded, loaded, None, pull, second=second)
+        return models, States(unloaded, loaded, None, pull, second=second, courses=courses)
     progress("auditing reciprocity")
     strongest = int(np.argmax(loaded.hood_tension))
     gap = reciprocity(models.finger, models.hood, loaded, strongest, AUDIT_STEP)
-    return models, States(unloaded, loaded, gap, pull, second=second)
+    return models, States(unloaded, loaded, gap, pull, second=second, courses=courses)
+
+
+def _on_courses(
+    case: Case, models: Models, unloaded: Equilibrium, loaded: Equilibrium, progress: Progress
+) -> dict[str, OnCourse]:
+    """The loaded equilibrium with every tendon that has friction sliding towards its muscle, and
+    with every one sliding away, each from the case's own."""
+    rubbing, out = case.rubbing_tendons(), dict[str, OnCourse]()
+    for course in INTERVAL if rubbing else ():
+        if all((tendon.course or INTERVAL[0]) == course for tendon in rubbing.values()):
+            out[course] = OnCourse(models.finger, loaded)
+            continue
+        finger = case_finger(case, course)
+        start = PairState(loaded.finger_state, loaded.response.state)
+        say = partial(_say, progress, f"friction, {course}")
+        try:
+            found, _ = _loaded_equilibrium(
+                case, replace(models, finger=finger), unloaded, start, say
+            )
+        except ConvergenceError as error:
+            out[course] = OnCourse(finger, None, str(error))
+        else:
+            out[course] = OnCourse(finger, found)
+    return out
 
 
 def _second_start(
@@ -138,7 +168,10 @@ def _loaded_equilibrium(
 def _prescribed_excursions(case: Case, names: tuple[str, ...]) -> PrescribedExcursions:
     stated = {n: t.excursion for n, t in case.tendons.items() if t.excursion is not None}
     index = np.array([names.index(name) for name in stated], dtype=int)
-    return PrescribedExcursions(tuple(stated), index, lambda time: np.array(list(stated.values())))
+    give, slack = stretch_of([case.tendons[name] for name in stated])
+    return PrescribedExcursions(
+        tuple(stated), index, lambda time: np.array(list(stated.values())), give, slack
+    )
 
 
 def _shortening(models: Models, unloaded: Equilibrium, loaded: Equilibrium) -> Array:

@@ -136,12 +136,12 @@ def _within(c: Cylinders, inward: Array) -> Array:
 
 
 def _pneumatic_names(tables: Mapping[str, TendonConfig]) -> list[str]:
-    return [name for name, tendon in tables.items() if tendon.actuation is not None]
+    return [name for name, t in tables.items() if isinstance(t.actuation, PneumaticConfig)]
 
 
 def _table(tendon: TendonConfig) -> PneumaticConfig:
     table = tendon.actuation
-    assert table is not None  # of those that _pneumatic_names gives
+    assert isinstance(table, PneumaticConfig)  # of those that _pneumatic_names gives
     return table
 
 

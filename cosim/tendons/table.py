@@ -11,6 +11,7 @@ from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import File, Force, Number, Table
 from cosim.tendons.air_table import PneumaticConfig
+from cosim.tendons.drive_tables import ElasticConfig, MotorConfig
 
 Factor = Annotated[Number, Field(ge=0, le=1e6)]
 
@@ -83,6 +84,9 @@ class MillardConfig(Table):
     """Whether the tendon stretches."""
 
 
+Course = Literal["loading", "unloading", "frictionless"]
+
+
 class TendonConfig(Table):
     """A muscle: its tension, or its greatest force and its activation (0..1); with neither it is
     at the resting tension.  The force of an activation is activation times the greatest force, or
@@ -99,10 +103,33 @@ class TendonConfig(Table):
     excursion: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")] | None = None
     """In place of a tension: how far the tendon's end is drawn proximally from the unloaded state,
     or in a motion from its start; the tension that this takes is found."""
-    actuation: PneumaticConfig | None = None
+    actuation: Annotated[PneumaticConfig | MotorConfig, Field(discriminator="kind")] | None = None
     """In place of a tension, in a motion: what pulls, and on what command."""
+    elastic: ElasticConfig | None = None
+    """A tendon that stretches, where its end is drawn or a motor pulls it, or where friction acts
+    as it stretches; without it the tendon keeps its length."""
     signal: SignalConfig | None = None
     """Over time, of a motion: what tension, activation, excursion or command is multiplied by."""
+
+    friction: Annotated[Number, Field(ge=0, le=2)] | None = None
+    """Coulomb's coefficient along a tendon of the finger's own, where it wraps a surface or turns
+    at a guide point; without it the tendon glides freely."""
+    course: Course | None = None
+    """Which way a tendon with friction slides at its guides: "loading" (by default; towards the
+    muscle, so that tension falls on the way to the insertion), "unloading", or "frictionless"; of a
+    motion at its start, after which friction follows the slide."""
+    presliding: Annotated[float, quantity(units.LENGTH, least="0.001 mm", most="10 mm")] | None = (
+        None
+    )
+    """Slide over which friction in a motion turns from none to all; by default 0.1 mm, an
+    assumption."""
+
+    @model_validator(mode="after")
+    def _rubs(self) -> TendonConfig:
+        for key in ("course", "presliding"):
+            if self.friction is None and getattr(self, key) is not None:
+                raise fault(f"gives {key} without friction; add for example friction = 0.04")
+        return self
 
     @model_validator(mode="after")
     def _one_way(self) -> TendonConfig:
@@ -114,6 +141,19 @@ class TendonConfig(Table):
             others = {"tension", "activation", "muscle", "excursion"} & self.model_fields_set
             if others := {name for name in others if getattr(self, name) is not None}:
                 raise fault(f"gives actuation and {min(others)}; write one of them")
+        motor = self.actuation is not None and self.actuation.kind == "motor"
+        if motor and self.elastic is None:
+            raise fault(
+                'gives a motor without elastic; add for example elastic = { stiffness = "50 N/mm" }'
+            )
+        if self.elastic is not None and not motor:
+            if self.excursion is None and self.friction is None:
+                raise fault(
+                    "gives elastic where a tension is stated, which no stretch changes; state an "
+                    "excursion or a motor, or leave it out"
+                )
+            if self.actuation is not None:
+                raise fault("gives elastic and a pneumatic cylinder; leave one of them out")
         if self.tension is not None and self.muscle is not None:
             raise fault("gives both tension and muscle; a muscle's tension follows from activation")
         if self.activation is not None and self.max_force is None:

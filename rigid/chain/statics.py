@@ -12,6 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -69,6 +70,16 @@ class ChainFinger(ABC):
         self.law, self.support, self.ranges = law, support, dict(ranges)
         self._low = by_joint({j: r[0] for j, r in ranges.items()}, self.joints, -np.inf, "ranges")
         self._high = by_joint({j: r[1] for j, r in ranges.items()}, self.joints, np.inf, "ranges")
+
+    def with_friction(self, friction: Mapping[str, Any]) -> ChainFinger:
+        """The finger with friction along tendons of its own.  Raises InputError for a finger
+        without paths of tendons, along which alone friction acts."""
+        if not friction:
+            return self
+        raise InputError(
+            f"friction of {', '.join(friction)}: this finger has no tendons of its own whose paths "
+            "it knows; leave friction out, or take a finger with a MuJoCo model"
+        )
 
     @abstractmethod
     def chain(self, angles: Array) -> Chain:

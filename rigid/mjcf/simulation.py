@@ -49,14 +49,15 @@ def simulation_xml(
     posture: Mapping[str, float],
     tension: Mapping[str, float],
     gravity: Sequence[float] = (0.0, 0.0, 0.0),
+    losses: Sequence[str] = (),
     hood: HoodParts | None = None,
 ) -> str:
     """Return the finger as a MuJoCo model (MJCF text) with the passive torques and limits of `law`,
     with a hood, and the keyframe "posture": joint angles (rad) and tensions (N).  `gravity` (3,)
-    m/s2."""
+    m/s2; `losses`: what else the file lacks, for its first lines."""
     meshes = {body: coarse_surface(surface) for body, surface in model.meshes.items()}
     root = mjcf_tree(replace(model, meshes=meshes), gravity)
-    root[:0] = [ET.Comment(f" {text} ") for text in _deviations(law)]
+    root[:0] = [ET.Comment(f" {text} ") for text in (*losses, *_deviations(law))]
     option = root.find("option")
     assert option is not None
     option.attrib |= {"timestep": repr(TIMESTEP), "integrator": "implicitfast"}

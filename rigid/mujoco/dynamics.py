@@ -29,10 +29,13 @@ from rigid.chain.support import turn_gap
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.implicit_step import advance_step
 from rigid.mujoco.step_data import Joints, Readings
+from rigid.mujoco.tendon_friction import NO_WORK, FrictionStep, FrictionWork
 from rigid.mujoco.tip_device import Device, Nothing
 
 TOLERANCE = 1e-10
 """N m, of the torques in each step."""
+SETTLED_GRIP, MOST_ROUNDS = 1e-10, 40
+"""Change of friction's grip in the last round of a step, and how many rounds there are at most."""
 MOST_SPLITS = 8
 """A step that does not converge is halved so often."""
 UNTURNED = np.eye(3)
@@ -100,6 +103,10 @@ class Moment(NamedTuple):
     muscles: State
     held: Array
     """(m,) N and N m, reactions of the support."""
+    grip: Array
+    """(n,) of friction at the tendons' guides; none where there is no friction."""
+    friction: FrictionWork
+    """At the guides, in that step."""
 
 
 class FingerDynamics:
@@ -153,7 +160,21 @@ class FingerDynamics:
         muscles = self._muscles.start(length)
         tension = self._muscles.pull(muscles, 0.0, length, 0.0).tension
         held = np.zeros(len(self._readings.basis))
-        return Moment(0.0, q, np.zeros(nq), np.zeros(6), tension, length, 0.0, 0.0, muscles, held)
+        guides = self._finger.guides
+        return Moment(
+            time=0.0,
+            angles=q,
+            rates=np.zeros(nq),
+            tip=np.zeros(6),
+            tension=tension,
+            length=length,
+            kinetic=0.0,
+            slip=0.0,
+            muscles=muscles,
+            held=held,
+            grip=np.zeros(0) if guides is None else guides.grip,
+            friction=NO_WORK,
+        )
 
     def advance(self, at: Moment, dt: float) -> Moment:
         """Return the state `dt` s later.  A step that does not converge is taken in two halves:
@@ -176,21 +197,47 @@ class FingerDynamics:
         self._at(at.angles, at.rates)
         length, time = self._data.ten_length.copy(), at.time + dt
         pull = self._muscles.pull(at.muscles, time, length, dt) if given is None else given
-        # the implicit step
-        done, angles, rates, held, wrench, tension, kinetic, slip = advance_step(
-            self._surface,
-            self._joints,
-            self._readings,
-            (at.angles, at.rates, at.held),
-            (pull.tension, pull.stiffness),
-            self._more(at.angles, push),
-            dt,
-            TOLERANCE,
-        )
+        rub = self._friction(at, pull)
+        more, grip = self._more(at.angles, push), at.grip
+        turned = dt * at.rates
+        for _ in range(MOST_ROUNDS):
+            # the implicit step, with friction linear about the last round's
+            outside = more
+            if rub is not None:
+                grip = rub.grip_after(turned)
+                torque, slope = rub.torque(grip, turned)
+                outside = more[0], more[1] + torque, more[2] + slope
+            done, angles, rates, held, wrench, tension, kinetic, slip = advance_step(
+                self._surface,
+                self._joints,
+                self._readings,
+                (at.angles, at.rates, at.held),
+                (pull.tension, pull.stiffness),
+                outside,
+                dt,
+                TOLERANCE,
+            )
+            turned = dt * rates
+            if rub is None or not done:
+                break
+            if np.abs(rub.grip_after(turned) - grip).max() <= SETTLED_GRIP:
+                break
+        else:
+            done = False
         if done:
-            muscles = pull.state
             return Moment(
-                time, angles, rates, -wrench, tension, length, kinetic, slip, muscles, held
+                time=time,
+                angles=angles,
+                rates=rates,
+                tip=-wrench,
+                tension=tension,
+                length=length,
+                kinetic=kinetic,
+                slip=slip,
+                muscles=pull.state,
+                held=held,
+                grip=grip,
+                friction=NO_WORK if rub is None else rub.work(grip, turned, tension),
             )
         if splits == 0:
             raise ConvergenceError(
@@ -200,7 +247,23 @@ class FingerDynamics:
         # it did not converge: two halves
         half = self._advance(at, dt / 2, splits - 1, given, push)
         end = self._advance(half, dt / 2, splits - 1, given, push)
-        return end._replace(length=half.length, slip=half.slip + end.slip)
+        both = FrictionWork(*np.add(half.friction, end.friction).tolist())
+        return end._replace(length=half.length, slip=half.slip + end.slip, friction=both)
+
+    def _friction(self, at: Moment, pull: DynamicPull) -> FrictionStep | None:
+        """Friction over the step from `at`; None where there is none."""
+        guides = self._finger.guides
+        if guides is None:
+            return None
+        return FrictionStep(
+            guides.read(self._data),
+            guides.presliding,
+            self._finger.arms_of(self._data),
+            at.grip,
+            pull.tension,
+            pull.stiffness,
+            pull.tension - at.tension,
+        )
 
     @property
     def law(self) -> JointLaw:
@@ -223,6 +286,15 @@ class FingerDynamics:
         mujoco.mj_mulM(self._model, self._data, product, at.rates)
         weight = self._model.body_mass[:, None] * self._model.opt.gravity
         return 0.5 * float(at.rates @ product), -float((weight * self._data.xipos).sum())
+
+    def fastest_rate(self, stiffness: Array) -> float:
+        """The fastest rate (rad/s) at which the finger at the start would swing on tendons of
+        `stiffness` (nt,) N/m: the root of the largest eigenvalue of M^-1 A^T k A."""
+        self._at(self._state.angles, np.zeros(len(self._state.angles)))
+        mass = np.array(self._readings.mass)[self._readings.mass_at]
+        arms = self._finger.arms_of(self._data)
+        hold = arms.T @ (stiffness[:, None] * arms)
+        return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, hold)).real.max(initial=0.0)))
 
     def _at(self, angles: Array, rates: Array) -> None:
         m, d, jacobian = self._model, self._data, self._readings.jacobian

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 
 import mujoco
 import numpy as np
@@ -15,6 +16,7 @@ from rigid.chain.statics import ChainFinger, FingerState
 from rigid.chain.support import HELD, Support
 from rigid.mjcf.write import mjcf_xml
 from rigid.model import FingerModel
+from rigid.mujoco.tendon_friction import TendonFriction, TendonGuides
 from rigid.mujoco.tendon_paths import TendonWays
 
 ANGLE_STEP = 1e-5
@@ -70,13 +72,24 @@ class MujocoFinger(ChainFinger):
         self._ways = TendonWays(self.model)
         self._weight = np.outer(self.model.body_mass[self._body], self.model.opt.gravity)
         self._weight[0] = 0.0  # the first body is the ground
+        self.guides: TendonGuides | None = None
+        self._rubbed: tuple[Array, Array] | None = None
+
+    def with_friction(self, friction: Mapping[str, TendonFriction]) -> MujocoFinger:
+        """The finger with friction along tendons of its own, at rest on their courses.
+
+        Raises InputError for a tendon that it lacks."""
+        out = copy(self)
+        out.guides = TendonGuides(self.model, self.tendons, friction) if friction else None
+        out._rubbed = None
+        return out
 
     def chain(self, angles: Array) -> Chain:
         return self._posture(angles)[0]
 
     def tendon_lengths(self, angles: Array) -> Array:
         """The tendons' path lengths (nt,) m, strands counted by their shares."""
-        return self._forward(angles).ten_length.copy()
+        return self.at_angles(angles).ten_length.copy()
 
     def moment_arms(self, angles: Array) -> Array:
         """The moment arms (nt, nq) m: the shortening of each tendon per rad, positive where its
@@ -87,15 +100,30 @@ class MujocoFinger(ChainFinger):
         """Kinematics and moment arms, those of the last posture asked for kept: an equilibrium and
         its tangent ask for the same again and again."""
         if self._seen is None or not np.array_equal(self._seen[0], angles):
-            d = self._forward(angles)
+            d = self.at_angles(angles)
             turn = d.xmat[self._body].reshape(-1, 3, 3)
             motion = Motion(self.bodies, d.xpos[self._body], turn)
             tip = d.site_xpos[self._tip].copy()
             chain = Chain(motion, self._child, d.xanchor.copy(), d.xaxis.copy(), tip)
-            self._seen = np.array(angles, dtype=float), chain, self._arms(d)
+            self._seen = np.array(angles, dtype=float), chain, self.arms_of(d)
         return self._seen[1], self._seen[2]
 
-    def _arms(self, data: mujoco.MjData) -> Array:
+    def torques_per_tension(self, angles: Array) -> Array:
+        """The torques (nt, nq) m per N of each muscle: the moment arms, or with friction what it
+        leaves of them on the tendon's course."""
+        arms = self._posture(angles)[1]
+        if self.guides is None:
+            return arms
+        if self._rubbed is None or not np.array_equal(self._rubbed[0], angles):
+            readings = self.guides.read(self.at_angles(angles))
+            self._rubbed = (
+                np.array(angles, dtype=float),
+                readings.arms(self.guides.grip, arms),
+            )
+        return self._rubbed[1]
+
+    def arms_of(self, data: mujoco.MjData) -> Array:
+        """The moment arms (nt, nq) m in the posture of `data`."""
         m = self.model
         out = np.zeros((m.ntendon, m.nv))
         out[self._arm_row, m.ten_J_colind] = -data.ten_J
@@ -103,7 +131,7 @@ class MujocoFinger(ChainFinger):
 
     def own_torques(self, angles: Array, tension: Array) -> dict[str, Array]:
         """Joint torques (nq,) by source that the finger itself exerts, N m."""
-        muscles = np.asarray(tension)[:, None] * self._posture(angles)[1]
+        muscles = np.asarray(tension)[:, None] * self.torques_per_tension(angles)
         out = dict(zip(self.tendons, muscles, strict=True))
         out["gravity"] = np.zeros(len(angles))
         if self._weight.any():
@@ -115,7 +143,12 @@ class MujocoFinger(ChainFinger):
     def own_tangent(self, angles: Array, tension: Array) -> Array:
         """Derivative (nq, nq) of the finger's own torques by the angles, N m/rad."""
         out = np.zeros((len(angles), len(angles)))
-        if np.any(tension):
+        if np.any(tension) and self.guides is not None:
+            for i, step in enumerate(ANGLE_STEP * np.eye(len(angles))):
+                out[:, i] = np.asarray(tension) @ self._rub_at(angles + step)
+                out[:, i] -= np.asarray(tension) @ self._rub_at(angles - step)
+            out /= 2 * ANGLE_STEP
+        elif np.any(tension):
             share = np.zeros((len(self._arm_row), len(angles)))
             share[self._arm_at, self.model.ten_J_colind] = -np.asarray(tension)[self._arm_row]
             for i, step in enumerate(ANGLE_STEP * np.eye(len(angles))):
@@ -131,9 +164,38 @@ class MujocoFinger(ChainFinger):
             self.chain(angles), np.arange(len(self.bodies)), self.mass_centres(angles), weight
         )
 
-    def own_wrenches(self, angles: Array, tension: Array) -> dict[str, Array]:
-        data = self._forward(angles)
-        pulls = self._ways.wrenches(data, tension)[:, self._body]
+    def beyond_guides(
+        self, angles: Array, tension: Array, grip: Array | None = None
+    ) -> dict[str, tuple[float, float]]:
+        """Of each tendon with friction the tension (N) that is left at its insertions together,
+        under tensions (nt,) N, and the angle (rad) by which its longest strand turns at guides."""
+        if self.guides is None:
+            return {}
+        left, turn = self.guides.read(self.at_angles(angles)).beyond(
+            self.guides.grip if grip is None else grip
+        )
+        return {
+            self.tendons[t]: (float(tension[t] * left[t]), float(turn[t] / mu if mu else 0.0))
+            for t, mu in zip(self.guides.tendons, self.guides.coefficients, strict=True)
+        }
+
+    def _rub_at(self, angles: Array) -> Array:
+        """`torques_per_tension` of a posture that is not kept."""
+        data = self._place(angles)
+        assert self.guides is not None
+        return self.guides.read(data).arms(self.guides.grip, self.arms_of(data))
+
+    def own_wrenches(
+        self, angles: Array, tension: Array, grip: Array | None = None
+    ) -> dict[str, Array]:
+        """The wrench (nb, 6) on each body about its origin by muscle, and of gravity; `grip`: of
+        friction at each guide, that of the tendons' courses if not given."""
+        data, guides = self.at_angles(angles), self.guides
+        pulls = self._ways.wrenches(data, tension)
+        if guides is not None:
+            rubbed = guides.wrenches(data, tension, guides.grip if grip is None else grip)
+            pulls[guides.tendons] = rubbed[guides.tendons]
+        pulls = pulls[:, self._body]
         out = dict(zip(self.tendons, pulls, strict=True))
         force = np.hstack([self._weight, np.zeros_like(self._weight)])
         out["gravity"] = move_wrench(force, (data.xipos - data.xpos)[self._body])
@@ -148,7 +210,7 @@ class MujocoFinger(ChainFinger):
     def paths_at(self, angles: Array) -> dict[str, Array]:
         """The world points (k, 3) of each strand from origin to insertion, m, at joint angles
         (nq,); the strands of a tendon that parts are named NAME, NAME 2, ..."""
-        data = self._forward(angles)
+        data = self.at_angles(angles)
         return {
             name if n == 0 else f"{name} {n + 1}": points
             for name, strands in zip(self.tendons, self._ways.points(data), strict=True)
@@ -157,7 +219,7 @@ class MujocoFinger(ChainFinger):
 
     def momentum(self, angles: Array, rates: Array) -> Array:
         """Each body's momentum (nb, 6) about its centre of mass, N s and N m s, world frame."""
-        data, m = self._forward(angles), self.model
+        data, m = self.at_angles(angles), self.model
         index = np.arange(len(self.bodies))
         twist = point_jacobian(self.chain(angles), index, self.mass_centres(angles)) @ rates
         axes = data.ximat[self._body].reshape(-1, 3, 3)
@@ -167,9 +229,11 @@ class MujocoFinger(ChainFinger):
 
     def mass_centres(self, angles: Array) -> Array:
         """The bodies' centres of mass (nb, 3) m, world frame."""
-        return self._forward(angles).xipos[self._body]
+        return self.at_angles(angles).xipos[self._body]
 
-    def _forward(self, angles: Array) -> mujoco.MjData:
+    def at_angles(self, angles: Array) -> mujoco.MjData:
+        """MuJoCo's kinematics and tendons at joint angles (nq,), until another posture is asked
+        for."""
         return self._data if np.array_equal(self._at, angles) else self._place(angles)
 
     def _place(self, angles: Array) -> mujoco.MjData:

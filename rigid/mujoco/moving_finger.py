@@ -72,6 +72,11 @@ class MovingMujoco:
         at_rest = self._dynamics(start).start()
         return Moving(start, at_rest, np.zeros_like(at_rest.rates))
 
+    def fastest_rate(self, state: Moving, stiffness: Array) -> float:
+        """The fastest rate (rad/s) at which the finger would swing from its beginning on tendons of
+        `stiffness` (nt,) N/m."""
+        return self._dynamics(state.start).fastest_rate(stiffness)
+
     def angles(self, state: Moving) -> Array:
         """Joint angles (nq,) of a state, rad."""
         return state.moment.angles
@@ -132,6 +137,22 @@ class MovingMujoco:
         """The energy, J, that the device dissipated in the step that ended in the state."""
         return state.moment.slip
 
+    def friction_work(self, state: Moving) -> Array:
+        """The work (3,) J at the tendons' guides in the step that ended in the state: made heat,
+        held before a tendon slides, and of both what came from the tendons' stretch."""
+        return np.array(state.moment.friction)
+
+    def grip(self, state: Moving) -> Array:
+        """The grip (n,) of friction at the tendons' guides."""
+        return state.moment.grip
+
+    def at_insertions(self, angles: Array, tension: Array, grip: Array) -> Array:
+        """The tensions (nt,) N that friction leaves at the tendons' insertions."""
+        out = tension.copy()
+        for name, (left, _) in self.finger.beyond_guides(angles, tension, grip).items():
+            out[self.tendons.index(name)] = left
+        return out
+
     def dissipation(self, state: Moving) -> float:
         """W, of the viscous torques of joints and limits."""
         rates = state.moment.rates
@@ -153,6 +174,7 @@ class MovingMujoco:
         hood: Array,
         tension: Array,
         tip: Array,
+        grip: Array,
     ) -> dict[str, Array]:
         """The wrench (nb, 6) on each body about its origin (world frame) by source at the end of a
         step of `dt` s from angles and rates `before` to `now`: each muscle, gravity, passive,
@@ -160,7 +182,8 @@ class MovingMujoco:
         the ground, which holds the fixed body; with the hood's (nb, 6) they close to zero on each
         body.
 
-        tension: (nt,) N, of the finger's own tendons; tip: (6,) of the fingertip on the world."""
+        tension: (nt,) N, of the finger's own tendons; tip: (6,) of the fingertip on the world;
+        grip: (n,) of friction at the tendons' guides."""
         finger, (angles, rates) = self.finger, now
         chain, law = finger.chain(angles), finger.law
         fingertip = np.zeros_like(hood)
@@ -169,7 +192,7 @@ class MovingMujoco:
         change = (momentum[0] - momentum[1]) / dt
         centre = finger.mass_centres(angles) - chain.motion.position
         books = {
-            **finger.own_wrenches(angles, tension),
+            **finger.own_wrenches(angles, tension, grip),
             "passive": joint_wrenches(chain, law.passive(angles)[0]),
             "limit": joint_wrenches(chain, law.limit(angles)[0]),
             "damping": joint_wrenches(chain, law.viscous(angles, rates)[0]),

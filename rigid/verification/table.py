@@ -7,6 +7,7 @@ from rigid.verification import (
     contact_rows,
     dynamics_rows,
     finger_rows,
+    friction_rows,
     hood_rows,
     muscle_rows,
     network_study_rows,
@@ -21,6 +22,7 @@ FINGER_STUDIES = (
     Study("devices, twin, rest", dynamics_rows.rows),
     Study("middle finger", finger_rows.single_tendon_rows),
     Study("free finger", finger_rows.free_motion_rows),
+    Study("friction of tendons", friction_rows.rows),
 )
 HOOD_STUDIES = (
     Study("network", hood_rows.network_rows),

@@ -35,7 +35,9 @@ Reshape = Callable[[FeHood, FeHood, HoodState, Array], HoodState]
 
 def tangent_serves(case: Case) -> bool:
     """Whether the bones are held and nothing but a shell in smooth contact answers the tendons."""
-    plain = all(t.muscle is None and t.excursion is None for t in case.tendons.values())
+    plain = all(
+        (t.muscle, t.excursion, t.friction) == (None, None, None) for t in case.tendons.values()
+    )
     coupled = case.coupling.scheme != "one_way" and case.forward is None
     held = tip_support_kind(case.finger) == "posture"
     return case.hood.has_smooth_tangent and coupled and held and plain

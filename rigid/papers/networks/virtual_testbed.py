@@ -3,12 +3,9 @@
 It stands in for the testbed of Development and Validation of Modeling Framework for Interconnected
 Tendon Networks in Robotic and Human Fingers (figure 5), whose measurements are not published.  Each
 muscle's force enters at a load cell, crosses the MCP, meets a junction and goes on over connecting
-tendons.  Before each joint the tendon turns by the joint's angle round a routing point (capstan),
-
-    T_before = T_beyond + F,   -(1 - exp(-mu theta)) <= F / T_beyond <= exp(mu theta) - 1,
-
-where F follows the tendon's sliding elastically, with a bristle, as long as it sticks.  Joints have
-Coulomb friction of the same kind and viscosity, the fingertip's holder a stiffness.  Time steps are
+tendons.  Before each joint the tendon turns by the joint's angle round a routing point and rubs
+there, as `rigid.chain.capstan` has it of every tendon.  Joints have Coulomb friction that sticks
+with a bristle, and viscosity, the fingertip's holder a stiffness.  Time steps are
 implicit Euler's; inertia is left out, as slow as the runs are.
 
 Tensions in N, lengths in m, angles in rad; several runs at once, (b, ...).
@@ -24,6 +21,7 @@ import numpy as np
 
 from cosim.errors import ConvergenceError
 from cosim.port import Array
+from rigid.chain.capstan import free_grip, grip_after, rounded_grip, tension_ratio
 from rigid.hoods.network import Network
 from rigid.papers.networks.point_contact import VISCOSITY
 from rigid.papers.networks.share_models import tip_jacobians
@@ -53,7 +51,7 @@ class Bed:
     joint_friction: float
     """N m, of each joint."""
     sticking: float = 1e-6
-    """m that a tendon gives before it slides."""
+    """m, the presliding distance of the tendons."""
     joint_bristle: float = 10.0
     """N m/rad, of a joint that sticks."""
     viscosity: float = VISCOSITY
@@ -85,8 +83,8 @@ class BedRecord(NamedTuple):
 
 
 class _State(NamedTuple):
-    """Joint angles (b, 3), junctions (b, m), and the friction at both crossings of each tendon
-    (b, 2, k) N, of each muscle (b, m) N at the MCP and of the joints (b, 3) N m."""
+    """Joint angles (b, 3), junctions (b, m), and the grip at both crossings of each tendon
+    (b, 2, k) and of each muscle (b, m) at the MCP, and the friction of the joints (b, 3) N m."""
 
     angle: Array
     junction: Array
@@ -96,8 +94,8 @@ class _State(NamedTuple):
 
 
 class _Rub(NamedTuple):
-    """Friction, and what of it the next step begins with: the corners' rounding must not make
-    what sticks creep."""
+    """Friction (N, N m), and the grip or friction that the next step begins with: the corners'
+    rounding must not make what sticks creep."""
 
     force: Array
     memory: Array
@@ -233,12 +231,12 @@ def _from_outside(bed: Bed, course: Course, k: int, point: Array, angle: Array) 
 
 
 def _rub(bed: Bed, before: Array, slid: Array, beyond: Array, bend: Array) -> _Rub:
-    """Friction after tendons have slid by `slid` m round points at which they turn by `bend` rad,
-    under tensions `beyond` N."""
-    round_point = bed.friction * np.abs(bend)
-    least, most = np.expm1(-round_point) * beyond, np.expm1(round_point) * beyond
-    bristle = 0.5 * (most - least) / bed.sticking
-    return _limit(before + bristle * slid, least, most)
+    """Friction after tendons have slid towards their muscles by `slid` m round points at which they
+    turn by `bend` rad, under tensions `beyond` N, from the grip `before`."""
+    turn = bed.friction * np.abs(bend)
+    free = free_grip(before, slid, bed.sticking)
+    ratio = tension_ratio(turn, rounded_grip(free, 2 * ROUNDED))
+    return _Rub(beyond / ratio - beyond, grip_after(before, slid, bed.sticking))
 
 
 def _limit(stuck: Array, least: Array, most: Array) -> _Rub:
