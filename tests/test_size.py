@@ -11,7 +11,6 @@ from pathlib import Path
 from tests.helpers.folders import ROOT
 
 CEILINGS = {
-    ".docs": 54,
     "cases": 3396,
     "cosim": 5885,
     "cosim/analyses": 7412,
