@@ -45,7 +45,9 @@ SOFTEST, STIFFEST = 5.0, 3e5
 """N/m."""
 LEAST_TORQUE = 0.15
 """Of the median torque: a smaller one counts as if it were as large."""
-ROUNDS, TRIES, START = 40, 14, 1.0
+ONSETS = (3e-4, 1e-4, 3e-5, 0.0)
+"""m, over which bands come to bear."""
+NEWTON, ROUNDS, TRIES, START, ENOUGH = 40, 15, 14, 1.0, 1e-3
 HOLD = 1e-3
 """N/m, of a junction that no band holds."""
 EXCURSIONS = 2.0
@@ -110,6 +112,8 @@ class Answer:
     """(s, m) m."""
     tension: Array
     """(s, J) N."""
+    bearing: Array
+    """(s, J) N/m, of the tensions by stretch."""
     torque: Array
     """(s, n) N m."""
 
@@ -182,7 +186,7 @@ class _Fit:
 
     def __init__(self, basis: Lengths, data: Sample, maps: Array) -> None:
         self._value, self._slope = basis.at(data.angle)
-        self._data = data
+        self._data, self._onset = data, 0.0
         size = np.linalg.norm(data.torque, axis=1)
         size = np.maximum(size, LEAST_TORQUE * np.median(size))
         whole = np.eye(data.angle.shape[1]) / size[:, None, None]
@@ -190,7 +194,13 @@ class _Fit:
         self._excursions = EXCURSIONS / float(np.ptp(data.excursion, axis=0).mean())
 
     def solve(self, bands: Bands) -> Bands:
-        """The bands of least error, from first ones."""
+        """The bands of least error, from first ones: first of bands that come to bear gradually,
+        over ever shorter ways, so that the error is a smooth function of them."""
+        for self._onset in ONSETS:
+            bands = self._improve(bands)
+        return bands
+
+    def _improve(self, bands: Bands) -> Bands:
         reached = self._answer(bands, self._data.excursion)
         left, damping = self._left(reached), START
         for _ in range(ROUNDS):
@@ -203,34 +213,43 @@ class _Fit:
                 other = self._answer(moved, reached.junction)
                 new = self._left(other)
                 if new @ new < left @ left:
-                    bands, reached, left, damping = moved, other, new, damping / 4
                     break
                 damping *= 4
             else:
                 break
+            gain = 1 - (new @ new) / (left @ left)
+            bands, reached, left, damping = moved, other, new, damping / 4
+            if gain < ENOUGH:
+                break
         return bands
+
+    def _pull(self, stretch: Array) -> tuple[Array, Array, Array]:
+        """Of a stretch: its square over two, itself and one where a band bears, smoothly over the
+        onset."""
+        if self._onset == 0.0:
+            taut = np.maximum(stretch, 0.0)
+            return taut**2 / 2, taut, (stretch > 0).astype(float)
+        half = np.sqrt(stretch**2 + self._onset**2)
+        taut = (stretch + half) / 2
+        energy = stretch * taut / 2 + self._onset**2 / 4 * np.log(stretch + half)
+        return energy, taut, taut / half
 
     def _answer(self, bands: Bands, start: Array) -> Answer:
         """The equilibrium, by Newton's method with halved steps on the convex energy."""
-        length, data, a, k = (
-            self._value @ bands.lengths.T,
-            self._data,
-            bands.shares,
-            bands.stiffness,
-        )
+        data, a, k = self._data, bands.shares, bands.stiffness
+        length = self._value @ bands.lengths.T
 
         def energy(at: Array) -> Array:
-            stretch = np.maximum(at @ a.T - length, 0.0)
-            out: Array = stretch**2 @ k / 2 - (at * data.tension).sum(axis=1)
+            out: Array = self._pull(at @ a.T - length)[0] @ k - (at * data.tension).sum(axis=1)
             return out
 
         junction, hold = start.copy(), HOLD * np.eye(a.shape[1])
-        for _ in range(ROUNDS):
-            stretch = junction @ a.T - length
-            force = (k * np.maximum(stretch, 0.0)) @ a - data.tension
+        for _ in range(NEWTON):
+            _, taut, bears = self._pull(junction @ a.T - length)
+            force = (k * taut) @ a - data.tension
             if np.abs(force).max() < 1e-9:
                 break
-            bend = np.einsum("sj,jm,jn->smn", k * (stretch > 0), a, a) + hold
+            bend = np.einsum("sj,jm,jn->smn", k * bears, a, a) + hold
             step = -np.linalg.solve(bend, force[..., None])[..., 0]
             before, fall, part = energy(junction), (force * step).sum(axis=1), np.ones(len(step))
             for _ in range(TRIES):
@@ -239,10 +258,9 @@ class _Fit:
                     break
                 part[high] /= 2
             junction = junction + part[:, None] * step
-        tension = k * np.maximum(junction @ a.T - length, 0.0)
-        return Answer(
-            junction, tension, np.einsum("sj,jk,skn->sn", tension, bands.lengths, self._slope)
-        )
+        _, taut, bears = self._pull(junction @ a.T - length)
+        torque = np.einsum("sj,jk,skn->sn", k * taut, bands.lengths, self._slope)
+        return Answer(junction, k * taut, k * bears, torque)
 
     def _left(self, answer: Answer) -> Array:
         """What is left of the rows, (s (n + 3 + m),)."""
@@ -253,7 +271,7 @@ class _Fit:
     def _slopes(self, bands: Bands, at: Answer) -> Array:
         """Derivatives of what is left by the lengths' coefficients and the logarithms of the
         stiffnesses, (rows, J K + J)."""
-        a, on = bands.shares, bands.stiffness * (at.tension > 0)
+        a, on = bands.shares, at.bearing
         bend = np.einsum("sj,jm,jn->smn", on, a, a) + HOLD * np.eye(a.shape[1])
         moved = np.einsum("smn,jn->sjm", np.linalg.inv(bend), a)
         arms = np.einsum("jk,skn->sjn", bands.lengths, self._slope)
