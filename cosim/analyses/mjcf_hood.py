@@ -143,47 +143,44 @@ def _parts(case: Case, models: Models, hood: MujocoHood, tell: Progress) -> Hood
 
 
 def attach(
-    case: Case,
-    which: HoodName,
-    path: Path,
-    finger: str,
-    names: Mapping[str, str],
-    tell: Progress = quiet,
+    case: Case, which: HoodName, path: Path, finger: str, names: Mapping[str, str], made: HoodFile
 ) -> Attached:
-    """A hand model with the case's hood on one finger; names: from ours to the model's.  Raises
-    InputError where the finger or a muscle is not there."""
-    hood, models = hood_in_mujoco(case, which), build(case)
-    if lacking := [part for part in (*hood.joints, "metacarpal", "proximal") if part not in names]:
+    """A hand model with the hood of a case's file `made` on one finger; names: from ours to the
+    model's.  Raises InputError where no muscle of the hood is there."""
+    hood = hood_in_mujoco(case, which)
+    ours = {muscle: _known(muscle, names) for muscle in made.parts.muscles}
+    of = {muscle: names[known] for muscle, known in ours.items() if known in names}
+    joints = {joint: names[joint] for joint in hood.joints}
+    target = Target(joints, of, names["metacarpal"], names["proximal"], f"{finger}_hood_")
+    attached = attach_hood(path, made.parts, target)
+    table = json.dumps(case.hood.model_dump(mode="json", exclude_none=True))
+    for muscle, known in ours.items():
+        table = table.replace(f'"{muscle}"', f'"{known}"')
+    strengths = {ours[muscle]: force for muscle, force in attached.strengths.items()}
+    note = {"hood": json.loads(table), "strengths": strengths, "case": case.name}
+    add_note(attached.root, f"{NOTE}{finger}", json.dumps(note))
+    told = [f"hood of {case.name} on the {finger} finger, its lengths as they are there"]
+    if "MCP_abduction" not in hood.joints:
+        told.append("lost: its muscles' arms in abduction, which a network has not")
+    return replace(attached, told=(*told, *attached.told))
+
+
+def check_names(
+    case: Case, which: HoodName, path: Path, finger: str, names: Mapping[str, str]
+) -> None:
+    """Check that the joints and bodies of a finger are known in a model, by names from ours to
+    the model's.  Raises InputError."""
+    needed = (*hood_in_mujoco(case, which).joints, "metacarpal", "proximal")
+    if lacking := [part for part in needed if part not in names]:
         raise InputError(
             f"{path}: no part is named like {lacking[0]} of the {finger} finger. Say which is "
             'which: a file of lines like PIP = "2pm_flexion", and --names FILE'
         )
-    parts = _parts(case, models, hood, tell)
-    tell("putting them in place of the model's paths")
-    ours = {muscle: _known(muscle, names) for muscle in models.hood.tendons}
-    of = {muscle: names[known] for muscle, known in ours.items() if known in names}
-    joints = {joint: names[joint] for joint in hood.joints}
-    target = Target(joints, of, names["metacarpal"], names["proximal"], f"{finger}_hood_")
-    made = attach_hood(path, parts, target)
-    table = json.dumps(case.hood.model_dump(mode="json", exclude_none=True))
-    for muscle, known in ours.items():
-        table = table.replace(f'"{muscle}"', f'"{known}"')
-    strengths = {ours[muscle]: force for muscle, force in made.strengths.items()}
-    note = {"hood": json.loads(table), "strengths": strengths, "case": case.name}
-    add_note(made.root, f"{NOTE}{finger}", json.dumps(note))
-    told = [*_attached_notes(case, hood, finger), *made.told]
-    return replace(made, told=tuple(told))
 
 
 def _known(muscle: str, names: Mapping[str, str]) -> str:
     """What this finger's muscle of that name is called."""
     return SAME.get(muscle, muscle) if muscle not in names else muscle
-
-
-def _attached_notes(case: Case, hood: MujocoHood, finger: str) -> Iterator[str]:
-    yield f"hood of {case.name} ({hood.word}) on the {finger} finger, its lengths as they are there"
-    if "MCP_abduction" not in hood.joints:
-        yield "lost: its muscles' arms in abduction, which a network has not"
 
 
 def attached_hood(path: Path, finger: str) -> Mapping[str, Any] | None:

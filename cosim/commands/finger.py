@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.analyses.mjcf_hood import HoodFile, HoodName, attach, hood_file
+from cosim.analyses.mjcf_hood import HoodFile, HoodName, attach, check_names, hood_file
 from cosim.analyses.moment_arms import (
     ACTION,
     by_posture,
@@ -190,11 +190,15 @@ def _attach(
     check_file(out)
     given = None if names is None else read_names(names)
     matched = match_names(part_names(hand), finger, given).names
+    check_names(case, hood, hand, finger, matched)
     with stages(case.name) as progress:
-        made = attach(case, hood, hand, finger, matched, progress.say)
+        made = hood_file(case, hood, progress.say)
+        progress.say("putting the hood in place of the model's paths")
+        attached = attach(case, hood, hand, finger, matched, made)
     with output_file(out) as path:
-        path.write_text(write_attached(made.root, out) + "\n", encoding="utf-8")
-    for line in made.told:
+        path.write_text(write_attached(attached.root, out) + "\n", encoding="utf-8")
+    show_hood_errors(made)
+    for line in attached.told:
         typer.echo(line)
     typer.echo(f"hand in {out}; its meshes stay where they are. Judge it: cosim score {out}")
 
@@ -205,7 +209,7 @@ def show_hood_errors(made: HoodFile) -> None:
     print_table("The file's hood less the case's", ("error of", "median", "most"), rows)
     for line in (*made.doubts, *made.notes):
         typer.echo(line)
-    typer.echo(f"{made.rate:.3g} steps of 2 ms in a second of one core")
+    typer.echo(f"the finger alone: {made.rate:.3g} steps of 2 ms in a second of one core")
 
 
 def bench_mjcf() -> dict[str, float]:

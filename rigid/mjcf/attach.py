@@ -22,10 +22,12 @@ from cosim.errors import InputError
 from cosim.port import Array
 from rigid.mjcf.bounds import check_bounds
 from rigid.mjcf.hood import (
+    FOLLOWER,
     Band,
     Follower,
     HoodParts,
     Place,
+    Polynomial,
     add_parts,
     compile_model,
     section,
@@ -90,7 +92,8 @@ def attach_hood(path: Path, parts: HoodParts, target: Target) -> Attached:
         for m in parts.muscles
         if m not in there
     ]
-    ours = _rename(_at_excursions(_only(parts, there)), target)
+    scaled = _slower(_only(parts, there), spec.compiler.boundmass)
+    ours = _rename(_at_excursions(scaled), target)
     data = mujoco.MjData(old)
     mujoco.mj_forward(old, data)
     places = {}
@@ -101,10 +104,6 @@ def attach_hood(path: Path, parts: HoodParts, target: Target) -> Attached:
     told += _kept(old, set(there.values()), target)
     add_parts(root, ours, places)
     _end(root, old, ours, there, target)
-    told.append(
-        "the hood acts by joint torques: it presses no bones together, and forces of joints lack "
-        "its thrust"
-    )
     most = {m: greatest_force(old, old.tendon(t).id) for m, t in there.items()}
     return Attached(root, ours, tuple(told), {m: force for m, force in most.items() if force})
 
@@ -172,6 +171,32 @@ def _only(parts: HoodParts, muscles: Mapping[str, str]) -> HoodParts:
         junctions=tuple(j for j in parts.junctions if j not in gone),
         bands={n: b for n, b in parts.bands.items() if not gone & set(b.weights)},
     )
+
+
+def _slower(parts: HoodParts, mass: float) -> HoodParts:
+    """The parts with followers that move so much less that they resist the joints no more, of a
+    model whose compiler lets no body weigh less than `mass` kg."""
+    if mass <= FOLLOWER:
+        return parts
+    less = (FOLLOWER / mass) ** 0.5
+    followers = {
+        name: Follower(f.weights, _times(f.polynomial, less)) for name, f in parts.followers.items()
+    }
+
+    def more(weights: Mapping[str, float]) -> dict[str, float]:
+        return {name: w / less if name in followers else w for name, w in weights.items()}
+
+    return replace(
+        parts,
+        muscles={muscle: more(weights) for muscle, weights in parts.muscles.items()},
+        bands={name: replace(b, weights=more(b.weights)) for name, b in parts.bands.items()},
+        followers=followers,
+    )
+
+
+def _times(polynomial: Polynomial, factor: float) -> Polynomial:
+    a, b, c, d, e = polynomial
+    return a * factor, b * factor, c * factor, d * factor, e * factor
 
 
 def _at_excursions(parts: HoodParts) -> HoodParts:

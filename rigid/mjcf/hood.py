@@ -56,13 +56,16 @@ HELD = 1e4
 """kg m2, of joints whose torques are measured."""
 
 
+Polynomial = tuple[float, float, float, float, float]
+
+
 @dataclass(frozen=True)
 class Follower:
     """A slide that is a polynomial of a weighted sum of joints."""
 
     weights: Mapping[str, float]
     """By joint."""
-    polynomial: tuple[float, float, float, float, float]
+    polynomial: Polynomial
     """Lowest power first."""
 
     def value(self, angles: Mapping[str, float]) -> float:

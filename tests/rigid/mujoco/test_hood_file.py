@@ -16,7 +16,15 @@ from cosim.cli import app
 from cosim.models.build import mjcf_of
 from rigid.hoods.network import Arms, Network
 from rigid.hoods.reduced import ReducedPotential
-from rigid.mjcf.hood import Band, Follower, HeldModel, HoodParts, add_hood, compile_model
+from rigid.mjcf.hood import (
+    FOLLOWER,
+    Band,
+    Follower,
+    HeldModel,
+    HoodParts,
+    add_hood,
+    compile_model,
+)
 from rigid.mjcf.network import network_parts
 from rigid.mjcf.reduced import Lengths, Ridge, _first_bands, _Fit, _move, _parts, states_of
 
@@ -163,6 +171,9 @@ def stand_in(folder: Path) -> Path:
 
 def test_an_attached_hood_pulls_as_the_network(tmp_path):
     hand, out = stand_in(tmp_path), tmp_path / "out" / "hooded.xml"
+    least = 1e-4  # kg, the mass that MuJoCo gives at least here, as in MyoSuite's hand
+    text = hand.read_text(encoding="utf-8").replace("<compiler", f'<compiler boundmass="{least}"')
+    hand.write_text(text, encoding="utf-8")
     out.parent.mkdir()
     done = CliRunner().invoke(app, ["mjcf", "--attach", str(hand), "-o", str(out)])
     assert done.exit_code == 0, done.output
@@ -172,7 +183,9 @@ def test_an_attached_hood_pulls_as_the_network(tmp_path):
     assert model.key("posture").qpos.shape == (model.nq,)
     names = [model.joint(i).name for i in range(model.njnt)]
     junctions = tuple(n for n in names if n.endswith("_junction"))
-    square = {"index_hood_PIP_square": Follower({"PIP": 1.0}, (0.0, 0.0, 1.0, 0.0, 0.0))}
+    assert model.body("index_hood_PIP_square").mass == least
+    power = (0.0, 0.0, (FOLLOWER / least) ** 0.5, 0.0, 0.0)
+    square = {"index_hood_PIP_square": Follower({"PIP": 1.0}, power)}
     held = HeldModel(model, JOINTS, HoodParts({}, junctions, {}, square))
     network = hood_network()
     for angles, loads in (((0.4, 0.7, 0.2), (9.0, 3.0, 0.5)), ((0.9, 0.2, 0.5), (0.5, 6.0, 8.0))):
