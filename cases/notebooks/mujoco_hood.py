@@ -129,8 +129,8 @@ plt.show()
 # its collection. The hood is that of the case `network_edc`, from two papers; no number of it was
 # chosen for this hand or by these measurements. In MyoSuite's hand directions come nearer to those
 # measured, and sizes move away: the lumbrical, with 1.8 times the measured force on its fixed path,
-# gets 3.7 times. Its arm at the MCP is an uncertain entry of a scanned table (11.5 mm). EI keeps its
-# fixed path in the file, and is not judged beside a hood.
+# gets 3.7 times. Its arm at the MCP is an uncertain entry of a scanned table (11.5 mm). EI keeps
+# its fixed path in the file, and is not judged beside a hood.
 
 # %%
 scores = score_models([hand, hooded], finger="index", workers=1)

@@ -203,9 +203,9 @@ def attached_hood(path: Path, finger: str) -> Mapping[str, Any] | None:
 
 def _notes(hood: MujocoHood, parts: HoodParts) -> Iterator[str]:
     yield (
-        f"hood: {hood.word}, as {len(parts.junctions)} junctions on slides and {len(parts.bands)} "
-        "elastic tendons from them; these are limits of tendons' lengths, which MuJoCo solves "
-        "implicitly and which bear only tension, each with a sensor of its tension (N)"
+        f"hood: {hood.word}; junctions on slides: {len(parts.junctions)}, elastic tendons from them: "
+        f"{len(parts.bands)}, which are limits of tendons' lengths, solved implicitly, and bear only "
+        "tension; a sensor reads each one's tension (N)"
     )
     if parts.followers:
         yield (

@@ -81,6 +81,8 @@ def attach_hood(path: Path, parts: HoodParts, target: Target) -> Attached:
     old = spec.compile()
     root = _tree(spec)
     _set_folders(root, path, spec)
+    if any((tag.get("name") or "").startswith(target.prefix) for tag in root.iter("body")):
+        raise InputError(f"{path}: has a hood on this finger; take the hand without it")
     there = {m: t for m, t in target.muscles.items() if m in parts.muscles}
     if not there:
         raise InputError(

@@ -199,6 +199,9 @@ def test_an_attached_hood_pulls_as_the_network(tmp_path):
     assert note is not None
     assert note["hood"]["kind"] == "network"
     assert attached_hood(hand, "index") is None
+    again = CliRunner().invoke(app, ["mjcf", "--attach", str(out), "-o", str(tmp_path / "x.xml")])
+    assert again.exit_code == 2
+    assert "has a hood on this finger" in " ".join(again.output.split())
 
 
 def hood_network() -> Network:
