@@ -13,7 +13,7 @@ from tests.helpers.folders import ROOT
 CEILINGS = {
     "cases": 3397,
     "cosim": 5885,
-    "cosim/analyses": 7409,
+    "cosim/analyses": 7423,
     "cosim/anatomy": 869,
     "cosim/case": 1019,
     "cosim/commands": 5046,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
 
@@ -36,6 +37,7 @@ STATES, FITTED = 60, 1200
 SEED, FIT_SEED = 1, 2
 MOST_LOAD, USUAL_LOAD = 0.5, 20.0
 """Loads where the hood states none: of a muscle's greatest force; N where that is not stated."""
+REDUCTION_ERRORS = "Error, relative to the hood that it was reduced from"
 BEARS = 0.01
 """Of a state's greatest tension: a slip that bears less counts as slack."""
 
@@ -130,7 +132,7 @@ def hood_file(
     errors = tuple(
         compare(case, models, hood, HeldModel.of(xml, models.finger.joints, parts), states)
     )
-    return HoodFile(xml, parts, errors, tuple(_notes(hood, parts)), steps_per_second(xml))
+    return HoodFile(xml, parts, errors, tuple(_notes(case, hood, parts)), steps_per_second(xml))
 
 
 def _parts(case: Case, models: Models, hood: MujocoHood, tell: Progress) -> HoodParts:
@@ -201,11 +203,11 @@ def attached_hood(path: Path, finger: str) -> Mapping[str, Any] | None:
         raise InputError(f"{path}: its text {NOTE}{finger} is not what cosim mjcf wrote") from error
 
 
-def _notes(hood: MujocoHood, parts: HoodParts) -> Iterator[str]:
+def _notes(case: Case, hood: MujocoHood, parts: HoodParts) -> Iterator[str]:
     yield (
-        f"hood: {hood.word}; junctions on slides: {len(parts.junctions)}, elastic tendons from them: "
-        f"{len(parts.bands)}, which are limits of tendons' lengths, solved implicitly, and bear only "
-        "tension; a sensor reads each one's tension (N)"
+        f"hood: {hood.word}; junctions on slides: {len(parts.junctions)}, elastic tendons from "
+        f"them: {len(parts.bands)}, which are limits of tendons' lengths, solved implicitly, and "
+        "bear only tension; a sensor reads each one's tension (N)"
     )
     if parts.followers:
         yield (
@@ -214,15 +216,27 @@ def _notes(hood: MujocoHood, parts: HoodParts) -> Iterator[str]:
         )
     if hood.box is not None:
         yield (
-            "fitted to the reduced hood, whose own error to the sheet is in its case file; in the "
-            f"box {_box(hood)}; outside of it the file says nothing"
+            f"fitted to the reduced hood in the box {_box(hood)}; outside of it the file says "
+            "nothing; its tendons are no slips, whose forces the case has as functions of the "
+            "joint torques"
         )
+        yield from _errors_of_reduction(case)
     if hood.held:
         yield f"{', '.join(hood.held)}: fitted in mid-box, where alone the sheet was sampled"
     yield (
         "the hood acts by joint torques: it presses no bones together, and forces of joints lack "
         "its thrust"
     )
+
+
+def _errors_of_reduction(case: Case) -> Iterator[str]:
+    """What the case file says, as `cosim reduce` wrote it, of the reduced hood's own errors."""
+    lines = case.source.read_text(encoding="utf-8").splitlines() if case.source.is_file() else []
+    words = [line.removeprefix("#").strip() for line in lines if line.startswith("#")]
+    first = next((i for i, line in enumerate(words) if line.startswith(REDUCTION_ERRORS)), None)
+    if first is not None:
+        told = " ".join(takewhile(bool, words[first + 1 :]))
+        yield f"the reduced hood itself, of the sheet or net that it was fitted to: {told}"
 
 
 def _box(hood: MujocoHood) -> str:
