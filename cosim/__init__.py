@@ -45,9 +45,11 @@ if TYPE_CHECKING:
         run_many,
         run_study,
         score,
+        track,
         validate,
         write_report,
     )
+    from cosim.loop import Loop
     from cosim.results.result import Result
     from cosim.solve.session import Session
 
@@ -55,6 +57,7 @@ _HOME = {
     "Case": "cosim.case.schema",
     "ConvergenceError": "cosim.errors",
     "InputError": "cosim.errors",
+    "Loop": "cosim.loop",
     "Result": "cosim.results.result",
     "Session": "cosim.solve.session",
     "compare": "cosim.face",
@@ -69,6 +72,7 @@ _HOME = {
     "run_many": "cosim.face",
     "run_study": "cosim.face",
     "score": "cosim.face",
+    "track": "cosim.face",
     "validate": "cosim.face",
     "write_report": "cosim.face",
 }
@@ -77,6 +81,7 @@ __all__ = [
     "Case",
     "ConvergenceError",
     "InputError",
+    "Loop",
     "Result",
     "Session",
     "__version__",
@@ -92,6 +97,7 @@ __all__ = [
     "run_many",
     "run_study",
     "score",
+    "track",
     "validate",
     "write_report",
 ]

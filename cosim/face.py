@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -338,6 +339,43 @@ def estimate(
         "forward": dict(zip(names, map(float, answer.audit.components), strict=True)),
     }
     return table
+
+
+def track(
+    case: AnyCase,
+    motion: str | Path,
+    folder: str | Path,
+    markers: str | Path | None = None,
+    cutoff: float | str | None = None,
+    progress: Progress = quiet,
+) -> Case:
+    """Move a finger forward along a motion by all its muscles; the case that runs under the
+    tensions found.
+
+    `motion`: angles over time (.sto, .mot or .csv), or a .trc whose `markers` a .csv places on the
+    straight finger; `cutoff`: of a low-pass filter of the angles, Hz or a text with its unit.
+    `folder`/<case name> gets what `cosim estimate --motion --forward` writes: the tensions, the
+    angles beside the wanted ones, a picture, and the case `<case name>_forward.toml`, which is
+    returned.
+
+    Raises InputError, also for a fingertip that is held, and ConvergenceError."""
+    from cosim.analyses.estimate.files import forward_path, write_tracking
+    from cosim.analyses.estimate.markers import read_any_motion
+    from cosim.analyses.estimate.of_case import setup
+    from cosim.analyses.estimate.tracking import start_of, track
+
+    started = perf_counter()
+    highest = None if cutoff is None else quantity_in_si("cutoff", cutoff, units.FREQUENCY)
+    marked = None if markers is None else path_from("markers", markers)
+    problem = setup(case_from(case), "pcsa", 2, {}, {})
+    finger, target = problem.models.finger, path_from("folder", folder) / problem.case.name
+    asked = read_any_motion(
+        path_from("motion", motion), marked, finger, problem.models.posture, None, highest, progress
+    )
+    problem = start_of(problem, asked)
+    tracking = track(problem, asked, progress)
+    write_tracking(target, problem, tracking, perf_counter() - started)
+    return load(forward_path(target))
 
 
 def _in_si(name: str, axis: str, value: Any, kind: units.Kind) -> float | None:

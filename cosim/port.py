@@ -73,9 +73,9 @@ def rotation_vector(matrix: Array) -> Array:
     array([0. , 0.5, 0. ])
     """
     skewed = matrix - np.swapaxes(matrix, -1, -2)
-    sine = np.stack([skewed[..., 2, 1], skewed[..., 0, 2], skewed[..., 1, 0]], axis=-1) / 2
-    size = np.linalg.norm(sine, axis=-1)
-    cosine = (np.trace(matrix, axis1=-2, axis2=-1) - 1) / 2
+    sine = skewed[..., (2, 0, 1), (1, 2, 0)] / 2
+    size = np.sqrt((sine * sine).sum(axis=-1))
+    cosine = (matrix[..., 0, 0] + matrix[..., 1, 1] + matrix[..., 2, 2] - 1) / 2
     if (cosine < 0).any():  # near pi the sine says little of the axis
         from scipy.spatial.transform import Rotation
 

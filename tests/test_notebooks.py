@@ -14,8 +14,11 @@ import pytest
 from tests.helpers.folders import ROOT
 
 NOTEBOOKS = sorted((ROOT / "cases" / "notebooks").glob("[!_]*.py"))
-LONG = ("first_run", "mujoco_hood", "own_material", "own_measurements", "own_mesh")
-"""They solve a shell, or judge two hands."""
+LONG = (
+    *("first_run", "mujoco_hood", "own_material", "own_measurements", "own_mesh"),
+    "predictive_control",
+)
+"""They solve a shell, or many motions."""
 NEEDS_FMU = [
     pytest.mark.fmu,
     pytest.mark.skipif(find_spec("pythonfmu3") is None, reason="the extra fmu is missing"),

@@ -28,6 +28,7 @@ from cosim.commands.bench_history import (
     regressions,
     write_history_page,
 )
+from cosim.commands.bench_loop import bench_loop
 from cosim.commands.bench_pairs import ROOT, measure_pair, source_folder
 from cosim.commands.bench_pulls import bench_pulls
 from cosim.commands.febio import bench_fe, bench_febio
@@ -80,6 +81,10 @@ BENCHES = {
         "500 combined loads of one hood, the same bytes by one and by two workers; half an hour",
         lambda o: bench_loads(),
     ),
+    "loop": Bench(
+        "a step of a loop of one's own (cosim.Loop) against the finger alone, hood by hood",
+        lambda o: bench_loop(),
+    ),
     "mjcf": Bench("a step of plain MuJoCo with a hood beside one without", lambda o: bench_mjcf()),
     "motion": Bench(
         "a coupled step of a motion against one assembly and factorisation",
@@ -98,6 +103,7 @@ OF_ALL: dict[str, Callable[[], Ratios]] = {
     "mjcf": bench_mjcf,
     "pulls": bench_pulls,
     "growth": lambda: bench_growth(MOST_OF_ALL),
+    "loop": bench_loop,
     "motion": lambda: bench_one_case(MOTION, FIRST_STEPS),
     CASE_OF_ALL: lambda: bench_one_case(CASE_OF_ALL, None),
     "studies": lambda: bench_studies(RUNS_OF_ALL),

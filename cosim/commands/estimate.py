@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,9 +11,14 @@ import numpy as np
 import typer
 
 from cosim.analyses.estimate.feasible import ForceSet, force_set
-from cosim.analyses.estimate.files import muscle_table, write_answer, write_motion
-from cosim.analyses.estimate.joint_motion import JointMotion, as_motion, read_motion
-from cosim.analyses.estimate.markers import read_seen_motion
+from cosim.analyses.estimate.files import (
+    forward_path,
+    muscle_table,
+    write_answer,
+    write_motion,
+    write_tracking,
+)
+from cosim.analyses.estimate.markers import read_any_motion
 from cosim.analyses.estimate.of_case import (
     EstimateAnswer,
     MotionEstimate,
@@ -27,11 +31,13 @@ from cosim.analyses.estimate.of_case import (
     parse_force,
     setup,
 )
+from cosim.analyses.estimate.tracking import Tracking, start_of, track
 from cosim.case.file import load_case
 from cosim.commands.options import CaseName, Settings, quantities, quantity
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
-from cosim.files import check_folder
+from cosim.files import check_folder, shown_path
+from cosim.port import Array
 from cosim.schema import units
 
 
@@ -117,6 +123,14 @@ def estimate(
             help="Of a motion: torque that may be missing where tensions make no more.",
         ),
     ] = None,
+    forward: Annotated[
+        bool,
+        typer.Option(
+            "--forward",
+            help="Of a motion: move the finger forward along it, with the tensions planned anew "
+            "every 10 ms, and write the case that runs under them.",
+        ),
+    ] = False,
     settings: Settings = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path(
         "estimates"
@@ -130,8 +144,12 @@ def estimate(
         ]
         if len(given) > 1:
             raise InputError(f"{' and '.join(given)}: one of them")
-        if motion is None and (samples, cutoff, reserve, markers) != (None,) * 4:
-            raise InputError("--samples, --cutoff, --reserve and --markers belong to --motion")
+        if motion is None and (forward or (samples, cutoff, reserve, markers) != (None,) * 4):
+            raise InputError(
+                "--samples, --cutoff, --reserve, --markers and --forward belong to --motion"
+            )
+        if forward and reserve is not None:
+            raise InputError("--reserve: leave it out with --forward, which takes what is nearest")
         if motion is not None and (markers is None) == (motion.suffix.lower() == ".trc"):
             raise InputError("--markers belongs to a --motion of markers, a .trc, and that to it")
         started = time.perf_counter()
@@ -147,11 +165,26 @@ def estimate(
             quantities("--most", most, units.FORCE),
         )
         if motion is not None:
-            asked = _read_motion(problem, motion, markers, samples, cutoff)
-            lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
-            estimated = for_motion(problem, asked, _say, lacking)
-            write_motion(folder, problem, estimated, time.perf_counter() - started)
-            _show_motion(problem, estimated)
+            highest = None if cutoff is None else quantity("--cutoff", cutoff, units.FREQUENCY)
+            asked = read_any_motion(
+                motion,
+                markers,
+                problem.models.finger,
+                problem.models.posture,
+                samples,
+                highest,
+                _say,
+            )
+            if forward:
+                problem = start_of(problem, asked)
+                tracking = track(problem, asked, _say)
+                write_tracking(folder, problem, tracking, time.perf_counter() - started)
+                _show_tracking(problem, tracking, folder)
+            else:
+                lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
+                estimated = for_motion(problem, asked, _say, lacking)
+                write_motion(folder, problem, estimated, time.perf_counter() - started)
+                _show_motion(problem, estimated)
         else:
             answer = _answer(problem, force, torque)
             forces = _forces(problem, answer)
@@ -163,25 +196,6 @@ def estimate(
 
 def _say(text: str) -> None:
     typer.echo(text, err=True)
-
-
-def _read_motion(
-    s: Setup, path: Path, markers: Path | None, samples: int | None, cutoff: str | None
-) -> JointMotion:
-    highest = None if cutoff is None else quantity("--cutoff", cutoff, units.FREQUENCY)
-    finger, posture = s.models.finger, s.models.posture
-    if markers is None:
-        return read_motion(path, finger.joints, posture, samples, highest)
-    _say("finding the angles that the markers show")
-    seen = read_seen_motion(path, markers, finger, posture)
-    k = int(np.argmax(seen.miss))
-    miss = float(np.sqrt(np.mean(seen.miss**2)))
-    _say(
-        f"the markers are {1e3 * miss:.2g} mm off the finger's in the mean, "
-        f"{1e3 * seen.miss[k]:.2g} mm at most, at {seen.time[k]:g} s"
-    )
-    motion = as_motion(path, seen.time, seen.angle, samples, highest)
-    return replace(motion, markers_miss=miss)
 
 
 def _answer(s: Setup, force: str | None, torque: list[str] | None) -> EstimateAnswer | None:
@@ -234,15 +248,31 @@ def _show(s: Setup, answer: EstimateAnswer) -> None:
 
 
 def _show_motion(s: Setup, result: MotionEstimate) -> None:
-    rows = [
-        (name, f"{low:.4g}", f"{high:.4g}")
-        for name, low, high in zip(
-            s.capacity.names, result.tension.min(axis=0), result.tension.max(axis=0), strict=True
-        )
-    ]
-    print_table("Tensions over the motion, N", ("muscle", "least", "most"), rows)
+    _show_range(s, result.tension)
     lacking = 1e3 * float(abs(result.torque - result.required_torque).max())
     typer.echo(
         f"{result.rounds} hood solves; conditions missed by at most {result.worst:.1e}, "
         f"torques lack at most {lacking:.3g} N mm"
+    )
+
+
+def _show_range(s: Setup, tension: Array) -> None:
+    ends = zip(s.capacity.names, tension.min(axis=0), tension.max(axis=0), strict=True)
+    rows = [(name, f"{low:.4g}", f"{high:.4g}") for name, low, high in ends]
+    print_table("Tensions over the motion, N", ("muscle", "least", "most"), rows)
+
+
+def _show_tracking(s: Setup, tracking: Tracking, folder: Path) -> None:
+    _show_range(s, tracking.tension)
+    off = np.degrees(np.abs(tracking.angle - tracking.wanted).max(axis=0))
+    rows = [
+        (joint, f"{rms:.3g}", f"{most:.3g}")
+        for joint, rms, most in zip(
+            s.models.finger.joints, np.degrees(tracking.error), off, strict=True
+        )
+    ]
+    print_table("Run forward: the angles miss the motion by, deg", ("joint", "RMS", "most"), rows)
+    typer.echo(
+        f"torques miss their plans by at most {1e3 * tracking.lacking:.3g} N mm; run it with: "
+        f"cosim run {shown_path(forward_path(folder))}"
     )

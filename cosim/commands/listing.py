@@ -167,23 +167,28 @@ def describe_key(whole: Schema, key: str) -> Iterator[tuple[str, str, Rows]]:
 
 
 def _at(whole: Schema, key: str) -> Schema:
-    """The schema of a key, its parts joined by dots.  Raises InputError."""
-    node = whole
+    """The schema of a key, its parts joined by dots, of all forms that it has in the kinds of its
+    table.  Raises InputError."""
+    nodes = [whole]
     for place, part in enumerate(parts := key.split(".")):
-        child, known = None, []
-        for _, one in _alternatives(whole, node):
-            known += [*one.get("properties", ()), *one.get("propertyNames", {}).get("enum", ())]
-            child = child or one.get("properties", {}).get(part)
-            if part in one.get("propertyNames", {}).get("enum", (part,)):
-                child = child or one.get("additionalProperties") or None
-        if child is None:
+        children, known = [], []
+        for node in nodes:
+            for _, one in _alternatives(whole, node):
+                names = one.get("propertyNames", {}).get("enum")
+                known += [*one.get("properties", ()), *(names or ())]
+                child = one.get("properties", {}).get(part)
+                if child is None and (names is None or part in names):
+                    child = one.get("additionalProperties")
+                if child and child not in children:
+                    children.append(child)
+        if not children:
             above = ".".join(parts[:place]) or "a case file"
             near = nearest_names(part, known)
             hint = f"; did you mean {'.'.join([*parts[:place], near[0]])}?" if near else "."
             listed = ", ".join(dict.fromkeys(known)) or "nothing"
             raise InputError(f"{key}: no key {part!r} in {above}{hint} There are {listed}")
-        node = child
-    return node
+        nodes = children
+    return nodes[0] if len(nodes) == 1 else {"anyOf": nodes}
 
 
 def _alternatives(whole: Schema, node: Schema) -> Iterator[tuple[str, Schema]]:

@@ -37,6 +37,8 @@ class FingerKind(Generic[T]):
     """How much wider it is than our index finger."""
     eyelets: Callable[[T], Eyelets] = lambda finger: {}
     """Where the intrinsic tendons run to a sheet from."""
+    tendons: Callable[[T], tuple[str, ...]] = lambda finger: ()
+    """Names of its own tendons, where there is no model that has them."""
 
     @property
     def name(self) -> str:

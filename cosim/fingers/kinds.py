@@ -117,8 +117,8 @@ def native_tendons(finger: AnyFinger, extensor: Extensor) -> tuple[str, ...]:
     """The finger's own, under a hood that leaves it so much."""
     if finger.kind == "fmu":
         return finger.tendons
-    model = FINGERS[finger.kind].model
-    return () if model is None else model(finger, extensor).muscles
+    kind = FINGERS[finger.kind]
+    return kind.tendons(finger) if kind.model is None else kind.model(finger, extensor).muscles
 
 
 def skeleton_of(finger: NativeFinger) -> Skeleton:

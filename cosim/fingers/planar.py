@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from cosim.fingers.chain import build_on_mujoco, thick_rods
 from cosim.fingers.common import Extensor, MassiveFingerConfig
 from cosim.fingers.kind import FingerKind
+from cosim.fingers.pulleys import Pulleys, Routes, routes_of
 from cosim.port import Triangles
 from cosim.schema.types import Inertia, Mass, Phalanx
 
@@ -33,6 +36,10 @@ class PlanarFingerConfig(MassiveFingerConfig):
     """Masses of the phalanges, from proximal to distal."""
     inertias: tuple[Inertia, Inertia, Inertia]
     """Moments of inertia about the centres of mass, normal to the plane."""
+    pulleys: Pulleys = Field(default_factory=dict)
+    """Tendons of its own over pulleys of constant radius, by tendon."""
+    points: Routes = Field(default_factory=dict)
+    """Points of the bones that tendons of its own run through, by tendon."""
 
 
 def planar_chain(finger: PlanarFingerConfig) -> PlanarChain:
@@ -46,7 +53,11 @@ def planar_chain(finger: PlanarFingerConfig) -> PlanarChain:
 
 def model(finger: PlanarFingerConfig, extensor: Extensor) -> FingerModel:
     """Bones, joints and tendons of the finger's MuJoCo model."""
-    return planar_chain(finger).model()
+    from rigid.fingers.pulley_tendons import routed_tendon
+
+    bare = planar_chain(finger).model()
+    own = (routed_tendon(r, bare.segments) for r in routes_of(finger.pulleys, finger.points))
+    return replace(bare, tendons=tuple(own))
 
 
 def build(finger: PlanarFingerConfig, extensor: Extensor) -> ChainFinger:

@@ -10,6 +10,7 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Real
+from pythonfmu.default_experiment import DefaultExperiment
 from pythonfmu.enums import Fmi2Status
 
 try:
@@ -35,6 +36,7 @@ class CosimFmu2(Stateful, Fmi2Slave):
         self.run = UnitRun(Path(self.resources))
         self.modelName, self.description = self.run.name, self.run.description
         self.guid = self.run.token
+        self.default_experiment = DefaultExperiment(0.0, self.run.stop_time, self.run.step_size)
         for quantity in self.run.quantities:
             for name in quantity.entries(quantity.template):
                 self.register_variable(_variable(name, quantity), nested=False)

@@ -20,6 +20,7 @@ from pythonfmu3 import (
     Fmi3StepResult,
     Fmi3Variability,
 )
+from pythonfmu3.default_experiment import DefaultExperiment
 from pythonfmu3.enums import Fmi3Status
 
 try:
@@ -45,6 +46,7 @@ class CosimFmu3(Stateful, Fmi3Slave):
         self.run = UnitRun(Path(self.resources))
         self.modelName, self.description = self.run.name, self.run.description
         self.guid = self.run.token
+        self.default_experiment = DefaultExperiment(0.0, self.run.stop_time, self.run.step_size)
         self._places = [self.run.place[q.name] for q in self.run.quantities]
         for quantity in self.run.quantities:
             self.register_variable(_variable(quantity), nested=False)

@@ -29,6 +29,8 @@ from cosim.processes import one_blas_thread
 CASE = "case.toml"
 """The resolved case, a file of the unit's resources."""
 PARTS = ("hood", "finger", "coupled")
+AT_REST_STEP, AT_REST_STOP = 0.02, 1.0
+"""s, that a unit of a case at rest states for a simulator that asks: in it no time passes."""
 
 
 def part_of(case: Case, part: str, tangent: bool = True) -> UnitPart:
@@ -78,6 +80,9 @@ class UnitRun:
         text = (resources / CASE).read_text(encoding="utf-8")
         self.token = str(uuid5(NAMESPACE_URL, f"{about} {text}"))
         """What FMI calls GUID or instantiation token: the same for the same unit."""
+        forward = case.forward
+        self.step_size = AT_REST_STEP if forward is None else forward.step
+        self.stop_time = AT_REST_STOP if forward is None else forward.duration
         self.part: UnitPart = part_of(case, about["part"], about["tangent"])
         self.quantities = self.part.quantities
         ends = list(accumulate((q.zero().size for q in self.quantities), initial=0))

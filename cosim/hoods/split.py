@@ -23,7 +23,7 @@ class SplitHoodConfig(HoodConfig):
     hood going to the central slip (equal parts in the normative model: An et al. 1979)."""
 
     title: ClassVar[str] = "no hood: tendons that part in fixed shares"
-    fits: ClassVar[tuple[str, ...]] = ("index", "middle", "robot")
+    fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot")
     is_coupled: ClassVar[bool] = False
     rungs: ClassVar[Mapping[str, str]] = {"split": "base/split"}
     example: ClassVar[tuple[str, ...]] = ("split_edc",)

@@ -62,6 +62,11 @@ def _check_friction(case: Case, native: tuple[str, ...]) -> None:
                 f"{where}: acts along tendons of the finger's own; {name} {whose}. Leave it out: "
                 f"{own}"
             )
+        if name in getattr(case.finger, "pulleys", {}):
+            raise InputError(
+                f"{where}: {name} is wound on pulleys that turn (finger.pulleys), on which it does "
+                "not slide; leave it out, or lead it through points (finger.points) alone"
+            )
 
 
 def _check_excursions(case: Case) -> None:

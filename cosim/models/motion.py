@@ -13,9 +13,11 @@ from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.excursion import PrescribedExcursions
 from cosim.coupling.motion import CoupledMotion, RecordedFinger
 from cosim.coupling.schemes import Alone
+from cosim.coupling.state import CoupledState
 from cosim.errors import InputError
 from cosim.fingers.common import CageTipConfig, ShellTipConfig
 from cosim.fingers.kinds import joint_ranges, unit
+from cosim.hoods.kind import Slips
 from cosim.hoods.view import HoodView
 from cosim.models.build import build, build_hood, site_of
 from cosim.models.fit import check_tendons
@@ -57,6 +59,18 @@ class MovingModels:
     """Of the points of the user's on the hood."""
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """rad by joint, the ranges of motion; none of a finger in an FMU."""
+    slips_of: Callable[[State], Slips] | None = None
+    """N in the slips of a hood in a state; None for a hood without."""
+    own_slips: Callable[[Mapping[str, float]], Slips] | None = None
+    """N in the slips from the tensions (N) of the finger's own tendons, where these make them."""
+
+    def slips(self, at: CoupledState) -> Slips:
+        """N in the slips, by name; none of a hood and finger without."""
+        if self.slips_of is not None:
+            return self.slips_of(at.hood)
+        if self.own_slips is not None:
+            return self.own_slips(dict(zip(self.finger.tendons, at.tension[1], strict=True)))
+        return {}
 
     @property
     def finger(self) -> RecordedFinger:
@@ -103,6 +117,8 @@ def moving_models(case: Case, forward: ForwardConfig) -> MovingModels:
         models.view,
         points.names,
         joint_ranges(models.finger),
+        models.slips,
+        models.own_slips,
     )
 
 
@@ -116,7 +132,7 @@ def _with_unit(case: Case, forward: ForwardConfig) -> MovingModels:
     pulls = CaseTendonDrive(case, tendons)
     driven = _prescribed_excursions(case, tendons)
     moves = CoupledMotion(scheme_of(case.coupling), finger, hood, pulls, forward.step, driven)
-    return MovingModels(moves, pulls, {}, {}, case.hood.lines, built.view)
+    return MovingModels(moves, pulls, {}, {}, case.hood.lines, built.view, slips_of=built.slips)
 
 
 def _check_step(

@@ -5,6 +5,7 @@ One of the files that know the solvers by name, for the tables that OpenSim writ
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,16 @@ from cosim.tendons.table import FileSignalConfig, PointsSignalConfig, SineSignal
 from cosim.text_tables import read_csv
 
 
+@dataclass(frozen=True)
+class LiveSignal:
+    """A signal that is set while the motion goes on (`cosim.Loop`); no case file states it."""
+
+    factor: Callable[[float], float]
+    """The factor at a time in s."""
+
+
 def factor_of(
-    signal: PointsSignalConfig | SineSignalConfig | FileSignalConfig | None,
+    signal: PointsSignalConfig | SineSignalConfig | FileSignalConfig | LiveSignal | None,
 ) -> Callable[[float], float]:
     """The factor at a time in s; one at all times without a signal.
 
@@ -24,6 +33,8 @@ def factor_of(
     match signal:
         case None:
             return lambda time: 1.0
+        case LiveSignal():
+            return signal.factor
         case SineSignalConfig():
             rate, mean, most, phase = (
                 *(2 * np.pi * signal.frequency, signal.mean),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import floor, isfinite, log10
 from typing import Any, Literal, get_args, get_origin
@@ -21,6 +21,11 @@ from cosim.schema.fields import Text
 
 Form = Literal["slider", "switch", "choice", "text"]
 POSTURE, TENDONS, HOOD, LESION = "Posture", "Tendons", "Hood", "Lesion or repair"
+FINGER = "Finger"
+OF_FINGER = (
+    "lengths", "masses", "arms", "extensor_share", "guides", "pulleys", "passive", "limit",
+)  # fmt: skip
+"""Keys of a finger's table that have controls, besides its posture."""
 MATERIAL, SUPPORTS = "Material, by region", "Springs and contact"
 MODULI = "moduli"
 """The key of the factor on all moduli, which is no key of a case."""
@@ -49,6 +54,10 @@ WORDS = {
     "c5": "fibre modulus, c5",
     "lam_max": "fibres straight at stretch",
     "quads": "elements of the mesh",
+    "arms": "moment arm of",
+    "limit": "joint limit",
+    "passive": "torque of the joint",
+    "pulleys": "radius of the pulley of",
 }
 """Keys whose words are others."""
 
@@ -95,6 +104,7 @@ def controls_of(case: Case) -> tuple[Control, ...]:
         *_moduli(case),
         *(c for c in of_hood if c.group == HOOD),
         *_lesion(case),
+        *_walk(case.finger, "finger", FINGER, only=OF_FINGER),
         *(c for c in of_hood if c.group == MATERIAL),
         *(c for c in of_hood if c.group == SUPPORTS),
     )
@@ -178,10 +188,15 @@ def _words(key: str) -> str:
     return WORDS.get(key, key.replace("_", " "))
 
 
-def _walk(table: BaseModel, place: str, group: str, part: str = "") -> Iterator[Control]:
+def _walk(
+    table: BaseModel, place: str, group: str, part: str = "", only: Collection[str] = ()
+) -> Iterator[Control]:
     """A control for each value of a table and of those below it that a slider, switch or choice
-    can say; values that the case does not state are left out."""
+    can say; values that the case does not state are left out.  `only`: the table's keys that have
+    controls, where not all do."""
     for name, field in type(table).model_fields.items():
+        if only and name not in only:
+            continue
         value, key = getattr(table, name), f"{place}.{name}"
         meaning = " ".join((field.description or "").split())
         below = part or _words(name)
@@ -309,6 +324,7 @@ def _tendons(case: Case) -> Iterator[Control]:
     for name in dict.fromkeys((*hood, *own, *case.tendons)):
         stated, key = case.tendons.get(name), f"tendons.{name}"
         if stated is not None and stated.actuation is not None:
+            yield from _walk(stated.actuation, f"{key}.actuation", TENDONS, _words(name))
             continue
         over_time = " Over time it is multiplied by the case's signal." * bool(
             stated is not None and stated.signal is not None

@@ -1,4 +1,4 @@
-"""An analytic planar finger: three hinges, flexion about +y, bones along x; no muscles.
+"""An analytic planar finger: three hinges, flexion about +y, bones along x, cables over pulleys.
 
 It needs numpy only and serves as the closed-form truth for the other fingers.
 """
@@ -13,7 +13,8 @@ from cosim.errors import InputError
 from cosim.port import Array, Motion
 from rigid.chain.joint_torques import JointLaw, joint_law
 from rigid.chain.kinematics import Chain
-from rigid.chain.statics import ChainFinger
+from rigid.chain.pulley_cables import PulleyCable
+from rigid.chain.statics import ChainFinger, FingerState
 from rigid.chain.support import IN_PLANE, Support
 
 BODIES = ("metacarpal", "proximal", "middle", "distal")
@@ -43,16 +44,26 @@ class HingeFinger(ChainFinger):
         law: JointLaw | None = None,
         support: Support = IN_PLANE,
         ranges: Mapping[str, tuple[float, float]] | None = None,
+        pulleys: Mapping[str, Mapping[str, float]] | None = None,
     ) -> None:
-        """Build the chain.  Raises InputError for lengths that are not three positive numbers or an
-        unknown joint."""
+        """Build the chain.  pulleys: by tendon the radius (m) by joint, positive where the tendon
+        flexes it (`rigid.chain.pulley_cables`).
+
+        Raises InputError for lengths that are not three positive numbers or an unknown joint."""
         self.lengths = np.asarray(lengths, dtype=float)
         if self.lengths.shape != (3,) or not (self.lengths > 0).all():
             raise InputError(f"hinge finger: expected three positive lengths (m), got {lengths}")
         law = joint_law(JOINTS) if law is None else law
         if law.joints != JOINTS:
             raise InputError(f"hinge finger: its joints are {JOINTS}, the law has {law.joints}")
-        super().__init__(BODIES, (), law, {} if ranges is None else ranges, support)
+        self.cables = {
+            name: PulleyCable.over(name, radius, JOINTS, self.lengths)
+            for name, radius in (pulleys or {}).items()
+        }
+        self._arms = np.zeros((len(self.cables), 3))
+        for row, cable in zip(self._arms, self.cables.values(), strict=True):
+            row[: len(cable.radii)] = cable.radii
+        super().__init__(BODIES, tuple(self.cables), law, {} if ranges is None else ranges, support)
 
     def chain(self, angles: Array) -> Chain:
         flexion = np.cumsum(angles)
@@ -66,11 +77,20 @@ class HingeFinger(ChainFinger):
 
     def own_torques(self, angles: Array, tension: Array) -> dict[str, Array]:
         """Joint torques (nq,) by source that the finger itself exerts, N m."""
-        return {}
+        return dict(zip(self.tendons, np.asarray(tension)[:, None] * self._arms, strict=True))
 
     def own_tangent(self, angles: Array, tension: Array) -> Array:
         """Derivative (nq, nq) of the finger's own torques by the angles, N m/rad."""
         return np.zeros((3, 3))
 
     def own_wrenches(self, angles: Array, tension: Array) -> dict[str, Array]:
-        return {}
+        motion = self.chain(angles).motion
+        pulls = zip(self.cables.items(), tension, strict=True)
+        return {name: force * cable.wrenches(motion) for (name, cable), force in pulls}
+
+    def path_lengths(self, state: FingerState) -> Array:
+        return np.array([cable.length(state.angles) for cable in self.cables.values()])
+
+    def tendon_paths(self, state: FingerState) -> dict[str, Array]:
+        motion = self.motion(state)
+        return {name: cable.path(motion) for name, cable in self.cables.items()}

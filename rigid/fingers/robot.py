@@ -1,10 +1,11 @@
-"""The robotic finger as a finger model: five tendons, or six with a second extensor.
+"""The robotic finger as a finger model: five tendons, or six with a second extensor, and a
+builder's own.
 
 A fit to table III, not a reconstruction: the paper's points are not at hand.  Ten unknowns make its
-20 numbers:
+20 numbers, or those that a `RobotDesign` states in their place:
 
 * radii of the cylinders about the MCP, PIP and DIP axes that the extensor wraps (in the default
-  posture too, so that a radius is the arm): R, (LONG + SHORT) r_PIP, LONG r_DIP;
+  posture too, so that a radius is the arm): R, (long + short share) r_PIP, long share r_DIP;
 * z of the flexors' guides on proximal, middle and distal phalanx (equal columns of table III at
   MCP and PIP say that both flexors run through the same ones);
 * y and z of the ends of the abduction and the adduction tendon, straight lines beside the joint.
@@ -19,15 +20,18 @@ three insertions of the human extensor (assumption; the paper prints the weights
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq, fsolve
 
+from cosim.errors import InputError
 from cosim.port import Array
 from rigid.fingers import robot_tables as tables
 from rigid.fingers.anatomy import RANGES
-from rigid.fingers.robot_tables import LONG, SHORT, TABLE_III
+from rigid.fingers.pulley_tendons import routed_tendon
+from rigid.fingers.robot_tables import XU2012, RobotDesign
 from rigid.model import (
     FingerModel,
     Hinge,
@@ -44,38 +48,35 @@ MM = 1e-3
 ROD_RADIUS = 0.005
 """m, assumption: the phalanges' inertia is that of uniform rods of this radius."""
 FLEXION = (0.0, 1.0, 0.0)
-HEAD = WrapSphere("metacarpal", (0.0, 0.0, 0.0), tables.HEAD_RADIUS * MM)
 AXES = {"MCP_abduction": (0.0, 0.0, 1.0)}
 Point = tuple[float, float, float]
 
 
-@lru_cache(maxsize=2)
-def robot_finger(second_extensor: bool = False) -> FingerModel:
+@lru_cache(maxsize=64)
+def robot_finger(second_extensor: bool = False, design: RobotDesign = XU2012) -> FingerModel:
     """The finger of tables I to III; with the second extensor, one to the proximal phalanx alone,
     and the central one left to the middle and distal phalanges (the paper says that it rearranged
-    the attachments and not how: both are assumptions)."""
-    tendons: tuple[Tendon, ...] = (
-        _extensor(tables.TENDONS[0], to_proximal=not second_extensor),
-        *_flexors(),
-        _side_tendon("abduction", 1.0),
-        _side_tendon("adduction", -1.0),
-    )
-    if second_extensor:
-        tendons += (Tendon(tables.SECOND_EXTENSOR, (Strand(_over_mcp()),)),)
-    tip = (tables.LENGTHS[2], 0.0, 0.0)
+    the attachments and not how: both are assumptions).
+
+    Raises InputError for a design whose tendons no guides lead."""
+    segments, tendons = _segments(design), {}
+    if design.keeps_paper_tendons:
+        tendons = {t.name: t for t in _Paths(design).tendons(second_extensor)}
+    tendons |= {route.name: routed_tendon(route, segments) for route in design.routes}
+    tip = (design.lengths[2], 0.0, 0.0)
     name = "robotic finger" + (", six tendons" if second_extensor else "")
-    return FingerModel(name, _segments(), tip, tendons)
+    return FingerModel(name, segments, tip, tuple(tendons.values()))
 
 
-def _segments() -> tuple[Segment, ...]:
-    metacarpal = Segment("metacarpal", tables.ORIGIN * MM, radius=0.006)
+def _segments(design: RobotDesign) -> tuple[Segment, ...]:
+    metacarpal = Segment("metacarpal", design.guides.origin * MM, radius=0.006)
     joints = (("MCP", "MCP_abduction"), ("PIP",), ("DIP",))
     phalanges = zip(
         ("proximal", "middle", "distal"),
-        tables.LENGTHS,
-        tables.MASSES,
+        design.lengths,
+        design.masses,
         joints,
-        (0.0, *tables.LENGTHS[:2]),
+        (0.0, *design.lengths[:2]),
         strict=True,
     )
     return metacarpal, *(_phalanx(*each) for each in phalanges)
@@ -97,104 +98,186 @@ def _phalanx(
     )
 
 
+class _Paths:
+    """The paper's tendons in a design: points mm in the bones' frames."""
+
+    def __init__(self, design: RobotDesign) -> None:
+        self.design, self.guides = design, design.guides
+        self.head = WrapSphere("metacarpal", (0.0, 0.0, 0.0), self.guides.head_radius * MM)
+        proximal, middle = (1e3 * length for length in design.lengths[:2])
+        self.proximal, self.middle = proximal, middle
+        self.before_pip = round(proximal - self.guides.before_pip, 9)
+        self.before_dip = round(middle - self.guides.before_dip, 9)
+        stations = {
+            "proximal": (self.guides.flexor_proximal, self.before_pip, proximal),
+            "middle": (self.guides.flexor_middle, self.before_dip, middle),
+        }
+        for bone, (guide, before, end) in stations.items():
+            if not 0.0 < guide < end or not 0.0 < before < end:
+                raise InputError(
+                    f"robotic finger: a guide stands beyond the end of the {bone} phalanx of "
+                    f"{end:.4g} mm; move finger.guides with finger.lengths"
+                )
+
+    def tendons(self, second_extensor: bool) -> tuple[Tendon, ...]:
+        """The paper's, in the order of table III."""
+        five: tuple[Tendon, ...] = (
+            self._extensor(tables.TENDONS[0], to_proximal=not second_extensor),
+            *self._flexors(),
+            self._side_tendon("abduction", 1.0),
+            self._side_tendon("adduction", -1.0),
+        )
+        if not second_extensor:
+            return five
+        return *five, Tendon(tables.SECOND_EXTENSOR, (Strand(self._over_mcp()),))
+
+    def _lengthening(self, joint: str, tendon: str) -> float:
+        """mm per rad, of table III."""
+        row = self.design.lengthening[tables.JOINTS.index(joint)]
+        return float(row[tables.TENDONS.index(tendon)])
+
+    def _extensor(self, name: str, to_proximal: bool) -> Tendon:
+        """The pulley: half the tension to the distal phalanx, a quarter each to two more ends;
+        where the proximal phalanx has an extensor of its own, both quarters to the middle one."""
+        g, long, short = self.guides, self.design.long_share, self.design.short_share
+        shorts = 1 if to_proximal else 2
+        before_pip, after_pip = (self.before_pip, g.pip_height), (g.after_pip, g.pip_height)
+        before_dip, distal = (self.before_dip, g.dip_height), (g.distal, g.dip_height)
+        radius = self._lengthening("PIP", name) / (long + short)
+        over_pip = self._dorsal("proximal", "PIP", self.proximal, radius, before_pip, after_pip)
+        radius = self._lengthening("DIP", name) / long
+        over_dip = self._dorsal("middle", "DIP", self.middle, radius, before_dip, distal)
+        to_middle = (
+            *self._over_mcp(),
+            _in_plane("proximal", before_pip),
+            over_pip,
+            _in_plane("middle", after_pip),
+        )
+        to_distal = (
+            *to_middle,
+            _in_plane("middle", before_dip),
+            over_dip,
+            _in_plane("distal", distal),
+        )
+        strands = [Strand(to_distal, long), *[Strand(to_middle, short)] * shorts]
+        if to_proximal:
+            strands.append(Strand(self._over_mcp(), short))
+        return Tendon(name, tuple(strands))
+
+    def _over_mcp(self) -> tuple[PathElement, ...]:
+        g = self.guides
+        guide = (g.extensor_x, g.extensor_z)
+        beyond = (g.extensor_proximal_x, g.extensor_proximal_z)
+        radius = self._lengthening("MCP", tables.TENDONS[0])
+        return (
+            _in_plane("metacarpal", (g.origin, g.extensor_z)),
+            _in_plane("metacarpal", guide),
+            self._dorsal("metacarpal", "MCP", 0.0, radius, guide, beyond),
+            _in_plane("proximal", beyond),
+        )
+
+    def _dorsal(
+        self,
+        body: str,
+        joint: str,
+        joint_x: float,
+        radius: float,
+        before: tuple[float, float],
+        after: tuple[float, float],
+    ) -> WrapCylinder:
+        """About a flexion axis, between guides at (x, z) in the frames of the bones before and
+        after; the tendon's side is half-way along the arc that it covers.  Raises InputError where
+        the straight finger's tendon would clear it, so that the radius were not the arm, or where
+        it would swallow a guide."""
+        a, b = np.array([before[0] - joint_x, before[1]]), np.array(after)
+        along = (b - a) / np.linalg.norm(b - a)
+        if not abs(a[0] * along[1] - a[1] * along[0]) <= radius < min(map(np.linalg.norm, (a, b))):
+            raise InputError(
+                f"robotic finger: the extensor's pulley at the {joint} has a radius of "
+                f"{radius:.4g} mm (finger.arms.extensor.{joint}), and its guides stand at "
+                f"{a[0]:.4g} and {b[0]:.4g} mm along, {a[1]:.4g} and {b[1]:.4g} mm dorsal of the "
+                "axis: it must reach the line between them, and neither of them. Change the arm, "
+                "or finger.guides"
+            )
+        aside = 1.5 * radius * np.sqrt(0.5) * MM
+        centre = (joint_x * MM, 0.0, 0.0)
+        return WrapCylinder(body, centre, FLEXION, radius * MM, (centre[0] + aside, 0.0, aside))
+
+    def _flexors(self) -> tuple[Tendon, Tendon]:
+        """To the distal and to the middle phalanx, through the same guides."""
+        g = self.guides
+        arms = (-self._lengthening(joint, "dip_flexor") for joint in ("MCP", "PIP", "DIP"))
+        at_mcp, at_pip, at_dip = arms
+        first = _height((g.flexor_x, g.flexor_z), g.flexor_proximal, at_mcp, "MCP")
+        second = _height((g.flexor_proximal - self.proximal, first), g.flexor_middle, at_pip, "PIP")
+        third = _height((g.flexor_middle - self.middle, second), g.flexor_distal, at_dip, "DIP")
+        common = (
+            _in_plane("metacarpal", (g.origin, g.flexor_z)),
+            _in_plane("metacarpal", (g.flexor_x, g.flexor_z)),
+            self.head,
+            _in_plane("proximal", (g.flexor_proximal, first)),
+            _in_plane("middle", (g.flexor_middle, second)),
+        )
+        to_distal = (*common, _in_plane("distal", (g.flexor_distal, third)))
+        return Tendon("dip_flexor", (Strand(to_distal),)), Tendon("pip_flexor", (Strand(common),))
+
+    def _side_tendon(self, name: str, side: float) -> Tendon:
+        """Beside the MCP; `side`: +1 radial, -1 ulnar."""
+        g = self.guides
+        guide = np.array([g.side_x, side * g.side_y, g.side_z])
+        wanted = np.array([-self._lengthening(j, name) for j in ("MCP", "MCP_abduction")])
+
+        def miss(end: Array) -> Array:
+            point = np.array([g.side_end, *end])
+            along = guide - point
+            return np.cross(point, along / np.linalg.norm(along))[1:] - wanted
+
+        end_y, end_z = _solve(
+            lambda: fsolve(miss, [wanted[1], -wanted[0]], xtol=1e-13, full_output=True),
+            f"finger.arms.{name}",
+        )
+        path = (
+            _via("metacarpal", (g.origin, float(guide[1]), g.side_z)),
+            _via("metacarpal", (g.side_x, float(guide[1]), g.side_z)),
+            self.head,
+            _via("proximal", (g.side_end, float(end_y), float(end_z))),
+        )
+        return Tendon(name, (Strand(path),))
+
+
+def _solve(root: Callable[[], tuple[Array, dict[str, Array], int, str]], key: str) -> Array:
+    """The end of a tendon for arms that a key states.  Raises InputError where there is none."""
+    found, _, ended, _ = root()
+    if ended != 1:
+        raise InputError(
+            f"robotic finger: no straight line from its guide has the arms of {key}; choose "
+            "smaller ones, or move the guide (finger.guides)"
+        )
+    return found
+
+
 def _via(body: str, point: Point) -> Via:
     x, y, z = point
     return Via(body, (x * MM, y * MM, z * MM))
 
 
-def _dorsal(body: str, joint_x: float, radius: float) -> WrapCylinder:
-    """About a flexion axis; the tendon's side is half-way along the arc that it covers."""
-    aside = 1.5 * radius * np.sqrt(0.5) * MM
-    centre = (joint_x * MM, 0.0, 0.0)
-    return WrapCylinder(body, centre, FLEXION, radius * MM, (centre[0] + aside, 0.0, aside))
+def _in_plane(body: str, point: tuple[float, float]) -> Via:
+    return _via(body, (point[0], 0.0, point[1]))
 
 
-def _extensor(name: str, to_proximal: bool) -> Tendon:
-    """The pulley: half the tension to the distal phalanx, a quarter each to two more ends; where
-    the proximal phalanx has an extensor of its own, both quarters to the middle one."""
-    proximal, middle = (1e3 * length for length in tables.LENGTHS[:2])
-    shorts = 1 if to_proximal else 2
-    over_pip = _dorsal("proximal", proximal, TABLE_III[2, 0] / (LONG + SHORT))
-    over_dip = _dorsal("middle", middle, TABLE_III[3, 0] / LONG)
-    to_middle = (
-        *_over_mcp(),
-        _via("proximal", tables.EXTENSOR_BEFORE_PIP),
-        over_pip,
-        _via("middle", tables.EXTENSOR_AFTER_PIP),
-    )
-    to_distal = (
-        *to_middle,
-        _via("middle", tables.EXTENSOR_BEFORE_DIP),
-        over_dip,
-        _via("distal", tables.EXTENSOR_DISTAL),
-    )
-    strands = [Strand(to_distal, LONG), *[Strand(to_middle, SHORT)] * shorts]
-    if to_proximal:
-        strands.append(Strand(_over_mcp(), SHORT))
-    return Tendon(name, tuple(strands))
-
-
-def _over_mcp() -> tuple[PathElement, ...]:
-    x, y, z = tables.EXTENSOR_GUIDE
-    return (
-        _via("metacarpal", (tables.ORIGIN, y, z)),
-        _via("metacarpal", (x, y, z)),
-        _dorsal("metacarpal", 0.0, TABLE_III[0, 0]),
-        _via("proximal", tables.EXTENSOR_PROXIMAL),
-    )
-
-
-def _flexors() -> tuple[Tendon, Tendon]:
-    """To the distal and to the middle phalanx, through the same guides."""
-    x, y, z = tables.FLEXOR_GUIDE
-    proximal, middle = (1e3 * length for length in tables.LENGTHS[:2])
-    first = _height((x, z), tables.FLEXOR_PROXIMAL, _arm(0, 1))
-    second = _height((tables.FLEXOR_PROXIMAL - proximal, first), tables.FLEXOR_MIDDLE, _arm(2, 1))
-    third = _height((tables.FLEXOR_MIDDLE - middle, second), tables.FLEXOR_DISTAL, _arm(3, 1))
-    common = (
-        _via("metacarpal", (tables.ORIGIN, y, z)),
-        _via("metacarpal", (x, y, z)),
-        HEAD,
-        _via("proximal", (tables.FLEXOR_PROXIMAL, 0.0, first)),
-        _via("middle", (tables.FLEXOR_MIDDLE, 0.0, second)),
-    )
-    to_distal = (*common, _via("distal", (tables.FLEXOR_DISTAL, 0.0, third)))
-    return Tendon("dip_flexor", (Strand(to_distal),)), Tendon("pip_flexor", (Strand(common),))
-
-
-def _arm(joint: int, tendon: int) -> float:
-    """The moment arm, mm, positive where the tendon turns the joint in its positive sense."""
-    return -float(TABLE_III[joint, tendon])
-
-
-def _height(before: tuple[float, float], x: float, arm: float) -> float:
+def _height(before: tuple[float, float], x: float, arm: float, joint: str) -> float:
     """The height, mm: z of the point at `x` that a straight line from `before` (x, z) must run to,
-    to pass `arm` palmar of the origin."""
+    to pass `arm` palmar of the origin.  Raises InputError where there is none."""
 
     def miss(z: float) -> float:
         along = np.array([before[0] - x, before[1] - z])
         return float((z * along[0] - x * along[1]) / np.hypot(*along)) - arm
 
-    return float(brentq(miss, -3 * arm, 0.0, xtol=1e-13))
-
-
-def _side_tendon(name: str, side: float) -> Tendon:
-    """Beside the MCP; `side`: +1 radial, -1 ulnar."""
-    k = tables.TENDONS.index(name)
-    x, y, z = tables.SIDE_GUIDE
-    guide = np.array([x, side * y, z])
-    wanted = np.array([_arm(0, k), _arm(1, k)])
-
-    def miss(end: Array) -> Array:
-        point = np.array([tables.SIDE_END, *end])
-        along = guide - point
-        return np.cross(point, along / np.linalg.norm(along))[1:] - wanted
-
-    end_y, end_z = fsolve(miss, [wanted[1], -wanted[0]], xtol=1e-13)
-    path = (
-        _via("metacarpal", (tables.ORIGIN, float(guide[1]), z)),
-        _via("metacarpal", (x, float(guide[1]), z)),
-        HEAD,
-        _via("proximal", (tables.SIDE_END, float(end_y), float(end_z))),
-    )
-    return Tendon(name, (Strand(path),))
+    try:
+        return float(brentq(miss, -3 * arm, 0.0, xtol=1e-13))
+    except ValueError:
+        raise InputError(
+            f"robotic finger: from a guide {-before[1]:.4g} mm palmar no straight line passes the "
+            f"{joint} axis at {arm:.4g} mm (finger.arms.flexors.{joint}); choose arms that are "
+            "nearer to each other, or move the guides (finger.guides)"
+        ) from None

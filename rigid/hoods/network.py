@@ -168,7 +168,10 @@ class Network:
     def sharing(self, angle: Array, force: Array) -> Array:
         """The derivatives (..., k, m) of the connecting tensions by the muscles' forces; of the
         springs that bear, their parts of the stiffness at the junction."""
-        position, _ = self.solve(angle, force)
+        return self.sharing_at(angle, self.solve(angle, force)[0])
+
+    def sharing_at(self, angle: Array, position: Array) -> Array:
+        """The same with the junctions at their positions (..., m) m of `solve`."""
         slack = self.lengths(angle)[..., None] - position[..., None, :]
         bearing = self.connection * self.stiffness[:, None] * (slack <= 0)
         total = bearing.sum(axis=-2, keepdims=True)

@@ -51,12 +51,12 @@ class NetworkHood(JointHood):
 
 def _at_forces(network: Network, angle: Array, force: Array) -> Derived:
     """Shares that follow from the forces themselves (8)."""
-    _, tension = network.solve(angle, force)
-    share = network.sharing(angle, force)
+    position, tension = network.solve(angle, force)
+    share = network.sharing_at(angle, position)
     bearing = network.stiffness[:, None] * (share > 0)
     spring = share @ bearing.T - np.diag(bearing.sum(axis=1))
     stretch = np.divide(1.0, bearing.sum(axis=0), out=np.zeros(len(force)), where=share.any(axis=0))
-    excursion = network.excursion(angle, force)
+    excursion = network.direct.lengths(angle) + position
     return _in_joints(network, angle, force, tension, share, spring, excursion, stretch)
 
 

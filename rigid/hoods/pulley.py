@@ -98,6 +98,11 @@ class PulleyHood:
             unknown = [body for body, _ in cable.points if body not in self.bodies]
             if unknown:
                 raise InputError(f"cable {name}: unknown body {unknown[0]}, not in {self.bodies}")
+        self._body = {
+            name: np.array([self.bodies.index(body) for body, _ in cable.points])
+            for name, cable in cables.items()
+        }
+        self._seen: tuple[Motion, list[_Line]] | None = None
         self._rest = np.array([line.length for line in self._lines(rest)])
 
     def start(self, motion: Motion) -> PulleyState:
@@ -148,11 +153,15 @@ class PulleyHood:
         return np.array([cable.compliance for cable in self._cables.values()])
 
     def _lines(self, motion: Motion) -> list[_Line]:
-        return [_line(name, cable, motion) for name, cable in self._cables.items()]
+        """The cables, those of the last motion kept: an answer and its derivatives ask for the same
+        one."""
+        if self._seen is None or self._seen[0] is not motion:
+            cables = self._cables.items()
+            self._seen = motion, [_line(n, cable, self._body[n], motion) for n, cable in cables]
+        return self._seen[1]
 
 
-def _line(name: str, cable: Cable, motion: Motion) -> _Line:
-    body = np.array([motion.bodies.index(b) for b, _ in cable.points])
+def _line(name: str, cable: Cable, body: Indices, motion: Motion) -> _Line:
     turn = motion.rotation[body]
     lever = np.einsum("nij,nj->ni", turn, np.array([p for _, p in cable.points]))
     point = motion.position[body] + lever
@@ -198,7 +207,7 @@ def _motion_stiffness(line: _Line, rate: Array) -> Array:
     out = -rate.T @ line.hessian @ rate
     guide = slice(6 * line.body[0] + 3, 6 * line.body[0] + 6)
     out[:, guide] -= rate[:3].T @ skew(line.pull)
-    for b, lever, force in zip(line.body, line.lever, _unit_forces(line), strict=True):
+    for b, lever, force in zip(line.body, skew(line.lever), skew(_unit_forces(line)), strict=True):
         turn = slice(6 * b + 3, 6 * b + 6)
-        out[turn, turn] += skew(force) @ skew(lever)
+        out[turn, turn] += force @ lever
     return out

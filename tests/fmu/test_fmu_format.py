@@ -21,7 +21,7 @@ from tests.helpers.fmus import NEEDS_FMU, change_archive
 
 pytestmark = NEEDS_FMU
 BOTH = pytest.mark.parametrize("fmi", [2, 3])
-LAYOUT = "d8b0cd99"
+LAYOUT = "6ce88985"
 """Digest of what a unit of FMU_FORMAT holds and imports of the program."""
 
 
@@ -43,7 +43,7 @@ def test_the_format_has_another_number_where_the_layout_is_another(written):
             about = json.loads(archive.read("resources/about.json"))
         uses = re.findall(r"from cosim\S* import .*|self\.run\.\w+|self\._\w+", script)
         facts.append([sorted(names), sorted(about), sorted(set(uses))])
-    assert about["format"] == FMU_FORMAT == 2
+    assert about["format"] == FMU_FORMAT == 3
     assert hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:8] == LAYOUT
 
 
@@ -59,8 +59,8 @@ def with_about(source: Path, target: Path, **facts: object) -> Path:
 @pytest.mark.parametrize(
     ("facts", "words"),
     [
-        ({"format": None}, f"by cosim-hand {__version__} in format 1, .* which runs format 2"),
-        ({"format": 99}, r"in format 99, and this Python has cosim-hand \S+, which runs format 2"),
+        ({"format": None}, f"by cosim-hand {__version__} in format 1, .* which runs format 3"),
+        ({"format": 99}, r"in format 99, and this Python has cosim-hand \S+, which runs format 3"),
         ({"version": "0.0.1"}, r"written by cosim-hand 0\.0\.1"),
         ({"version": None}, "does not describe a unit"),
     ],
@@ -82,7 +82,7 @@ def test_another_simulator_is_told_so_too(tmp_path, written, fmi):
     code = "import sys, fmpy; fmpy.simulate_fmu(sys.argv[1], stop_time=1e-3, debug_logging=True)"
     for unit, words in (
         (path, "in format 1, and this Python has cosim-hand"),
-        (gone, f"needs cosim-hand {__version__} with its extra fmu, which runs FMUs of format 2"),
+        (gone, f"needs cosim-hand {__version__} with its extra fmu, which runs FMUs of format 3"),
     ):
         done = subprocess.run(
             [sys.executable, "-c", code, str(unit)],

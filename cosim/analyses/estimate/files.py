@@ -11,8 +11,10 @@ import pandas as pd
 from cosim.analyses.estimate.capacity import Capacity
 from cosim.analyses.estimate.feasible import ForceSet
 from cosim.analyses.estimate.of_case import EstimateAnswer, MotionEstimate, Setup
-from cosim.analyses.estimate.plot import draw_estimate, draw_motion
+from cosim.analyses.estimate.plot import draw_estimate, draw_motion, draw_tracking
 from cosim.analyses.estimate.tensions import format_components
+from cosim.analyses.estimate.tracking import Tracking
+from cosim.case.file import moved_toml, resolved_toml
 from cosim.files import output_folder
 from cosim.json_text import json_text
 from cosim.port import Array
@@ -86,6 +88,54 @@ def write_motion(folder: Path, s: Setup, result: MotionEstimate, wall: float) ->
         _json(part / MARK, {**_head(s, wall), "largest_tension_N": most, "audit": audit})
         _csv(part / "estimate.csv", pd.DataFrame(table))
         sheet = draw_motion(s.capacity.names, joints, result, s.case.name)
+        write_figure(sheet, part / "estimate.png", DPI)
+
+
+def forward_path(folder: Path) -> Path:
+    """The case that runs forward under the tensions of a folder."""
+    return folder / f"{folder.name}_forward.toml"
+
+
+def write_tracking(folder: Path, s: Setup, tracking: Tracking, wall: float) -> None:
+    """Tensions that move the finger forward along a motion, in full precision, the angles beside
+    those wanted, and the case of `forward_path`, which runs under these tensions.
+
+    Raises InputError."""
+    joints, names = s.models.finger.joints, s.capacity.names
+    angles = {"time_s": tracking.step_time}
+    for k, joint in enumerate(joints):
+        angles |= {
+            f"{joint}_deg": np.degrees(tracking.angle[:, k]),
+            f"{joint}_wanted_deg": np.degrees(tracking.wanted[:, k]),
+        }
+    pulls = pd.DataFrame(tracking.tension, columns=list(names))
+    pulls.insert(0, "time", tracking.time)
+    off = np.degrees(np.abs(tracking.angle - tracking.wanted).max(axis=0))
+    summary = {
+        **_head(s, wall),
+        "largest_tension_N": dict(zip(names, tracking.tension.max(axis=0), strict=True)),
+        "angle_rms_deg": dict(zip(joints, np.degrees(tracking.error), strict=True)),
+        "angle_most_deg": dict(zip(joints, off, strict=True)),
+        "audit": {
+            "largest_torque_lacking_Nmm": 1e3 * tracking.lacking,
+            "hood_solves_of_plans": tracking.rounds,
+        },
+    }
+    if (miss := tracking.motion.markers_miss) is not None:
+        summary["audit"]["markers_miss_mm"] = 1e3 * miss
+    with output_folder(folder, MARK) as part:
+        table = part / "forward_tensions.csv"
+        pulls.to_csv(table, index=False)
+        signals = {
+            name: {"tension": "1 N", "signal": {"kind": "file", "path": str(table), "column": name}}
+            for name in names
+        }
+        case = s.case.replace({"title": f"{s.case.title}, along a motion", "tendons": signals})
+        text = moved_toml(resolved_toml(case), part)
+        (part / forward_path(folder).name).write_text(text, encoding="utf-8")
+        _csv(part / "estimate.csv", pd.DataFrame(angles))
+        _json(part / MARK, summary)
+        sheet = draw_tracking(names, joints, tracking, s.case.name)
         write_figure(sheet, part / "estimate.png", DPI)
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from cosim.errors import ConvergenceError, InputError, ReadingWarning, nearest_names
+from cosim.analyses.estimate.joint_motion import JointMotion, as_motion, read_motion
+from cosim.errors import ConvergenceError, InputError, Progress, ReadingWarning, nearest_names
 from cosim.hoods.shell.point_table import read_points
 from cosim.port import Array, Finger
 from cosim.text_tables import read_csv
@@ -72,6 +73,35 @@ def read_seen_motion(
         angles.append(angle)
         misses.append(fit.residual)
     return SeenMotion(seen.time, np.array(angles), np.array(misses))
+
+
+def read_any_motion(
+    path: Path,
+    markers: Path | None,
+    finger: Finger,
+    posture: Mapping[str, float],
+    samples: int | None,
+    cutoff: float | None,
+    progress: Progress,
+) -> JointMotion:
+    """A motion as `read_motion` takes it, of angles, or with `markers` of a .trc as
+    `read_seen_motion` does, by how much the markers miss the finger told.
+
+    Raises InputError and ConvergenceError."""
+    if (markers is None) == (path.suffix.lower() == ".trc"):
+        raise InputError(f"{path}: markers on the finger belong to a .trc, and that to them")
+    if markers is None:
+        return read_motion(path, finger.joints, posture, samples, cutoff)
+    progress("finding the angles that the markers show")
+    seen = read_seen_motion(path, markers, finger, posture)
+    k = int(np.argmax(seen.miss))
+    miss = float(np.sqrt(np.mean(seen.miss**2)))
+    progress(
+        f"the markers are {1e3 * miss:.2g} mm off the finger's in the mean, "
+        f"{1e3 * seen.miss[k]:.2g} mm at most, at {seen.time[k]:g} s"
+    )
+    motion = as_motion(path, seen.time, seen.angle, samples, cutoff)
+    return replace(motion, markers_miss=miss)
 
 
 def _glued(table: Path, finger: ChainFinger, seen: MarkerMotion) -> tuple[BodyMarkers, list[int]]:

@@ -13,12 +13,18 @@ from cosim.analyses.estimate.capacity import Capacity, Weights, capacity
 from cosim.analyses.estimate.demand import Demand, force_demand, torque_demand
 from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.analyses.estimate.joint_motion import JointMotion
-from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, format_components
+from cosim.analyses.estimate.tensions import (
+    Bounds,
+    Cost,
+    Estimate,
+    estimate,
+    format_components,
+)
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, Progress
 from cosim.fingers.kinds import with_mass
 from cosim.models.build import Models, build
-from cosim.port import AXES, Array, PairState, Tensions
+from cosim.port import AXES, Array, PairState, State, Tensions
 from cosim.schema import units
 from cosim.solve.equilibrium import solve_equilibrium
 from rigid.mujoco.finger import MujocoFinger, needed_torque
@@ -26,6 +32,9 @@ from rigid.muscle.least_cost import Power
 
 STAGES = (0.25, 0.5, 0.75, 1.0)
 """Parts of a force by which it is raised where it was not reached at once."""
+FIRST = (0.0, 0.02, 0.1)
+"""Parts of the greatest tensions from which tensions are looked for in turn, where the last ones
+lead nowhere: slack tendons of a net do not say what they would do if they were taut."""
 OPEN = "free"
 """In place of a component of a force that nothing is asked of."""
 COMPONENT = re.compile(rf"\s*({OPEN}|[-+]?[\d.]+(?:e[-+]?\d+)?\s*[a-zA-Z]+)\s*,?", re.I)
@@ -245,9 +254,7 @@ def for_motion(
     for k, time in enumerate(motion.time):
         held = s.hold_finger(dict(zip(joints, motion.angle[k], strict=True)))
         try:
-            estimated = estimate(
-                held, torque_demand(held), needed[k], s.bounds, s.cost, start, reserve=reserve
-            )
+            estimated = cheapest(s, held, torque_demand(held), needed[k], start, reserve)
         except (InputError, ConvergenceError) as error:
             raise type(error)(
                 f"at {time:.4g} s of the motion: {error}. Of a motion, --reserve says how much "
@@ -260,6 +267,29 @@ def for_motion(
         worst = max(worst, estimated.optimum.miss, estimated.gap)
         rounds += estimated.rounds
     return MotionEstimate(motion, needed, np.array(torque), np.array(tensions), worst, rounds)
+
+
+def cheapest(
+    s: Setup,
+    held: HeldFinger,
+    demand: Demand,
+    wanted: Array,
+    start: tuple[Array, State] | None,
+    reserve: float,
+) -> Estimate:
+    """The cheapest tensions that make the components `wanted` (d,) but for a `reserve`, looked for
+    from `start`, then from FIRST parts of the greatest tensions.  Raises as `estimate`."""
+    parts = FIRST[:1] if s.case.hood.shares_fixed else FIRST
+    starts = [(np.maximum(part * s.capacity.most, s.capacity.least), None) for part in parts]
+    failure = None
+    for tension, state in starts if start is None else [start, *starts]:
+        begin = tension, held.begin() if state is None else state
+        try:
+            return estimate(held, demand, wanted, s.bounds, s.cost, begin, reserve=reserve)
+        except (InputError, ConvergenceError) as error:
+            failure = failure or error
+    assert failure is not None
+    raise failure
 
 
 def _required_torque(s: Setup, motion: JointMotion) -> Array:

@@ -9,7 +9,9 @@ import numpy as np
 from cosim.analyses.estimate.capacity import Capacity
 from cosim.analyses.estimate.feasible import ForceSet
 from cosim.analyses.estimate.of_case import MotionEstimate
+from cosim.analyses.estimate.tracking import Tracking
 from cosim.port import Array
+from cosim.results.conventions import joint_words
 from cosim.results.looks import look
 
 if TYPE_CHECKING:
@@ -80,18 +82,37 @@ def draw_motion(
     names: tuple[str, ...], joints: tuple[str, ...], result: MotionEstimate, title: str
 ) -> Figure:
     """Joint angles, needed torques and tensions over time."""
+    time, words = result.motion.time, tuple(map(joint_words, joints))
+    return _draw_courses(
+        title,
+        ("angle, deg", time, np.degrees(result.motion.angle), words),
+        ("torque of muscles, N mm", time, 1e3 * result.required_torque, words),
+        ("tension, N", time, result.tension, names),
+    )
+
+
+def draw_tracking(
+    names: tuple[str, ...], joints: tuple[str, ...], tracking: Tracking, title: str
+) -> Figure:
+    """Joint angles, by how much they miss those wanted, and tensions over time."""
+    off, words = tracking.angle - tracking.wanted, tuple(map(joint_words, joints))
+    return _draw_courses(
+        title,
+        ("angle, deg", tracking.step_time, np.degrees(tracking.angle), words),
+        ("angle less wanted, deg", tracking.step_time, np.degrees(off), words),
+        ("tension, N", tracking.time, tracking.tension, names),
+    )
+
+
+def _draw_courses(title: str, *shown: tuple[str, Array, Array, tuple[str, ...]]) -> Figure:
+    """Panels over one time: what stands at the axis, times (n,) s, values (n, k), their names."""
     from matplotlib.figure import Figure
 
     sheet = Figure(figsize=(7.5, 8.0), layout="constrained")
-    panels = sheet.subplots(3, 1, sharex=True)
-    shown = (
-        (np.degrees(result.motion.angle), joints, "angle, deg"),
-        (1e3 * result.required_torque, joints, "torque of muscles, N mm"),
-        (result.tension, names, "tension, N"),
-    )
-    for axes, (values, labels, unit) in zip(panels, shown, strict=True):
+    panels = sheet.subplots(len(shown), 1, sharex=True)
+    for axes, (unit, time, values, labels) in zip(panels, shown, strict=True):
         for k, label in enumerate(labels):
-            axes.plot(result.motion.time, values[:, k], label=label, lw=1.5, **look(k).line)
+            axes.plot(time, values[:, k], label=label, lw=1.5, **look(k).line)
         axes.set_ylabel(unit)
         axes.grid(color="0.9")
         axes.legend(

@@ -109,6 +109,15 @@ def estimate(
     raise _not_converged(MOST_ROUNDS, last)
 
 
+def least_beyond(programme: Programme, cost: Cost, kept: Array) -> Optimum | None:
+    """The tensions that cost least, by squares, in what they have beyond those `kept` (n,) N."""
+    A, b, lower, upper = programme
+    found = least(Programme(A, b - A @ kept, lower - kept, upper - kept), cost.factors, 2)
+    if found is None:
+        return None
+    return found._replace(x=np.clip(kept + found.x, lower, upper))
+
+
 def linearise(
     demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: Bounds
 ) -> Programme:
@@ -124,8 +133,10 @@ def nearest(demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: 
     programme = linearise(demand, wanted, tension, at, bounds)
     d, n = len(wanted), len(tension)
     free = np.full(d, np.inf)
+    # in units of what a unit of tension makes, so that the programme is well scaled
+    unit = float(np.abs(programme.A).max(initial=0.0)) or 1.0
     wider = Programme(
-        np.hstack([-demand.spread, programme.A]),
+        np.hstack([-unit * demand.spread, programme.A]),
         programme.b,
         np.append(-free, bounds.least),
         np.append(free, bounds.most),
@@ -137,7 +148,7 @@ def nearest(demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: 
             "some joint is left with a torque. Try another posture, wider bounds (max_force of a "
             'tendon), or a clamped fingertip (finger.tip.kind = "clamped")'
         )
-    components: Array = wanted + solution.x[:d]
+    components: Array = wanted + unit * solution.x[:d]
     return components
 
 

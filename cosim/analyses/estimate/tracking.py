@@ -1,0 +1,328 @@
+"""Tensions that move a finger forward along a wanted motion: computed muscle control.
+
+At equal intervals the finger's own angles and rates are compared with the wanted ones, and a plan
+is made for the end of the next interval: the error e of then dies as a critically damped one does,
+
+    e(h) = (e + (e' + w e) h) exp(-w h),
+
+from what it is now.  Inverse dynamics of the plan give the joint torques there, a programme with
+the hood's tangent the tensions that make them, and the tensions go to those in a straight line.
+(Thelen and Anderson 2006, J Biomech 39:1107, plan the acceleration of now.  A finger's joints are
+damped so much, and weigh so little, that its rates follow the torques within the interval.)
+Finger and hood move by the case's own scheme in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from cosim.analyses.estimate.demand import torque_demand
+from cosim.analyses.estimate.held_finger import HeldFinger
+from cosim.analyses.estimate.joint_motion import JointMotion
+from cosim.analyses.estimate.of_case import Setup, cheapest
+from cosim.analyses.estimate.tensions import least_beyond, linearise, nearest
+from cosim.case.schema import Case
+from cosim.coupling.motion import CoupledMotion, MotionState
+from cosim.errors import ConvergenceError, InputError, Progress
+from cosim.fingers.common import ChainFingerConfig
+from cosim.models.motion import moving_models
+from cosim.port import Array, State
+from rigid.mujoco.dynamics import DynamicPull
+from rigid.mujoco.finger import MujocoFinger, needed_torque
+
+INTERVAL = 0.01
+"""s, from one plan to the next."""
+RATE = 20.0
+"""1/s, with which an error dies."""
+SMOOTH = 0.05
+"""s, in which tensions go to the cheapest ones, as activations would: where two tendons do nearly
+the same on a hood, the cheapest pair jumps from the one to the other."""
+BEGIN = 0.02
+MOST_ROUNDS, MOST_BEGIN = 6, 30
+"""Of a plan, and of the first one."""
+AGREED = 1e-2
+"""Relative difference of the hood's torques and those of a plan, at which its rounds end: what is
+left, the next plan takes out."""
+ROUNDING = 1e-6
+"""Of a step, by which a motion may be too short for the last one."""
+
+
+class Plan(NamedTuple):
+    """Where the finger is to be at one time, (nq,) rad, rad/s, rad/s2."""
+
+    angle: Array
+    rate: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """How a finger followed a motion, and under what tensions."""
+
+    motion: JointMotion
+    time: Array
+    """(n,) s since the motion's start, at which the tensions change their slope."""
+    tension: Array
+    """(n, nt) N."""
+    lacking: float
+    """N m, the most that the torques of a tension miss those of its plan by."""
+    step_time: Array
+    """(m,) s, the start and the ends of the steps."""
+    angle: Array
+    """(m, nq) rad, there."""
+    wanted: Array
+    """(m, nq) rad."""
+    rounds: int
+    """Hood solves for the plans."""
+
+    @property
+    def error(self) -> Array:
+        """Root of the mean square by which each joint misses the motion, (nq,) rad."""
+        out: Array = np.sqrt(np.mean((self.angle - self.wanted) ** 2, axis=0))
+        return out
+
+
+@dataclass(frozen=True)
+class WantedMotion:
+    """A motion at any time since its start."""
+
+    motion: JointMotion
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return float(self.motion.time[-1] - self.motion.time[0])
+
+    def at(self, time: float | Array) -> Plan:
+        """Angles, rates and accelerations at `time` s (...); those of its end beyond that."""
+        return Plan(*(spline(np.minimum(time, self.duration)) for spline in self._splines))
+
+    @cached_property
+    def _splines(self) -> tuple[Any, Any, Any]:
+        from scipy.interpolate import CubicHermiteSpline
+
+        m = self.motion
+        angle = CubicHermiteSpline(m.time - m.time[0], m.angle, m.rate)
+        return angle, angle.derivative(), angle.derivative(2)
+
+
+@dataclass
+class PlannedTensions:
+    """A drive of tendons (`cosim.coupling.motion.TendonDrive`) whose tensions are straight between
+    times; the last pair is that of the steps to come."""
+
+    times: list[float]
+    tensions: list[Array]
+
+    def start(self, length: Array) -> State:
+        return None
+
+    def settle_at(self, state: State, length: Array) -> State:
+        return state
+
+    def pull(self, state: State, time: float, length: Array, dt: float) -> DynamicPull:
+        tension = np.array(self.tensions[-1])
+        if len(self.times) > 1:
+            (a, b), (low, high) = self.times[-2:], self.tensions[-2:]
+            tension = np.maximum(low + (high - low) * ((time - a) / (b - a)), 0.0)
+        return DynamicPull(tension, np.zeros_like(tension), None)
+
+    def cylinder_signals(self, state: State, time: float) -> Array:
+        return np.zeros((0, 2))
+
+    def motor_signals(self, state: State, time: float) -> Array:
+        return np.zeros((0, 2))
+
+
+@dataclass
+class Planner:
+    """Plans for the end of an interval, and the tensions that they take."""
+
+    setup: Setup
+    wanted: WantedMotion
+    rate: float
+    lacking: float = 0.0
+    rounds: int = 0
+
+    def plan(self, angle: Array, rate: Array, time: float, ahead: float) -> Plan:
+        """Where the finger, now at `time` s at angles and rates (nq,), is to be `ahead` s later."""
+        now, then, w = self.wanted.at(time), self.wanted.at(time + ahead), self.rate
+        error, slope = angle - now.angle, rate - now.rate
+        grown = slope + w * error
+        dies = np.exp(-w * ahead)
+        error, slope = (error + grown * ahead) * dies, (slope - w * grown * ahead) * dies
+        return Plan(
+            then.angle + error,
+            then.rate + slope,
+            then.acceleration - 2 * w * slope - w**2 * error,
+        )
+
+    def begin(self, plan: Plan) -> Array:
+        """The cheapest tensions (nt,) N of all with which the finger is as planned; where those are
+        not found, others near a part BEGIN of the greatest ones."""
+        held, needed = self._held(plan)
+        try:
+            found = cheapest(self.setup, held, torque_demand(held), needed, None, 0.0)
+        except (InputError, ConvergenceError):
+            bounds = self.setup.bounds
+            tension = np.maximum(BEGIN * bounds.most, bounds.least)
+            return self._rounds(held, needed, tension, held.begin(), 1.0, MOST_BEGIN)
+        self.rounds += found.rounds
+        return found.tension
+
+    def go_on(self, plan: Plan, tension: Array, hood: State, ahead: float) -> Array:
+        """The tensions (nt,) N of a plan `ahead` s from now, when they are `tension` and the hood
+        is in the state `hood`.
+
+        They go to the cheapest with the time SMOOTH, and the hood from that state, so that it stays
+        on its way where it has more than one equilibrium.  Raises ConvergenceError."""
+        held, needed = self._held(plan)
+        share = SMOOTH / (SMOOTH + ahead)
+        return self._rounds(held, needed, tension, hood, share, MOST_ROUNDS)
+
+    def _rounds(
+        self, held: HeldFinger, needed: Array, tension: Array, hood: State, share: float, most: int
+    ) -> Array:
+        """Of the tensions that make the torques (nq,) N m by the hood's tangent, and cost least in
+        what they have beyond a share of the last ones, those of at most so many rounds that come
+        nearest."""
+        demand, bounds, cost = torque_demand(held), self.setup.bounds, self.setup.cost
+        at, kept = held.at(tension, hood), share * tension
+        best, least_miss = tension, np.inf
+        for _ in range(most):
+            self.rounds += 1
+            programme = linearise(demand, needed, tension, at, bounds)
+            if (found := least_beyond(programme, cost, kept)) is None:
+                aim = nearest(demand, needed, tension, at, bounds)
+                found = least_beyond(linearise(demand, aim, tension, at, bounds), cost, kept)
+            if found is None:
+                break
+            tension, at = found.x, held.at(found.x, at.state)
+            miss = float(np.abs(at.torque - needed).max())
+            if miss < least_miss:
+                best, least_miss = tension, miss
+            if miss <= AGREED * np.abs(needed).max():
+                break
+            if share == 1.0:
+                kept = tension
+        self.lacking = max(self.lacking, least_miss)
+        return best
+
+    def _held(self, plan: Plan) -> tuple[HeldFinger, Array]:
+        """The finger in the planned posture, and the torques (nq,) N m that the plan takes."""
+        finger = cast(MujocoFinger, self.setup.models.finger)
+        ends = np.array([finger.ranges.get(j, (-np.inf, np.inf)) for j in finger.joints]).T
+        angle = np.clip(plan.angle, *ends)
+        needed = needed_torque(finger, angle, plan.rate, plan.acceleration)
+        return self.setup.hold_finger(dict(zip(finger.joints, angle, strict=True))), needed
+
+
+def start_of(s: Setup, motion: JointMotion) -> Setup:
+    """The same problem of the case as `forward_case` makes it.  Raises InputError."""
+    return replace(s, case=forward_case(s.case, motion, s.models.finger.joints))
+
+
+def forward_case(case: Case, motion: JointMotion, joints: Sequence[str]) -> Case:
+    """The case as a motion that begins where `motion` begins and lasts as long, by the case's steps
+    (1 ms where it is an equilibrium).
+
+    Raises InputError for a fingertip that is held, or limits that the motion would go beyond."""
+    finger = case.native_finger()
+    if finger.tip.kind != "free":
+        raise InputError(
+            f'finger.tip.kind: is "{finger.tip.kind}"; a finger that follows a motion must be free '
+            'to move. Write finger.tip.kind = "free"'
+        )
+    _check_limits(finger, motion, joints)
+    step = 1e-3 if case.forward is None else case.forward.step
+    steps = int((motion.time[-1] - motion.time[0]) / step + ROUNDING)
+    posture = finger.posture.angles()
+    rests = {
+        f"finger.passive.{joint}.rest": _degrees(posture[joint])
+        for joint, passive in finger.passive.items()
+        if passive.rest == "posture"
+    }
+    begin = {
+        f"finger.posture.{joint}": _degrees(angle)
+        for joint, angle in zip(joints, motion.angle[0], strict=True)
+    }
+    forward = {"duration": f"{steps * step!r} s", "step": f"{step!r} s", "must_rest": False}
+    return case.replace({**rests, **begin, "forward": forward})
+
+
+def _degrees(angle: float) -> str:
+    """An angle in rad as a case file states it."""
+    return f"{float(np.degrees(angle))!r} deg"
+
+
+def _check_limits(finger: ChainFingerConfig, motion: JointMotion, joints: Sequence[str]) -> None:
+    if finger.limit is None:
+        return
+    turned = np.degrees(np.abs(motion.angle - motion.angle[0]).max(axis=0))
+    k, most = int(np.argmax(turned)), float(np.degrees(finger.limit.half_range))
+    if turned[k] > most:
+        raise InputError(
+            f"finger.limit.half_range: holds every joint within {most:g} deg of where a motion "
+            f"begins, and this one turns {joints[k]} by {turned[k]:.3g} deg; write for example "
+            f'"{min(turned[k] + 10, 90):.0f} deg", or leave the limit out'
+        )
+
+
+def track(
+    s: Setup,
+    motion: JointMotion,
+    progress: Progress,
+    interval: float = INTERVAL,
+    rate: float = RATE,
+) -> Tracking:
+    """Move the finger of a case of `forward_case` along a motion.
+
+    The tensions change their slope every `interval` s, or the steps nearest to that; errors die
+    with `rate` 1/s.  Raises InputError, and ConvergenceError with the time."""
+    forward, wanted = s.case.forward, WantedMotion(motion)
+    assert forward is not None
+    steps, each = round(forward.duration / forward.step), max(1, round(interval / forward.step))
+    planner, first = Planner(s, wanted, rate), wanted.at(0.0)
+    drive = PlannedTensions([0.0], [planner.begin(first)])
+    moves: CoupledMotion = replace(moving_models(s.case, forward).moves, drive=drive)
+    at = moves.begin(moves.finger.begin(dict(zip(moves.finger.joints, first.angle, strict=True))))
+    seen = [at]
+    for done in range(0, steps, each):
+        count, now = min(each, steps - done), at.coupled.time
+        try:
+            ahead = count * forward.step
+            plan = planner.plan(*_angles_rates(moves, at), now, ahead)
+            aim = planner.go_on(plan, drive.tensions[-1], at.coupled.hood, ahead)
+            drive.times.append(now + ahead)
+            drive.tensions.append(aim)
+            for _ in range(count):
+                at = moves.advance(at)
+                seen.append(at)
+        except ConvergenceError as error:
+            raise ConvergenceError(f"at {now:.4g} s of the motion, run forward: {error}") from error
+        off = _angles_rates(moves, at)[0] - wanted.at(at.coupled.time).angle
+        progress(
+            f"forward: {at.coupled.time:.4g} s of {forward.duration:g} s, "
+            f"{np.degrees(np.abs(off).max()):.2g} deg off"
+        )
+    time = np.array([x.coupled.time for x in seen])
+    return Tracking(
+        motion,
+        np.array(drive.times),
+        np.array(drive.tensions),
+        planner.lacking,
+        time,
+        np.array([moves.finger.angles(x.coupled.finger) for x in seen]),
+        wanted.at(time).angle,
+        planner.rounds,
+    )
+
+
+def _angles_rates(moves: CoupledMotion, at: MotionState) -> tuple[Array, Array]:
+    finger = at.coupled.finger
+    return moves.finger.angles(finger), moves.finger.rates(finger)

@@ -1,0 +1,133 @@
+"""A finger that is moved forward along a motion."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+import cosim
+from cosim.analyses.estimate.joint_motion import read_motion
+from cosim.analyses.estimate.of_case import setup
+from cosim.analyses.estimate.tracking import Planner, WantedMotion, forward_case
+from cosim.cli import app
+from cosim.errors import InputError
+
+FREE = {
+    "finger.tip.kind": "free",
+    "finger.passive": {
+        joint: {"stiffness": "0.03 N*m/rad", "rest": "posture", "damping": "0.002 N*m*s/rad"}
+        for joint in ("MCP", "MCP_abduction", "PIP", "DIP")
+    },
+    "forward": {"step": "2 ms", "duration": "0.1 s", "must_rest": False},
+    "finger.limit.half_range": "60 deg",
+}
+
+
+@pytest.fixture
+def flexion(tmp_path):
+    """MCP, PIP and DIP turn by 10, 20 and 8 deg in 0.2 s, from and to rest."""
+    time = np.linspace(0.0, 0.2, 41)
+    s = np.clip(time / 0.2, 0, 1)
+    part = s**3 * (10 - 15 * s + 6 * s**2)
+    path = tmp_path / "flexion.csv"
+    turns = {"MCP_deg": 30 + 10 * part, "PIP_deg": 45 + 20 * part, "DIP_deg": 15 + 8 * part}
+    pd.DataFrame({"time": 3.0 + time, **turns}).to_csv(path, index=False)
+    return path
+
+
+@cache
+def finger_setup(name):
+    return setup(cosim.load(name).replace(FREE), "pcsa", 2, {}, {})
+
+
+def planner_of(path, rate=20.0):
+    s = finger_setup("split_edc")
+    motion = read_motion(path, s.models.finger.joints, s.models.posture)
+    return Planner(s, WantedMotion(motion), rate)
+
+
+@settings(max_examples=30)
+@given(
+    error=st.lists(st.floats(-0.2, 0.2), min_size=4, max_size=4),
+    slope=st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=4),
+    first=st.floats(1e-3, 0.05),
+    second=st.floats(1e-3, 0.05),
+)
+def test_a_plan_is_the_way_of_a_critically_damped_error(error, slope, first, second):
+    """From any point of the way the rest of it is the same, and rates are slopes of angles."""
+    time = np.linspace(0.0, 0.2, 21)
+    still = pd.DataFrame({"time": time, "PIP_deg": 45 + 0 * time})
+    s = finger_setup("split_edc")
+    from cosim.analyses.estimate.joint_motion import JointMotion
+
+    angle = np.tile(list(s.models.posture.values()), (len(time), 1))
+    motion = JointMotion(still.time.to_numpy(), angle, 0 * angle, 0 * angle)
+    planner = Planner(s, WantedMotion(motion), 20.0)
+    begun = angle[0] + error, np.array(slope)
+    whole = planner.plan(*begun, 0.0, first + second)
+    half = planner.plan(*begun, 0.0, first)
+    rest = planner.plan(half.angle, half.rate, first, second)
+    for a, b in zip(whole, rest, strict=True):
+        assert a == pytest.approx(b, abs=1e-9)
+    h = 1e-6
+    after, before = (planner.plan(*begun, 0.0, first + d) for d in (h, -h))
+    assert half.rate == pytest.approx((after.angle - before.angle) / (2 * h), abs=1e-6)
+    assert half.acceleration == pytest.approx((after.rate - before.rate) / (2 * h), abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["split_edc", "pulley_edc", "network_edc"])
+def test_a_motion_is_followed_with_tensions_in_bounds_and_again_by_the_case_alone(
+    name, flexion, tmp_path
+):
+    """The motion begins at 3 s, and what DIP torque lacks costs a part of a degree."""
+    case = cosim.load(name).replace(FREE)
+    forward = cosim.track(case, flexion, tmp_path)
+    folder = tmp_path / name
+    summary = json.loads((folder / "estimate.json").read_text())
+    assert max(summary["angle_rms_deg"].values()) < 1.0
+    bounds = summary["bounds_N"]
+    for tendon, most in summary["largest_tension_N"].items():
+        assert bounds[tendon][0] <= most <= bounds[tendon][1]
+    data = cosim.run(forward.replace({"output.picture": False})).data
+    kept = pd.read_csv(folder / "estimate.csv")
+    angles = np.degrees(data.angle.to_numpy()) if data.angle.attrs["units"] == "rad" else data.angle
+    assert np.asarray(angles)[:, 2] == pytest.approx(kept.PIP_deg.to_numpy(), abs=1e-6)
+    assert kept.PIP_wanted_deg.iloc[-1] == pytest.approx(65.0)
+
+
+def test_the_case_begins_where_the_motion_does_and_keeps_its_springs(flexion):
+    case = cosim.load("split_edc").replace(
+        {**FREE, "finger.posture.PIP": "50 deg", "finger.passive.PIP.rest": "posture"}
+    )
+    joints = ("MCP", "MCP_abduction", "PIP", "DIP")
+    motion = read_motion(flexion, joints, case.finger.posture.angles())
+    forward = forward_case(case, motion, joints)
+    assert pytest.approx(np.radians(45)) == forward.finger.posture.PIP
+    assert forward.finger.passive["PIP"].rest == pytest.approx(np.radians(50))
+    assert (forward.forward.duration, forward.forward.step) == pytest.approx((0.2, 0.002))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"finger.tip.kind": "point"}, 'is "point".* Write finger.tip.kind = "free"'),
+        ({"finger.limit.half_range": "5 deg"}, 'turns PIP by 20 deg; write for example "30 deg"'),
+    ],
+)
+def test_a_finger_that_cannot_follow_is_refused(change, said, flexion, tmp_path):
+    with pytest.raises(InputError, match=said):
+        cosim.track(cosim.load("split_edc").replace({**FREE, **change}), flexion, tmp_path)
+    assert not (tmp_path / "split_edc").exists()
+
+
+def test_forward_belongs_to_a_motion():
+    told = CliRunner().invoke(app, ["estimate", "split_edc", "--forward"])
+    assert told.exit_code == 2
+    assert "belong to --motion" in told.output
