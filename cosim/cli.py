@@ -166,7 +166,7 @@ COMMANDS = {
         ),
         "mjcf": Command(
             "finger.mjcf",
-            "Write a case's finger for MuJoCo, with its hood, or a hood onto your hand model.",
+            "Write finger and hood for MuJoCo, or a hood onto a hand.",
             "cosim mjcf network_edc --hood network --out finger.xml",
         ),
         "solve": Command("febio.solve", "Solve a FEBio model.", "cosim solve model.feb"),
