@@ -89,7 +89,8 @@ def attach_hood(path: Path, parts: HoodParts, target: Target) -> Attached:
             f"{path}: has none of the hood's muscles {', '.join(parts.muscles)} by a name that is "
             'known; say which is which: a file of lines like EDC = "EDCI", and --names FILE'
         )
-    told = [
+    told = ["written anew by MuJoCo: what the file includes is in it, comments are not"]
+    told += [
         f"left out: the hood's {m}, which the model has not by a known name"
         for m in parts.muscles
         if m not in there
