@@ -52,7 +52,7 @@ CEILINGS = {
     "rigid/chain": 1468,
     "rigid/fingers": 951,
     "rigid/hoods": 1695,
-    "rigid/mjcf": 2379,
+    "rigid/mjcf": 2380,
     "rigid/mujoco": 2089,
     "rigid/muscle": 1135,
     "rigid/opensim": 3745,
