@@ -166,8 +166,8 @@ COMMANDS = {
         ),
         "mjcf": Command(
             "finger.mjcf",
-            "Write the MuJoCo model of a case's finger.",
-            "cosim mjcf split_edc --out finger.xml",
+            "Write finger and hood for MuJoCo, or a hood onto a hand.",
+            "cosim mjcf network_edc --hood network --out finger.xml",
         ),
         "solve": Command("febio.solve", "Solve a FEBio model.", "cosim solve model.feb"),
         "export": Command(

@@ -14,7 +14,10 @@ import pytest
 from tests.helpers.folders import ROOT
 
 NOTEBOOKS = sorted((ROOT / "cases" / "notebooks").glob("[!_]*.py"))
-LONG = ("first_run", "own_material", "own_measurements", "own_mesh", "predictive_control")
+LONG = (
+    *("first_run", "mujoco_hood", "own_material", "own_measurements", "own_mesh"),
+    "predictive_control",
+)
 """They solve a shell, or many motions."""
 NEEDS_FMU = [
     pytest.mark.fmu,

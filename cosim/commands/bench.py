@@ -32,7 +32,7 @@ from cosim.commands.bench_loop import bench_loop
 from cosim.commands.bench_pairs import ROOT, measure_pair, source_folder
 from cosim.commands.bench_pulls import bench_pulls
 from cosim.commands.febio import bench_fe, bench_febio
-from cosim.commands.finger import bench_fingers, bench_opensim, bench_robotic_finger
+from cosim.commands.finger import bench_fingers, bench_mjcf, bench_opensim, bench_robotic_finger
 from cosim.commands.options import Settings
 from cosim.commands.study import bench_loads, bench_studies
 from cosim.commands.terminal import exit_on_error, stages
@@ -85,6 +85,7 @@ BENCHES = {
         "a step of a loop of one's own (cosim.Loop) against the finger alone, hood by hood",
         lambda o: bench_loop(),
     ),
+    "mjcf": Bench("a step of plain MuJoCo with a hood beside one without", lambda o: bench_mjcf()),
     "motion": Bench(
         "a coupled step of a motion against one assembly and factorisation",
         lambda o: bench_one_case(MOTION, FIRST_STEPS),
@@ -99,6 +100,7 @@ BENCHES = {
 OF_ALL: dict[str, Callable[[], Ratios]] = {
     "fe": bench_fe,
     "fingers": bench_fingers,
+    "mjcf": bench_mjcf,
     "pulls": bench_pulls,
     "growth": lambda: bench_growth(MOST_OF_ALL),
     "loop": bench_loop,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.analyses.mjcf_hood import HoodFile, HoodName, attach, check_names, hood_file
 from cosim.analyses.moment_arms import (
     ACTION,
     by_posture,
@@ -17,16 +18,25 @@ from cosim.analyses.moment_arms import (
     sweep,
 )
 from cosim.case.file import load_case
+from cosim.case.schema import Case
 from cosim.commands.options import CaseName, Settings
 from cosim.commands.terminal import exit_on_error, print_table, stages
+from cosim.errors import InputError
 from cosim.extras import require
 from cosim.files import check_file, output_file
 from cosim.fingers.kinds import joint_ranges
 from cosim.models.build import build, mjcf_of, tensions
 from cosim.results.picture import write_figure
+from cosim.scoring.names import FingerName, match_names, read_names
+from rigid.mjcf.attach import write_attached
+from rigid.mjcf.hood import steps_per_second
+from rigid.mjcf.read import part_names
 from rigid.verification.bench import PAPER_LOOP, PAPER_QP, bench_robot
 from rigid.verification.bench import bench_opensim as measure
 from rigid.verification.dynamics_rows import time_static_solve
+
+ATTACHED = "network_edc"
+"""The case whose hood is attached where none is named."""
 
 if TYPE_CHECKING:
     import pandas
@@ -99,24 +109,119 @@ def _show_published(compared: pandas.DataFrame) -> None:
 
 
 def mjcf(
-    case: CaseName,
+    case: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="CASE",
+            help=f"Case file, or a packaged case; with --attach {ATTACHED} where none is given.",
+        ),
+    ] = None,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")] = Path(
-        "finger.xml"
-    ),
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="The file to write; finger.xml, or HAND_FINGER_hood.xml."),
+    ] = None,
+    hood: Annotated[
+        HoodName | None,
+        typer.Option(help="Write the case's hood too, which must be of this kind."),
+    ] = None,
+    attach_to: Annotated[
+        Path | None,
+        typer.Option(
+            "--attach",
+            metavar="HAND.xml",
+            help="Put the case's hood on a finger of this MuJoCo hand, in place of the fixed paths "
+            "of its extensors.",
+        ),
+    ] = None,
+    finger: Annotated[
+        FingerName, typer.Option(help="The finger of the hand that gets the hood.")
+    ] = "index",
+    names: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help='A TOML file of lines EDC = "EDCI": which part of the hand is which.',
+        ),
+    ] = None,
 ) -> None:
     """Write a case's finger as a model for plain MuJoCo: bones with their shapes, joints with
     passive torques and limits, its own tendons with an actuator each, whose control is the tension,
-    and the keyframe "posture" with the resting tensions; without what holds the tip, and the
-    hood."""
+    and the keyframe "posture" with the resting tensions; without what holds the tip.
+
+    With --hood the hood's tendons are in it too, as junctions on slides and elastic tendons, and
+    their errors over postures and loads are told: "network" of a case with a network or two bands,
+    "reduced" of one that `cosim reduce` wrote.
+
+    With --attach the hood goes onto a finger of a hand model of yours (MyoSuite's, for example):
+    muscles keep their paths up to the metacarpal and their actuators. `cosim score` reads the
+    result."""
     with exit_on_error():
-        text = mjcf_of(load_case(case, settings or ()))
+        if attach_to is not None:
+            checked = load_case(case or ATTACHED, settings or ())
+            _attach(checked, hood or "network", attach_to, finger, names, out)
+            return
+        if case is None:
+            raise InputError("name a case, or a hand with --attach HAND.xml")
+        checked = load_case(case, settings or ())
+        out = out or Path("finger.xml")
+        check_file(out)
+        made = None
+        if hood is None:
+            text = mjcf_of(checked)
+        else:
+            with stages(checked.name) as progress:
+                made = hood_file(checked, hood, progress.say)
+            text = made.text
+            show_hood_errors(made)
         with output_file(out) as path:
             path.write_text(text + "\n", encoding="utf-8")
         typer.echo(
-            f"finger in {out}, without the tip's support and the hood; begin in its keyframe "
-            '"posture"; its first lines say what differs from ours'
+            f"finger in {out}, without the tip's support{'' if made else ' and the hood'}; begin "
+            'in its keyframe "posture"; its first lines say what differs from ours'
         )
+
+
+def _attach(
+    case: Case, hood: HoodName, hand: Path, finger: FingerName, names: Path | None, out: Path | None
+) -> None:
+    """Write a hand with the case's hood on one finger, and tell what was changed."""
+    out = out or Path(f"{hand.stem}_{finger}_hood.xml")
+    check_file(out)
+    given = None if names is None else read_names(names)
+    matched = match_names(part_names(hand), finger, given).names
+    check_names(case, hood, hand, finger, matched)
+    with stages(case.name) as progress:
+        made = hood_file(case, hood, progress.say)
+        progress.say("putting the hood in place of the model's paths")
+        attached = attach(case, hood, hand, finger, matched, made)
+    with output_file(out) as path:
+        path.write_text(write_attached(attached.root, out) + "\n", encoding="utf-8")
+    show_hood_errors(made)
+    for line in attached.told:
+        typer.echo(line)
+    typer.echo(f"hand in {out}; its meshes stay where they are. Judge it: cosim score {out}")
+
+
+def show_hood_errors(made: HoodFile) -> None:
+    """A line for each quantity, and what was written."""
+    rows = [(e.quantity, f"{100 * e.median:.2g} %", f"{100 * e.most:.2g} %") for e in made.errors]
+    print_table("The file's hood less the case's", ("error of", "median", "most"), rows)
+    for line in (*made.doubts, *made.notes):
+        typer.echo(line)
+    typer.echo(f"the finger alone: {made.rate:.3g} steps of 2 ms in a second of one core")
+
+
+def bench_mjcf() -> dict[str, float]:
+    """Print how many steps of 2 ms plain MuJoCo makes in a second, without and with a hood; what a
+    step with it takes over one without."""
+    case = load_case(ATTACHED)
+    with stages("bench") as shown:
+        shown.say("stepping the finger in plain MuJoCo")
+        bare = steps_per_second(mjcf_of(case))
+        hooded = hood_file(case, "network", states=3).rate
+    figures = {"steps_per_s_bare": bare, "steps_per_s_hood": hooded, "ratio": bare / hooded}
+    return _print_figures(figures, "step with the hood / without")
 
 
 def bench_fingers() -> dict[str, float]:

@@ -17,6 +17,7 @@ from cosim.port import Finger, Triangles
 if TYPE_CHECKING:
     from meshes.skeleton import Skeleton
     from rigid.chain.statics import ChainFinger
+    from rigid.mjcf.hood import HoodParts
     from rigid.model import FingerModel
 
 FINGERS: Mapping[str, FingerKind[Any]] = {
@@ -87,10 +88,14 @@ def finger_model(finger: NativeFinger, extensor: Extensor) -> FingerModel:
 
 
 def mjcf(
-    finger: NativeFinger, extensor: Extensor, tension: float, losses: Sequence[str] = ()
+    finger: NativeFinger,
+    extensor: Extensor,
+    tension: float,
+    losses: Sequence[str] = (),
+    hood: HoodParts | None = None,
 ) -> str:
-    """The finger as MJCF that plain MuJoCo simulates, its tendons at `tension` N; its first lines
-    say what differs, `losses` among it.
+    """The finger as MJCF that plain MuJoCo simulates, with a hood, all tendons at `tension` N; its
+    first lines say what differs, `losses` among it.
 
     Raises InputError for one without a MuJoCo model."""
     from cosim.fingers.chain import joint_torques
@@ -101,9 +106,10 @@ def mjcf(
         model,
         joint_torques(finger, model.joints),
         finger.posture.angles(),
-        dict.fromkeys(model.muscles, tension),
+        dict.fromkeys((*model.muscles, *(() if hood is None else hood.muscles)), tension),
         cast(MassiveFingerConfig, finger).gravity,
         losses,
+        hood,
     )
 
 

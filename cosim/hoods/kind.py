@@ -20,6 +20,7 @@ from cosim.schema.types import Table
 if TYPE_CHECKING:
     from meshes.hood_mesh import HoodMesh
     from meshes.skeleton import Skeleton
+    from rigid.mjcf.hood import HoodParts
 
 Slips = Mapping[str, float]
 """N, in the central and the terminal slip."""
@@ -166,6 +167,25 @@ def no_variations(hood: HoodConfig) -> Iterator[Variation]:
 
 
 @dataclass(frozen=True)
+class MujocoHood:
+    """A hood that acts by joint torques, as plain MuJoCo can have it."""
+
+    word: str
+    """What `cosim mjcf --hood` calls it."""
+    joints: tuple[str, ...]
+    """The joints on which it acts."""
+    box: tuple[Mapping[str, tuple[float, float]], Mapping[str, float]] | None
+    """The angles (rad) by joint and greatest tensions (N) in which it is known; None: in all."""
+    parts: Callable[[Array, Array, Array], HoodParts]
+    """Its parts, fitted where they are not its own to angles (s, n) rad, tensions (s, m) N and the
+    maps (s, 3, n) from torques to the fingertip's force."""
+    slips: Callable[[Mapping[str, float], Array, Array], Slips]
+    """N in the slips, of the tensions (N) of its parts' bands, angles (n,) rad and torques (n,)."""
+    held: tuple[str, ...] = ()
+    """Joints of the box whose angle was one and the same where the hood was measured."""
+
+
+@dataclass(frozen=True)
 class HoodBuilder(Generic[H]):
     """How a kind of hood is built: what knows its solver."""
 
@@ -173,6 +193,8 @@ class HoodBuilder(Generic[H]):
     """Raises InputError for what only building finds out."""
     mesh: Callable[[H, Anatomy], HoodMesh] | None = None
     """The sheet as laid out or read, before any lesion."""
+    in_mujoco: Callable[[H, LesionConfig | None], MujocoHood] | None = None
+    """As plain MuJoCo can have it; None of a hood that it cannot.  Raises InputError."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from cosim.tendons.friction import with_friction
 from cosim.tendons.muscles import CaseMuscles, live_muscles
 from cosim.tendons.table import Sliding
 from meshes.hood_mesh import HoodMesh
+
+if TYPE_CHECKING:
+    from rigid.mjcf.hood import HoodParts
 
 
 @dataclass(frozen=True)
@@ -150,9 +153,9 @@ def bone_surfaces(case: Case) -> Mapping[str, Triangles]:
     return bones_of(case.native_finger(), case.hood.left_to_finger)
 
 
-def mjcf_of(case: Case) -> str:
-    """The finger of a case as MJCF, at the resting tensions.  Raises InputError for one that has
-    none."""
+def mjcf_of(case: Case, hood: HoodParts | None = None) -> str:
+    """The finger of a case as MJCF, with these parts of a hood, at the resting tensions.  Raises
+    InputError for one that has none."""
     lost = [
         f"{name}: its friction of {tendon.friction:g} at guides is left out; along a tendon MuJoCo "
         "has one tension"
@@ -164,4 +167,4 @@ def mjcf_of(case: Case) -> str:
         if tendon.elastic is not None
     ]
     resting = case.solve.resting_tension
-    return mjcf(case.native_finger(), case.hood.left_to_finger, resting, lost)
+    return mjcf(case.native_finger(), case.hood.left_to_finger, resting, lost, hood)

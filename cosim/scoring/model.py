@@ -6,8 +6,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+from cosim.analyses.mjcf_hood import attached_hood
 from cosim.anatomy.case_folder import new_case
 from cosim.anatomy.read import UserAnatomy
 from cosim.case.file import load_case
@@ -18,7 +19,7 @@ from cosim.fingers.kinds import native_tendons
 from cosim.models.build import build
 from cosim.scoring.names import FINGERS, TIP, FingerName, Matched, match_names
 from cosim.tendons.table import TendonConfig
-from cosim.text_tables import read_toml
+from cosim.text_tables import read_toml, toml_text
 from meshes.skeleton import JOINTS
 from rigid.mjcf.read import PartNames, part_names
 from rigid.opensim.losses import report
@@ -143,16 +144,20 @@ def _of_mjcf(
         finger=path, names=_there(matched), assumed_tip=None if has_tip else ASSUMED_TIP
     )
     case_path, told = _new_case(name, anatomy, folder)
-    case = load_case(case_path)
-    tendons = native_tendons(case.finger, case.hood.left_to_finger)
+    hood = attached_hood(path, which)
+    case, stated_tendons = load_case(case_path), read_toml(case_path).get("tendons", {})
+    if hood is not None:
+        case, told = _with_hood(case_path, hood), (*told, _hood_words(hood))
+    hooded = case.hood.tendon_names(which) or ()
+    tendons = (*hooded, *native_tendons(case.finger, case.hood.left_to_finger))
     if not tendons:
         raise InputError(
             f"{where}: none of its muscles pulls on the {which} finger in a way that can be read: "
             f"{'; '.join(told)}"
         )
-    stated = read_toml(case_path).get("tendons", {})
-    own = (m for m in tendons if m in stated)
+    own = (m for m in tendons if m in stated_tendons)
     strengths = {m: force for m in own if (force := case.tendons[m].max_force) is not None}
+    strengths |= {} if hood is None else hood["strengths"]
     if imported is not None:
         strengths = _properties(imported, matched, "max_isometric_force")
     lost = (*(() if imported is None else report(imported.losses)), *told)
@@ -186,6 +191,22 @@ def _new_case(name: str, anatomy: UserAnatomy, folder: Path) -> tuple[Path, tupl
     path, told = new_case(text, other, folder / text)
     note = f"changed: the joint {side} is taken the other way: radial abduction is positive here"
     return path, (*told, note)
+
+
+def _with_hood(case_path: Path, hood: Mapping[str, Any]) -> Case:
+    """The case of a foreign finger with the hood that `cosim mjcf --attach` put on it."""
+    forces = {m: {"max_force": f"{force!r} N"} for m, force in hood["strengths"].items()}
+    text = toml_text({"extends": case_path.name, "hood": hood["hood"], "tendons": forces})
+    hooded = case_path.with_stem(f"{case_path.stem}_hood")
+    hooded.write_text(text, encoding="utf-8")
+    return load_case(hooded)
+
+
+def _hood_words(hood: Mapping[str, Any]) -> str:
+    return (
+        f"read: the hood of {hood['case']} that cosim mjcf --attach put on this finger, as a hood "
+        "of ours; other fixed paths over its back are left out"
+    )
 
 
 def _there(matched: Matched) -> dict[str, str]:

@@ -11,7 +11,7 @@ for a stable simulation and change no equilibrium.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from cosim.port import Array
 from rigid.chain.joint_torques import JointLaw, TorqueCurve
+from rigid.mjcf.hood import HeldModel, HoodParts, add_hood, compile_model
 from rigid.mjcf.write import mjcf_tree
 from rigid.model import FingerModel, Surface
 
@@ -49,10 +50,11 @@ def simulation_xml(
     tension: Mapping[str, float],
     gravity: Sequence[float] = (0.0, 0.0, 0.0),
     losses: Sequence[str] = (),
+    hood: HoodParts | None = None,
 ) -> str:
     """Return the finger as a MuJoCo model (MJCF text) with the passive torques and limits of `law`,
-    and the keyframe "posture": joint angles (rad) and tensions (N).  `gravity` (3,) m/s2;
-    `losses`: what else the file lacks, for its first lines."""
+    with a hood, and the keyframe "posture": joint angles (rad) and tensions (N).  `gravity` (3,)
+    m/s2; `losses`: what else the file lacks, for its first lines."""
     meshes = {body: coarse_surface(surface) for body, surface in model.meshes.items()}
     root = mjcf_tree(replace(model, meshes=meshes), gravity)
     root[:0] = [ET.Comment(f" {text} ") for text in (*losses, *_deviations(law))]
@@ -64,15 +66,25 @@ def simulation_xml(
         i = law.joints.index(joint.attrib["name"])
         _add_anatomy(custom, joint)
         joint.attrib |= _passive(law, i)
+    muscles, slides = model.muscles, dict[str, float]()
+    if hood is not None:
+        held = HeldModel(compile_model(add_hood(root, hood)), law.joints, hood)
+        angles = np.array([posture.get(joint, 0.0) for joint in law.joints])
+        held.settle(angles, {name: tension[name] for name in hood.muscles})
+        muscles, slides = (*muscles, *hood.muscles), held.slides()
     frame = {
         "name": "posture",
-        "qpos": " ".join(repr(float(posture.get(joint, 0.0))) for joint in law.joints),
+        "qpos": _numbers([*(posture.get(joint, 0.0) for joint in law.joints), *slides.values()]),
     }
-    if model.muscles:
-        frame["ctrl"] = " ".join(repr(float(tension[name])) for name in model.muscles)
+    if muscles:
+        frame["ctrl"] = _numbers(tension[name] for name in muscles)
     ET.SubElement(ET.SubElement(root, "keyframe"), "key", frame)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode")
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(repr(float(x)) for x in values)
 
 
 def coarse_surface(surface: Surface, cell: float = CELL) -> Surface:

@@ -62,7 +62,7 @@ def read_tendons(
             continue
         out.append(Tendon(name, tuple(_Reader(m, data, owner, frames).strands(t))))
         losses += [f"dropped: {what} of tendon {label}" for what in _own_forces(m, t)]
-        if most := _greatest(m, t):
+        if most := greatest_force(m, t):
             force[name] = most
     losses[:0] = [
         f"dropped: tendon{'s' * (len(labels) > 1)} {', '.join(labels)}: {reason}"
@@ -161,7 +161,7 @@ def _pullers(m: mujoco.MjModel) -> NDArray[np.bool_]:
     return np.asarray(m.actuator_trntype == int(mujoco.mjtTrn.mjTRN_TENDON))
 
 
-def _greatest(m: mujoco.MjModel, t: int) -> float:
+def greatest_force(m: mujoco.MjModel, t: int) -> float:
     """The greatest force, N, that the tendon's actuators can pull with; 0 where they do not say."""
     most = 0.0
     for a in np.flatnonzero(_pullers(m) & (m.actuator_trnid[:, 0] == t)):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.hoods.kind import BuiltHood, HoodBuilder, Site
+from cosim.hoods.kind import BuiltHood, HoodBuilder, MujocoHood, Site
 from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.lumped.table import (
     JOINTS,
@@ -26,6 +26,7 @@ from rigid.hoods.network import Arms, Network
 from rigid.hoods.network_hood import NetworkHood
 from rigid.hoods.reduced import ReducedHood
 from rigid.hoods.reduced import ReducedPotential as ReducedPotential
+from rigid.hoods.reduction import HELD
 from rigid.hoods.reduction import Sample as Sample
 from rigid.hoods.reduction import reduce_hood as reduce_hood
 from rigid.hoods.reduction import stack as stack
@@ -110,11 +111,23 @@ def slip_forces(hood: NetworkHoodConfig, state: JointState) -> dict[str, float]:
     else:
         share = network.distribution(at, np.full(len(network.muscles), hood.operating_force))
         tension = share @ state.tension
-    _, beyond_pip, beyond_dip = (network.connecting.at(at) != 0) | (network.connecting.slope != 0)
+    return slips_of(hood, dict(zip(hood.connecting, map(float, tension), strict=True)))
+
+
+def slips_of(hood: NetworkHoodConfig, tension: Mapping[str, float]) -> dict[str, float]:
+    """What bears on the middle phalanx and on the distal one, N, of the tensions (N) of a hood's
+    connecting tendons by name."""
+    last = {name: _last_joint(tendon.arms) for name, tendon in hood.connecting.items()}
     return {
-        "central": float(tension[beyond_pip & ~beyond_dip].sum()),
-        "terminal": float(tension[beyond_dip].sum()),
+        slip: sum((tension[name] for name, crossed in last.items() if crossed == joint), 0.0)
+        for slip, joint in (("central", JOINTS[1]), ("terminal", JOINTS[2]))
     }
+
+
+def _last_joint(arms: Mapping[str, ArmConfig]) -> str:
+    """The last joint that a tendon crosses at an arm other than zero; empty of none."""
+    crossed = [j for j in JOINTS if j in arms and (arms[j].constant or arms[j].slope)]
+    return crossed[-1] if crossed else ""
 
 
 def potential(hood: ReductionConfig) -> ReducedPotential:
@@ -172,5 +185,46 @@ def _arms(columns: Sequence[dict[str, ArmConfig]]) -> Arms:
     return arms([{j: (a.constant, a.slope) for j, a in column.items()} for column in columns])
 
 
-NETWORK = HoodBuilder(build)
-TWO_BANDS = HoodBuilder(build_two_bands)
+def in_mujoco(hood: NetworkHoodConfig, lesion: LesionConfig | None) -> MujocoHood:
+    """A network's junctions and tendons, or what comes near to a reduced hood, in plain MuJoCo.
+    Raises InputError for shares that do not follow from forces."""
+    if hood.reduced is not None:
+        return _reduced_in_mujoco(potential(hood.reduced))
+    from rigid.mjcf.network import network_parts
+
+    if hood.operating_force is not None:
+        raise InputError(
+            "hood.operating_force: shares that depend on posture alone are no mechanism of springs "
+            "and junctions; leave it out, and they follow the forces"
+        )
+    left = apply_lesion_to_network(hood, lesion)
+    parts = network_parts(_network(left), tuple(left.connecting))
+    return MujocoHood(
+        "network", JOINTS, None, lambda *_: parts, lambda tension, *_: slips_of(left, tension)
+    )
+
+
+def two_bands_in_mujoco(hood: TwoBandHoodConfig, lesion: LesionConfig | None) -> MujocoHood:
+    """The network of the two bands in plain MuJoCo."""
+    return in_mujoco(as_network(hood), lesion)
+
+
+def _reduced_in_mujoco(reduced: ReducedPotential) -> MujocoHood:
+    from rigid.mjcf.reduced import reduced_parts, states_of
+
+    ends = zip(map(float, reduced.low), map(float, reduced.high), strict=True)
+    angles = dict(zip(reduced.joints, ends, strict=True))
+    return MujocoHood(
+        "reduced",
+        reduced.joints,
+        (angles, dict(zip(reduced.muscles, map(float, reduced.most), strict=True))),
+        lambda angle, tension, maps: reduced_parts(
+            reduced, states_of(reduced, angle, tension), maps
+        ),
+        lambda _, angle, torque: reduced.slip_forces(angle, torque),
+        tuple(j for j, (low, high) in angles.items() if high - low <= 2 * HELD + 1e-6),
+    )
+
+
+NETWORK = HoodBuilder(build, in_mujoco=in_mujoco)
+TWO_BANDS = HoodBuilder(build_two_bands, in_mujoco=two_bands_in_mujoco)

@@ -1,0 +1,336 @@
+"""A case's hood in a file for plain MuJoCo, and how far that is off the hood itself.
+
+Postures and loads are drawn at random in a box; in each the file's joints are held and its
+junctions come to rest, and its joint torques, slips and excursions are compared with those of the
+hood behind the port.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import takewhile
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, cast
+
+import numpy as np
+
+from cosim.analyses.reduction.reduce import state_in_words, tip_maps
+from cosim.analyses.reduction.walks import ALONE_PARTS, MIXTURE_PARTS
+from cosim.case.schema import Case
+from cosim.errors import InputError, Progress, quiet
+from cosim.fingers.kinds import joint_ranges
+from cosim.hoods.kind import MujocoHood
+from cosim.hoods.kinds import KINDS
+from cosim.models.build import Models, build, mjcf_of
+from cosim.port import Array
+from rigid.hoods.joint_hood import JointState
+from rigid.mjcf.attach import Attached, Target, add_note, attach_hood, note_of
+from rigid.mjcf.hood import HeldModel, HoodParts, steps_per_second
+
+HoodName = Literal["network", "reduced", "cable"]
+MARK = 0.02
+"""What a file's hood should keep of the hood that it was written from."""
+STATES, FITTED = 60, 1200
+"""States that are compared, and those to which parts are fitted."""
+SEED, FIT_SEED = 1, 2
+MOST_LOAD, USUAL_LOAD = 0.5, 20.0
+"""Loads where the hood states none: of a muscle's greatest force; N where that is not stated."""
+REDUCTION_ERRORS = "Error, relative to the hood that it was reduced from"
+BEARS = 0.01
+"""Of a state's greatest tension: a slip that bears less counts as slack."""
+
+
+NOTE = "cosim_hood_"
+"""Before a finger's name: the text of a model that keeps the hood's table."""
+SAME = {"FPI": "UI", "UI": "FPI"}
+"""The ulnar interosseous is called FPI at the index finger and UI at the others."""
+
+
+class Error(NamedTuple):
+    """Relative errors of a quantity over the states."""
+
+    quantity: str
+    median: float
+    most: float
+    where: str
+    """The state that is off most; empty of a quantity without one."""
+
+
+@dataclass(frozen=True)
+class HoodFile:
+    """A finger with its hood for plain MuJoCo."""
+
+    xml: str
+    """The model, without the notes of this record."""
+    parts: HoodParts
+    errors: tuple[Error, ...]
+    notes: tuple[str, ...]
+    """What was written and what it leaves out."""
+    rate: float
+    """Steps of 2 ms in a second of one core."""
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Where the file is further off than MARK, in words."""
+        return tuple(
+            f"more than {100 * MARK:g} % off: {e.quantity}, most at {e.where}"
+            for e in self.errors
+            if e.most > MARK and e.where
+        )
+
+    @property
+    def text(self) -> str:
+        """The model with the notes and errors as its first lines."""
+        said = [
+            *self.notes,
+            "error of this hood in MuJoCo, relative to the case's own, median and most: "
+            + "; ".join(
+                f"{e.quantity} {100 * e.median:.2g} %, {100 * e.most:.2g} %" for e in self.errors
+            ),
+            *self.doubts,
+        ]
+        head, tag, rest = self.xml.partition(">")
+        return head + tag + "".join(f"\n  <!-- {_as_comment(line)} -->" for line in said) + rest
+
+
+def _as_comment(text: str) -> str:
+    return text.replace("--", "- -")
+
+
+def hood_in_mujoco(case: Case, which: HoodName) -> MujocoHood:
+    """A case's hood as plain MuJoCo can have it.  Raises InputError where the hood is of another
+    kind than `which`."""
+    found = KINDS[case.hood.kind].builder.in_mujoco
+    made = None if found is None else found(case.hood, case.lesion)
+    if made is not None and made.word == which:
+        return made
+    raise InputError(f"--hood {which}: {case.name} has another hood: {_advice(case, made)}")
+
+
+def _advice(case: Case, made: MujocoHood | None) -> str:
+    if made is not None:
+        return f"write --hood {made.word}"
+    if case.hood.lies_on_bones:
+        return (
+            f"{case.hood.title}. MuJoCo has no such sheet or net with contact: fit a potential to "
+            f"it first, cosim reduce {case.name} -o reduced.toml, then "
+            "cosim mjcf reduced.toml --hood reduced"
+        )
+    return f"{case.hood.title}. A network, two bands and what cosim reduce wrote can be written"
+
+
+def hood_file(
+    case: Case, which: HoodName, tell: Progress = quiet, states: int = STATES
+) -> HoodFile:
+    """A case's finger with its hood.  Raises InputError where the hood is of another kind."""
+    hood, models = hood_in_mujoco(case, which), build(case)
+    parts = _parts(case, models, hood, tell)
+    xml = mjcf_of(case, parts)
+    tell("comparing the file with the hood")
+    errors = tuple(
+        compare(case, models, hood, HeldModel.of(xml, models.finger.joints, parts), states)
+    )
+    return HoodFile(xml, parts, errors, tuple(_notes(case, hood, parts)), steps_per_second(xml))
+
+
+def _parts(case: Case, models: Models, hood: MujocoHood, tell: Progress) -> HoodParts:
+    """The hood's parts, fitted in its box where it has one."""
+    count = 0 if hood.box is None else FITTED
+    if count:
+        tell("fitting MuJoCo's parts to the hood")
+    angles, loads = sample_states(case, models, hood, count, FIT_SEED)
+    return hood.parts(angles, loads, tip_maps(case, angles))
+
+
+def attach(
+    case: Case, which: HoodName, path: Path, finger: str, names: Mapping[str, str], made: HoodFile
+) -> Attached:
+    """A hand model with the hood of a case's file `made` on one finger; names: from ours to the
+    model's.  Raises InputError where no muscle of the hood is there."""
+    hood = hood_in_mujoco(case, which)
+    ours = {muscle: _known(muscle, names) for muscle in made.parts.muscles}
+    of = {muscle: names[known] for muscle, known in ours.items() if known in names}
+    joints = {joint: names[joint] for joint in hood.joints}
+    target = Target(joints, of, names["metacarpal"], names["proximal"], f"{finger}_hood_")
+    attached = attach_hood(path, made.parts, target)
+    table = json.dumps(case.hood.model_dump(mode="json", exclude_none=True))
+    for muscle, known in ours.items():
+        table = table.replace(f'"{muscle}"', f'"{known}"')
+    strengths = {ours[muscle]: force for muscle, force in attached.strengths.items()}
+    note = {"hood": json.loads(table), "strengths": strengths, "case": case.name}
+    add_note(attached.root, f"{NOTE}{finger}", json.dumps(note))
+    told = [f"hood of {case.name} on the {finger} finger, its lengths as they are there"]
+    if "MCP_abduction" not in hood.joints:
+        told.append("lost: its muscles' arms in abduction, which a network has not")
+    return replace(attached, told=(*told, *attached.told))
+
+
+def check_names(
+    case: Case, which: HoodName, path: Path, finger: str, names: Mapping[str, str]
+) -> None:
+    """Check that the joints and bodies of a finger are known in a model, by names from ours to
+    the model's.  Raises InputError."""
+    needed = (*hood_in_mujoco(case, which).joints, "metacarpal", "proximal")
+    if lacking := [part for part in needed if part not in names]:
+        raise InputError(
+            f"{path}: no part is named like {lacking[0]} of the {finger} finger. Say which is "
+            'which: a file of lines like PIP = "2pm_flexion", and --names FILE'
+        )
+
+
+def _known(muscle: str, names: Mapping[str, str]) -> str:
+    """What this finger's muscle of that name is called."""
+    return SAME.get(muscle, muscle) if muscle not in names else muscle
+
+
+def attached_hood(path: Path, finger: str) -> Mapping[str, Any] | None:
+    """What `attach` noted of the hood on a finger of a model: its table "hood", the greatest forces
+    (N) "strengths" of its muscles, and its "case"; None where there is none.  Raises InputError for
+    another text of this name."""
+    text = note_of(path, f"{NOTE}{finger}")
+    if text is None:
+        return None
+    try:
+        note = json.loads(text)
+        return {
+            "hood": dict(note["hood"]),
+            "strengths": dict(note["strengths"]),
+            "case": str(note["case"]),
+        }
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: its text {NOTE}{finger} is not what cosim mjcf wrote") from error
+
+
+def _notes(case: Case, hood: MujocoHood, parts: HoodParts) -> Iterator[str]:
+    yield (
+        f"hood: {hood.word}; junctions on slides: {len(parts.junctions)}, elastic tendons from "
+        f"them: {len(parts.bands)}, which are limits of tendons' lengths, solved implicitly, and "
+        "bear only tension; a sensor reads each one's tension (N)"
+    )
+    if parts.followers:
+        yield (
+            "what no sum of joint angles is, follows such a sum by a polynomial (equality): "
+            + ", ".join(parts.followers)
+        )
+    if hood.box is not None:
+        yield (
+            f"fitted to the reduced hood in the box {_box(hood)}; outside of it the file says "
+            "nothing; its tendons are no slips, whose forces the case has as functions of the "
+            "joint torques"
+        )
+        yield from _errors_of_reduction(case)
+    if hood.held:
+        yield f"{', '.join(hood.held)}: fitted in mid-box, where alone the sheet was sampled"
+    yield (
+        "the hood acts by joint torques: it presses no bones together, and forces of joints lack "
+        "its thrust"
+    )
+
+
+def _errors_of_reduction(case: Case) -> Iterator[str]:
+    """What the case file says, as `cosim reduce` wrote it, of the reduced hood's own errors."""
+    lines = case.source.read_text(encoding="utf-8").splitlines() if case.source.is_file() else []
+    words = [line.removeprefix("#").strip() for line in lines if line.startswith("#")]
+    first = next((i for i, line in enumerate(words) if line.startswith(REDUCTION_ERRORS)), None)
+    if first is not None:
+        told = " ".join(takewhile(bool, words[first + 1 :]))
+        yield f"the reduced hood itself, of the sheet or net that it was fitted to: {told}"
+
+
+def _box(hood: MujocoHood) -> str:
+    assert hood.box is not None
+    angles = (
+        f"{j} {np.degrees(a):.0f} to {np.degrees(b):.0f} deg" for j, (a, b) in hood.box[0].items()
+    )
+    loads = (f"{m} to {force:.3g} N" for m, force in hood.box[1].items())
+    return ", ".join((*angles, *loads))
+
+
+def compare(
+    case: Case, models: Models, hood: MujocoHood, held: HeldModel, states: int = STATES
+) -> Iterator[Error]:
+    """The errors of arms (each muscle alone), joint torques, the force of a clamped fingertip, the
+    slips and excursions, in states at random."""
+    angles, loads = sample_states(case, models, hood, states, SEED)
+    rows = [_both(models, hood, held, a, t) for a, t in zip(angles, loads, strict=True)]
+    torque, slip, moved, ours, our_slip, we_moved = (np.array(x) for x in zip(*rows, strict=True))
+    moved = moved - (moved - we_moved).mean(axis=0)  # each counts from a place of its own
+    maps = tip_maps(case, angles)
+    tip, our_tip = (np.einsum("sij,sj->si", maps, x) for x in (torque, ours))
+    size, off = np.linalg.norm(our_tip, axis=1), np.linalg.norm(tip - our_tip, axis=1)
+    of_torque = np.linalg.norm(torque - ours, axis=1) / np.linalg.norm(ours, axis=1)
+    found = {
+        "arms of a muscle alone": np.where(_alone(states), of_torque, np.nan),
+        "joint torques": of_torque,
+        "tip force": off / size,
+        "tip force, of the mean": off / np.sqrt((size**2).mean()),
+        "tip force, of all tensions": off / loads.sum(axis=1),
+        "slip forces": np.abs(slip - our_slip).max(axis=1) / our_slip.max(axis=1),
+        "excursion, of its range": np.abs(moved - we_moved).max(axis=1)
+        / np.ptp(we_moved, axis=0).max(),
+    }
+    for name, values in found.items():
+        k = int(np.nanargmax(values))
+        where = state_in_words(angles[k], loads[k], models.hood.tendons)
+        yield Error(name, float(np.nanmedian(values)), float(values[k]), where)
+    least = BEARS * loads.sum(axis=1, keepdims=True)
+    other = ((slip > least) != (our_slip > least)).any(axis=1)
+    yield Error("states in which another slip is slack", 0.0, float(other.mean()), "")
+
+
+def sample_states(
+    case: Case, models: Models, hood: MujocoHood, states: int, seed: int
+) -> tuple[Array, Array]:
+    """Angles (s, n) rad and tensions (s, m) N at random: in a third of the states one muscle alone,
+    the others at rest; joints that the hood's box holds in its middle."""
+    random, joints = np.random.default_rng(seed), models.finger.joints
+    ranges: Mapping[str, tuple[float, float]] = joint_ranges(models.finger)
+    most = {muscle: _greatest(case, muscle) for muscle in models.hood.tendons}
+    if hood.box is not None:
+        ranges, most = hood.box[0], dict(hood.box[1])
+    low, high = np.array([ranges[joint] for joint in joints]).T
+    angles = random.uniform(low, high, (states, len(joints)))
+    held = [joints.index(joint) for joint in hood.held]
+    angles[:, held] = (low + high)[held] / 2
+    greatest, rest = np.array(list(most.values())), case.solve.resting_tension
+    loads = greatest * random.uniform(*MIXTURE_PARTS, (states, len(greatest)))
+    whose = np.arange(states) // 3 % len(greatest)
+    single = np.full_like(loads, rest)
+    pulls = greatest[whose] * random.uniform(*ALONE_PARTS, states)
+    single[np.arange(states), whose] = pulls
+    return angles, np.where(_alone(states)[:, None], single, np.maximum(loads, rest))
+
+
+def _alone(states: int) -> Array:
+    """In which states one muscle pulls alone, (s,) bool."""
+    return cast(Array, np.arange(states) % 3 == 0)
+
+
+def _greatest(case: Case, muscle: str) -> float:
+    table = case.tendons.get(muscle)
+    force = None if table is None else table.max_force
+    return USUAL_LOAD if force is None else MOST_LOAD * force
+
+
+def _both(
+    models: Models, hood: MujocoHood, held: HeldModel, angle: Array, load: Array
+) -> list[Array]:
+    """Torques (n,) N m, slips (2,) N and excursions (m,) m of the file, and those of the hood."""
+    joints, live = models.finger.joints, models.hood
+    held.settle(angle, dict(zip(live.tendons, map(float, load), strict=True)))
+    posture = dict(zip(joints, map(float, angle), strict=True))
+    motion = models.finger.motion(models.finger.start(posture))
+    state = cast(JointState, live.advance(live.start(motion), motion, load, np.inf).state)
+    assert models.slips is not None
+    ours = np.zeros(len(joints))
+    ours[[joints.index(j) for j in hood.joints]] = np.atleast_2d(state.derived.torque).sum(axis=0)
+    torque = held.torque()
+    slips = _pair(hood.slips(held.tensions(), angle, torque))
+    theirs = [torque, slips, held.excursion()]
+    return [*theirs, ours, _pair(models.slips(state)), state.derived.excursion]
+
+
+def _pair(slips: Mapping[str, float]) -> Array:
+    return np.array([slips["central"], slips["terminal"]])

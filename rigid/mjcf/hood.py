@@ -1,0 +1,303 @@
+"""A hood of joint torques as parts of a MuJoCo model: junctions, followers and elastic tendons.
+
+A junction is a slide that a muscle pulls, a tendon a weighted sum of joints and slides (`fixed`).
+A band bears only tension, k [L - rest]^+: MuJoCo's limit of a tendon's length, whose constraint is
+
+    f = (k_r r - b v - a) / R,   r = L - rest > 0,   R = (1 - d) / d A,   k = k_r / R,
+
+with A the inverse inertia that MuJoCo computes for the tendon (`tendon_invweight0`) and d its
+impedance.  At rest f = k r exactly; in motion b and a damp it, and the solver takes all of it
+implicitly, so that it is stable at steps of 2 ms where a spring of that stiffness on so light a
+slide would need 0.1 ms.  A slack band bears nothing and brakes nothing.
+
+MuJoCo's tendons are linear in the joints.  What is not is a follower: a slide y with y = p(x), p of
+the fourth degree and x a sum of joints, by an equality.  The inertia of slides weighs nothing.
+Such a hood acts by joint torques: it presses no bones together, and forces of joints lack its
+thrust.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from time import process_time
+from types import MappingProxyType
+
+import mujoco
+import numpy as np
+
+from cosim.port import Array
+from rigid.model import Vector
+
+STEP = 2e-3
+"""s: the longest step at which a file is stable."""
+RECOVERY = 1 / (2 * STEP) ** 2
+"""1/s2, k_r, critically damped: the fastest that MuJoCo takes at STEP."""
+JUNCTION = 0.01
+"""kg, of a junction: as of a tendon and part of its muscle."""
+FOLLOWER = 1e-6
+"""kg m2 for each (unit of follower / rad)2: a tenth of what resists a joint."""
+DRAG = 0.1
+"""N s/m, of a junction that nothing holds."""
+LOOSE = -1.0
+"""m, a length that no band reaches: it bears only tension."""
+FIRM = f"{2 * STEP!r} 1", "0.9999 0.9999 0.001 0.5 2"
+"""solref and solimp of MuJoCo's stiffest equality at STEP."""
+TOLERANCE = "1e-12"
+"""Of MuJoCo's solver: with its usual 1e-8 a light follower trembles."""
+NO_DEFAULTS = {"armature": "0", "stiffness": "0", "frictionloss": "0"}
+"""What a model's defaults may say of joints and tendons, which is not of the hood's."""
+STILL, CHUNK, CHUNKS = 1e-9, 25, 60
+"""m, of junctions that rest over so many steps, and how often that is tried."""
+PULL = 1.0
+"""N, of every tendon while steps are counted."""
+HELD = 1e4
+"""kg m2, of joints whose torques are measured."""
+
+
+Polynomial = tuple[float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A slide that is a polynomial of a weighted sum of joints."""
+
+    weights: Mapping[str, float]
+    """By joint."""
+    polynomial: Polynomial
+    """Lowest power first."""
+
+    def value(self, angles: Mapping[str, float]) -> float:
+        """The slide's position at joint angles (rad)."""
+        x = sum(weight * angles[joint] for joint, weight in self.weights.items())
+        return float(np.polynomial.polynomial.polyval(x, self.polynomial))
+
+
+@dataclass(frozen=True)
+class Band:
+    """An elastic tendon that bears tension alone."""
+
+    weights: Mapping[str, float]
+    """Its length by joint, follower (m per unit) and junction (1)."""
+    rest: float
+    """m, beyond which it bears."""
+    stiffness: float
+    """N/m."""
+
+
+@dataclass(frozen=True)
+class HoodParts:
+    """A hood in MuJoCo's words; names are unique among joints and among tendons."""
+
+    muscles: Mapping[str, Mapping[str, float]]
+    """The length of each by joint, follower and junction: its excursion with a minus."""
+    junctions: tuple[str, ...]
+    bands: Mapping[str, Band]
+    followers: Mapping[str, Follower] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a junction slides, in the frame of a body of the model."""
+
+    body: str
+    position: Vector
+    """m, of the junction at zero."""
+    axis: Vector
+
+
+def add_hood(root: ET.Element, parts: HoodParts) -> ET.Element:
+    """Add a hood to a model (MJCF elements) whose joints it names, and return the model: what
+    `add_parts` adds, and for each muscle a tendon and an actuator whose control is its tension
+    (N)."""
+    tendons, actuators = section(root, "tendon"), section(root, "actuator")
+    for name, weights in parts.muscles.items():
+        _add_sum(tendons, name, weights)
+        ET.SubElement(actuators, "general", name=name, tendon=name, gainprm="-1")
+    return add_parts(root, parts, {})
+
+
+def add_parts(root: ET.Element, parts: HoodParts, places: Mapping[str, Place]) -> ET.Element:
+    """Add junctions (in the world where no place is given, else with a site of their name),
+    followers, and for each band a tendon and a sensor of its tension (N), and return the model."""
+    section(root, "option").set("tolerance", TOLERANCE)
+    world = section(root, "worldbody")
+    bodies = {body.get("name"): body for body in root.iter("body")}
+    for name in parts.junctions:
+        if name not in places:
+            _add_slide(world, name, JUNCTION, DRAG)
+            continue
+        place = places[name]
+        made = _add_slide(bodies[place.body], name, JUNCTION, DRAG, place.axis)
+        made.set("pos", _text(place.position))
+        ET.SubElement(made, "site", name=name, pos="0 0 0", size="0.001")
+    for name in parts.followers:
+        _add_slide(world, name, FOLLOWER, 0.0)
+    for name, follower in parts.followers.items():
+        _add_follower(root, name, follower)
+    tendons = section(root, "tendon")
+    for name, band in parts.bands.items():
+        limits = {"limited": "true", "range": f"{LOOSE!r} {band.rest!r}"}
+        _add_sum(tendons, name, band.weights, limits)
+        ET.SubElement(section(root, "sensor"), "tendonlimitfrc", name=name, tendon=name)
+    _set_stiffness(root, parts.bands)
+    return root
+
+
+def section(root: ET.Element, name: str) -> ET.Element:
+    """The element of a model that holds its bodies, tendons or the like, made where it lacks."""
+    found = root.find(name)
+    return ET.SubElement(root, name) if found is None else found
+
+
+def _add_slide(
+    parent: ET.Element, name: str, inertia: float, drag: float, axis: Vector = (1.0, 0.0, 0.0)
+) -> ET.Element:
+    """A mass and not an armature, which MuJoCo leaves out of `dof_invweight0` here and with it of
+    a follower's firmness."""
+    body = ET.SubElement(parent, "body", name=name, gravcomp="1")
+    turning = _text((inertia,) * 3)
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=repr(inertia), diaginertia=turning)
+    slide = {"name": name, "type": "slide", "axis": _text(axis), "damping": repr(drag)}
+    ET.SubElement(body, "joint", slide | NO_DEFAULTS | {"limited": "false"})
+    return body
+
+
+def _add_follower(root: ET.Element, name: str, follower: Follower) -> None:
+    equality = section(root, "equality")
+    solref, solimp = FIRM
+    facts = {"polycoef": _text(follower.polynomial), "solref": solref, "solimp": solimp}
+    (joint, weight), *more = follower.weights.items()
+    if not more and weight == 1.0:
+        ET.SubElement(equality, "joint", {"joint1": name, "joint2": joint} | facts)
+        return
+    tendons, of = section(root, "tendon"), f"{name}_of"
+    _add_sum(tendons, name, {name: 1.0})
+    _add_sum(tendons, of, follower.weights)
+    ET.SubElement(equality, "tendon", {"tendon1": name, "tendon2": of} | facts)
+
+
+def _add_sum(
+    tendons: ET.Element,
+    name: str,
+    weights: Mapping[str, float],
+    facts: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    out = ET.SubElement(
+        tendons, "fixed", {"name": name} | NO_DEFAULTS | {"limited": "false", **facts}
+    )
+    for joint, weight in weights.items():
+        ET.SubElement(out, "joint", joint=joint, coef=repr(float(weight)))
+
+
+def _text(numbers: tuple[float, ...] | Array) -> str:
+    return " ".join(repr(float(x)) for x in numbers)
+
+
+def _set_stiffness(root: ET.Element, bands: Mapping[str, Band]) -> None:
+    """Give the bands' limits the impedances that make their stiffnesses."""
+    model = compile_model(root)
+    elements = {tag.get("name"): tag for tag in root.iter("fixed")}
+    for name, band in bands.items():
+        inverse = float(model.tendon_invweight0[model.tendon(name).id])
+        d = inverse / (inverse + RECOVERY / band.stiffness)
+        damping = 2 * RECOVERY**0.5
+        elements[name].attrib |= {
+            "solreflimit": f"{-RECOVERY * d!r} {-damping * d!r}",
+            "solimplimit": f"{d!r} {d!r} 0.001 0.5 2",
+        }
+
+
+def compile_model(root: ET.Element) -> mujoco.MjModel:
+    """The model of MJCF elements."""
+    return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+
+
+def slides_at_rest(parts: HoodParts, angles: Mapping[str, float]) -> dict[str, float]:
+    """Followers at joint angles (rad), and junctions (m) where the first band begins to bear."""
+    out = {name: follower.value(angles) for name, follower in parts.followers.items()}
+    at = {**angles, **out}
+    for junction in parts.junctions:
+        own = [
+            b for b in parts.bands.values() if set(b.weights) & set(parts.junctions) == {junction}
+        ]
+        begins = [
+            b.rest - sum(w * at[name] for name, w in b.weights.items() if name != junction)
+            for b in own
+        ]
+        out[junction] = min(begins, default=0.0)
+    return out
+
+
+def steps_per_second(xml: str, count: int = 4000) -> float:
+    """How many steps of STEP a model makes in a second of one core, from its first keyframe under
+    tensions of PULL."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    model.opt.timestep = STEP
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.ctrl[:] = PULL
+    mujoco.mj_step(model, data, nstep=count // 4)
+    started = process_time()
+    mujoco.mj_step(model, data, nstep=count)
+    return count / (process_time() - started)
+
+
+class HeldModel:
+    """A model on whose joints a hood acts, held at angles, to see what the hood does there."""
+
+    def __init__(self, model: mujoco.MjModel, joints: tuple[str, ...], parts: HoodParts) -> None:
+        self.model, self.joints, self.parts = model, joints, parts
+        self.data = mujoco.MjData(model)
+        self._dofs = np.array([model.jnt_dofadr[model.joint(j).id] for j in joints])
+        self._places = np.array([model.jnt_qposadr[model.joint(j).id] for j in joints])
+        model.opt.gravity[:], model.opt.timestep = 0.0, STEP
+        model.dof_armature[self._dofs] = HELD
+        model.jnt_limited[[model.joint(j).id for j in joints]] = 0
+        self._junctions = np.array([model.joint(n).qposadr[0] for n in parts.junctions], dtype=int)
+
+    @classmethod
+    def of(cls, xml: str, joints: tuple[str, ...], parts: HoodParts) -> HeldModel:
+        """Of a model's text."""
+        return cls(mujoco.MjModel.from_xml_string(xml), joints, parts)
+
+    def settle(self, angle: Array, tension: Mapping[str, float]) -> None:
+        """Move to angles (n,) rad and tensions (N) by muscle, and step until the junctions rest."""
+        data, named = self.data, dict(zip(self.joints, map(float, angle), strict=True))
+        data.qvel[:] = 0.0
+        for name, follower in self.parts.followers.items():
+            data.joint(name).qpos[0] = follower.value(named)
+        for name, force in tension.items():
+            data.actuator(name).ctrl[0] = force
+        before = np.full(len(self._junctions), np.inf)
+        for _ in range(CHUNKS):
+            for _ in range(CHUNK):
+                data.qpos[self._places], data.qvel[self._dofs] = angle, 0.0
+                mujoco.mj_step(self.model, data)
+            now = data.qpos[self._junctions]
+            if np.abs(now - before).max(initial=0.0) < STILL:
+                break
+            before = now.copy()
+        data.qpos[self._places], data.qvel[self._dofs] = angle, 0.0
+        mujoco.mj_forward(self.model, data)
+
+    def slides(self) -> dict[str, float]:
+        """Where junctions (m) and followers are."""
+        names = (*self.parts.junctions, *self.parts.followers)
+        return {name: float(self.data.joint(name).qpos[0]) for name in names}
+
+    def torque(self) -> Array:
+        """The joint torques (n,) N m that hold the hood's pull."""
+        data = self.data
+        out: Array = (data.qfrc_actuator + data.qfrc_constraint)[self._dofs]
+        return out
+
+    def tensions(self) -> dict[str, float]:
+        """What the bands bear, N."""
+        return {name: float(self.data.sensor(name).data[0]) for name in self.parts.bands}
+
+    def excursion(self) -> Array:
+        """How far each muscle has moved (m,) m."""
+        out: Array = -np.array([self.data.tendon(m).length[0] for m in self.parts.muscles])
+        return out
