@@ -142,11 +142,17 @@ def _message(item: Any, place: Place, model: Model, values: Any) -> str:
     return str(item["msg"]).replace("Input should", "must").replace("Tuple should", "must")
 
 
+RENAMED = {"course": "signal"}
+"""Keys of earlier versions, and what they are called now."""
+
+
 def unknown(what: str, name: str, known: Sequence[str], siblings: Any) -> str:
     """What to say of a name that is not known, with the nearest that is."""
     twin = next((k for k in known if k.casefold() == name.casefold()), None)
     if twin and isinstance(siblings, dict) and twin in siblings:
         return f"this {what} is named twice, in other letters; keep {twin}"
+    if RENAMED.get(name) in known:
+        return f"is now called {RENAMED[name]}"
     near = nearest_names(name, known)
     hint = f"did you mean {near[0]}? " if near else ""
     return f"unknown {what}; {hint}known: {', '.join(known)}"

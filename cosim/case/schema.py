@@ -304,7 +304,7 @@ class Case(CaseFile):
         shared = {"finger", "hood", "lesion", "solve", "coupling"}
         parts = self.model_dump(mode="json", include=shared)
         if rubbing := self.rubbing_tendons():
-            parts["friction"] = [[n, t.friction, t.course] for n, t in rubbing.items()]
+            parts["friction"] = [[n, t.friction, t.sliding] for n, t in rubbing.items()]
         files = (*self.finger.files(), *self.hood.files())
         return json.dumps([parts, stamps(files)], sort_keys=True)
 

@@ -18,7 +18,7 @@ from cosim.models.fit import check_fit, check_tendons
 from cosim.port import Array, Hood, Motion, OpenFinger, Pair, PairState, State, Triangles
 from cosim.tendons.friction import with_friction
 from cosim.tendons.muscles import CaseMuscles, live_muscles
-from cosim.tendons.table import Course
+from cosim.tendons.table import Sliding
 from meshes.hood_mesh import HoodMesh
 
 
@@ -102,11 +102,11 @@ def with_own_finger(models: Models, case: Case) -> Models:
     return replace(models, finger=case_finger(case), muscles=live_muscles(case.tendons))
 
 
-def case_finger(case: Case, course: Course | None = None) -> OpenFinger:
-    """The finger of ours of a case, with the friction of its own tendons, each on its course or all
-    on one.  Raises InputError."""
+def case_finger(case: Case, sliding: Sliding | None = None) -> OpenFinger:
+    """The finger of ours of a case, with the friction of its own tendons, each sliding as it states
+    or all one way.  Raises InputError."""
     finger = live_finger(case.native_finger(), case.hood.left_to_finger)
-    return with_friction(finger, case.tendons, course)
+    return with_friction(finger, case.tendons, sliding)
 
 
 def site_of(case: Case, rest: Motion) -> Site:
@@ -157,6 +157,11 @@ def mjcf_of(case: Case) -> str:
         f"{name}: its friction of {tendon.friction:g} at guides is left out; along a tendon MuJoCo "
         "has one tension"
         for name, tendon in case.rubbing_tendons().items()
+    ]
+    lost += [
+        f"{name}: its stretch is left out; the actuator states the tension"
+        for name, tendon in case.tendons.items()
+        if tendon.elastic is not None
     ]
     resting = case.solve.resting_tension
     return mjcf(case.native_finger(), case.hood.left_to_finger, resting, lost)

@@ -77,8 +77,8 @@ def _force(summary: Summary) -> str:
 
 
 def _friction(summary: Summary) -> str:
-    courses = ("loading", "unloading")
-    sizes = [value_of(summary, f"friction.course.{c}.fingertip_magnitude_N") for c in courses]
+    ways = ("loading", "unloading")
+    sizes = [value_of(summary, f"friction.sliding.{c}.fingertip_magnitude_N") for c in ways]
     if sizes[0] is None or sizes[1] is None or max(sizes[0], sizes[1]) <= LEAST_FORCE:
         return ""
     return (

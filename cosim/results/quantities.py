@@ -36,7 +36,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<pair>": ("MCP_PIP", "PIP_DIP"),
     "<springs>": (*SPRINGS, *(f"adhesion_{r}_{body}" for r in REGIONS for body in BODIES)),
     "<beside>": ("at_rest", "change"),
-    "<course>": ("loading", "unloading"),
+    "<sliding>": ("loading", "unloading"),
     "<torque>": ("hood", "gravity", "passive", "limit", "fingertip", "holder", *TENDONS),
 }
 """What stands for a key of a path."""
@@ -183,26 +183,26 @@ CHECKS = {
     "step_control.longest_half_ms": "longest half step",
 }
 """Figures of the audit and counts, by path."""
-BETWEEN = "between friction of loading and of unloading"
+BETWEEN = "of friction, loading to unloading"
 OF_RUN = (
     Quantity(
         "second_start.fingertip_force_N.<axis>", "fingertip force from a second start, <axis>"
     ),
     Quantity("second_start.posture_deg.<joint>", "<joint> angle from a second start"),
-    Quantity("friction.half_interval_N", f"half of the fingertip force's way {BETWEEN}", True),
+    Quantity("friction.half_interval_N", f"half of the fingertip force's interval {BETWEEN}", True),
     Quantity("friction.tendon.<tendon>.coefficient", "friction of <tendon> at its guides"),
     Quantity("friction.tendon.<tendon>.turn_deg", "angle by which <tendon> turns at its guides"),
     Quantity("friction.tendon.<tendon>.tension_at_insertion_N", "tension of <tendon> at its end"),
     Quantity(
-        "friction.course.<course>.fingertip_force_N.<axis>", "fingertip force, <axis>, <course>"
+        "friction.sliding.<sliding>.fingertip_force_N.<axis>", "fingertip force, <axis>, <sliding>"
     ),
     Quantity(
-        "friction.course.<course>.fingertip_magnitude_N", "fingertip force, magnitude, <course>"
+        "friction.sliding.<sliding>.fingertip_magnitude_N", "fingertip force, magnitude, <sliding>"
     ),
-    Quantity("friction.course.<course>.posture_deg.<joint>", "<joint> angle, <course>"),
+    Quantity("friction.sliding.<sliding>.posture_deg.<joint>", "<joint> angle, <sliding>"),
     Quantity(
-        "friction.course.<course>.joint_torque_Nmm.<tendon>.<joint>",
-        "torque of <tendon> about <joint>, <course>",
+        "friction.sliding.<sliding>.joint_torque_Nmm.<tendon>.<joint>",
+        "torque of <tendon> about <joint>, <sliding>",
     ),
     Quantity("wall_s", "wall time"),
     Quantity("hood_quads", "quads of the hood's mesh"),

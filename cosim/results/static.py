@@ -152,22 +152,22 @@ def _friction(case: Case, models: Models, states: States) -> dict[str, Any]:
         }
         for name, tendon in rubbing.items()
     }
-    courses: dict[str, Any] = {}
+    ways: dict[str, Any] = {}
     forces = []
-    for course, on in states.courses.items():
+    for sliding, on in states.ways.items():
         if on.found is None:
-            courses[course] = {"failure": on.failure}
+            ways[sliding] = {"failure": on.failure}
             continue
         force = on.finger.tip_force(on.found.finger_state)
         forces.append(force)
         torque = on.found.known_balance.torque
-        courses[course] = {
+        ways[sliding] = {
             "fingertip_force_N": by_axis(force),
             "fingertip_magnitude_N": float(np.linalg.norm(force)),
             "posture_deg": _by_joint(models, np.rad2deg(on.finger.angles(on.found.finger_state))),
             "joint_torque_Nmm": {name: _by_joint(models, 1e3 * torque[name]) for name in rubbing},
         }
-    out: dict[str, Any] = {"tendon": tendons, "course": courses}
+    out: dict[str, Any] = {"tendon": tendons, "sliding": ways}
     if len(forces) == 2:
         out["half_interval_N"] = float(0.5 * np.linalg.norm(forces[1] - forces[0]))
     return {"friction": out}

@@ -24,8 +24,8 @@ class SecondStart:
 
 
 @dataclass(frozen=True)
-class OnCourse:
-    """The loaded equilibrium with all tendons that have friction on one course."""
+class OneWaySlide:
+    """The loaded equilibrium with all tendons that have friction sliding one way."""
 
     finger: OpenFinger
     found: Equilibrium | None
@@ -48,6 +48,6 @@ class States:
     """What a one-way pass handed over; None of a coupled equilibrium."""
     second: SecondStart | None = None
     """Where the case asks for it."""
-    courses: Mapping[str, OnCourse] = field(default_factory=dict)
-    """By course, loading and unloading, of a case whose tendons have friction: what lies between
-    them friction can hold."""
+    ways: Mapping[str, OneWaySlide] = field(default_factory=dict)
+    """By way of sliding, loading and unloading, of a case whose tendons have friction: what lies
+    between them friction can hold."""

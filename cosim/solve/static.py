@@ -20,16 +20,16 @@ from cosim.models.build import Models, case_finger, tensions
 from cosim.port import Array, PairState, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
 from cosim.solve.session import Session
-from cosim.solve.states import OnCourse, SecondStart, States
+from cosim.solve.states import OneWaySlide, SecondStart, States
 from cosim.tendons.elastic import stretch_of
 from cosim.tendons.muscles import MusclePull
-from cosim.tendons.table import Course
+from cosim.tendons.table import Sliding
 
 AUDIT_STEP = 2e-5
 """rad, joint step of the reciprocity audit: small against the contact's smoothing."""
 MOST_PULLS = 30
-INTERVAL: tuple[Course, Course] = ("loading", "unloading")
-"""The courses between which friction holds; a tendon that states none is on the first."""
+INTERVAL: tuple[Sliding, Sliding] = ("loading", "unloading")
+"""The ways between which friction holds; a tendon that states none slides the first."""
 PULL_TOLERANCE = 1e-7  # relative to the largest tension (at least 1 N)
 
 
@@ -41,36 +41,36 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
     loaded, pull = _loaded_from_nearby(case, session, models, unloaded, progress)
     session.remember(case, models, unloaded, loaded)
     second = _second_start(case, models, unloaded, progress) if case.solve.second_start else None
-    courses = _on_courses(case, models, unloaded, loaded, progress)
+    ways = _both_ways(case, models, unloaded, loaded, progress)
     if not models.hood.tendons or loaded.balance is None or case.hood.has_friction:
-        return models, States(unloaded, loaded, None, pull, second=second, courses=courses)
+        return models, States(unloaded, loaded, None, pull, second=second, ways=ways)
     progress("auditing reciprocity")
     strongest = int(np.argmax(loaded.hood_tension))
     gap = reciprocity(models.finger, models.hood, loaded, strongest, AUDIT_STEP)
-    return models, States(unloaded, loaded, gap, pull, second=second, courses=courses)
+    return models, States(unloaded, loaded, gap, pull, second=second, ways=ways)
 
 
-def _on_courses(
+def _both_ways(
     case: Case, models: Models, unloaded: Equilibrium, loaded: Equilibrium, progress: Progress
-) -> dict[str, OnCourse]:
+) -> dict[str, OneWaySlide]:
     """The loaded equilibrium with every tendon that has friction sliding towards its muscle, and
     with every one sliding away, each from the case's own."""
-    rubbing, out = case.rubbing_tendons(), dict[str, OnCourse]()
-    for course in INTERVAL if rubbing else ():
-        if all((tendon.course or INTERVAL[0]) == course for tendon in rubbing.values()):
-            out[course] = OnCourse(models.finger, loaded)
+    rubbing, out = case.rubbing_tendons(), dict[str, OneWaySlide]()
+    for sliding in INTERVAL if rubbing else ():
+        if all((tendon.sliding or INTERVAL[0]) == sliding for tendon in rubbing.values()):
+            out[sliding] = OneWaySlide(models.finger, loaded)
             continue
-        finger = case_finger(case, course)
+        finger = case_finger(case, sliding)
         start = PairState(loaded.finger_state, loaded.response.state)
-        say = partial(_say, progress, f"friction, {course}")
+        say = partial(_say, progress, f"friction, {sliding}")
         try:
             found, _ = _loaded_equilibrium(
                 case, replace(models, finger=finger), unloaded, start, say
             )
         except ConvergenceError as error:
-            out[course] = OnCourse(finger, None, str(error))
+            out[sliding] = OneWaySlide(finger, None, str(error))
         else:
-            out[course] = OnCourse(finger, found)
+            out[sliding] = OneWaySlide(finger, found)
     return out
 
 

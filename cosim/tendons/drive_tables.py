@@ -61,9 +61,10 @@ class MotorConfig(Table):
     """A motor that winds an elastic tendon on a spool, through a gear, in a motion.
 
     The command, times the tendon's signal: a torque, or how far the tendon's end is drawn; the
-    motor then turns towards it with a torque that rises to the greatest over `band`.  Its torque
-    falls from the greatest, at rest, to none at the greatest speed, as a direct-current motor's
-    does.  The tendon holds the gear on one flank, so that its backlash is passed once, at first."""
+    motor then turns towards it with a torque that rises to the greatest over `band`, critically
+    damped.  Its torque falls from the greatest, at rest, to none at the greatest speed, as a
+    direct-current motor's does.  The tendon holds the gear on one flank, so that its backlash is
+    passed once, at first."""
 
     kind: Literal["motor"]
     torque: Annotated[float, quantity(units.TORQUE, least="0 N*mm", most="1e5 N*mm")] | None = None

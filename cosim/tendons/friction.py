@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from cosim.port import Array, OpenFinger, State
-from cosim.tendons.table import Course, TendonConfig
+from cosim.tendons.table import Sliding, TendonConfig
 
 if TYPE_CHECKING:
     from rigid.chain.statics import ChainFinger
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 
 def with_friction(
-    finger: OpenFinger, tendons: Mapping[str, TendonConfig], course: Course | None = None
+    finger: OpenFinger, tendons: Mapping[str, TendonConfig], sliding: Sliding | None = None
 ) -> OpenFinger:
-    """The finger of ours with the friction that the case states of its own tendons, each on its
-    course or all on one.  Raises InputError."""
+    """The finger of ours with the friction that the case states of its own tendons, each as it
+    slides there, or all sliding one way.  Raises InputError."""
     from rigid.mujoco.tendon_friction import PRESLIDING, TendonFriction
 
     friction = {
         name: TendonFriction(
             float(tendon.friction),
-            course or tendon.course or "loading",
+            sliding or tendon.sliding or "loading",
             tendon.presliding or PRESLIDING,
             np.inf if tendon.elastic is None else tendon.elastic.rate,
         )

@@ -8,7 +8,8 @@ path has shortened, k and b the tendon's stiffness, slack and backlash,
 
     F = e n tau where the motor drives, n tau / e where it is turned back,    e: efficiency
 
-and tau the commanded torque, held within the motor's straight line from its greatest torque at rest
+and tau the commanded torque, or that which turns a motor of this inertia to the commanded position
+with critical damping, held within the motor's straight line from its greatest torque at rest
 to none at its greatest speed.  A step is implicit Euler's for the motor; the path is as long as it
 was at the step's start.
 """
@@ -29,6 +30,8 @@ from cosim.tendons.table import TendonConfig
 
 FASTEST = 20.0
 """m/s, that no tendon is drawn faster than."""
+LAST = 1e-3
+"""s, over which the speed of a commanded position is taken."""
 HALVINGS = 80
 """Of the speeds between which a step's is sought: below rounding."""
 
@@ -82,11 +85,17 @@ class _Motor:
         if t.torque is not None:
             wanted = t.torque * self.factor(time)
         else:
-            miss = (t.position or 0.0) * self.factor(time) - position
-            wanted = greatest * miss / t.band
+            aim = self._aim(time)
+            late = speed - (aim - self._aim(max(time - LAST, 0.0))) / LAST
+            damping = 2.0 * np.sqrt(greatest / t.band * t.inertia * self.turns)
+            wanted = greatest * (aim - position) / t.band - damping * late
         line = np.inf if t.greatest_speed is None else t.greatest_speed
         rate = self.turns * speed / line
         return float(np.clip(wanted, -greatest * min(1 + rate, 1.0), greatest * min(1 - rate, 1.0)))
+
+    def _aim(self, time: float) -> float:
+        """How far (m) the tendon's end is to be drawn."""
+        return (self.table.position or 0.0) * self.factor(time)
 
     def force(self, time: float, position: float, speed: float) -> float:
         """The force on the tendon's end, N."""
@@ -102,7 +111,7 @@ class _Motor:
         """How far (m) the end is drawn at rest under the first command, the path as it is."""
         t = self.table
         if t.torque is None:
-            return (t.position or 0.0) * self.factor(0.0)
+            return self._aim(0.0)
         held = min(t.torque * self.factor(0.0), t.greatest_torque) * self.turns
         return self.lost + held / self.stiffness if held > 0 else 0.0
 

@@ -84,7 +84,7 @@ class MillardConfig(Table):
     """Whether the tendon stretches."""
 
 
-Course = Literal["loading", "unloading", "frictionless"]
+Sliding = Literal["loading", "unloading", "frictionless"]
 
 
 class TendonConfig(Table):
@@ -114,7 +114,7 @@ class TendonConfig(Table):
     friction: Annotated[Number, Field(ge=0, le=2)] | None = None
     """Coulomb's coefficient along a tendon of the finger's own, where it wraps a surface or turns
     at a guide point; without it the tendon glides freely."""
-    course: Course | None = None
+    sliding: Sliding | None = None
     """Which way a tendon with friction slides at its guides: "loading" (by default; towards the
     muscle, so that tension falls on the way to the insertion), "unloading", or "frictionless"; of a
     motion at its start, after which friction follows the slide."""
@@ -126,7 +126,7 @@ class TendonConfig(Table):
 
     @model_validator(mode="after")
     def _rubs(self) -> TendonConfig:
-        for key in ("course", "presliding"):
+        for key in ("sliding", "presliding"):
             if self.friction is None and getattr(self, key) is not None:
                 raise fault(f"gives {key} without friction; add for example friction = 0.04")
         return self

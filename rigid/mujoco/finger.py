@@ -76,7 +76,7 @@ class MujocoFinger(ChainFinger):
         self._rubbed: tuple[Array, Array] | None = None
 
     def with_friction(self, friction: Mapping[str, TendonFriction]) -> MujocoFinger:
-        """The finger with friction along tendons of its own, at rest on their courses.
+        """The finger with friction along tendons of its own, at rest as they slide.
 
         Raises InputError for a tendon that it lacks."""
         out = copy(self)
@@ -110,7 +110,7 @@ class MujocoFinger(ChainFinger):
 
     def torques_per_tension(self, angles: Array) -> Array:
         """The torques (nt, nq) m per N of each muscle: the moment arms, or with friction what it
-        leaves of them on the tendon's course."""
+        leaves of them as the tendon slides."""
         arms = self._posture(angles)[1]
         if self.guides is None:
             return arms
@@ -189,7 +189,7 @@ class MujocoFinger(ChainFinger):
         self, angles: Array, tension: Array, grip: Array | None = None
     ) -> dict[str, Array]:
         """The wrench (nb, 6) on each body about its origin by muscle, and of gravity; `grip`: of
-        friction at each guide, that of the tendons' courses if not given."""
+        friction at each guide, that of the tendons as they slide if not given."""
         data, guides = self.at_angles(angles), self.guides
         pulls = self._ways.wrenches(data, tension)
         if guides is not None:

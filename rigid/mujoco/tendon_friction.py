@@ -30,12 +30,12 @@ from cosim.port import Array, Ints, Mask
 from rigid.chain.capstan import free_grip, grip_after, held_length, tension_ratio
 from rigid.mujoco.tendon_paths import PULLEY, SITE
 
-Course = Literal["loading", "unloading", "frictionless"]
-GRIPS: Mapping[Course, float] = {"loading": 1.0, "unloading": -1.0, "frictionless": 0.0}
-"""g of each course."""
+Sliding = Literal["loading", "unloading", "frictionless"]
+GRIPS: Mapping[Sliding, float] = {"loading": 1.0, "unloading": -1.0, "frictionless": 0.0}
+"""g of each way of sliding."""
 PRESLIDING = 1e-4
 """m, the way over which friction turns from none to all where a case states none; an assumption:
-ten thousandths of a metre is little beside an excursion and much beside what one step slides."""
+a tenth of a millimetre is little beside an excursion and much beside what one step slides."""
 NO_ARC = 1e-9
 """m, between two points of contact: the tendon touches a ring's inside in one point."""
 
@@ -46,7 +46,7 @@ class TendonFriction:
 
     coefficient: float
     """Coulomb's mu, of all its guides."""
-    course: Course = "loading"
+    sliding: Sliding = "loading"
     """Which way it slides, or in a motion slid before the start."""
     presliding: float = PRESLIDING
     """m."""
@@ -83,6 +83,8 @@ class GuideReadings(NamedTuple):
     """(n,) the tendon."""
     give: Array
     """(n,) m/N by which the tendon beyond each place stretches."""
+    slides: Array
+    """(n, nq) m/rad, the slide towards the muscle at each place."""
 
     def factors(self, grip: Array) -> tuple[Array, Array]:
         """The tension before and beyond each place over the muscle's, (n,) each."""
@@ -111,10 +113,6 @@ class GuideReadings(NamedTuple):
             {t: float(ends[owner == t].sum()) for t in tendons},
             {t: float(through[owner == t].max()) for t in tendons},
         )
-
-    def slides(self) -> Array:
-        """The slide (n, nq) m/rad towards the muscle at each place."""
-        return -self._beyond(self.part)
 
     def arms_by_grip(self, grip: Array) -> Array:
         """The derivatives (n, nq) m of a tendon's torques per N by the grip at each place."""
@@ -164,7 +162,7 @@ class FrictionStep:
 
     def slide(self, turned: Array) -> Array:
         """The slide (n,) m at each guide after the joints have turned by (nq,) rad."""
-        return self.readings.slides() @ turned + self._stretch
+        return self.readings.slides @ turned + self._stretch
 
     def grip_after(self, turned: Array) -> Array:
         """The grip (n,) after the joints have turned by (nq,) rad."""
@@ -181,7 +179,7 @@ class FrictionStep:
         sticks = np.abs(free) < 1.0
         pull = (self.tension - shortening @ turned)[r.owner[sticks]]
         by_grip = pull[:, None] * r.arms_by_grip(grip)[sticks]
-        by_turn = r.slides()[sticks] / self.presliding[sticks][:, None]
+        by_turn = r.slides[sticks] / self.presliding[sticks][:, None]
         at_rest = free[sticks] - by_turn @ turned
         return torque + by_grip.T @ (at_rest - grip[sticks]), slope + by_grip.T @ by_turn
 
@@ -219,10 +217,11 @@ class TendonGuides:
                 f"friction of {', '.join(unknown)}: the finger's own tendons are "
                 f"{', '.join(names) or 'none'}"
             )
-        self.model, self.friction = model, dict(friction)
+        friction = {name: friction[name] for name in names if name in friction}
+        self.model, self.friction = model, friction
         self.tendons: Ints = np.array([names.index(name) for name in friction], dtype=np.intp)
         rows = [row for t in self.tendons for row in _places(model, int(t))]
-        self._what = [what for _, _, what, _ in rows]
+        self._what = np.array([what for _, _, what, _ in rows], dtype=np.intp)
         self.owner = np.array([t for t, _, _, _ in rows], dtype=np.intp)
         self._share = np.array([share for _, _, _, share in rows])
         strand = np.array([s for _, s, _, _ in rows], dtype=np.intp)
@@ -233,8 +232,8 @@ class TendonGuides:
         self._mu = np.array([f.coefficient for f in by_owner])
         self.coefficients = np.array([f.coefficient for f in friction.values()])
         """Of `tendons`."""
-        self.grip = np.array([GRIPS[f.course] for f in by_owner])
-        """(n,) g of the courses."""
+        self.grip = np.array([GRIPS[f.sliding] for f in by_owner])
+        """(n,) g of the tendons as they slide."""
         self.presliding = np.array([f.presliding for f in by_owner])
         """(n,) m."""
         self._give = np.array([1.0 / f.stiffness for f in by_owner])
@@ -246,12 +245,13 @@ class TendonGuides:
         """What friction depends on, in the posture of `data`; that of the last one is kept."""
         if self._read is None or not np.array_equal(self._read[0], data.qpos):
             into, out_of, way, turn, pattern = self._geometry(data)
-            length = np.linalg.norm(out_of - into, axis=1)
-            length[:-1] += np.linalg.norm(into[1:] - out_of[:-1], axis=1) * ~self._is_end[:-1]
+            length = _norm(out_of - into)
+            length[:-1] += _norm(into[1:] - out_of[:-1]) * ~self._is_end[:-1]
             beyond = _sum_beyond(self._first, length)
             give = self._give * beyond / beyond[self._first]
             part = self._parts(data, way, pattern)
-            readings = GuideReadings(turn, part, self._share, self._first, self.owner, give)
+            slides = -_sum_beyond(self._first, part)
+            readings = GuideReadings(turn, part, self._share, self._first, self.owner, give, slides)
             self._read = data.qpos.copy(), readings
         return self._read[1]
 
@@ -290,31 +290,33 @@ class TendonGuides:
         way = np.zeros_like(into)
         way[:-1] = into[1:] - out_of[:-1]
         way[self._is_end] = 0.0
-        length = np.linalg.norm(way, axis=1, keepdims=True)
+        length = _norm(way)[:, None]
         way = np.divide(way, length, out=np.zeros_like(way), where=length > 0)
         came, goes = np.roll(way, 1, axis=0), way[pattern.ahead]
-        sine = np.linalg.norm(np.cross(came, goes), axis=1)
-        turn = np.arctan2(sine, (came * goes).sum(axis=1)) * pattern.turns
-        for k in pattern.arc:
-            if np.linalg.norm(out_of[k] - into[k]) > NO_ARC:
-                turn[k] = self._arc(data, self._what[k], into[k], out_of[k], came[k])
+        turn = np.arctan2(_norm(_cross(came, goes)), (came * goes).sum(axis=1)) * pattern.turns
+        arc = pattern.arc[_norm((out_of - into)[pattern.arc]) > NO_ARC]
+        if len(arc):
+            turn[arc] = self._arcs(data, arc, into[arc], out_of[arc], came[arc])
         return into, out_of, way, self._mu * turn, pattern
 
-    def _arc(self, data: mujoco.MjData, geom: int, begin: Array, end: Array, came: Array) -> float:
-        """The angle (rad) by which a tendon that came along `came` turns over a surface between two
-        points of it: of a helix the sum of its curvature."""
-        centre, axis = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)[:, 2]
-        a, b, rise = begin - centre, end - centre, 0.0
-        if self.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER:
-            rise = float((b - a) @ axis)
-            a, b = a - (a @ axis) * axis, b - (b @ axis) * axis
-            came = came - (came @ axis) * axis
-        plane = np.cross(a, came)
-        plane /= np.linalg.norm(plane)
-        angle = float(np.arctan2(np.cross(a, b) @ plane, a @ b))
-        angle = angle + 2 * np.pi if angle < -0.5 * np.pi else max(angle, 0.0)
-        along = float(np.linalg.norm(a)) * angle
-        return angle * along / float(np.hypot(along, rise)) if angle > 0 else 0.0
+    def _arcs(
+        self, data: mujoco.MjData, places: Ints, begin: Array, end: Array, came: Array
+    ) -> Array:
+        """The angles (k,) rad by which a tendon that came along `came` (k, 3) turns over surfaces
+        between two points of each: of a helix the sum of its curvature."""
+        geom = self._what[places]
+        axis = data.geom_xmat.reshape(-1, 3, 3)[geom, :, 2]
+        axis = axis * (self.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER)[:, None]
+        a, b = begin - data.geom_xpos[geom], end - data.geom_xpos[geom]
+        rise = ((b - a) * axis).sum(axis=1)
+        a, b, came = (v - (v * axis).sum(axis=1, keepdims=True) * axis for v in (a, b, came))
+        plane = _cross(a, came)
+        plane /= _norm(plane)[:, None]
+        angle = np.arctan2((_cross(a, b) * plane).sum(axis=1), (a * b).sum(axis=1))
+        angle = np.where(angle < -0.5 * np.pi, angle + 2 * np.pi, np.maximum(angle, 0.0))
+        along = _norm(a) * angle
+        length = np.hypot(along, rise)
+        return angle * np.divide(along, length, out=np.zeros_like(along), where=length > 0)
 
     def _parts(self, data: mujoco.MjData, way: Array, pattern: _Pattern) -> Array:
         """`GuideReadings.part`: the ends of a straight part move with their bones along it."""
@@ -323,7 +325,7 @@ class TendonGuides:
         on = np.flatnonzero(~self._is_end)
         for points, places, sign in ((pattern.last, on, -1.0), (pattern.first, on + 1, 1.0)):
             lever = listed[points[places]][:, None] - data.xanchor
-            along = (np.cross(data.xaxis, lever) * way[on][:, None]).sum(axis=2)
+            along = (_cross(data.xaxis, lever) * way[on][:, None]).sum(axis=2)
             out[on] += sign * along * (self._moves <= body[places][:, None])
         return out
 
@@ -360,8 +362,18 @@ class TendonGuides:
             if not touched[k + 1]:
                 ahead[k] = ahead[k + 1]
         turns = touched & ~self._is_end & (self._first != np.arange(n))
-        arc = np.flatnonzero(touched & (np.array(self._what) != SITE))
+        arc = np.flatnonzero(touched & (self._what != SITE))
         return _Pattern(first, last, body, ahead, turns, arc)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Vectors' products; numpy's function for them takes several times as long."""
+    ahead, behind = [1, 2, 0], [2, 0, 1]
+    return np.asarray(a[..., ahead] * b[..., behind] - a[..., behind] * b[..., ahead])
+
+
+def _norm(vectors: Array) -> Array:
+    return np.asarray(np.sqrt((vectors * vectors).sum(axis=-1)))
 
 
 def _places(model: mujoco.MjModel, tendon: int) -> list[tuple[int, int, int, float]]:

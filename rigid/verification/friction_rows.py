@@ -56,22 +56,22 @@ def wheel_finger() -> FingerModel:
     return FingerModel("wheel", segments, (0.04, 0.0, 0.0), (tendon,))
 
 
-def rubbing_wheel(course: str = "loading") -> MujocoFinger:
+def rubbing_wheel(sliding: str = "loading") -> MujocoFinger:
     """`wheel_finger` with friction at guide and wheel."""
-    friction = TendonFriction(MU, course, PRESLIDING)  # type: ignore[arg-type]
+    friction = TendonFriction(MU, sliding, PRESLIDING)  # type: ignore[arg-type]
     return MujocoFinger(wheel_finger()).with_friction({"extensor": friction})
 
 
 def wheel_rows() -> Iterator[Row]:
     """The torque of a tendon that is turned by a known angle, sliding either way."""
-    for course, sign in (("loading", -1.0), ("unloading", 1.0)):
-        finger = rubbing_wheel(course)
+    for sliding, sign in (("loading", -1.0), ("unloading", 1.0)):
+        finger = rubbing_wheel(sliding)
         off = []
         for angle in np.linspace(*TURNED, 10):
             torque = finger.own_torques(np.array([angle]), np.array([TENSION]))["extensor"][0]
             exact = -TENSION * RADIUS * np.exp(sign * MU * (LEAD + angle))
             off.append(abs(torque / exact - 1))
-        name = f"tendon over a wheel, {course}"
+        name = f"tendon over a wheel, {sliding}"
         yield Row(name, "torque off T r exp(-/+ mu theta)", 1e-9, max(off), 0.0, CAPSTAN, "bound")
 
 
@@ -161,7 +161,7 @@ def finger_rows() -> Iterator[Row]:
             torque = tension @ readings.arms(grip, arms)
             apart.append(np.abs(peer_torques(finger, q, tension, grip) / torque - 1).max())
             before, beyond = tension[readings.owner] * readings.factors(grip)
-            taken = (before - beyond) @ (readings.slides() @ v)
+            taken = (before - beyond) @ (readings.slides @ v)
             wrenches = finger.own_wrenches(q, tension, grip)
             pulled = sum(wrenches[t] for t in bare.tendons)
             bones = np.ravel(pulled) @ body_jacobian(finger.chain(q)) @ v

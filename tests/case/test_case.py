@@ -100,7 +100,7 @@ def test_packaged_cases_load_and_their_active_tendon_is_in_their_name(name):
         named = ["EDC"]
     if name == "motion_flexion":  # all of the finger
         named = ["E", "L", "F"]
-    if name == "robot_friction_cycle":
+    if name in ("robot_friction_cycle", "robot_motor_flexor"):  # a flexor against the extensor
         named = ["DIP_FLEXOR", "EXTENSOR"]
     assert active or name == "lengths_dip_resistance"  # of a hood at rest
     assert all(any(tendon.upper().startswith(part) for part in named) for tendon in active)
@@ -147,6 +147,11 @@ def test_the_resolved_case_loads_to_the_same_case(tmp_path: Path, overrides):
 BAD = {
     "a bare number": ("hood.thickness=0.6", "hood.thickness = 0.6", "is a bare number"),
     "another dimension": ("hood.thickness=3 kg", "hood.thickness", "no unit of length"),
+    "a key of an earlier version": (
+        'tendons.EDC.course={kind="points",at=[["0 s",1.0]]}',
+        "tendons.EDC.course",
+        "is now called signal",
+    ),
     "an unknown key": ("hood.mesh.qads=250", "hood.mesh.qads = 250", "did you mean quads?"),
     "an unknown region": (
         "hood.regions.central_slit.poisson=0.3",

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
 from cosim.analyses.moment_arms import native_arms
 from cosim.case.file import load_case
+from cosim.coupling.state_arrays import flatten, rebuild
 from cosim.errors import InputError
+from cosim.fmu_export.motion_parts import moving_part
 from cosim.models.build import build, mjcf_of
 from cosim.models.motion import moving_models
 from cosim.pipeline import run_case
@@ -32,12 +35,12 @@ def forces(block: Any) -> np.ndarray:
 
 def test_the_interval_is_what_either_course_gives_alone() -> None:
     found = run("split_fdp", RUBS).summary
-    back = run("split_fdp", RUBS, "tendons.FDP.course='unloading'").summary
+    back = run("split_fdp", RUBS, "tendons.FDP.sliding='unloading'").summary
     free = run("split_fdp").summary
-    both = found["friction"]["course"]
+    both = found["friction"]["sliding"]
     assert both["loading"]["fingertip_force_N"] == found["fingertip_force_N"]
     assert forces(both["unloading"]) == pytest.approx(forces(back), abs=1e-9)
-    assert back["friction"]["course"]["loading"]["fingertip_magnitude_N"] == pytest.approx(
+    assert back["friction"]["sliding"]["loading"]["fingertip_magnitude_N"] == pytest.approx(
         found["fingertip_magnitude_N"], abs=1e-9
     )
     sizes = [s["fingertip_magnitude_N"] for s in (found, free, back)]
@@ -53,7 +56,7 @@ def test_the_interval_is_what_either_course_gives_alone() -> None:
     assert any("loading" in sentence for sentence in answer(found))
     assert misfit(found) == ""
     assert is_known("friction.half_interval_N")
-    assert is_known("friction.course.unloading.joint_torque_Nmm.FDP.PIP")
+    assert is_known("friction.sliding.unloading.joint_torque_Nmm.FDP.PIP")
 
 
 def test_friction_of_zero_changes_nothing() -> None:
@@ -93,7 +96,7 @@ def test_a_motion_that_only_loads_comes_to_rest_as_the_equilibrium_does() -> Non
         "split_fdp", RUBS, tip, ramp, "forward={duration='0.2 s',step='2 ms',must_rest=false}"
     )
     settled = forces(moved.summary)
-    interval = [forces(still["friction"]["course"][c]) for c in ("loading", "unloading")]
+    interval = [forces(still["friction"]["sliding"][c]) for c in ("loading", "unloading")]
     assert np.linalg.norm(settled - interval[0]) < 0.5 * np.linalg.norm(interval[1] - interval[0])
     rows = [row for row in moved.rows if row.state == moved.rows[-1].state]
     for body in ("proximal", "middle", "distal"):
@@ -108,6 +111,8 @@ def test_what_knows_no_friction_keeps_its_arms_or_says_so() -> None:
     assert all(np.array_equal(ours[t], theirs[t]) for t in theirs)
     assert "FDP: its friction of 0.1 at guides is left out" in mjcf_of(rubs).split("<compiler")[0]
     assert "friction" not in mjcf_of(plain)
+    stretches = load_case("split_fdp", [RUBS, 'tendons.FDP.elastic.stiffness="50 N/mm"'])
+    assert "FDP: its stretch is left out" in mjcf_of(stretches)
 
 
 def test_a_step_of_a_rubbing_finger_can_be_repeated() -> None:
@@ -121,12 +126,23 @@ def test_a_step_of_a_rubbing_finger_can_be_repeated() -> None:
     assert once.friction.tobytes() == again.friction.tobytes()
 
 
+def test_an_fmu_of_a_rubbing_finger_writes_its_grip_with_its_state() -> None:
+    case = load_case("forward_fdp", [RUBS])
+    assert case.forward is not None
+    part = moving_part(case, case.forward, "finger", tangent=True)
+    moving = moving_models(case, case.forward)
+    at = moving.moves.advance(moving.moves.begin(moving.initial_state)).coupled.finger
+    back = rebuild(part.start(), flatten(at))
+    assert moving.finger.grip(back).tobytes() == moving.finger.grip(at).tobytes()
+    assert moving.finger.grip(at).any()
+
+
 @pytest.mark.parametrize(
     ("name", "setting", "words"),
     [
         ("pulley_edc", "tendons.EDC.friction=0.1", "EDC runs in the hood"),
         ("network_contact_planar", RUBS, "the finger has none"),
-        ("split_fdp", "tendons.FDP.course='loading'", "course without friction"),
+        ("split_fdp", "tendons.FDP.sliding='loading'", "sliding without friction"),
         ("split_fdp", "tendons.FDP.friction=-0.1", "friction"),
         ("split_fdp", "tendons.XYZ.friction=0.1", "XYZ"),
     ],
@@ -134,3 +150,44 @@ def test_a_step_of_a_rubbing_finger_can_be_repeated() -> None:
 def test_friction_where_none_can_act_is_refused(name: str, setting: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         run(name, setting)
+
+
+def test_a_tendon_that_stretches_holds_a_free_finger_as_a_spring_in_plain_mujoco_does() -> None:
+    """MuJoCo's tendons are springs beyond a length, which the drawn end shortens."""
+    stiffness, drawn, slack, resting = 20e3, 3e-3, 0.5e-3, 0.05
+    settings = [
+        "finger.tip.kind='free'",
+        "finger.limit.half_range='60 deg'",
+        *(
+            f"finger.passive.{joint}={{stiffness='0.1 N*m/rad',rest='posture'}}"
+            for joint in ("MCP", "MCP_abduction", "PIP", "DIP")
+        ),
+        f"tendons.FDP={{excursion='{1e3 * drawn} mm'}}",
+        f"tendons.FDP.elastic={{stiffness='20 N/mm',slack='{1e3 * slack} mm'}}",
+    ]
+    found = run("base/split.toml", *settings)
+    case = load_case("base/split.toml", settings)
+    finger = build(case).finger
+    states = {n: found.data.sel(state=n) for n in ("unloaded", "loaded")}
+    k = finger.tendons.index("FDP")
+    start = finger.start(build(case).posture)
+    lengths = {
+        n: finger.path_lengths(finger.with_angles(start, s.angle.values))[k]
+        for n, s in states.items()
+    }
+    spec = mujoco.MjSpec.from_string(mjcf_of(case))
+    tendon = next(t for t in spec.tendons if t.name == "FDP")
+    bears = lengths["unloaded"] - drawn + slack - resting / stiffness
+    tendon.stiffness = np.array([stiffness, 0.0, 0.0])
+    tendon.springlength = np.array([0.0, bears])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("posture").id)
+    data.ctrl[model.actuator("FDP").id] = 0.0
+    while data.time < 1.0:
+        mujoco.mj_step(model, data)
+    ours = states["loaded"].angle.values
+    assert np.abs(ours - states["unloaded"].angle.values).max() > np.radians(3.0)
+    assert np.degrees(data.qpos - ours) == pytest.approx(np.zeros(4), abs=0.01)
+    pull = stiffness * (lengths["loaded"] - bears)
+    assert found.summary["tension_N"]["FDP"] == pytest.approx(pull, rel=1e-6)

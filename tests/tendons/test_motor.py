@@ -63,7 +63,7 @@ def test_a_stalled_motor_pulls_with_its_torque_through_gear_and_spool() -> None:
 def test_a_slack_tendon_lets_the_motor_run_up_to_its_greatest_speed() -> None:
     """m dv/dt = F (1 - v / v0): an exponential."""
     m = motor(
-        {"slack": "50 mm"}, position="100 mm", gear=2.0, greatest_speed="400 rad/s",
+        {"slack": "50 mm"}, torque="4 N*mm", gear=2.0, greatest_speed="400 rad/s",
         inertia="1.0 kg*mm**2",
     )  # fmt: skip
     turns = 2.0 / 5e-3
@@ -75,17 +75,17 @@ def test_a_slack_tendon_lets_the_motor_run_up_to_its_greatest_speed() -> None:
 
 
 def test_a_motor_on_a_fixed_tendon_swings_at_the_rate_of_its_reflected_inertia() -> None:
-    m = motor(position="1 mm", gear=1.0, inertia="25 kg*mm**2", band="10 mm", spool="5 mm")
-    mass, force = 25e-6 / 5e-3**2, 4e-3 / 5e-3
-    rate = np.sqrt((STIFFNESS + force / 10e-3) / mass)
+    m = motor(torque="4 N*mm", gear=10.0, inertia="0.25 kg*mm**2")
+    mass, force = 0.25e-6 * (10 / 5e-3) ** 2, 4e-3 * 10 / 5e-3
+    rate = np.sqrt(STIFFNESS / mass)
     quarter = 0.5 * np.pi / rate
     state = m.initial(np.zeros(1))._replace(position=np.array([1e-4]))
     dt, moved = quarter / 1000, state
     for k in range(1000):
         moved = m.step(moved, k * dt, np.zeros(1), dt).state
-    rest = force / 10e-3 * 1e-3 / (STIFFNESS + force / 10e-3)
-    assert moved.position[0] == pytest.approx(rest, abs=2e-3 * 1e-4)
-    assert moved.speed[0] == pytest.approx(-rate * (1e-4 - rest), rel=2e-3)
+    rest = force / STIFFNESS
+    assert moved.position[0] == pytest.approx(rest, abs=2e-3 * rest)
+    assert moved.speed[0] == pytest.approx(rate * (rest - 1e-4), rel=2e-3)
 
 
 def test_a_gear_that_loses_power_pulls_less_when_winding_and_holds_more() -> None:
@@ -99,6 +99,13 @@ def test_a_gear_that_loses_power_pulls_less_when_winding_and_holds_more() -> Non
     assert turned_back.tension[0] == pytest.approx(force / 0.8)
     held = m.step(home, 0.0, np.array([1e-5]), 1.0)
     assert held.state.speed[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_motor_turns_to_a_commanded_position_and_does_not_ring() -> None:
+    m = motor({"slack": "50 mm"}, position="2 mm", gear=20.0, inertia="0.05 kg*mm**2")
+    way = [step.state.position[0] for step in run(m, 0.1, 1e-4)]
+    assert way[-1] == pytest.approx(2e-3, rel=1e-6)
+    assert max(way) < 2e-3 + 1e-6
 
 
 def test_backlash_and_slack_are_passed_before_the_tendon_pulls() -> None:
