@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 
 import cosim
+from cosim.case.file import layers_of
 from cosim.errors import ConvergenceError, InputError
+from cosim.fmu_export.write import write_fmu
+from cosim.models.build import build
 from cosim.schema import units
+from cosim.verification.fmu import in_units
 from meshes.skeleton import JOINTS
+from tests.helpers.fmus import NEEDS_FMU
 
 STEP = 'forward.step="2 ms"'
 
@@ -209,3 +214,22 @@ def test_a_gain_needs_a_tip_that_is_held():
 def test_units_of_observations_and_actions_are_si(loop):
     kinds = {kind.si for kind in vars(units).values() if isinstance(kind, units.Kind)} | {"rad/s"}
     assert {channel.unit for channel in loop.observations.values()} <= kinds
+
+
+@pytest.mark.parametrize("fmi", [pytest.param(2, marks=NEEDS_FMU)])
+def test_units_take_part_and_can_be_taken_back(tmp_path, fmi):
+    case = cosim.load("pulley_edc", [STEP, 'forward.duration="20 ms"'])
+    paths = {part: tmp_path / f"{part}.fmu" for part in ("finger", "hood")}
+    for part, path in paths.items():
+        write_fmu(case, part, fmi, path)
+    settings = in_units(build(case), paths, "newton")
+    native = cosim.Loop(case.with_layers(layers_of(settings[:1])))
+    loop = cosim.Loop(case.with_layers(layers_of(settings)))
+    for _ in range(5):
+        ours, theirs = native.step({"EDC": 3.0}), loop.step({"EDC": 3.0})
+    shared = [name for name in ours if not name.startswith("excursion")]
+    assert {n: theirs[n] for n in shared} == pytest.approx({n: ours[n] for n in shared}, abs=1e-9)
+    before = loop.state
+    first = loop.step({"EDC": 1.0})
+    loop.state = before
+    assert loop.step({"EDC": 1.0}) == first

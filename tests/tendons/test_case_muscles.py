@@ -113,8 +113,8 @@ def test_faults_are_told_with_their_place(setting: str, words: str) -> None:
 
 
 def test_a_hood_goes_on_the_finger_that_it_fits() -> None:
-    with pytest.raises(InputError, match=r'"split" does not go with finger\.kind = "hinge"'):
-        run_case(load_case("split_edc", ["finger=" + HINGE]))
+    with pytest.raises(InputError, match=r'"cable" does not go with finger\.kind = "hinge"'):
+        run_case(load_case("cable_edc", ["finger=" + HINGE]))
 
 
 HINGE = (
