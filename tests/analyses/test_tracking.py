@@ -108,9 +108,10 @@ def test_the_case_begins_where_the_motion_does_and_keeps_its_springs(flexion):
     )
     joints = ("MCP", "MCP_abduction", "PIP", "DIP")
     motion = read_motion(flexion, joints, case.finger.posture.angles())
-    forward = forward_case(case, motion, joints)
+    forward = forward_case(case, motion, joints, ("FDP",))
     assert pytest.approx(np.radians(45)) == forward.finger.posture.PIP
     assert forward.finger.passive["PIP"].rest == pytest.approx(np.radians(50))
+    assert (forward.tendons["FDP"].tension, forward.tendons["EDC"].activation) == (1.0, 0.1)
     assert (forward.forward.duration, forward.forward.step) == pytest.approx((0.2, 0.002))
 
 

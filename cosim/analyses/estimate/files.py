@@ -127,8 +127,7 @@ def write_tracking(folder: Path, s: Setup, tracking: Tracking, wall: float) -> N
         table = part / "forward_tensions.csv"
         pulls.to_csv(table, index=False)
         signals = {
-            name: {"tension": "1 N", "signal": {"kind": "file", "path": str(table), "column": name}}
-            for name in names
+            name: {"signal": {"kind": "file", "path": str(table), "column": name}} for name in names
         }
         case = s.case.replace({"title": f"{s.case.title}, along a motion", "tendons": signals})
         text = moved_toml(resolved_toml(case), part)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -32,7 +32,7 @@ from cosim.errors import ConvergenceError, InputError, Progress
 from cosim.fingers.common import ChainFingerConfig
 from cosim.models.motion import moving_models
 from cosim.port import Array, State
-from rigid.mujoco.dynamics import DynamicPull
+from cosim.tendons.signals import LiveSignal
 from rigid.mujoco.finger import MujocoFinger, needed_torque
 
 INTERVAL = 0.01
@@ -112,31 +112,24 @@ class WantedMotion:
 
 
 @dataclass
-class PlannedTensions:
-    """A drive of tendons (`cosim.coupling.motion.TendonDrive`) whose tensions are straight between
-    times; the last pair is that of the steps to come."""
+class Course:
+    """Tensions that are straight between times; steps go to the last of them, or come from it."""
 
     times: list[float]
     tensions: list[Array]
 
-    def start(self, length: Array) -> State:
-        return None
+    def tension(self, tendon: int, time: float) -> float:
+        """The tension (N) of a tendon at `time` s, between the last two times."""
+        ends = [float(tension[tendon]) for tension in self.tensions[-2:]]
+        return float(np.interp(time, self.times[-2:], ends))
 
-    def settle_at(self, state: State, length: Array) -> State:
-        return state
-
-    def pull(self, state: State, time: float, length: Array, dt: float) -> DynamicPull:
-        tension = np.array(self.tensions[-1])
-        if len(self.times) > 1:
-            (a, b), (low, high) = self.times[-2:], self.tensions[-2:]
-            tension = np.maximum(low + (high - low) * ((time - a) / (b - a)), 0.0)
-        return DynamicPull(tension, np.zeros_like(tension), None)
-
-    def cylinder_signals(self, state: State, time: float) -> Array:
-        return np.zeros((0, 2))
-
-    def motor_signals(self, state: State, time: float) -> Array:
-        return np.zeros((0, 2))
+    def pull(self, case: Case, names: Sequence[str]) -> Case:
+        """A case of `forward_case` whose tendons `names` have these tensions."""
+        tables = dict(case.tendons)
+        for k, name in enumerate(names):
+            signal = LiveSignal(partial(self.tension, k))
+            tables[name] = tables[name].model_copy(update={"signal": signal})
+        return case.model_copy(update={"tendons": tables})
 
 
 @dataclass
@@ -224,12 +217,15 @@ class Planner:
 
 def start_of(s: Setup, motion: JointMotion) -> Setup:
     """The same problem of the case as `forward_case` makes it.  Raises InputError."""
-    return replace(s, case=forward_case(s.case, motion, s.models.finger.joints))
+    joints, tendons = s.models.finger.joints, s.capacity.names
+    return replace(s, case=forward_case(s.case, motion, joints, tendons))
 
 
-def forward_case(case: Case, motion: JointMotion, joints: Sequence[str]) -> Case:
+def forward_case(
+    case: Case, motion: JointMotion, joints: Sequence[str], tendons: Sequence[str]
+) -> Case:
     """The case as a motion that begins where `motion` begins and lasts as long, by the case's steps
-    (1 ms where it is an equilibrium).
+    (1 ms where it is an equilibrium), with tensions of 1 N times a signal to come.
 
     Raises InputError for a fingertip that is held, or limits that the motion would go beyond."""
     finger = case.native_finger()
@@ -252,7 +248,8 @@ def forward_case(case: Case, motion: JointMotion, joints: Sequence[str]) -> Case
         for joint, angle in zip(joints, motion.angle[0], strict=True)
     }
     forward = {"duration": f"{steps * step!r} s", "step": f"{step!r} s", "must_rest": False}
-    return case.replace({**rests, **begin, "forward": forward})
+    pulls = {f"tendons.{name}.tension": "1 N" for name in tendons}
+    return case.replace({**rests, **begin, **pulls, "forward": forward})
 
 
 def _degrees(angle: float) -> str:
@@ -288,8 +285,8 @@ def track(
     assert forward is not None
     steps, each = round(forward.duration / forward.step), max(1, round(interval / forward.step))
     planner, first = Planner(s, wanted, rate), wanted.at(0.0)
-    drive = PlannedTensions([0.0], [planner.begin(first)])
-    moves: CoupledMotion = replace(moving_models(s.case, forward).moves, drive=drive)
+    course = Course([0.0], [planner.begin(first)])
+    moves = moving_models(course.pull(s.case, s.capacity.names), forward).moves
     at = moves.begin(moves.finger.begin(dict(zip(moves.finger.joints, first.angle, strict=True))))
     seen = [at]
     for done in range(0, steps, each):
@@ -297,9 +294,9 @@ def track(
         try:
             ahead = count * forward.step
             plan = planner.plan(*_angles_rates(moves, at), now, ahead)
-            aim = planner.go_on(plan, drive.tensions[-1], at.coupled.hood, ahead)
-            drive.times.append(now + ahead)
-            drive.tensions.append(aim)
+            aim = planner.go_on(plan, course.tensions[-1], at.coupled.hood, ahead)
+            course.times.append(now + ahead)
+            course.tensions.append(aim)
             for _ in range(count):
                 at = moves.advance(at)
                 seen.append(at)
@@ -313,8 +310,8 @@ def track(
     time = np.array([x.coupled.time for x in seen])
     return Tracking(
         motion,
-        np.array(drive.times),
-        np.array(drive.tensions),
+        np.array(course.times),
+        np.array(course.tensions),
         planner.lacking,
         time,
         np.array([moves.finger.angles(x.coupled.finger) for x in seen]),
