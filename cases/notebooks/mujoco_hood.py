@@ -39,7 +39,7 @@ if "HAND" not in os.environ:
     hand.write_text(mjcf_of(load_case("free_split_edc")), encoding="utf-8")
 hooded = Path("hand_with_hood.xml")
 command = [sys.executable, "-m", "cosim", "mjcf", "--attach", str(hand), "-o", str(hooded)]
-print(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+print(subprocess.run(command, check=True, capture_output=True, encoding="utf-8").stdout)
 
 # %% [markdown]
 # ## The arm of EDC at the PIP switches
