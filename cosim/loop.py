@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from cosim.arguments import by_name, case_from, quantity_in_si, whole_number
 from cosim.case.schema import Case
 from cosim.coupling.motion import MotionState
 from cosim.errors import ConvergenceError, InputError, nearest_names, unexpected
-from cosim.fingers.kinds import native_tendons
+from cosim.fingers.kinds import native_tendons, tip_support_kind, with_mass
 from cosim.models.motion import moving_models
 from cosim.port import AXES, Array, Load
 from cosim.schema import units
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 LONGEST_DELAY = 1.0
 """s, for which commands of drives with a dead time are kept."""
 MOST_SUBSTEPS = 10_000
+SHORTEST, LONGEST = 1e-6, 0.1
+"""s, of a step of the motion, as `forward.step` has them."""
 DRIVES = {
     "voltage": ("V", 0.0, 10.0),
     "pressure": ("Pa", 0.0, 2e6),
@@ -55,6 +58,8 @@ class LoopState:
     motion: MotionState
     commands: tuple[tuple[float, Mapping[str, float]], ...]
     """s and, by tendon, the action from then on, the oldest first."""
+    loop: object
+    """What it is a state of: of each loop another."""
 
 
 @dataclass(frozen=True)
@@ -97,15 +102,17 @@ class Loop:
         self._substeps = whole_number("substeps", substeps, 1, MOST_SUBSTEPS)
         stated = _in_motion(given, self.dt / self._substeps)
         self._commands: tuple[tuple[float, Mapping[str, float]], ...] = ()
-        self.case, self.actions = self._with_live_signals(stated)
+        self._token = object()
+        self.case, actions = self._with_live_signals(stated)
+        self.actions: Mapping[str, Channel] = MappingProxyType(actions)
         assert self.case.forward is not None
         self._set_start({name: channel.start for name, channel in self.actions.items()})
-        self.models = moving_models(self.case, self.case.forward)
+        self.models = moving_models(self.case, self.case.forward, "step / substeps")
         self._has_delay = any(t.actuation is not None for t in self.case.tendons.values())
         self._straight = self._path_lengths(np.zeros(len(self.models.finger.joints)))
         self._at = self._begun = self.models.moves.begin(self.models.initial_state)
         self._first = self._commands
-        self.observations: Mapping[str, Channel] = dict(self._channels())
+        self.observations: Mapping[str, Channel] = MappingProxyType(dict(self._channels()))
 
     def reset(
         self,
@@ -159,12 +166,17 @@ class Loop:
     @property
     def state(self) -> LoopState:
         """The state of now, to go back to: `loop.state = before`."""
-        return LoopState(self._at, self._commands)
+        return LoopState(self._at, self._commands, self._token)
 
     @state.setter
     def state(self, state: LoopState) -> None:
         if not isinstance(state, LoopState):
             raise unexpected("state", "a state of this loop", state)
+        if state.loop is not self._token:
+            raise InputError(
+                "state: is of another loop, whose finger, hood and actions this one has not; go "
+                "back to what this loop's own `state` gave"
+            )
         self._at, self._commands = state.motion, state.commands
 
     def observe(self) -> dict[str, float]:
@@ -214,7 +226,7 @@ class Loop:
             channel = self.actions.get(name)
             if channel is None:
                 near = nearest_names(name, self.actions)
-                hint = f"; did you mean {near[0]}?" if near else ""
+                hint = f"; did you mean {near[0]}?" if near else "."
                 raise InputError(
                     f"action: nothing to command of the name {name}{hint} There are "
                     f"{', '.join(self.actions)}"
@@ -323,6 +335,18 @@ def _in_motion(case: Case, step: float) -> Case:
     if case.forward is not None and case.forward.adaptive is not None:
         raise InputError(
             f"{case.name}: forward.adaptive: a loop sets the steps of its motion; leave it out"
+        )
+    if not case.finger.has_mass:
+        raise InputError(f"{case.name}: a loop takes a finger with mass: {with_mass()}")
+    if tip_support_kind(case.finger) == "posture":
+        raise InputError(
+            f'{case.name}: finger.tip.kind = "posture" holds every joint still, where no loop moves '
+            'it; leave the tip free (kind = "free"), or hold it at a point (kind = "point")'
+        )
+    if not SHORTEST <= step <= LONGEST:
+        raise InputError(
+            f"step / substeps: is {step:g} s; expected {SHORTEST:g} to {LONGEST:g} s. Choose "
+            "another step, or split it into more or fewer substeps"
         )
     length = units.spell(step, units.TIME)
     return case.replace({"forward.step": length, "forward.duration": length})

@@ -71,6 +71,19 @@ def test_from_a_state_that_was_kept_it_goes_the_same_way_again(loop):
     assert [loop.step({"EDC": 3.0}), loop.step({"LUM": 1.0})] == first
 
 
+def test_a_state_of_another_loop_is_refused(loop):
+    other, before = cosim.Loop("network_edc"), loop.observe()
+    with pytest.raises(InputError, match="of another loop"):
+        loop.state = other.state
+    assert loop.observe() == before
+
+
+def test_actions_and_observations_are_read_only(loop):
+    for table in (loop.actions, loop.observations):
+        with pytest.raises(TypeError):
+            table["EDC"] = None
+
+
 def test_it_begins_in_another_posture(loop):
     seen = loop.reset(posture={"PIP": "30 deg", "MCP": 0.4})
     assert np.rad2deg(seen["angle.PIP"]) == pytest.approx(30.0)
@@ -81,6 +94,7 @@ def test_it_begins_in_another_posture(loop):
     ("action", "words"),
     [
         ({"EDCC": 1.0}, "nothing to command of the name EDCC; did you mean EDC"),
+        ({"XXX": 1.0}, r"of the name XXX\. There are EDC"),
         ({"EDC": -1.0}, "from 0 to"),
         ({"EDC": float("nan")}, "from 0 to"),
         ({"EDC": "much"}, "from 0 to"),
@@ -128,12 +142,26 @@ def test_a_step_that_does_not_converge_leaves_the_loop_where_it_was(loop, monkey
 
 
 def test_an_fmu_or_a_static_finger_or_adaptive_steps_are_refused_in_words():
-    with pytest.raises(InputError, match="takes a finger with mass"):
+    with pytest.raises(InputError, match="loop takes a finger with mass"):
         cosim.Loop("own_pulleys_fdp")
     with pytest.raises(InputError, match="sets the steps of its motion"):
         cosim.Loop(cosim.load("split_edc", ['forward.adaptive.tolerance="0.01 deg"']))
     with pytest.raises(InputError, match="step"):
         cosim.Loop("split_edc", "2 mm")
+
+
+@pytest.mark.parametrize(
+    ("case", "step", "words"),
+    [
+        ("hood_rest", "2 ms", "leave the tip free"),
+        ("robot_motor_flexor", "2 ms", "^step / substeps: 0.002 s is too long"),
+        ("network_edc", "1 h", "^step / substeps: is 3600 s"),
+    ],
+)
+def test_a_case_or_a_step_that_cannot_be_is_refused_in_terms_of_the_loop(case, step, words):
+    with pytest.raises(InputError, match=words) as error:
+        cosim.Loop(case, step)
+    assert "forward" not in str(error.value)
 
 
 def test_commands_of_a_cylinder_arrive_after_its_dead_time():

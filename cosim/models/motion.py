@@ -92,8 +92,11 @@ class MovingModels:
         return self.moves.first_pull(self.initial_state)[1]
 
 
-def moving_models(case: Case, forward: ForwardConfig) -> MovingModels:
-    """The models of a coupled motion.  Raises InputError."""
+def moving_models(
+    case: Case, forward: ForwardConfig, step_key: str = "forward.step"
+) -> MovingModels:
+    """The models of a coupled motion; `step_key` names in messages what states the step.  Raises
+    InputError."""
     if not case.finger.is_native:
         return _with_unit(case, forward)
     from rigid.mujoco.moving_finger import MovingMujoco
@@ -103,7 +106,7 @@ def moving_models(case: Case, forward: ForwardConfig) -> MovingModels:
     pulls = CaseTendonDrive(case, (*models.hood.tendons, *finger.tendons))
     driven = _prescribed_excursions(case, pulls.tendons)
     scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()
-    _check_step(case, finger, pulls, models.posture)
+    _check_step(case, finger, pulls, models.posture, step_key)
     points = models.points
     moves = CoupledMotion(
         scheme, finger, models.hood, pulls, forward.step, driven, points.positions
@@ -136,7 +139,11 @@ def _with_unit(case: Case, forward: ForwardConfig) -> MovingModels:
 
 
 def _check_step(
-    case: Case, finger: MovingMujoco, pulls: CaseTendonDrive, posture: Mapping[str, float]
+    case: Case,
+    finger: MovingMujoco,
+    pulls: CaseTendonDrive,
+    posture: Mapping[str, float],
+    step_key: str,
 ) -> None:
     """Check that steps are short beside the swing of the finger on its motors' tendons, whose
     tensions follow a step late.  Raises InputError."""
@@ -149,7 +156,7 @@ def _check_step(
     if case.forward.step > longest:
         stiffest = finger.tendons[int(np.argmax(stiffness))]
         raise InputError(
-            f"forward.step: {case.forward.step:g} s is too long for a finger on the elastic "
+            f"{step_key}: {case.forward.step:g} s is too long for a finger on the elastic "
             f"tendons of its motors; write {0.95 * longest:.2g} s or less, or a smaller "
             f"tendons.{stiffest}.elastic.stiffness"
         )
