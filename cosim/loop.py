@@ -340,8 +340,8 @@ def _in_motion(case: Case, step: float) -> Case:
         raise InputError(f"{case.name}: a loop takes a finger with mass: {with_mass()}")
     if tip_support_kind(case.finger) == "posture":
         raise InputError(
-            f'{case.name}: finger.tip.kind = "posture" holds every joint still, where no loop moves '
-            'it; leave the tip free (kind = "free"), or hold it at a point (kind = "point")'
+            f'{case.name}: finger.tip.kind = "posture" holds every joint still, where no loop '
+            'moves it; leave the tip free (kind = "free"), or hold it at a point (kind = "point")'
         )
     if not SHORTEST <= step <= LONGEST:
         raise InputError(

@@ -29,7 +29,7 @@ from rigid.hoods.joint_hood import JointState
 from rigid.mjcf.attach import Attached, Target, add_note, attach_hood, note_of
 from rigid.mjcf.hood import HeldModel, HoodParts, steps_per_second
 
-HoodName = Literal["network", "reduced", "cable"]
+HoodName = Literal["network", "reduced"]
 MARK = 0.02
 """What a file's hood should keep of the hood that it was written from."""
 STATES, FITTED = 60, 1200
@@ -69,7 +69,7 @@ class HoodFile:
     notes: tuple[str, ...]
     """What was written and what it leaves out."""
     rate: float
-    """Steps of 2 ms in a second of one core."""
+    """Steps of 2 ms (`STEP`, whatever the file states) in a second of one core."""
 
     @property
     def doubts(self) -> tuple[str, ...]:

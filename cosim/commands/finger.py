@@ -27,9 +27,9 @@ from cosim.files import check_file, output_file
 from cosim.fingers.kinds import joint_ranges
 from cosim.models.build import build, mjcf_of, tensions
 from cosim.results.picture import write_figure
-from cosim.scoring.names import FingerName, match_names, read_names
+from cosim.scoring.names import FingerName, check_present, match_names, read_names
 from rigid.mjcf.attach import write_attached
-from rigid.mjcf.hood import steps_per_second
+from rigid.mjcf.hood import STEP, steps_per_second
 from rigid.mjcf.read import part_names
 from rigid.verification.bench import PAPER_LOOP, PAPER_QP, bench_robot
 from rigid.verification.bench import bench_opensim as measure
@@ -135,13 +135,18 @@ def mjcf(
         ),
     ] = None,
     finger: Annotated[
-        FingerName, typer.Option(help="The finger of the hand that gets the hood.")
-    ] = "index",
+        FingerName | None,
+        typer.Option(
+            help="With --attach: the finger of the hand that gets the hood; index where none is "
+            "named."
+        ),
+    ] = None,
     names: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help='A TOML file of lines EDC = "EDCI": which part of the hand is which.',
+            help='With --attach: a TOML file of lines EDC = "EDCI", which part of the hand is '
+            "which.",
         ),
     ] = None,
 ) -> None:
@@ -159,8 +164,14 @@ def mjcf(
     with exit_on_error():
         if attach_to is not None:
             checked = load_case(case or ATTACHED, settings or ())
-            _attach(checked, hood or "network", attach_to, finger, names, out)
+            _attach(checked, hood or "network", attach_to, finger or "index", names, out)
             return
+        for option, given in (("--finger", finger), ("--names", names)):
+            if given is not None:
+                raise InputError(
+                    f"{option}: is of a hand that gets the hood; name the hand with --attach "
+                    f"HAND.xml, or leave {option} out"
+                )
         if case is None:
             raise InputError("name a case, or a hand with --attach HAND.xml")
         checked = load_case(case, settings or ())
@@ -187,9 +198,16 @@ def _attach(
 ) -> None:
     """Write a hand with the case's hood on one finger, and tell what was changed."""
     out = out or Path(f"{hand.stem}_{finger}_hood.xml")
+    if out.exists() and hand.exists() and out.samefile(hand):
+        raise InputError(
+            f"--out {out}: is the hand itself, which stays as it is; name another file"
+        )
     check_file(out)
-    given = None if names is None else read_names(names)
-    matched = match_names(part_names(hand), finger, given).names
+    parts, given = part_names(hand), None
+    if names is not None:
+        given = read_names(names)
+        check_present(parts, given, hand, names)
+    matched = match_names(parts, finger, given).names
     check_names(case, hood, hand, finger, matched)
     with stages(case.name) as progress:
         made = hood_file(case, hood, progress.say)
@@ -209,7 +227,10 @@ def show_hood_errors(made: HoodFile) -> None:
     print_table("The file's hood less the case's", ("error of", "median", "most"), rows)
     for line in (*made.doubts, *made.notes):
         typer.echo(line)
-    typer.echo(f"the finger alone: {made.rate:.3g} steps of 2 ms in a second of one core")
+    typer.echo(
+        f"speed of finger and hood in plain MuJoCo: {made.rate:.3g} steps in a second of one core, "
+        f"measured with steps of {1e3 * STEP:g} ms (the file itself states its own)"
+    )
 
 
 def bench_mjcf() -> dict[str, float]:

@@ -166,5 +166,11 @@ def mjcf_of(case: Case, hood: HoodParts | None = None) -> str:
         for name, tendon in case.tendons.items()
         if tendon.elastic is not None
     ]
+    lost += [
+        f"{name}: the {tendon.actuation.kind} that pulls it is left out; the actuator states the "
+        "tension"
+        for name, tendon in case.tendons.items()
+        if tendon.actuation is not None
+    ]
     resting = case.solve.resting_tension
     return mjcf(case.native_finger(), case.hood.left_to_finger, resting, lost, hood)

@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
-from cosim.errors import InputError
+from cosim.errors import InputError, nearest_names
 from cosim.schema.types import MUSCLES
 from cosim.text_tables import read_toml
 from meshes.skeleton import BODIES, JOINTS
@@ -66,6 +66,29 @@ def check_names(values: Mapping[str, object], place: str) -> dict[str, str]:
     return checked
 
 
+def check_present(parts: PartNames, given: Mapping[str, str], model: Path, source: Path) -> None:
+    """Check that a model has the parts that a mapping of the file `source` names; an empty name is
+    of a part that it lacks.  Raises InputError."""
+    for ours, theirs in given.items():
+        kind, there = _candidates(parts)[ours]
+        if theirs and not any(name.removeprefix("-") in there for name in theirs.split("|")):
+            near = nearest_names(theirs.removeprefix("-"), there)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise InputError(
+                f'{source}: {ours} = "{theirs}": {model} has no {kind} of that name{hint}'
+            )
+
+
+def _candidates(parts: PartNames) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """By each name of ours what it is in a model, and the model's parts of this kind."""
+    return {
+        **dict.fromkeys(JOINTS, ("joint", tuple(parts.joints))),
+        TIP: ("site", parts.sites),
+        **dict.fromkeys(MUSCLES, ("tendon", parts.tendons)),
+        **dict.fromkeys(BODIES, ("body", parts.bodies)),
+    }
+
+
 @cache
 def _patterns() -> Mapping[str, Mapping[str, str]]:
     return read_toml(Path(str(files("cases"))) / "data" / "names_fingers.toml")
@@ -76,14 +99,11 @@ def match_names(
 ) -> Matched:
     """The parts of a finger among those of a model: as `given`, as a shipped mapping says, else by
     their usual names.  A joint whose range lies on its negative side turns the other way."""
-    there = {
-        **dict.fromkeys(JOINTS, tuple(parts.joints)),
-        TIP: parts.sites,
-        **dict.fromkeys(MUSCLES, parts.tendons),
-    }
     names: dict[str, str] = {}
     how: dict[str, str] = {}
-    for ours, candidates in there.items():
+    for ours, (kind, candidates) in _candidates(parts).items():
+        if kind == "body":
+            continue
         found = _find(ours, candidates, finger, given or {})
         if found is not None and found[0].removeprefix("-") not in _plain(names.values()):
             names[ours], how[ours] = found
