@@ -228,8 +228,8 @@ def show_hood_errors(made: HoodFile) -> None:
     for line in (*made.doubts, *made.notes):
         typer.echo(line)
     typer.echo(
-        f"speed of finger and hood in plain MuJoCo: {made.rate:.3g} steps in a second of one core, "
-        f"measured with steps of {1e3 * STEP:g} ms (the file itself states its own)"
+        f"speed of the finger with its hood in plain MuJoCo: {made.rate:.3g} steps in a second of "
+        f"one core, measured in steps of {1e3 * STEP:g} ms, whatever timestep the file states"
     )
 
 

@@ -151,9 +151,11 @@ PAGES: Mapping[Things, Callable[[Path], None]] = {
 def describe_key(whole: Schema, key: str) -> Iterator[tuple[str, str, Rows]]:
     """For each form that a key of a case file may have: its heading, its text, and the keys in it
     with what each holds and its default.  Raises InputError for a key that is not there."""
-    node = _at(whole, key) if key else whole
-    for name, one in _alternatives(whole, node):
-        heading = ", ".join(filter(None, (key or "a case file", name)))
+    nodes = _nodes(whole, key)
+    forms = [(of, *form) for node, of in nodes for form in _alternatives(whole, node)]
+    for of, name, one in forms:
+        whose = f"of {' or '.join(of)}" if of and len(nodes) > 1 else ""
+        heading = ", ".join(filter(None, (key or "a case file", whose, name)))
         text = "" if one is whole else str(one.get("description", "")) or _leaf(whole, one)
         if "properties" in one:
             yield heading, text, [_row(whole, k, v) for k, v in one["properties"].items()]
@@ -169,26 +171,42 @@ def describe_key(whole: Schema, key: str) -> Iterator[tuple[str, str, Rows]]:
 def _at(whole: Schema, key: str) -> Schema:
     """The schema of a key, its parts joined by dots, of all forms that it has in the kinds of its
     table.  Raises InputError."""
-    nodes = [whole]
-    for place, part in enumerate(parts := key.split(".")):
-        children, known = [], []
-        for node in nodes:
-            for _, one in _alternatives(whole, node):
+    nodes = [node for node, _ in _nodes(whole, key)]
+    return nodes[0] if len(nodes) == 1 else {"anyOf": nodes}
+
+
+def _nodes(whole: Schema, key: str) -> list[tuple[Schema, list[str]]]:
+    """The schemas that a key has in the kinds of its table, each with these kinds in words.  Raises
+    InputError."""
+    nodes: list[tuple[Schema, list[str]]] = [(whole, [])]
+    for place, part in enumerate(parts := key.split(".") if key else []):
+        above = ".".join(parts[:place])
+        children: list[tuple[Schema, list[str]]] = []
+        known: list[str] = []
+        for node, of in nodes:
+            for kind, one in _alternatives(whole, node):
+                holders = [f"{above}.{kind}"] if kind else of
                 names = one.get("propertyNames", {}).get("enum")
                 known += [*one.get("properties", ()), *(names or ())]
                 child = one.get("properties", {}).get(part)
                 if child is None and (names is None or part in names):
                     child = one.get("additionalProperties")
-                if child and child not in children:
-                    children.append(child)
+                if not child:
+                    continue
+                same = next((kinds for there, kinds in children if there == child), None)
+                if same is None:
+                    children.append((child, list(holders)))
+                else:
+                    same += [kind for kind in holders if kind not in same]
         if not children:
-            above = ".".join(parts[:place]) or "a case file"
             near = nearest_names(part, known)
             hint = f"; did you mean {'.'.join([*parts[:place], near[0]])}?" if near else "."
             listed = ", ".join(dict.fromkeys(known)) or "nothing"
-            raise InputError(f"{key}: no key {part!r} in {above}{hint} There are {listed}")
+            raise InputError(
+                f"{key}: no key {part!r} in {above or 'a case file'}{hint} There are {listed}"
+            )
         nodes = children
-    return nodes[0] if len(nodes) == 1 else {"anyOf": nodes}
+    return nodes
 
 
 def _alternatives(whole: Schema, node: Schema) -> Iterator[tuple[str, Schema]]:

@@ -153,6 +153,10 @@ def bone_surfaces(case: Case) -> Mapping[str, Triangles]:
     return bones_of(case.native_finger(), case.hood.left_to_finger)
 
 
+PULLERS = {"pneumatic": "pneumatic cylinder", "motor": "motor"}
+"""The kinds of actuation in words."""
+
+
 def mjcf_of(case: Case, hood: HoodParts | None = None) -> str:
     """The finger of a case as MJCF, with these parts of a hood, at the resting tensions.  Raises
     InputError for one that has none."""
@@ -167,8 +171,8 @@ def mjcf_of(case: Case, hood: HoodParts | None = None) -> str:
         if tendon.elastic is not None
     ]
     lost += [
-        f"{name}: the {tendon.actuation.kind} that pulls it is left out; the actuator states the "
-        "tension"
+        f"{name}: the {PULLERS[tendon.actuation.kind]} that pulls it is left out; the actuator "
+        "states the tension"
         for name, tendon in case.tendons.items()
         if tendon.actuation is not None
     ]

@@ -214,7 +214,12 @@ def hood_network() -> Network:
     ("words", "said"),
     [
         (["mjcf"], "name a case"),
-        (["mjcf", "cable_edc", "--hood", "cable"], "cosim reduce cable_edc"),
+        (["mjcf", "cable_edc", "--hood", "network"], "cosim reduce cable_edc"),
+        (["mjcf", "cable_edc", "--hood", "cable"], "'network', 'reduced'"),
+        (["mjcf", "network_edc", "--finger", "middle"], "--finger: is of a hand"),
+        (["mjcf", "network_edc", "--names", "n.toml"], "--names: is of a hand"),
+        (["mjcf", "--attach", "HAND", "-o", "HAND"], "is the hand itself"),
+        (["mjcf", "--attach", "HAND", "--names", "n.toml"], 'n.toml: EDC = "EDCI": HAND has no'),
         (["mjcf", "network_edc", "--hood", "reduced"], "write --hood network"),
         (["mjcf", "split_edc", "--hood", "network"], "has another hood"),
         (["mjcf", "--attach", "none.xml"], "none.xml"),
@@ -228,7 +233,15 @@ def hood_network() -> Network:
 def test_what_cannot_be_written_is_refused_in_one_message(tmp_path, monkeypatch, words, said):
     monkeypatch.chdir(tmp_path)
     hand = stand_in(tmp_path)
+    (tmp_path / "n.toml").write_text('EDC = "EDCI"\n', encoding="utf-8")
+    before = hand.read_bytes()
     done = CliRunner().invoke(app, [str(hand) if w == "HAND" else w for w in words])
     assert done.exit_code == 2
-    assert said in " ".join(done.output.split())
+    assert said in " ".join(done.output.replace("│", " ").split()).replace(str(hand), "HAND")
+    assert hand.read_bytes() == before
     assert not list(tmp_path.glob("*hood*"))
+
+
+def test_the_first_lines_name_motors_as_left_out():
+    text = mjcf_of(load_case("robot_motor_flexor"))
+    assert "dip_flexor: the motor that pulls it is left out" in text.partition("<option")[0]
