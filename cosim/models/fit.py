@@ -63,9 +63,10 @@ def _check_friction(case: Case, native: tuple[str, ...]) -> None:
                 f"{own}"
             )
         if name in getattr(case.finger, "pulleys", {}):
+            other = ", or lead it through points (finger.points) alone"
             raise InputError(
                 f"{where}: {name} is wound on pulleys that turn (finger.pulleys), on which it does "
-                "not slide; leave it out, or lead it through points (finger.points) alone"
+                f"not slide; leave it out{other if hasattr(case.finger, 'points') else ''}"
             )
 
 

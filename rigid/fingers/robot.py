@@ -20,7 +20,7 @@ three insertions of the human extensor (assumption; the paper prints the weights
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -104,19 +104,43 @@ class _Paths:
     def __init__(self, design: RobotDesign) -> None:
         self.design, self.guides = design, design.guides
         self.head = WrapSphere("metacarpal", (0.0, 0.0, 0.0), self.guides.head_radius * MM)
-        proximal, middle = (1e3 * length for length in design.lengths[:2])
+        proximal, middle, distal = (1e3 * length for length in design.lengths)
         self.proximal, self.middle = proximal, middle
         self.before_pip = round(proximal - self.guides.before_pip, 9)
         self.before_dip = round(middle - self.guides.before_dip, 9)
+        self._check_stations({"proximal": proximal, "middle": middle, "distal": distal})
+
+    def _check_stations(self, lengths: Mapping[str, float]) -> None:
+        """Check that guides and ends lie on their bones (mm).  Raises InputError."""
+        g = self.guides
         stations = {
-            "proximal": (self.guides.flexor_proximal, self.before_pip, proximal),
-            "middle": (self.guides.flexor_middle, self.before_dip, middle),
+            "proximal": {
+                "flexor_proximal": g.flexor_proximal,
+                "extensor_proximal_x": g.extensor_proximal_x,
+                "before_pip": self.before_pip,
+                "side_end": g.side_end,
+            },
+            "middle": {
+                "flexor_middle": g.flexor_middle,
+                "after_pip": g.after_pip,
+                "before_dip": self.before_dip,
+            },
+            "distal": {"flexor_distal": g.flexor_distal, "distal": g.distal},
         }
-        for bone, (guide, before, end) in stations.items():
-            if not 0.0 < guide < end or not 0.0 < before < end:
+        for bone, of_bone in stations.items():
+            for key, along in of_bone.items():
+                if not 0.0 < along < lengths[bone]:
+                    raise InputError(
+                        f"robotic finger: a guide stands beyond the end of the {bone} phalanx of "
+                        f"{lengths[bone]:.4g} mm (finger.guides.{key}, {along:.4g} mm along it); "
+                        "move finger.guides with finger.lengths"
+                    )
+        for key in ("flexor_x", "extensor_x", "side_x"):
+            if not g.origin < getattr(g, key):
                 raise InputError(
-                    f"robotic finger: a guide stands beyond the end of the {bone} phalanx of "
-                    f"{end:.4g} mm; move finger.guides with finger.lengths"
+                    f"robotic finger: finger.guides.origin, {g.origin:.4g} mm along the "
+                    f"metacarpal, is not proximal of finger.guides.{key}, "
+                    f"{getattr(g, key):.4g} mm; a tendon begins before its guide"
                 )
 
     def tendons(self, second_extensor: bool) -> tuple[Tendon, ...]:

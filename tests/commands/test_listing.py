@@ -90,3 +90,9 @@ def test_a_key_that_the_case_names_is_explained() -> None:
     assert told.exit_code == 0, told.output
     assert "points over a rectangle" in told.stdout
     assert "Places on the undeformed hood" in CliRunner().invoke(app, ["explain", "hood"]).stdout
+
+
+def test_a_key_that_kinds_have_in_two_forms_says_of_which_kind_each_is():
+    first, second = (heading for heading, *_ in describe_key(json_schema(), "finger.lengths"))
+    assert first == 'finger.lengths, of finger.kind = "hinge" or finger.kind = "planar"'
+    assert second == 'finger.lengths, of finger.kind = "robot"'

@@ -76,6 +76,10 @@ def test_tendons_of_ones_own_stand_beside_the_papers_or_in_their_place():
         (["finger.arms.flexors.MCP=40 mm"], "no straight line passes the MCP axis"),
         (["finger.arms.abduction.MCP_abduction=40 mm"], r"finger\.arms\.abduction"),
         (["finger.lengths.proximal=12 mm"], "a guide stands beyond the end of the proximal"),
+        (["finger.guides.flexor_distal=100 mm"], r"distal phalanx .*guides\.flexor_distal"),
+        (["finger.guides.distal=24 mm"], r"distal phalanx .*guides\.distal"),
+        (["finger.guides.side_end=60 mm"], r"proximal phalanx .*guides\.side_end"),
+        (["finger.guides.origin=-10 mm"], r"not proximal of finger\.guides\.flexor_x"),
         (["finger.paper_tendons=false", "finger.second_extensor=true"], "write one of them"),
         (["finger.pulleys.FDP={}"], "has no pulley"),
         (

@@ -191,3 +191,8 @@ def test_a_tendon_that_stretches_holds_a_free_finger_as_a_spring_in_plain_mujoco
     assert np.degrees(data.qpos - ours) == pytest.approx(np.zeros(4), abs=0.01)
     pull = stiffness * (lengths["loaded"] - bears)
     assert found.summary["tension_N"]["FDP"] == pytest.approx(pull, rel=1e-6)
+
+
+def test_a_hinge_finger_is_not_advised_of_points_which_it_has_not() -> None:
+    with pytest.raises(InputError, match="on which it does not slide; leave it out$"):
+        run("own_pulleys_fdp", RUBS)
