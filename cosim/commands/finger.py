@@ -156,7 +156,7 @@ def mjcf(
 
     With --hood the hood's tendons are in it too, as junctions on slides and elastic tendons, and
     their errors over postures and loads are told: "network" of a case with a network or two bands,
-    "reduced" of one that `cosim reduce` wrote.
+    "reduced" of one that `cosim reduce` wrote, as it does of a sheet or a net of cables.
 
     With --attach the hood goes onto a finger of a hand model of yours (MyoSuite's, for example):
     muscles keep their paths up to the metacarpal and their actuators. `cosim score` reads the
@@ -228,7 +228,7 @@ def show_hood_errors(made: HoodFile) -> None:
     for line in (*made.doubts, *made.notes):
         typer.echo(line)
     typer.echo(
-        f"speed of the finger with its hood in plain MuJoCo: {made.rate:.3g} steps in a second of "
+        f"the case's finger with its hood, alone in plain MuJoCo: {made.rate:.3g} steps a second of "
         f"one core, measured in steps of {1e3 * STEP:g} ms, whatever timestep the file states"
     )
 
