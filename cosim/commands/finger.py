@@ -228,8 +228,8 @@ def show_hood_errors(made: HoodFile) -> None:
     for line in (*made.doubts, *made.notes):
         typer.echo(line)
     typer.echo(
-        f"the case's finger with its hood, alone in plain MuJoCo: {made.rate:.3g} steps a second of "
-        f"one core, measured in steps of {1e3 * STEP:g} ms, whatever timestep the file states"
+        f"the case's finger with its hood, alone in plain MuJoCo: {made.rate:.3g} steps a second "
+        f"of one core, measured in steps of {1e3 * STEP:g} ms, whatever timestep the file states"
     )
 
 

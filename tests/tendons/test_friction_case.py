@@ -194,5 +194,5 @@ def test_a_tendon_that_stretches_holds_a_free_finger_as_a_spring_in_plain_mujoco
 
 
 def test_a_hinge_finger_is_not_advised_of_points_which_it_has_not() -> None:
-    with pytest.raises(InputError, match="on which it does not slide; leave it out$"):
+    with pytest.raises(InputError, match=r"on which it does not slide; leave it out$"):
         run("own_pulleys_fdp", RUBS)
