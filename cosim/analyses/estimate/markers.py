@@ -23,8 +23,8 @@ ON_BASE = 3
 FLAT = 1e-2
 """Least spread of those to the side of their line, of that along it."""
 FAR = 0.02
-"""m, root of the mean square: markers that are farther off are not on this finger; soft tissue moves
-them by a few mm."""
+"""m, root of the mean square: markers that are farther off are not on this finger; soft tissue
+moves them by a few mm."""
 UNSEEN = 1e-4
 """m per rad; angles that move no marker by more are not to be seen from them."""
 
