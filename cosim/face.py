@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -356,7 +357,7 @@ def track(
     straight finger; `cutoff`: of a low-pass filter of the angles, Hz or a text with its unit.
     `folder`/<case name> gets what `cosim estimate --motion --forward` writes: the tensions, the
     angles beside the wanted ones, a picture, and the case `<case name>_forward.toml`, which is
-    returned.
+    returned.  A finger that does not follow, or would stray under the tensions alone, is a warning.
 
     Raises InputError, also for a fingertip that is held, and ConvergenceError."""
     from cosim.analyses.estimate.files import forward_path, write_tracking
@@ -375,6 +376,8 @@ def track(
     problem = start_of(problem, asked)
     tracking = track(problem, asked, progress)
     write_tracking(target, problem, tracking, perf_counter() - started)
+    for fault in tracking.faults():
+        warnings.warn(fault, stacklevel=2)
     return load(forward_path(target))
 
 

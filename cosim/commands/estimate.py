@@ -34,7 +34,7 @@ from cosim.analyses.estimate.of_case import (
 from cosim.analyses.estimate.tracking import Tracking, start_of, track
 from cosim.case.file import load_case
 from cosim.commands.options import CaseName, Settings, quantities, quantity
-from cosim.commands.terminal import exit_on_error, print_table
+from cosim.commands.terminal import exit_on_error, print_table, warn_of_audits
 from cosim.errors import InputError
 from cosim.files import check_folder, shown_path
 from cosim.port import Array
@@ -152,7 +152,7 @@ def estimate(
             raise InputError("--reserve: leave it out with --forward, which takes what is nearest")
         if motion is not None and (markers is None) == (motion.suffix.lower() == ".trc"):
             raise InputError("--markers belongs to a --motion of markers, a .trc, and that to it")
-        started = time.perf_counter()
+        started, faults = time.perf_counter(), list[str]()
         checked = load_case(case, settings or ())
         folder = out / checked.name
         check_folder(folder, "estimate.json")
@@ -180,6 +180,7 @@ def estimate(
                 tracking = track(problem, asked, _say)
                 write_tracking(folder, problem, tracking, time.perf_counter() - started)
                 _show_tracking(problem, tracking, folder)
+                faults = tracking.faults()
             else:
                 lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
                 estimated = for_motion(problem, asked, _say, lacking)
@@ -192,6 +193,8 @@ def estimate(
             if answer is not None:
                 _show(problem, answer)
         typer.echo(f"results in {folder}")
+        if code := warn_of_audits({checked.name: faults}):
+            raise typer.Exit(code)
 
 
 def _say(text: str) -> None:

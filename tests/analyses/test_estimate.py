@@ -20,7 +20,7 @@ from cosim.analyses.estimate.of_case import for_force, for_motion, for_torques, 
 from cosim.analyses.estimate.tensions import Bounds, Cost, estimate, linearise, nearest
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.errors import InputError
+from cosim.errors import InputError, ReadingWarning
 from cosim.port import AXES
 from cosim.solve.solvers import solve
 from rigid.chain.planar_chain import BUCHNER
@@ -282,12 +282,31 @@ def test_a_motion_is_read_with_its_rates(table):
     assert np.ptp(smooth.angle[:, 1]) < 0.5 * np.ptp(whole.angle[:, 1])
 
 
+def test_columns_that_are_no_joint_are_told(tmp_path):
+    path = tmp_path / "more.csv"
+    path.write_text("time,PIP_deg,XIP_deg\n0,1,1\n1,2,1\n2,3,1\n3,4,1\n", encoding="utf-8")
+    with pytest.warns(ReadingWarning, match="no angle of a joint: XIP_deg; the joints are PIP"):
+        read_motion(path, ("PIP",), {"PIP": 0.0})
+
+
+def test_areas_are_asked_for_where_they_count():
+    robot = load_case("robot_friction_cycle")
+    names = ("extensor", "dip_flexor")
+    with pytest.raises(InputError, match="no area is known"):
+        capacity(robot, names)
+    limits = {"extensor": 20.0, "dip_flexor": 10.0}
+    assert capacity(robot, names, most=limits, weights="one").most == pytest.approx([20, 10])
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         ("time,wrist_deg\n0,1\n1,2\n2,3\n3,4\n", "no column of a joint"),
         ("t,PIP_deg\n0,1\n1,2\n2,3\n3,4\n", "no column 'time'"),
-        ("time,PIP_deg\n0,1\n1,2\n1,3\n3,4\n", "times that rise"),
+        (
+            "time,PIP_deg\n0,1\n1,2\n1,3\n3,4\n",
+            "times must rise from row to row; 1 s is followed by 1 s",
+        ),
         ("time,PIP_deg\n0,1\n1,x\n2,3\n3,4\n", "line 3: PIP_deg is 'x'"),
     ],
 )

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from cosim.analyses.estimate.markers import read_seen_motion
+from cosim.analyses.estimate.markers import read_any_motion, read_seen_motion
 from cosim.cli import app
 from cosim.errors import InputError
 from meshes.skeleton import index_finger
@@ -188,3 +188,11 @@ def test_the_command_estimates_tensions_from_markers(tmp_path):
     assert told["audit"]["markers_miss_mm"] < 1e-3
     for lone in (words[:6], [*words[:2], *words[6:]]):
         assert CliRunner().invoke(app, [*map(str, lone)]).exit_code == 2
+
+
+def test_markers_that_are_not_on_the_finger_are_refused(tmp_path):
+    """A .trc whose unit is wrong: the finger is a thousand times as large."""
+    path = trial(tmp_path)
+    path.write_text(path.read_text(encoding="utf-8").replace("\tmm\t", "\tm\t"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"mm off those of .* Is the unit of both right"):
+        read_any_motion(path, table(tmp_path), FINGER, {}, None, None, lambda text: None)

@@ -16,6 +16,7 @@ import cosim
 from cosim.analyses.estimate.joint_motion import read_motion
 from cosim.analyses.estimate.of_case import setup
 from cosim.analyses.estimate.tracking import Planner, WantedMotion, forward_case
+from cosim.case.file import resolved_toml
 from cosim.cli import app
 from cosim.errors import InputError
 
@@ -132,3 +133,48 @@ def test_forward_belongs_to_a_motion():
     told = CliRunner().invoke(app, ["estimate", "split_edc", "--forward"])
     assert told.exit_code == 2
     assert "belong to --motion" in told.output
+
+
+def test_angles_out_of_range_are_told_with_their_time(tmp_path):
+    time = np.linspace(0.0, 0.2, 21)
+    path = tmp_path / "far.csv"
+    pd.DataFrame({"time": time, "PIP_deg": 45 + 400 * time}).to_csv(path, index=False)
+    with pytest.raises(InputError, match=r"at 0.17 s of the motion PIP is at 113 deg, outside"):
+        cosim.track(cosim.load("split_edc").replace(FREE), path, tmp_path)
+
+
+def test_a_finger_without_mass_is_refused(flexion, tmp_path):
+    case = cosim.load("own_pulleys_fdp").replace({"finger.tip.kind": "free"})
+    areas = dict.fromkeys(("FDP",), "2 cm**2")
+    options = [f'--area={name}="{area}"' for name, area in areas.items()]
+    (tmp_path / "own.toml").write_text(resolved_toml(case), encoding="utf-8")
+    words = ["estimate", str(tmp_path / "own.toml"), "--motion", str(flexion), "--forward"]
+    told = CliRunner().invoke(app, [*words, *options, "--out", str(tmp_path / "out")])
+    assert told.exit_code == 2
+    assert "needs mass" in told.output
+
+
+def test_a_motion_that_is_not_followed_misses_the_audit(tmp_path):
+    """A jump of 40 deg in 5 ms."""
+    time = np.linspace(0.0, 0.1, 21)
+    path = tmp_path / "jump.csv"
+    turns = {"time": time, "PIP_deg": np.where(time < 0.05, 40.0, 80.0)}
+    pd.DataFrame(turns).to_csv(path, index=False)
+    with pytest.warns(UserWarning, match="the finger does not follow: a joint is"):
+        cosim.track(cosim.load("split_edc").replace(FREE), path, tmp_path)
+    summary = json.loads((tmp_path / "split_edc" / "estimate.json").read_text(encoding="utf-8"))
+    assert summary["audit"]["missed"]
+    assert summary["audit"]["largest_torque_lacking_Nmm"] is not None
+
+
+def test_a_finger_that_strays_under_the_tensions_alone_misses_the_audit(flexion, tmp_path):
+    """Springs that push the joints away from where they are, over thrice the time."""
+    table = pd.read_csv(flexion)
+    slow = tmp_path / "slow.csv"
+    table.assign(time=3 * (table.time - 3.0)).to_csv(slow, index=False)
+    ends = [["-90 deg", "-0.04 N*m"], ["140 deg", "0.04 N*m"]]
+    away = {joint: {"curve": ends, "damping": "0.002 N*m*s/rad"} for joint in ("MCP", "PIP", "DIP")}
+    case = cosim.load("split_edc").replace(FREE).replace({"finger.passive": away})
+    with pytest.warns(UserWarning, match="larger by a millionth they lead a joint") as told:
+        cosim.track(case, slow, tmp_path)
+    assert len(told) == 1  # it follows where plans correct it

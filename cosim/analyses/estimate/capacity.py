@@ -39,13 +39,14 @@ def capacity(
     names: tuple[str, ...],
     areas: Mapping[str, float] | None = None,
     most: Mapping[str, float] | None = None,
+    weights: Weights = "pcsa",
 ) -> Capacity:
     """Areas (m2) and greatest forces (N) of the tendons `names`: as given here, else of the case
     (max_force) and of the finger's table, else area times SPECIFIC_TENSION.
 
     Tensions are at least the case's resting tension where the hood is a sheet or a net, which a
-    slack tendon would leave without hold, else zero.  Raises InputError for a tendon that nobody
-    knows."""
+    slack tendon would leave without hold, else zero.  With other `weights` than areas an unknown
+    area is NaN.  Raises InputError for a tendon that nobody knows."""
     areas, most = dict(areas or {}), dict(most or {})
     for option, given in (("--area", areas), ("--most", most)):
         for name, value in given.items():
@@ -57,7 +58,7 @@ def capacity(
                     f"{option} {name}: this finger and hood have no such tendon; they have "
                     + ", ".join(names)
                 )
-    with_sources = [_area(case, name, names, areas) for name in names]
+    with_sources = [_area(case, name, names, areas, weights) for name in names]
     area = np.array([a for a, _ in with_sources])
     limits = [_most(case, name, a, most) for name, a in zip(names, area, strict=True)]
     rest = 0.0 if case.hood.needs_no_tension else case.solve.resting_tension
@@ -68,11 +69,14 @@ def capacity(
 
 
 def _area(
-    case: Case, name: str, names: tuple[str, ...], areas: Mapping[str, float]
+    case: Case, name: str, names: tuple[str, ...], areas: Mapping[str, float], weights: Weights
 ) -> tuple[float, str]:
     if name in areas:
         return areas[name], "given"
     table, source = case.finger.muscle_areas(names)
+    tendon = case.tendons.get(name)
+    if name not in table and weights != "pcsa" and tendon is not None and tendon.max_force:
+        return float("nan"), "unknown"
     if name not in table:
         raise InputError(
             f"{name}: no area is known of this muscle; state it, for example "

@@ -118,7 +118,9 @@ def write_tracking(folder: Path, s: Setup, tracking: Tracking, wall: float) -> N
         "angle_most_deg": dict(zip(joints, off, strict=True)),
         "audit": {
             "largest_torque_lacking_Nmm": 1e3 * tracking.lacking,
+            "strays_alone_deg": float(np.degrees(tracking.astray)),
             "hood_solves_of_plans": tracking.rounds,
+            "missed": tracking.faults(),
         },
     }
     if (miss := tracking.motion.markers_miss) is not None:

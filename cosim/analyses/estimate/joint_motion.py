@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from cosim.errors import InputError
+from cosim.errors import InputError, ReadingWarning
 from cosim.port import Array
 from cosim.text_tables import read_csv
 from rigid.opensim.sto import read_sto
@@ -62,8 +63,14 @@ def as_motion(
 ) -> JointMotion:
     """Angles (n, nq) rad of a file at times (n,) s, as `read_motion` smooths them.  Raises
     InputError."""
-    if len(time) < FEWEST or not (np.diff(time) > 0).all():
-        raise InputError(f"{path}: expected at least {FEWEST} times that rise; got {len(time)}")
+    if len(time) < FEWEST:
+        raise InputError(f"{path}: has {len(time)} times; a motion needs at least {FEWEST}")
+    if not (np.diff(time) > 0).all():
+        k = int(np.argmax(np.diff(time) <= 0))
+        raise InputError(
+            f"{path}: times must rise from row to row; {time[k]:g} s is followed by "
+            f"{time[k + 1]:g} s"
+        )
     if not np.isfinite(angle).all():
         raise InputError(f"{path}: holds an angle that is not finite")
     smooth = angle if cutoff is None else _filter(path, time, angle, cutoff)
@@ -100,9 +107,21 @@ def _sto(path: Path, joints: Sequence[str]) -> tuple[Array, dict[str, Array]]:
 
 def _csv(path: Path, joints: Sequence[str]) -> tuple[Array, dict[str, Array]]:
     table = read_csv(path, "time,PIP_deg")
-    return table.numbers("time"), {
+    columns = {
         joint: UNITS[unit] * table.numbers(f"{joint}_{unit}")
         for joint in joints
         for unit in UNITS
         if f"{joint}_{unit}" in table.columns
     }
+    time = table.numbers("time")
+    known = {"time", *(f"{joint}_{unit}" for joint in joints for unit in UNITS)}
+    strange = [name for name in table.columns if name not in known]
+    if strange and columns:
+        warnings.warn(
+            ReadingWarning(
+                f"{path}: left out, no angle of a joint: {', '.join(strange)}; the joints are "
+                f"{', '.join(joints)}, in columns like {joints[-1]}_deg"
+            ),
+            stacklevel=2,
+        )
+    return time, columns

@@ -22,6 +22,9 @@ ON_BASE = 3
 """Markers that place the body that carries the finger."""
 FLAT = 1e-2
 """Least spread of those to the side of their line, of that along it."""
+FAR = 0.02
+"""m, root of the mean square: markers that are farther off are not on this finger; soft tissue
+moves them by a few mm."""
 UNSEEN = 1e-4
 """m per rad; angles that move no marker by more are not to be seen from them."""
 
@@ -100,6 +103,12 @@ def read_any_motion(
         f"the markers are {1e3 * miss:.2g} mm off the finger's in the mean, "
         f"{1e3 * seen.miss[k]:.2g} mm at most, at {seen.time[k]:g} s"
     )
+    if miss > FAR:
+        raise InputError(
+            f"{path}: its markers are {1e3 * miss:.3g} mm off those of {markers} in the mean, where"
+            " the finger comes nearest to them. Is the unit of both right (Units in line 3 of the "
+            ".trc), do the names mean the same places, is the finger as long (finger.length_scale)?"
+        )
     motion = as_motion(path, seen.time, seen.angle, samples, cutoff)
     return replace(motion, markers_miss=miss)
 

@@ -90,7 +90,7 @@ def setup(
     """Models and costs.  Raises InputError."""
     models = build(case)
     names = (*models.hood.tendons, *models.finger.tendons)
-    bear = capacity(case, names, areas, most)
+    bear = capacity(case, names, areas, most, weights)
     return Setup(case, models, bear, Cost(bear.weight(weights), power))
 
 

@@ -14,7 +14,8 @@ Finger and hood move by the case's own scheme in time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple, cast
@@ -27,9 +28,10 @@ from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.of_case import Setup, cheapest
 from cosim.analyses.estimate.tensions import least_beyond, linearise, nearest
 from cosim.case.schema import Case
-from cosim.coupling.motion import CoupledMotion, MotionState
-from cosim.errors import ConvergenceError, InputError, Progress
+from cosim.coupling.motion import CoupledMotion, MotionState, motion_states
+from cosim.errors import ConvergenceError, InputError, Progress, quiet
 from cosim.fingers.common import ChainFingerConfig
+from cosim.fingers.kinds import with_mass
 from cosim.models.motion import moving_models
 from cosim.port import Array, State
 from cosim.tendons.signals import LiveSignal
@@ -48,6 +50,9 @@ MOST_ROUNDS, MOST_BEGIN = 6, 30
 AGREED = 1e-2
 """Relative difference of the hood's torques and those of a plan, at which its rounds end: what is
 left, the next plan takes out."""
+FOLLOWED, ASTRAY = 2.0, 0.5
+"""deg, RMS of a joint that follows a motion; most that a joint strays where no plan corrects it."""
+NUDGE = 1e-6
 ROUNDING = 1e-6
 """Of a step, by which a motion may be too short for the last one."""
 
@@ -77,8 +82,30 @@ class Tracking:
     """(m, nq) rad, there."""
     wanted: Array
     """(m, nq) rad."""
+    astray: float
+    """rad, by how much a joint strays at most where the tensions alone pull, larger by NUDGE:
+    infinite where that way does not end."""
     rounds: int
     """Hood solves for the plans."""
+
+    def faults(self) -> list[str]:
+        """What is to be doubted, a sentence each."""
+        out = []
+        worst = float(np.degrees(self.error.max()))
+        if worst > FOLLOWED:
+            out.append(
+                f"the finger does not follow: a joint is {worst:.2g} deg off (RMS), and "
+                f"{FOLLOWED:g} are allowed. Try a slower motion, one within reach of the muscles, "
+                "or --cutoff"
+            )
+        if np.degrees(self.astray) > ASTRAY:
+            out.append(
+                "under these tensions alone the finger does not keep its way: larger by a "
+                f"millionth they lead a joint {np.degrees(self.astray):.2g} deg astray, so that a "
+                "run of the case may end elsewhere. Try stiffer or more damped joints "
+                "(finger.passive), or a controller (cosim.Loop)"
+            )
+        return out
 
     @property
     def error(self) -> Array:
@@ -113,7 +140,7 @@ class WantedMotion:
 
 @dataclass
 class Course:
-    """Tensions that are straight between times; steps go to the last of them, or come from it."""
+    """Tensions (nt,) N that are straight between times; steps go to the last of them."""
 
     times: list[float]
     tensions: list[Array]
@@ -123,13 +150,14 @@ class Course:
         ends = [float(tension[tendon]) for tension in self.tensions[-2:]]
         return float(np.interp(time, self.times[-2:], ends))
 
-    def pull(self, case: Case, names: Sequence[str]) -> Case:
-        """A case of `forward_case` whose tendons `names` have these tensions."""
-        tables = dict(case.tendons)
-        for k, name in enumerate(names):
-            signal = LiveSignal(partial(self.tension, k))
-            tables[name] = tables[name].model_copy(update={"signal": signal})
-        return case.model_copy(update={"tendons": tables})
+
+def with_signals(case: Case, names: Sequence[str], tension: Callable[[int, float], float]) -> Case:
+    """A case of `forward_case` whose tendons `names` have tensions (N) by number and time (s)."""
+    tables = dict(case.tendons)
+    for k, name in enumerate(names):
+        signal = LiveSignal(partial(tension, k))
+        tables[name] = tables[name].model_copy(update={"signal": signal})
+    return case.model_copy(update={"tendons": tables})
 
 
 @dataclass
@@ -186,7 +214,7 @@ class Planner:
         nearest."""
         demand, bounds, cost = torque_demand(held), self.setup.bounds, self.setup.cost
         at, kept = held.at(tension, hood), share * tension
-        best, least_miss = tension, np.inf
+        best, least_miss = tension, float(np.abs(at.torque - needed).max())
         for _ in range(most):
             self.rounds += 1
             programme = linearise(demand, needed, tension, at, bounds)
@@ -217,6 +245,7 @@ class Planner:
 
 def start_of(s: Setup, motion: JointMotion) -> Setup:
     """The same problem of the case as `forward_case` makes it.  Raises InputError."""
+    _check_ranges(s, motion)
     joints, tendons = s.models.finger.joints, s.capacity.names
     return replace(s, case=forward_case(s.case, motion, joints, tendons))
 
@@ -229,6 +258,8 @@ def forward_case(
 
     Raises InputError for a fingertip that is held, or limits that the motion would go beyond."""
     finger = case.native_finger()
+    if not finger.has_mass:
+        raise InputError(f"a finger that follows a motion needs mass: {with_mass()}")
     if finger.tip.kind != "free":
         raise InputError(
             f'finger.tip.kind: is "{finger.tip.kind}"; a finger that follows a motion must be free '
@@ -237,6 +268,8 @@ def forward_case(
     _check_limits(finger, motion, joints)
     step = 1e-3 if case.forward is None else case.forward.step
     steps = int((motion.time[-1] - motion.time[0]) / step + ROUNDING)
+    if steps < 1:
+        raise InputError(f"the motion is shorter than a step of {1e3 * step:g} ms (forward.step)")
     posture = finger.posture.angles()
     rests = {
         f"finger.passive.{joint}.rest": _degrees(posture[joint])
@@ -263,11 +296,25 @@ def _check_limits(finger: ChainFingerConfig, motion: JointMotion, joints: Sequen
     turned = np.degrees(np.abs(motion.angle - motion.angle[0]).max(axis=0))
     k, most = int(np.argmax(turned)), float(np.degrees(finger.limit.half_range))
     if turned[k] > most:
+        wider = f'; write for example "{min(turned[k] + 10, 90):.0f} deg"' if most < 90 else ""
         raise InputError(
             f"finger.limit.half_range: holds every joint within {most:g} deg of where a motion "
-            f"begins, and this one turns {joints[k]} by {turned[k]:.3g} deg; write for example "
-            f'"{min(turned[k] + 10, 90):.0f} deg", or leave the limit out'
+            f"begins, and this one turns {joints[k]} by {turned[k]:.3g} deg{wider}"
         )
+
+
+def _check_ranges(s: Setup, motion: JointMotion) -> None:
+    """Raises InputError for an angle outside its joint's range, with the time."""
+    finger = s.models.finger
+    for joint, angle in zip(finger.joints, motion.angle.T, strict=True):
+        low, high = finger.ranges.get(joint, (-np.inf, np.inf))
+        out = (angle < low) | (angle > high)
+        if out.any():
+            k = int(np.argmax(out))
+            raise InputError(
+                f"at {motion.time[k]:.4g} s of the motion {joint} is at {np.degrees(angle[k]):.4g} "
+                f"deg, outside its range of {np.degrees(low):.4g} to {np.degrees(high):.4g} deg"
+            )
 
 
 def track(
@@ -286,7 +333,8 @@ def track(
     steps, each = round(forward.duration / forward.step), max(1, round(interval / forward.step))
     planner, first = Planner(s, wanted, rate), wanted.at(0.0)
     course = Course([0.0], [planner.begin(first)])
-    moves = moving_models(course.pull(s.case, s.capacity.names), forward).moves
+    pulled = with_signals(s.case, s.capacity.names, course.tension)
+    moves = moving_models(pulled, forward).moves
     at = moves.begin(moves.finger.begin(dict(zip(moves.finger.joints, first.angle, strict=True))))
     seen = [at]
     for done in range(0, steps, each):
@@ -308,16 +356,36 @@ def track(
             f"{np.degrees(np.abs(off).max()):.2g} deg off"
         )
     time = np.array([x.coupled.time for x in seen])
+    angle = np.array([moves.finger.angles(x.coupled.finger) for x in seen])
+    times, tension = np.array(course.times), np.array(course.tensions)
+    progress("once more without plans, all tensions larger by a millionth")
+    alone = _alone(s, times, (1 + NUDGE) * tension, steps)
     return Tracking(
         motion,
-        np.array(course.times),
-        np.array(course.tensions),
+        times,
+        tension,
         planner.lacking,
         time,
-        np.array([moves.finger.angles(x.coupled.finger) for x in seen]),
+        angle,
         wanted.at(time).angle,
+        float(np.abs(alone - angle[: len(alone)]).max()) if len(alone) == len(angle) else np.inf,
         planner.rounds,
     )
+
+
+def _alone(s: Setup, times: Array, tension: Array, steps: int) -> Array:
+    """The angles (m, nq) rad of the finger under tensions (n, nt) N alone, up to a step that is not
+    made where there is one."""
+    assert s.case.forward is not None
+    names = s.capacity.names
+    pulled = with_signals(s.case, names, lambda k, t: float(np.interp(t, times, tension[:, k])))
+    models = moving_models(pulled, s.case.forward)
+    at = models.moves.begin(models.initial_state)
+    angles = [models.finger.angles(at.coupled.finger)]
+    with suppress(ConvergenceError):
+        for state in motion_states(models.moves, at, steps, quiet):
+            angles.append(models.finger.angles(state.coupled.finger))
+    return np.array(angles)
 
 
 def _angles_rates(moves: CoupledMotion, at: MotionState) -> tuple[Array, Array]:
