@@ -91,7 +91,7 @@ def proportional_integral(proportional: float, integral: float) -> Controller:
     return step
 
 
-def tuned(most: float) -> Controller:
+def tune_pi(most: float) -> Controller:
     """The best of a grid of gains."""
     grid = [(p, i) for p in (1.0, 3.0) for i in (20.0, 40.0, 80.0)]
     best = min(grid, key=lambda gains: rms(control(proportional_integral(*gains), most)[0]))
@@ -163,7 +163,7 @@ def predictive(most: float, sees_ahead: bool, linearises: bool = True) -> Contro
 def runs(most: float) -> dict[str, tuple[np.ndarray, float]]:
     """All controllers with motors of at most `most` N."""
     return {
-        "PI, tuned": control(tuned(most), most),
+        "PI, tuned": control(tune_pi(most), most),
         "MPC": control(predictive(most, sees_ahead=False), most),
         "MPC, gain of the start": control(predictive(most, False, linearises=False), most),
         "MPC that sees ahead": control(predictive(most, sees_ahead=True), most),

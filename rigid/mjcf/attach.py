@@ -238,7 +238,7 @@ def _with_direct(
 def _rename(parts: HoodParts, target: Target) -> HoodParts:
     """The parts by the model's joints, and names of their own with the prefix."""
 
-    def named(weights: Mapping[str, float]) -> dict[str, float]:
+    def with_names(weights: Mapping[str, float]) -> dict[str, float]:
         out = {}
         for name, weight in weights.items():
             theirs = target.joints.get(name)
@@ -249,11 +249,14 @@ def _rename(parts: HoodParts, target: Target) -> HoodParts:
         return out
 
     return HoodParts(
-        {muscle: named(w) for muscle, w in parts.muscles.items()},
+        {muscle: with_names(w) for muscle, w in parts.muscles.items()},
         tuple(target.prefix + name for name in parts.junctions),
-        {target.prefix + n: replace(b, weights=named(b.weights)) for n, b in parts.bands.items()},
         {
-            target.prefix + name: Follower(named(f.weights), f.polynomial)
+            target.prefix + n: replace(b, weights=with_names(b.weights))
+            for n, b in parts.bands.items()
+        },
+        {
+            target.prefix + name: Follower(with_names(f.weights), f.polynomial)
             for name, f in parts.followers.items()
         },
     )

@@ -70,7 +70,7 @@ class Lengths:
     potential: ReducedPotential
     ridges: tuple[Ridge, ...]
 
-    def scaled(self, ridge: Ridge) -> tuple[float, float]:
+    def centre_and_half(self, ridge: Ridge) -> tuple[float, float]:
         """The middle and half the range of a ridge's sum, rad."""
         p = self.potential
         return float(ridge.weights @ (p.low + p.high) / 2), float(ridge.weights @ p.half)
@@ -84,7 +84,7 @@ class Lengths:
             np.tile(np.diag(1 / self.potential.half), (len(u), 1, 1)),
         ]
         for ridge in self.ridges:
-            middle, half = self.scaled(ridge)
+            middle, half = self.centre_and_half(ridge)
             x = (angle @ ridge.weights - middle) / half
             values.append(x[:, None] ** ridge.power)
             by_x = ridge.power * x ** (ridge.power - 1)
@@ -308,7 +308,7 @@ def _parts(potential: ReducedPotential, basis: Lengths, bands: Bands) -> HoodPar
     junctions = tuple(f"{muscle}_junction" for muscle in muscles)
     followers, sizes = {}, []
     for name, ridge in zip(names, basis.ridges, strict=True):
-        middle, half = basis.scaled(ridge)
+        middle, half = basis.centre_and_half(ridge)
         size = half / ridge.power  # so that the follower turns no faster than its joints
         power = size * Polynomial([-middle / half, 1 / half]) ** ridge.power
         weights = {j: float(w) for j, w in zip(joints, ridge.weights, strict=True) if w}

@@ -129,6 +129,14 @@ def test_a_finger_that_cannot_follow_is_refused(change, said, flexion, tmp_path)
     assert not (tmp_path / "split_edc").exists()
 
 
+def test_only_the_quadratic_cost_follows_a_motion(flexion, tmp_path):
+    words = ["estimate", "split_edc", "--set", 'finger.tip.kind="free"', "--motion", str(flexion)]
+    words += ["--forward", "--cost", "cubic", "--out", str(tmp_path)]
+    told = CliRunner().invoke(app, words)
+    assert told.exit_code == 2
+    assert "the quadratic cost alone" in told.output
+
+
 def test_forward_belongs_to_a_motion():
     told = CliRunner().invoke(app, ["estimate", "split_edc", "--forward"])
     assert told.exit_code == 2

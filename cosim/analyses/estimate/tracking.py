@@ -45,6 +45,7 @@ SMOOTH = 0.05
 """s, in which tensions go to the cheapest ones, as activations would: where two tendons do nearly
 the same on a hood, the cheapest pair jumps from the one to the other."""
 BEGIN = 0.02
+"""Part of the greatest tensions."""
 MOST_ROUNDS, MOST_BEGIN = 6, 30
 """Of a plan, and of the first one."""
 AGREED = 1e-2
@@ -53,6 +54,7 @@ left, the next plan takes out."""
 FOLLOWED, ASTRAY = 2.0, 0.5
 """deg, RMS of a joint that follows a motion; most that a joint strays where no plan corrects it."""
 NUDGE = 1e-6
+"""Part by which tensions are larger where it is asked whether the finger keeps its way."""
 ROUNDING = 1e-6
 """Of a step, by which a motion may be too short for the last one."""
 
@@ -244,7 +246,10 @@ class Planner:
 
 
 def start_of(s: Setup, motion: JointMotion) -> Setup:
-    """The same problem of the case as `forward_case` makes it.  Raises InputError."""
+    """The same problem of the case as `forward_case` makes it.  Raises InputError, also for a cost
+    that is not quadratic: plans are quadratic programmes."""
+    if s.cost.power != 2:
+        raise InputError("--cost: a motion is followed with the quadratic cost alone; leave it out")
     _check_ranges(s, motion)
     joints, tendons = s.models.finger.joints, s.capacity.names
     return replace(s, case=forward_case(s.case, motion, joints, tendons))
