@@ -38,6 +38,15 @@ class Head(NamedTuple):
     sides: float
 
 
+class Tissue(NamedTuple):
+    """Moduli of what covers a bone, Pa: over its shaft, on its head's articular face, and at the
+    condyles' sides."""
+
+    shaft: float
+    face: float
+    sides: float
+
+
 @dataclass(frozen=True)
 class Joint:
     """The joint of a head in its bone's frame: its middle (3,) m and the unit axis (3,) of
@@ -65,6 +74,23 @@ def thinner(points: Array, joint: Joint, back: float, head: Head) -> Array:
     >>> 1e3 * thinner(over_back_face_side, joint, 2e-3, Head(0.6e-3, 1.2e-3))
     array([0. , 1.4, 0.8])
     """
+    on_face, beside = _places(points, joint)
+    at_sides = (back - head.sides) * beside
+    out: Array = at_sides + (back - head.face - at_sides) * on_face
+    return out
+
+
+def modulus(points: Array, joint: Joint, tissue: Tissue) -> Array:
+    """The modulus (n,) Pa of what covers a bone at `points` (n, 3) m, in its frame: as its thickness
+    it goes over from the back's to the condyles' sides' and to the joint's face's."""
+    on_face, beside = _places(points, joint)
+    around = tissue.shaft + (tissue.sides - tissue.shaft) * beside
+    out: Array = around + (tissue.face - around) * on_face
+    return out
+
+
+def _places(points: Array, joint: Joint) -> tuple[Array, Array]:
+    """How far (n,), 0 to 1, points (n, 3) m lie on the joint's face, and beside the head."""
     from_centre = points - joint.centre
     dorsal = np.cross([1.0, 0.0, 0.0], joint.axis)
     distal = np.cross(joint.axis, dorsal)
@@ -72,9 +98,7 @@ def thinner(points: Array, joint: Joint, back: float, head: Head) -> Array:
     turned = np.arctan2(ahead, above)
     on_face = _ease(turned, *FACE) * _ease(np.pi - turned, *FACE)
     beside_head = _ease(np.arctan2(np.abs(beside), above), *SIDE) * _ease(-ahead, *SHAFT)
-    at_sides = (back - head.sides) * beside_head
-    out: Array = at_sides + (back - head.face - at_sides) * on_face
-    return out
+    return on_face, beside_head
 
 
 def _ease(value: Array, start: float, end: float) -> Array:

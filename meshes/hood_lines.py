@@ -11,11 +11,11 @@ from meshes.hull import PIP
 # Stations, mm.
 CENTRAL_END = -20.0  # [mi29]
 LATERAL_END = -8.0  # [An] proximal MCP points of LU and UI, -.400 x 20
-INTRINSIC_END = 9.0  # of the intrinsic tendons, at least; they run on as ropes (assumption)
 JOIN = 15.0  # [An] distal MCP points, (.318 + .432) x 20
 HOOD_END = 9.4  # of the transverse fibres; [mi29] 7 to 13
+INTRINSIC_END = HOOD_END  # of the intrinsic tendons; they run on as ropes (assumption)
 SLIP_START = 36.0  # [trial]
-OBLIQUE_END = 45.1  # of the wings, past the head of the proximal phalanx (assumption)
+OBLIQUE_END = PIP + 2.5  # of the wings, past the head of the proximal phalanx (assumption)
 SLIP_END = 49.0  # [trial], 6.4 mm past the PIP
 # Of the triangular ligament, at most; [mi29] 49 to 67.  Where bands meet it would come to a point.
 TRIANGLE_START, TRIANGLE_END = 52.5, 59.5
@@ -27,51 +27,54 @@ LIGAMENT_ROWS = (JOIN, JOIN + 5.25)  # of the adhesion under a lateral band [tri
 RETINACULAR_ROWS = (PIP - 2.5, PIP + 2.5)
 OBLIQUE_ROWS = (PIP + 4.0, PIP + 6.0)  # [El-Gammal]
 CAPSULE_ROWS = (PIP - 2.5, PIP + 2.5)  # assumption
-# Where each span of rows begins, and its rows in a mesh of 600 quads: many where the sheet slides
-# over a head, where the lateral bands turn off the slip and in the terminal slip, few over shafts.
+# Each line on which something begins or ends, how many rows there are to the next one in the coarsest
+# mesh, and how much they crowd towards its end: many rows where the sheet slides over a head in some
+# posture, where the lateral bands turn off the slip and in the terminal slip.
 SPANS = (
-    (CENTRAL_END, 4),
-    (LATERAL_END, 5),
-    (0.0, 4),
-    (4.0, 4),
-    (JOIN, 4),
-    (SLIP_START, 3),
-    (40.0, 7),
-    (44.5, 3),
-    (SLIP_END, 5),
-    (TRIANGLE_START, 9),
-    (MERGE, 4),
-    (68.0, 10),
+    (CENTRAL_END, 1, 0.3),
+    (LATERAL_END, 1, 0.0),
+    (SAGITTAL_ROWS[0], 2, 0.0),
+    (SAGITTAL_ROWS[1], 1, 0.0),
+    (HOOD_END, 1, 0.0),
+    (JOIN, 1, 0.0),
+    (LIGAMENT_ROWS[1], 3, 0.5),
+    (SLIP_START, 2, 0.2),
+    (RETINACULAR_ROWS[0], 3, 0.0),
+    (RETINACULAR_ROWS[1], 2, 0.0),
+    (SLIP_END, 1, 0.0),
+    (TRIANGLE_START, 2, 0.0),
+    (TRIANGLE_END, 1, 0.0),
+    (MERGE, 1, 0.0),
+    (68.0, 2, 0.0),
 )
-# The same of quadratic elements; they begin and end where what holds the sheet does.
-QUADRATIC_SPANS = (
-    (CENTRAL_END, 4),
-    (LATERAL_END, 2),
-    (SAGITTAL_ROWS[0], 2),
-    (0.0, 2),
-    (SAGITTAL_ROWS[1], 6),
-    (JOIN, 7),
-    (LIGAMENT_ROWS[1], 6),
-    (SLIP_START, 3),
-    (RETINACULAR_ROWS[0], 6),
-    (RETINACULAR_ROWS[1], 3),
-    (SLIP_END, 2),
-    (TRIANGLE_START, 3),
-    (MERGE, 4),
-    (68.0, 5),
-)
+COARSEST = 104
+"""Four-node elements, about, of a mesh with that many rows."""
 CROWDED = 0.95  # of quadratic rows towards the central slip's end, where the held edge narrows it
 TENDON = 0.5  # of the inner columns' half-angle, what is tendon and slip
 
 
+def fineness(quads: int, quadratic: bool = False) -> int:
+    """Return the whole number by which the coarsest mesh's rows and columns are multiplied for
+    about `quads` four-node elements, or for quadratic ones, half again as wide.
+
+    >>> from meshes.hood_lines import fineness
+    >>> [fineness(quads) for quads in (120, 250, 600, 1300)]
+    [1, 2, 3, 4]
+    """
+    times = max(1, round(np.sqrt(quads / COARSEST)))
+    return max(1, round(2 * times / 3)) if quadratic else times
+
+
 def rows(quads: int, quadratic: bool) -> Array:
     """Stations (mm) of the rows of nodes for about `quads` elements; every second one runs through
-    the middles of quadratic elements."""
-    fineness = np.sqrt(quads / 600)
-    spans = QUADRATIC_SPANS if quadratic else SPANS
-    begins, counts = [s for s, _ in spans], [max(1, round(n * fineness)) for _, n in spans]
-    ends = zip(begins, [*begins[1:], TERMINAL_END], counts, strict=True)
-    laid = [_within(a, b, n, CROWDED if quadratic and b == SLIP_END else 0.0) for a, b, n in ends]
+    the middles of quadratic elements.  Each mesh has the lines of SPANS, and as many times the
+    coarsest one's rows between them as it is fine."""
+    times = fineness(quads, quadratic)
+    begins = [begin for begin, _, _ in SPANS]
+    laid = [
+        _within(a, b, n * times, CROWDED if quadratic and b == SLIP_END else crowd)
+        for (a, n, crowd), b in zip(SPANS, [*begins[1:], TERMINAL_END], strict=True)
+    ]
     lines = np.concatenate([*laid, [TERMINAL_END]])
     return _with_middles(lines) if quadratic else lines
 
@@ -86,12 +89,11 @@ def columns(quads: int, quadratic: bool) -> tuple[Array, Array, Array]:
     """Where the lines of nodes run: across the inner sheet (-1 ulnar to 1 radial, of its
     half-angle), across each lateral band (0 at the inner edge to 1), and across the triangular
     ligament (-1 to 1)."""
-    fineness, counts = np.sqrt(quads / 600), (2, 2, 4) if quadratic else (3, 2, 3)
-    tendon, side, band = (max(1, round(n * fineness)) for n in counts)
-    middle = np.linspace(0, TENDON, tendon, endpoint=False)
-    half = np.concatenate([middle, np.linspace(TENDON, 1, side + 1)])
-    over_band = np.linspace(0, 1, band + 1)
-    triangle = np.linspace(-1, 1, 2 * max(1, round(fineness)) + 1)
+    times = fineness(quads, quadratic)
+    middle = np.linspace(0, TENDON, times, endpoint=False)
+    half = np.concatenate([middle, np.linspace(TENDON, 1, times + 1)])
+    over_band = np.linspace(0, 1, times + 1)
+    triangle = np.linspace(-1, 1, 2 * times + 1)
     if quadratic:
         half, over_band, triangle = map(_with_middles, (half, over_band, triangle))
     return np.concatenate([-half[:0:-1], half]), over_band, triangle

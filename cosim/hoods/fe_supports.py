@@ -14,15 +14,16 @@ from cosim.hoods.cable.table import CableHoodConfig
 from cosim.hoods.kind import Site
 from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.shell.table import ShellHoodConfig
-from cosim.hoods.supports import ContactConfig
+from cosim.hoods.supports import ContactConfig, LayerConfig
 from cosim.port import Array, Motion, Triangles
 from fe_solver.forces.contact import needed_distance
+from fe_solver.forces.layer import Layer
 from fe_solver.hood.build import ContactLaw, HoodSupports, TendonEnd
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.supports import SpringLaw, SpringSet, Tied
 from fe_solver.surfaces.spline_distance import SplineDistance
 from meshes.cable_net import CableNet
-from meshes.cover import Head, Joint, thinner
+from meshes.cover import FLEXION, Head, Joint, Tissue, modulus, thinner
 from meshes.hood_mesh import Attachment, HoodMesh
 from meshes.hull import DIP, PIP, along, carriers
 from meshes.skeleton import BODIES, Skeleton
@@ -67,15 +68,60 @@ def supports_of(
         "metacarpal",
         np.array([-1.0, 0.0, 0.0]),
         tendons,
-        ContactLaw(
-            contact.stiffness,
-            contact.smoothing,
-            *contact_levels(contact, site.anatomy.bones, skeleton, highest),
-            contact.penetration,
-            contact.friction,
-        ),
+        _contact_law(contact, site, highest),
         NewtonOptions(tolerance=site.tolerance),
     )
+
+
+def _contact_law(contact: ContactConfig, site: Site, highest: float) -> ContactLaw:
+    levels = contact_levels(contact, site.anatomy.bones, site.skeleton, highest)
+    if contact.layer is None:
+        assert contact.stiffness is not None  # checked by the schema
+        return ContactLaw(
+            contact.stiffness, contact.smoothing, *levels, contact.penetration, contact.friction
+        )
+    stick = contact.layer.shafts / 3 / max(over for _, over in contact.offset)
+    return ContactLaw(
+        stick,
+        contact.smoothing,
+        *levels,
+        friction=contact.friction,
+        layers=layers_of(contact, contact.layer, levels[0], site.skeleton),
+    )
+
+
+def layers_of(
+    contact: ContactConfig,
+    moduli: LayerConfig,
+    surfaces: Mapping[str, SplineDistance],
+    skeleton: Skeleton,
+) -> dict[str, Layer]:
+    """What covers the bones, by body: its thickness and its modulus as fields on the grids of the
+    `surfaces`."""
+    tissue, out = Tissue(moduli.shafts, moduli.faces, moduli.sides), {}
+    for body, surface in surfaces.items():
+        back, head = getattr(contact.offset, body), _head(contact, body)
+        joint = Joint.of(skeleton, body) if body in FLEXION else None
+
+        def thickness(points: Array, back: float = back, head=head, joint=joint) -> Array:
+            over = np.full(len(points), back)
+            return over if head is None else over - thinner(points, joint, back, head)
+
+        def stiff(points: Array, joint=joint) -> Array:
+            if joint is None:
+                return np.full(len(points), tissue.shaft)
+            return modulus(points, joint, tissue)
+
+        out[body] = Layer(surface.field(thickness), surface.field(stiff))
+    return out
+
+
+def _head(contact: ContactConfig, body: str) -> Head | None:
+    """What covers a bone's head, m, at most what covers its back; None where that is the same."""
+    stated, back = getattr(contact.heads, body, None), getattr(contact.offset, body)
+    if stated is None:
+        return None
+    return Head(min(stated.face, back), min(stated.sides, back))
 
 
 def _attach(
@@ -151,9 +197,8 @@ def contact_levels(
     surface lies as much deeper.  `highest`: m that the hood touches above its face at most."""
     offset = {body: getattr(contact.offset, body) for body in bones}
     surfaces = pose_surfaces(bones, {body: o + highest for body, o in offset.items()})
-    for body, stated in contact.heads:
-        if stated is not None:
-            head = Head(*(min(over, offset[body]) for over in (stated.face, stated.sides)))
+    for body in surfaces:
+        if (head := _head(contact, body)) is not None:
             joint = Joint.of(skeleton, body)
             less = partial(thinner, joint=joint, back=offset[body], head=head)
             surfaces[body] = surfaces[body].plus(less)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from cosim.schema import units
-from cosim.schema.fields import quantity
-from cosim.schema.types import Gap, Number, Offset, Switch, Table
+from cosim.schema.fields import fault, quantity
+from cosim.schema.types import Gap, Modulus, Number, Offset, Switch, Table
+
+SMOOTHING = 0.05e-3
+"""m, of a penalty that states none."""
 
 
 class ContactOffsetConfig(Table):
@@ -46,16 +49,35 @@ class HeadsConfig(Table):
     """At the DIP."""
 
 
-class ContactConfig(Table):
-    """Contact of hood and bones: a penalty; with `penetration` augmented until no node penetrates
-    further, with `friction` (Coulomb's coefficient) augmented too."""
+class LayerConfig(Table):
+    """Moduli of the tissue between hood and bones, which is as thick as `offset` and `heads` say:
+    its pressure is that times the share of the thickness by which it is compressed, less at first
+    and more as it is used up."""
 
-    stiffness: Annotated[
-        float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
-    ]
-    """Pressure per depth of penetration."""
-    smoothing: Gap
-    """Gap within which the pressure sets in smoothly."""
+    shafts: Modulus
+    """Over the bones' backs."""
+    faces: Modulus
+    """Over the heads' articular faces."""
+    sides: Modulus
+    """Beside the heads' condyles."""
+
+
+class ContactConfig(Table):
+    """Contact of hood and bones: through a `layer` of tissue that gives, or, where `stiffness` is
+    stated, by a penalty, with `penetration` augmented until no node penetrates further.  `friction`
+    is Coulomb's coefficient."""
+
+    layer: LayerConfig | None = None
+    """Tissue between hood and bones; a stiffness takes its place."""
+    stiffness: (
+        Annotated[
+            float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
+        ]
+        | None
+    ) = None
+    """Pressure per depth of penetration, of a penalty in place of a layer."""
+    smoothing: Gap = SMOOTHING
+    """Gap within which a penalty's pressure sets in smoothly."""
     offset: ContactOffsetConfig
     """Height of the hood's face over the bare bone's back, by body."""
     heads: HeadsConfig = HeadsConfig()
@@ -64,6 +86,28 @@ class ContactConfig(Table):
     """Deepest penetration, reached by augmentation; without it a penalty alone."""
     friction: Annotated[Number, Field(ge=0, le=2)] = 0.0
     """Coulomb's coefficient."""
+
+    @model_validator(mode="after")
+    def _presses(self) -> ContactConfig:
+        if (self.layer is None) == (self.stiffness is None):
+            raise fault(
+                "write either a table layer (shafts, faces, sides: moduli of the tissue between "
+                'hood and bones), or stiffness = "200 N/mm**3" (a penalty)'
+            )
+        if self.layer is None:
+            return self
+        if self.penetration is not None:
+            raise fault(
+                "penetration: is of a penalty, and a layer of tissue gives; leave it out, or write "
+                'stiffness = "200 N/mm**3" in place of the layer'
+            )
+        bare = [body for body, over in self.offset if not over]
+        if bare:
+            raise fault(
+                f"offset.{bare[0]}: a layer needs a thickness above 0 mm; state one, or write "
+                'stiffness = "200 N/mm**3" in place of the layer'
+            )
+        return self
 
 
 class SpringConfig(Table):

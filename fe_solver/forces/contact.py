@@ -7,6 +7,9 @@ energy has a continuous Hessian.  Without a multiplier the shift s is zero: a pe
 from a gap of `smoothing` on.  With the multiplier p, k m(s) = p: at a gap of zero the pressure is
 p, whatever k and the smoothing are.  `fe_solver.solver.augmented_contact` finds the multipliers
 whose gaps vanish (augmented Lagrangian), so that neither k nor the smoothing is left in the answer.
+
+In place of the penalty a `fe_solver.forces.layer.Layer` of tissue may press: its pressure is that of
+a depth of -g in a layer as thick and as stiff as it is there, and no multiplier is sought.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from cosim.errors import InputError
 from cosim.port import Array
 from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.friction import Friction, join_friction
+from fe_solver.forces.layer import TOE, Layer, layer_response
 from fe_solver.forces.ramp import inverse_ramp, ramp
 from fe_solver.forces.springs import PointForces
 from fe_solver.surfaces.shapes import Surface
@@ -80,9 +84,9 @@ class Contact:
     area: Array
     """(k,) m2."""
     stiffness: float
-    """N/m3, along the normal."""
+    """N/m3, along the normal; with a layer, of sticking alone."""
     smoothing: float
-    """m to either side of the contact level within which the force sets in smoothly."""
+    """m to either side of the contact level within which a penalty sets in smoothly."""
     share: Array | None = None
     """(k,) in [0, 1], times the areas; None is 1."""
     pressure: Array | None = None
@@ -98,6 +102,8 @@ class Contact:
     """(k,) N/m, in place of the stiffness along the normal where positive, in the tangent alone."""
     within: ElementPoints | None = None
     """The points, where they are not nodes."""
+    layer: Layer | None = None
+    """What presses in place of the penalty; its fields are in the body's frame."""
 
     def __post_init__(self) -> None:
         shear = self.stiffness if self.shear is None else self.shear
@@ -186,16 +192,12 @@ def contact_forces(
     if contact.grip is not None:
         watched |= contact.grip.limit > 0
     near = np.flatnonzero(watched)
-    # normal force along the surface's gradient; a pin stands for its slope in the tangent
-    scale = (contact.stiffness * contact.weight)[near]
-    work, force, slope = ramp(depth[near], contact.smoothing)
+    # what presses; a pin stands for its slope in the tangent
     normal = gradient[near] @ R.T
-    along = scale * slope
+    made = _press(contact, near, depth[near], local[near], R, normal, curvature)
+    along, pushed, energy, pull = made.along, made.force, made.energy, made.gradient
     if contact.pin is not None:
         along = np.where(contact.pin[near] > 0, contact.pin[near], along)
-    pushed = scale * force
-    # energy and gradient, with friction's where there is a grip
-    energy, pull = float(scale @ work), -pushed[:, None] * normal
     friction = dragged = None
     if contact.grip is not None:
         friction = friction_of(contact, contact.grip, local).take(near).turned(R)
@@ -214,17 +216,85 @@ def contact_forces(
         energy,
         pull,
         pushed,
-        partial(_hessian, R, along, normal, curved, dragged),
+        partial(_hessian, R, along, normal, curved, _sum(made.bent, dragged)),
         at[near] - p,
         one > 0,
         np.full(len(near), -1, dtype=np.intp),
-        depth[near],
+        made.depth,
         -normal,
-        scale,
-        contact.smoothing * one,
+        made.stiffness,
+        made.ramp,
         np.inf * one,
         friction,
     )
+
+
+class _Pressing(NamedTuple):
+    """What presses k points, without friction."""
+
+    energy: float
+    gradient: Array
+    """(k, 3) N, world frame."""
+    force: Array
+    """(k,) N along the normal."""
+    along: Array
+    """(k,) N/m, its slope by the depth."""
+    bent: Array | None
+    """(k, 3, 3) N/m, what the fields of a layer add to the Hessian."""
+    depth: Array
+    """(k,) m, beyond which the force has set in; `ramp` to either side."""
+    ramp: Array
+    stiffness: Array
+    """(k,) N/m."""
+
+
+def _press(
+    contact: Contact,
+    near: NDArray[np.intp],
+    depth: Array,
+    local: Array,
+    R: Array,
+    normal: Array,
+    curvature: bool,
+) -> _Pressing:
+    """What presses the points `near` (k,) at `depth` (k,) m and places `local` (k, 3), body frame,
+    with the surface's gradient `normal` (k, 3), world frame."""
+    weight = contact.weight[near]
+    if contact.layer is None:
+        scale, smoothing = contact.stiffness * weight, np.full(len(near), contact.smoothing)
+        work, force, slope = ramp(depth, smoothing)
+        force = scale * force
+        pull = -force[:, None] * normal
+        return _Pressing(
+            float(scale @ work), pull, force, scale * slope, None, depth, smoothing, scale
+        )
+    fields = contact.layer.thickness.distance(local), contact.layer.modulus.distance(local)
+    (h, _, _), (modulus, _, _) = fields
+    layer = layer_response(depth, h, modulus)
+    slopes = weight[:, None] * layer.slopes
+    by = np.stack([-normal, *(field.gradient @ R.T for field in fields)], axis=1)
+    bent = None
+    if curvature:
+        second = weight[:, None, None] * layer.second
+        second[:, 0, 0] = 0.0  # it is along the normal
+        bent = np.einsum("kai,kab,kbj->kij", by, second, by)
+        for slope, field in zip(slopes.T[1:], fields, strict=True):
+            bent += slope[:, None, None] * (R @ field.hessian @ R.T)
+    toe = TOE / 4 * h  # a ramp of this width about this depth sets in as the layer does
+    return _Pressing(
+        float(weight @ layer.energy),
+        np.einsum("ka,kai->ki", slopes, by),
+        slopes[:, 0],
+        weight * layer.second[:, 0, 0],
+        bent,
+        depth - toe,
+        toe,
+        weight * modulus / h,
+    )
+
+
+def _sum(one: Array | None, other: Array | None) -> Array | None:
+    return other if one is None else one if other is None else one + other
 
 
 def _hessian(
@@ -298,15 +368,33 @@ class ContactState(NamedTuple):
     """Values of `Status`."""
 
 
+def normal_pressure(contact: Contact, local: Array, depth: Array) -> Array:
+    """The pressure (k,) Pa on the points at places `local` (k, 3), body frame, at `depth` (k,) m."""
+    if contact.layer is None:
+        return np.asarray(contact.stiffness * ramp(depth, contact.smoothing)[1])
+    h, modulus = (f.distance(local).value for f in (contact.layer.thickness, contact.layer.modulus))
+    return np.asarray(layer_response(depth, h, modulus).slopes[:, 0])
+
+
+def compression(contact: Contact, x: Array, position: Array, rotation: Array) -> Array:
+    """The share (k,) of its thickness by which the layer is compressed at each point; of a penalty
+    there is none."""
+    if contact.layer is None:
+        return np.zeros(len(contact.nodes))
+    local = contact.local(x, position, rotation)
+    depth = contact.offset - contact.surface.distance(local).value
+    return np.asarray(np.maximum(depth, 0.0) / contact.layer.thickness.distance(local).value)
+
+
 def contact_state(contact: Contact, x: Array, position: Array, rotation: Array) -> ContactState:
     """Gap, pressure, friction and status at node positions x (n, 3) and body poses."""
     gap = contact.gap(x, position, rotation)
     share = 1.0 if contact.share is None else contact.share
-    pressure = contact.stiffness * share * ramp(contact.shift - gap, contact.smoothing)[1]
+    local = contact.local(x, position, rotation)
+    pressure = share * normal_pressure(contact, local, contact.shift - gap)
     status = np.where(pressure > 0, Status.SLIDING, Status.OPEN).astype(np.int8)
     drag = np.zeros((len(gap), 3))
     if contact.grip is not None:
-        local = contact.local(x, position, rotation)
         friction = friction_of(contact, contact.grip, local)
         drag = -friction.linear(friction.sliding())[0] @ rotation[contact.body].T
         holds = np.linalg.norm(drag, axis=1) < (1 - 1e-9) * contact.grip.limit

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -17,6 +17,7 @@ from fe_solver.forces.cables import CableResponse, Cables, cable_state
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.guides import Guides, Ropes
+from fe_solver.forces.layer import Layer
 from fe_solver.hood.shell_hood import HoodState, ShellHood
 from fe_solver.materials.in_situ import thickness_as_laid
 from fe_solver.materials.section import Section
@@ -54,9 +55,9 @@ class ContactLaw:
     """How a hood touches the bodies."""
 
     stiffness: float
-    """N/m3."""
+    """N/m3, along the normal; with layers, of sticking."""
     smoothing: float
-    """m of depth within which the pressure sets in."""
+    """m of depth within which a penalty's pressure sets in."""
     surfaces: Mapping[str, Surface]
     """By body."""
     offset: Mapping[str, float]
@@ -64,7 +65,9 @@ class ContactLaw:
     penetration: float | None = None
     """m; contact is augmented until no node penetrates further."""
     friction: float = 0.0
-    """Coulomb's coefficient; asks for augmented contact too."""
+    """Coulomb's coefficient; its limits are found round by round, as multipliers are."""
+    layers: Mapping[str, Layer] = field(default_factory=dict)
+    """What presses in place of a penalty, by body."""
 
     def augment(self) -> AugmentOptions | None:
         """How the outer loop is to end, where there is one."""
@@ -220,6 +223,12 @@ def _contacts(
     Augmented contact is the nodes' in any element: a sheet cannot lie on its level in more points
     than it has nodes."""
     height, X = heights(sheet), sheet.points
+    import os
+    n=int(os.environ.get("PTS","0"))
+    if n and law.layers:
+        points = ElementPoints.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).any(axis=1)), n)
+        height = height - sheet.lift if os.environ.get("NOLIFT") else height
+        return contacts_of(bodies, law, points.nearest, points.mean(height), points.areas(X), points)
     if sheet.quads.shape[1] == 4 or law.augment() is not None:
         return contacts_of(bodies, law, nodes, height[nodes], node_areas(X, sheet.quads)[nodes])
     points = ElementPoints.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).any(axis=1)))
@@ -246,8 +255,9 @@ def contacts_of(
             law.stiffness,
             law.smoothing,
             friction=law.friction,
-            shear=STICK * law.stiffness,
+            shear=law.stiffness if law.layers else STICK * law.stiffness,
             within=within,
+            layer=law.layers.get(body),
         )
         for body, surface in law.surfaces.items()
     )

@@ -17,8 +17,8 @@ import numpy as np
 
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
-from fe_solver.forces.contact import Contact, Grip
-from fe_solver.forces.ramp import inverse_ramp, ramp
+from fe_solver.forces.contact import Contact, Grip, normal_pressure
+from fe_solver.forces.ramp import inverse_ramp
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.residual import residual_norm
@@ -118,8 +118,8 @@ class _ContactUpdate:
     """A contact beside the solution of its smooth problem."""
 
     contact: Contact
-    pressure: Array
-    """(k,) Pa, the multiplier to go on with."""
+    pressure: Array | None
+    """(k,) Pa, the multiplier to go on with; a layer has none."""
     normal: Array
     """(k, 3), body frame."""
     limit: Array
@@ -148,16 +148,19 @@ class _ContactUpdate:
 
 
 def _update_of(contact: Contact, c: Configuration) -> _ContactUpdate:
-    value, normal, _ = contact.surface.distance(contact.local(c.x, c.position, c.rotation))
+    local = contact.local(c.x, c.position, c.rotation)
+    value, normal, _ = contact.surface.distance(local)
     length = np.linalg.norm(normal, axis=1, keepdims=True)  # a spline's gradient is about a unit
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
     depth, shift = contact.offset - value, contact.shift
-    pressure = contact.stiffness * ramp(depth + shift, contact.smoothing)[1]
+    pressure = normal_pressure(contact, local, depth + shift)
+    limit = contact.friction * pressure * contact.weight
+    if contact.layer is not None:  # which gives: only friction's limits are to be found
+        return _ContactUpdate(contact, None, normal, limit, np.zeros_like(depth))
     error = np.abs(np.maximum(depth, -(shift + contact.smoothing)))
     if contact.pressure is None:
         error = np.where(pressure > 0, np.inf, 0.0)
     error = np.where(contact.weight > 0, error, 0.0)
-    limit = contact.friction * pressure * contact.weight
     return _ContactUpdate(contact, pressure, normal, limit, error)
 
 
@@ -188,6 +191,8 @@ def _initialise(contact: Contact, start: Configuration) -> Contact:
 
 def _stiffer(contact: Contact) -> Contact:
     """A stiffer contact, its multipliers and its friction as they were."""
+    if contact.layer is not None:
+        return contact
     shear = contact.stiffness if contact.shear is None else contact.shear
     return replace(contact, stiffness=STIFFER * contact.stiffness, shear=shear)
 
@@ -201,6 +206,9 @@ def _constrain(solution: Solution, looks: Sequence[_ContactUpdate]) -> Solution:
     contacts = []
     for look in looks:
         k = look.contact
+        if look.pressure is None:
+            contacts.append(k)
+            continue
         presses = inverse_ramp(look.pressure / k.stiffness, k.smoothing) + k.smoothing > look.error
         contacts.append(replace(k, pin=np.where((k.weight > 0) & presses, pin, 0.0)))
     model = model.with_changes(contacts=tuple(contacts))

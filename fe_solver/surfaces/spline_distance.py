@@ -142,11 +142,14 @@ class SplineDistance:
     def plus(self, values: Callable[[Array], Array]) -> SplineDistance:
         """The spline of this distance and of `values` (n,) m at points (n, 3), sampled on the same
         grid: a level that lies higher over the surface here than there."""
+        return replace(self, coefficients=self.coefficients + self.field(values).coefficients)
+
+    def field(self, values: Callable[[Array], Array]) -> SplineDistance:
+        """The spline on the same grid through `values` (n,) at points (n, 3), of any unit."""
         cells = np.array(self.coefficients.shape) - 2
         places = np.stack(np.meshgrid(*map(np.arange, cells), indexing="ij"), axis=-1)
-        added = values((self.origin + self.spacing * places).reshape(-1, 3)).reshape(cells)
-        other = self.from_grid(self.origin, self.spacing, added, self.outside)
-        return replace(self, coefficients=self.coefficients + other.coefficients)
+        sampled = values((self.origin + self.spacing * places).reshape(-1, 3)).reshape(cells)
+        return self.from_grid(self.origin, self.spacing, sampled, self.outside)
 
     @classmethod
     def from_grid(
