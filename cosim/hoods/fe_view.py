@@ -42,7 +42,10 @@ class FeView:
     spring_node: np.ndarray
     """(ns,) node of the hood that it holds."""
     penetration: float
-    """m, the deepest."""
+    """m, the deepest under the level of contact."""
+    compression: float | None
+    """The largest share of its thickness by which the tissue under it is compressed; None of a
+    penalty."""
     guide_depth: float
     """m, of `guide_depth`."""
     unstable_modes: int
@@ -117,8 +120,12 @@ class FeView:
         }
 
     def audit(self) -> Mapping[str, float]:
+        depth = 1e3 * self.penetration
+        pressed = {"max_penetration_mm": depth}
+        if self.compression is not None:
+            pressed = {"max_compression_mm": depth, "layer_used_up": self.compression}
         return {
-            "max_penetration_mm": 1e3 * self.penetration,
+            **pressed,
             "guide_depth_mm": 1e3 * self.guide_depth,
             "hood_unstable_modes": self.unstable_modes,
             **self.friction,
@@ -151,6 +158,7 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
         spring_set=tuple(hood.groups[i] for i in springs.group),
         spring_node=springs.node,
         penetration=max(0.0, -float(hood.gap(state).min())),
+        compression=hood.compression(state),
         guide_depth=depth,
         friction=friction_audit(hood, state),
         unstable_modes=state.solution.factor.negative,

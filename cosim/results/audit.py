@@ -50,6 +50,11 @@ BOUNDS = {
         'write a larger hood.contact.stiffness ("500 N/mm**3"), or hood.contact.penetration = '
         '"1 um"',
     ),
+    "layer_used_up": Bound(
+        0.8,
+        "the tissue between hood and bone is used up, and what its law says there is no measurement;"
+        " write a larger hood.contact.layer or hood.contact.offset, or pull with less",
+    ),
     "guide_depth_mm": Bound(
         0.05, "a tendon's line runs into the bone: raise its end on the metacarpal"
     ),

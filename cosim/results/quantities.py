@@ -108,6 +108,8 @@ STATE = (
     ),
     Quantity("tension_field_area_percent.<tension>", "part of the sheet that is <tension>"),
     Quantity("max_penetration_mm", "deepest penetration of the hood into a bone"),
+    Quantity("max_compression_mm", "deepest compression of the tissue between hood and bone"),
+    Quantity("layer_used_up", "largest compression of that tissue over its thickness"),
     Quantity("guide_depth_mm", "tendons' lines under the bone"),
     Quantity("friction_beyond_cone", "friction beyond its coefficient times the normal force"),
     Quantity("friction_work_made", "work that friction made in place of taking it, relative"),

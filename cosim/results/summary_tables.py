@@ -138,6 +138,8 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     for name, energy in (_at(summary, "energy_mJ") or {}).items():
         yield f"energy: {name.replace('_', ' ')} mJ", _number(energy)
     yield "deepest penetration mm", _number(_at(summary, "max_penetration_mm"))
+    yield "deepest compression of the layer mm", _number(_at(summary, "max_compression_mm"))
+    yield "its largest share of the thickness", _number(_at(summary, "layer_used_up"))
     yield "tendons' lines under the bone mm", _number(_at(summary, "guide_depth_mm"))
     yield "ways in which the hood is unstable", _number(_at(summary, "hood_unstable_modes"))
     for name, value in (_at(summary, "audit") or {}).items():

@@ -108,6 +108,11 @@ def _writable_sheet(hood: ShellHood) -> Sheet:
             "a hood of nine-node elements is not written, only one of four-node elements; set "
             'hood.mesh.elements to "linear"'
         )
+    if any(contact.layer is not None for contact in m.contacts):
+        raise InputError(
+            "a hood on a layer of tissue that gives is not written: FEBio's contact is a penalty; "
+            'set hood.contact.stiffness, such as "200 N/mm**3"'
+        )
     if any(part.bending.any() for part in sheet.parts):
         raise InputError(
             "a hood with a bending modulus of its own cannot be written: in FEBio's format a shell "

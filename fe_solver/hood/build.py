@@ -217,20 +217,17 @@ def heights(sheet: Sheet) -> Array:
 def _contacts(
     sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
-    """Contacts of the nodes with every body, or of the points within quadratic elements of such
-    nodes.
+    """Contacts with every body: through a layer of the points within the elements of the nodes, which
+    feel where on a chord the sheet touches, so that the answer does not follow the nodes as they
+    slide over a head; by a penalty of the nodes, or of the points within quadratic elements.
 
     Augmented contact is the nodes' in any element: a sheet cannot lie on its level in more points
     than it has nodes."""
     height, X = heights(sheet), sheet.points
-    import os
-    n=int(os.environ.get("PTS","0"))
-    if n and law.layers:
-        points = ElementPoints.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).any(axis=1)), n)
-        height = height - sheet.lift if os.environ.get("NOLIFT") else height
-        return contacts_of(bodies, law, points.nearest, points.mean(height), points.areas(X), points)
-    if sheet.quads.shape[1] == 4 or law.augment() is not None:
+    at_nodes = sheet.quads.shape[1] == 4 or law.augment() is not None
+    if at_nodes and not law.layers:
         return contacts_of(bodies, law, nodes, height[nodes], node_areas(X, sheet.quads)[nodes])
+    height = height - sheet.lift
     points = ElementPoints.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).any(axis=1)))
     return contacts_of(bodies, law, points.nearest, points.mean(height), points.areas(X), points)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cosim.content_key import UnknownContentError, content_key
 from cosim.errors import ConvergenceError, InputError, say
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
+from fe_solver.forces.contact import compression
 from fe_solver.hood.version import KNOWN, solver_version
 from fe_solver.sheet import Sheet
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
@@ -502,6 +503,15 @@ class ShellHood:
         """Return generalized strains at the Gauss points, (ne, g, 8), axis 1 along the fibre."""
         c, q = state.configuration, self.model.quads
         return self.model.tables.strain(np.concatenate([c.x[q], c.d[q]], axis=1))
+
+    def compression(self, state: HoodState) -> float | None:
+        """Return the largest share of its thickness by which a layer under the hood is compressed;
+        None where it touches the bones by a penalty."""
+        c, layered = state.configuration, [k for k in self.model.contacts if k.layer is not None]
+        if not layered:
+            return None
+        shares = (compression(k, c.x, c.position, c.rotation) for k in layered)
+        return max(float(share.max(initial=0.0)) for share in shares)
 
     def gap(self, state: HoodState) -> NDArray[np.float64]:
         """Return the smallest gap (n,) m of each node, or of the points that it is nearest to, to a
