@@ -161,6 +161,8 @@ class BuiltHood:
     energy: Callable[[State], float] | None = None
     """J stored at a state in sheet or cables, springs and contact; None of a hood in closed form.
     At its equilibrium this less the tendons' work, tension times excursion, is stationary."""
+    nearby: Callable[[State, Motion], State] | None = None
+    """A solved state at poses nearby under the same tensions, to first order; None as before."""
 
 
 def no_variations(hood: HoodConfig) -> Iterator[Variation]:

@@ -49,6 +49,8 @@ class Models:
     """The points of the user's on the hood."""
     energy: Callable[[State], float] | None = None
     """J stored in the hood at a state; None of a hood in closed form."""
+    nearby: Callable[[State, Motion], State] | None = None
+    """The hood's state at poses nearby, to first order; None of a hood in closed form."""
 
     @property
     def pair(self) -> Pair:
@@ -98,6 +100,7 @@ def build_any(case: Case) -> Models:
         hood.own_slips,
         hood.points,
         hood.energy,
+        hood.nearby,
     )
 
 

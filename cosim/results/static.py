@@ -20,6 +20,7 @@ from cosim.results.arrays import Arrays, along
 from cosim.results.audit import NOT_RECIPROCAL, PATH_DEPENDENT, missed_bounds
 from cosim.results.clamped_tip import arm_differences
 from cosim.results.conventions import FRAME, attributes, by_axis, is_slack, vector_of
+from cosim.results.half_degree import half_degree
 from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
@@ -128,6 +129,7 @@ def summary(
         **_one_way(case, models, states),
         **second_start_block(models, states, at_load, describe),
         **_friction(case, models, states),
+        **half_degree(case, models, states),
         "iterations": iterations,
     }
     return {**head, **at_load, **beside}

@@ -32,6 +32,7 @@ def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
         partial(slip_forces, made),
         linear=partial(tangent_seconds, made),
         energy=stored_energy,
+        nearby=made.linearised,
     )
 
 

@@ -61,6 +61,7 @@ def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
         linear=partial(tangent_seconds, made),
         points=TrackedPoints(gauges.points, lambda s: gauges.positions(s.configuration.x)),
         energy=stored_energy,
+        nearby=made.linearised,
     )
 
 
