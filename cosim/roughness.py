@@ -69,3 +69,8 @@ def _beyond_cubic(x: Array, y: Array) -> Array:
     powers = np.vander(2 * x - 1, 4)
     residual: Array = y - powers @ np.linalg.lstsq(powers, y, rcond=None)[0]
     return residual
+
+
+def roughness_along(place: Array, value: Array, unit: str) -> Roughness:
+    """The roughness over a parameter in `unit`: in windows of 20 deg, of another unit over all."""
+    return roughness(place, value, 20.0 if unit == "deg" else float(np.ptp(place)) or 1.0)
