@@ -52,7 +52,7 @@ def sweep_over(results: Sequence[Result | CosimError], parameter: str) -> Sweep:
     """Results, in the sweep's order, over a parameter by its dotted key in the case file.
 
     Raises InputError where a case has no such number, or none has ended."""
-    kept = tuple(r if isinstance(r, Result) else None for r in results)
+    kept = tuple(map(_ended, results))
     stated = {i: _stated(r, parameter) for i, r in enumerate(kept) if r is not None}
     units = {unit for _, unit in stated.values()}
     if len(units) != 1:
@@ -60,6 +60,13 @@ def sweep_over(results: Sequence[Result | CosimError], parameter: str) -> Sweep:
         raise InputError(f"{parameter}: expected runs with one unit of it, got {found}")
     place = np.interp(range(len(kept)), list(stated), [value for value, _ in stated.values()])
     return Sweep(parameter, units.pop(), place, kept)
+
+
+def _ended(result: Result | CosimError) -> Result | None:
+    match result:
+        case Result():
+            return result
+    return None
 
 
 def _stated(result: Result, parameter: str) -> tuple[float, str]:
@@ -76,16 +83,17 @@ def _stated(result: Result, parameter: str) -> tuple[float, str]:
 
 def _leaves(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
     for key, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _leaves(value, f"{above}{key}.")
-        else:
-            yield f"{above}{key}", value
+        match value:
+            case Mapping():
+                yield from _leaves(value, f"{above}{key}.")
+            case _:
+                yield f"{above}{key}", value
 
 
 def describe_sweep(results: Sequence[Result | CosimError]) -> str:
     """How rough results are along the one number in which their cases differ, in a sentence; empty
     where there is no such number or too few results."""
-    tables = [dict(_leaves(r.case_table)) for r in results if isinstance(r, Result)]
+    tables = [dict(_leaves(r.case_table)) for r in map(_ended, results) if r is not None]
     if len(tables) < FEWEST:
         return ""
     first = tables[0]
