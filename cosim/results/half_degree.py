@@ -9,17 +9,19 @@ load as its jacobian foresees it; the shape of a hood of finite elements follows
 from __future__ import annotations
 
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.coupling.finger_equilibrium import affine
-from cosim.errors import ConvergenceError, InputError
+from cosim.errors import ConvergenceError
+from cosim.fingers.chain import joint_torques
 from cosim.models.build import Models, case_finger
-from cosim.port import STATIC, Array, Motion
+from cosim.port import STATIC, Array, Motion, OpenFinger
 from cosim.results.conventions import by_axis
 from cosim.solve.states import States
 
@@ -42,22 +44,24 @@ class _Neighbour:
 def half_degree(case: Case, models: Models, states: States) -> dict[str, Any]:
     """The changes by half a degree of each joint, tensions held: fingertip force, slips' forces and
     the hood's joint torques.  None of a one-way pass, of a fingertip that is free, which has no
-    posture of its own, and of a posture whose neighbours the finger cannot be held in."""
+    posture of its own, and where the finger finds no equilibrium beside its own."""
     e = states.loaded
     if states.one_way is not None or e.balance is None or case.native_finger().tip.kind == "free":
         return {}
-    with suppress(InputError, ConvergenceError):
-        posture = models.posture
-        return {"half_degree": {joint: _change(case, models, e, joint) for joint in posture}}
+    with suppress(ConvergenceError):
+        fresh, each = case_finger(case), models.posture
+        return {"half_degree": {joint: _change(case, models, fresh, e, joint) for joint in each}}
     return {}
 
 
-def _change(case: Case, models: Models, e: Equilibrium, joint: str) -> dict[str, Any]:
+def _change(
+    case: Case, models: Models, fresh: OpenFinger, e: Equilibrium, joint: str
+) -> dict[str, Any]:
     """The change by half a degree of a joint, from one posture to either side within its range."""
     low, high = models.finger.ranges.get(joint, (-np.inf, np.inf))
     at = models.posture[joint]
     ends = np.clip([at - SMALL, at + SMALL], low, high)
-    before, after = (_neighbour(case, models, e, joint, angle) for angle in ends)
+    before, after = (_neighbour(case, models, fresh, e, joint, angle) for angle in ends)
     share = HALF / (ends[1] - ends[0])
     torque = 1e3 * share * (after.torque - before.torque)
     slips = {name: float(share * (after.slips[name] - before.slips[name])) for name in before.slips}
@@ -68,12 +72,16 @@ def _change(case: Case, models: Models, e: Equilibrium, joint: str) -> dict[str,
     }
 
 
-def _neighbour(case: Case, models: Models, e: Equilibrium, joint: str, angle: float) -> _Neighbour:
-    """The equilibrium with the joint's posture at `angle` (rad)."""
+def _neighbour(
+    case: Case, models: Models, fresh: OpenFinger, e: Equilibrium, joint: str, angle: float
+) -> _Neighbour:
+    """The equilibrium with the joint's posture at `angle` (rad), of a copy of the `fresh` finger,
+    which was asked nothing yet: the models' own knows in which posture it was asked last."""
     own = case.native_finger()
     posture = own.posture.model_copy(update={joint: angle})
     moved = own.model_copy(update={"posture": posture})
-    finger = case_finger(case.model_copy(update={"finger": moved}))
+    finger = cast(Any, copy(fresh))
+    finger.law = joint_torques(moved, fresh.joints)
     turn = models.finger.unknowns(e.finger_state)
     turn = turn - models.finger.unknowns(models.finger.start(models.posture))
     start = finger.displace(finger.start(posture.angles()), turn)
