@@ -37,11 +37,13 @@ from cosim.results.coupled import CoupledResult
 from cosim.results.quantities import check_quantities
 from cosim.results.read import read_run
 from cosim.results.result import Result
+from cosim.results.sweep import describe_sweep, draw_over, sweep_over
 from cosim.schema import units
 from cosim.solve.session import Session
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
     from cosim.analyses.identify.fit import Fit
     from cosim.scoring.names import FingerName
@@ -98,7 +100,8 @@ def run_many(
     keep_errors: bool = False,
 ) -> list[Result | CosimError]:
     """The results of cases, each as `load` takes it, in their order, run side by side in `workers`
-    processes: the same bytes for any number of them.  `progress` is called as each case ends.
+    processes: the same bytes for any number of them.  `progress` is called as each case ends, and
+    last, where the cases differ in one number alone, with how rough the results are along it.
     With `keep_errors` a case without a result has the error in its place, else the first such error
     is raised once all have ended.
 
@@ -117,13 +120,40 @@ def run_many(
         words = "" if outcome.error is None else f": {outcome.error}"
         progress(f"{len(outcomes)} of {len(checked)}: {checked[i].name}{words}")
     ended = [outcomes[i] for i in range(len(checked))]
-    if not keep_errors:
-        return [outcome.result() for outcome in ended]
-    return [outcome.error or outcome.result() for outcome in ended]
+    for outcome in ended if not keep_errors else ():
+        outcome.result()
+    results = [outcome.error or outcome.result() for outcome in ended]
+    if progress is not quiet and (said := describe_sweep(results)):
+        progress(said)
+    return results
 
 
 def _unchanged(result: Result) -> Result:
     return result
+
+
+def plot_over(
+    results: Iterable[Result | CosimError],
+    parameter: str,
+    quantities: Sequence[str] = ("fingertip_force_N.dorsal",),
+) -> Figure:
+    """A matplotlib figure of quantities of results, as `run_many` gives them, over a parameter by
+    its dotted key in the case file; the legend says how rough each is: the rms of what a cubic
+    leaves in the worst window of 20 deg, along another unit of all.  A run that failed is a gap.
+
+    >>> import cosim
+    >>> case = cosim.load("pulley_edc")
+    >>> postures = [case.replace({"finger.posture.PIP": f"{a} deg"}) for a in range(40, 47)]
+    >>> figure = cosim.plot_over(cosim.run_many(postures), "finger.posture.PIP")
+    >>> figure.axes[0].get_xlabel()
+    'finger.posture.PIP, deg'
+
+    Raises InputError for a parameter that is no number of the cases, and for a quantity that no run
+    can have."""
+    if not is_several(results):
+        raise unexpected("results", "a list of results, as run_many gives them", results)
+    names = [quantities] if isinstance(quantities, str) else list(quantities)
+    return draw_over(sweep_over(list(results), parameter), names)
 
 
 def list_cases() -> list[str]:

@@ -99,6 +99,7 @@ FLOORS = (
     {"cosim.file_size"},
     {"cosim.port", "cosim.extras", "cosim.abaqus_file", "cosim.foreign_process"},
     {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.outcome"},
+    {"cosim.roughness"},
     {"cosim.content_key"},
     {"cosim.array_cache"},
     {"cosim.processes", "cosim.xml_tree", "cosim.text_tables", "cosim.static_response"},

@@ -18,7 +18,7 @@ import pandas
 import cosim
 
 case = cosim.load("network_edc")
-tensions = [1.0, 2.0, 3.0, 4.0, 5.0]
+tensions = [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0]
 results = cosim.run_many(
     [case.replace({"tendons.EDC.tension": f"{n} N"}, name=f"{n:g} N") for n in tensions]
 )
@@ -34,6 +34,22 @@ table
 
 # %%
 assert table["central slip"].is_monotonic_increasing
+
+# %% [markdown]
+# Over postures a result should be a smooth curve. `plot_over` draws quantities over a parameter of
+# the case, leaves a gap where a run failed, and says how rough each is: the rms of what a cubic
+# leaves.
+
+# %%
+postures = [
+    case.replace({"finger.posture.PIP": f"{angle} deg"}, name=f"{angle} deg")
+    for angle in range(30, 61, 2)
+]
+cosim.plot_over(
+    cosim.run_many(postures, keep_errors=True),
+    "finger.posture.PIP",
+    ["fingertip_force_N.distal", "fingertip_force_N.dorsal", "joint_torque_Nmm.hood.PIP"],
+)
 
 # %% [markdown]
 # For thousands of points, with distributions and sensitivity indices, write a study file:

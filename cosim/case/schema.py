@@ -43,7 +43,8 @@ class SolveConfig(Table):
     """The hood's own equilibrium: largest residual over the largest force."""
     second_start: Switch = False
     """Solve the loaded equilibrium a second time, by the other scheme and from the hood as it is
-    laid, and hold the one to the other: whether there are two.  Of an equilibrium alone."""
+    laid, and hold the one to the other: whether there are two; the result then carries both.  Of an
+    equilibrium alone."""
     patience: Annotated[float, quantity(units.PATIENCE, above="0 s", most="1e7 s")] | None = None
     """Longest time of computing; a run that takes longer ends as one that does not converge and
     says how far it came, and a motion keeps what it reached.  Without it there is no limit."""

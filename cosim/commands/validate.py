@@ -10,6 +10,7 @@ import typer
 from rich.table import Table
 
 from cosim.commands.terminal import console, exit_on_error, warn_of_audits
+from cosim.commands.validate_curves import validate_curves
 from cosim.errors import InputError
 from cosim.files import check_file
 from cosim.results.compare import marks, misses_first, number, reference_text
@@ -28,6 +29,7 @@ from cosim.validation.page import write_page
 from cosim.validation.repeat import Differences, differences, read_package, sentences
 from cosim.validation.run import Board, by_kind, choose_groups, run_validation
 from cosim.validation.scoreboard import JudgedBoard, join_uncertainty, write_scoreboard
+from cosim.validation.sweeps import read_sweeps
 from cosim.validation.trial import TrialGroup
 from cosim.validation.uncertainty import (
     FILE,
@@ -91,12 +93,30 @@ def validate(
             "--forms", help="Repeat with every hood of the ladder and with friction: their spread."
         ),
     ] = False,
+    curves: Annotated[
+        bool,
+        typer.Option(
+            "--curves",
+            help="In place of the trials sweep postures by two degrees: how rough forces and "
+            "moment arms are, beside aims. Some 20 minutes.",
+        ),
+    ] = False,
+    full: Annotated[
+        bool,
+        typer.Option(
+            "--full", help="With --curves: every muscle over every joint, on other meshes. Hours."
+        ),
+    ] = False,
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
     listed: Annotated[
         bool, typer.Option("--list", help="Name the trials by group, and run none.")
     ] = False,
     update: Annotated[
-        bool, typer.Option("--update", help=f"Write {PLACE}, the committed scoreboard, as well.")
+        bool,
+        typer.Option(
+            "--update",
+            help=f"Write {PLACE}, the committed scoreboard, as well, with --curves the curves'.",
+        ),
     ] = False,
     package: Annotated[
         Path | None,
@@ -118,18 +138,33 @@ def validate(
     every compared number, misses first."""
     if repeat is not None:
         with exit_on_error():
-            if any((only, settings, published, meshes, samples, forms, listed, update, package)):
+            others = (meshes, samples, forms, curves, full, listed, update, package)
+            if any((only, settings, published, *others)):
                 raise InputError("--repeat takes what the package says: only --out and --workers")
             found = _repeat(repeat, out, workers)
         for line in sentences(found):
             typer.echo(line)
         raise typer.Exit(1 if found.numbers else 0)
     with exit_on_error():
+        if full and not curves:
+            raise InputError("--full: only with --curves")
+        if update and full:
+            raise InputError("--update takes the sweeps that run without --full: leave it out")
         hoods, other_settings = _hoods(settings or [])
         if update and (only or other_settings):
             raise InputError("--update takes all trials as they are: leave out --only and --set")
         if update and not PLACE.parent.is_dir():
             raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
+        if curves:
+            if any((meshes, samples, forms, package, published, hoods)):
+                raise InputError("--curves takes --only, --set, --full, --list, --out and --update")
+            sweeps = read_sweeps(full, other_settings, only or "")
+            if listed:
+                for sweep in sweeps:
+                    typer.echo(f"{sweep.name}: {len(sweep.cases)} runs")
+                return
+            whole = validate_curves(sweeps, out, workers, update, _progress)
+            raise typer.Exit(0 if whole else 1)
         request = None
         if package is not None:
             if hoods or published:

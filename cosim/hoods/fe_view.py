@@ -213,6 +213,12 @@ def slip_forces(hood: FeHood, state: State) -> dict[str, float]:
     }
 
 
+def stored_energy(state: State) -> float:
+    """The energy (J) in sheet or cables, springs and contact."""
+    energy: float = state.solution.evaluation.energy
+    return energy
+
+
 def guide_depth(hood: FeHood) -> float:
     """How deep (m) under the metacarpal's contact level the lines run on which the extensor
     tendons' ends slide, from where these were laid to the MCP; 0 where all stay above it.

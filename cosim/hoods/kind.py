@@ -158,6 +158,11 @@ class BuiltHood:
     """Seconds of one assembly and of one factorisation of its tangent at a state."""
     points: TrackedPoints = NO_POINTS
     """The points of the user's on it."""
+    energy: Callable[[State], float] | None = None
+    """J stored at a state in sheet or cables, springs and contact; None of a hood in closed form.
+    At its equilibrium this less the tendons' work, tension times excursion, is stationary."""
+    nearby: Callable[[State, Motion], State] | None = None
+    """A solved state at poses nearby under the same tensions, to first order; None as before."""
 
 
 def no_variations(hood: HoodConfig) -> Iterator[Variation]:

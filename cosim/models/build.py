@@ -47,6 +47,10 @@ class Models:
     """N in the slips from the tensions (N) of the finger's own tendons, where these make them."""
     points: TrackedPoints = NO_POINTS
     """The points of the user's on the hood."""
+    energy: Callable[[State], float] | None = None
+    """J stored in the hood at a state; None of a hood in closed form."""
+    nearby: Callable[[State, Motion], State] | None = None
+    """The hood's state at poses nearby, to first order; None of a hood in closed form."""
 
     @property
     def pair(self) -> Pair:
@@ -95,6 +99,8 @@ def build_any(case: Case) -> Models:
         hood.slips,
         hood.own_slips,
         hood.points,
+        hood.energy,
+        hood.nearby,
     )
 
 

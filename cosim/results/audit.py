@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from cosim.results.compare import number, numbers_of, value_of
+
 
 @dataclass(frozen=True)
 class Bound:
@@ -145,7 +147,8 @@ def missed_bounds(summary: Mapping[str, Any], **kept: bool) -> list[str]:
 
 
 def describe_misses(summary: Mapping[str, Any]) -> Iterator[str]:
-    """A sentence for each figure that a run missed: its value, its bound, what to try."""
+    """A sentence for each figure that a run missed: its value, its bound, what to try; and for each
+    number in which two equilibria differ most."""
     figures = audit_figures(summary)
     for name in summary.get("audit_missed", ()):
         words = name.replace("_", " ")
@@ -155,3 +158,7 @@ def describe_misses(summary: Mapping[str, Any]) -> Iterator[str]:
             yield f"{words} is {value:.2g}, {beyond}: {bound.advice}"
         else:
             yield f"{words}: {ADVICE[name]}" if name in ADVICE else words
+    second = summary.get("second_start", {})
+    for path, change in numbers_of(second.get("difference", {})).items():
+        of_each = [number(value_of(start, path)) for start in (summary, second)]
+        yield f"{path}: {of_each[0]}, and {of_each[1]} from a second start ({change:+.2g})"

@@ -37,6 +37,8 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<springs>": (*SPRINGS, *(f"adhesion_{r}_{body}" for r in REGIONS for body in BODIES)),
     "<beside>": ("at_rest", "change"),
     "<sliding>": ("loading", "unloading"),
+    "<start>": ("first", "second"),
+    "<turned>": JOINTS,
     "<torque>": ("hood", "gravity", "passive", "limit", "fingertip", "holder", *TENDONS),
 }
 """What stands for a key of a path."""
@@ -187,10 +189,23 @@ CHECKS = {
 """Figures of the audit and counts, by path."""
 BETWEEN = "of friction, loading to unloading"
 OF_RUN = (
-    Quantity(
-        "second_start.fingertip_force_N.<axis>", "fingertip force from a second start, <axis>"
+    *(Quantity(f"second_start.{q.path}", f"{q.meaning}, from a second start") for q in STATE),
+    *(
+        Quantity(f"second_start.difference.{q.path}", f"{q.meaning}, second start less the first")
+        for q in STATE
     ),
-    Quantity("second_start.posture_deg.<joint>", "<joint> angle from a second start"),
+    Quantity("second_start.hood_energy_mJ.<start>", "energy stored in the hood, <start> start"),
+    Quantity(
+        "second_start.potential_change_mJ", "total potential of a second start less the first's"
+    ),
+    *(
+        Quantity(f"half_degree.<turned>.{path}", f"change of {what} by half a degree of <turned>")
+        for path, what in (
+            ("fingertip_force_N.<axis>", "the fingertip force, <axis>,"),
+            ("slip_force_N.<slip>", "the force in the <slip> slip"),
+            (HOOD_TORQUE, "the hood's torque about <joint>"),
+        )
+    ),
     Quantity("friction.half_interval_N", f"half of the fingertip force's interval {BETWEEN}", True),
     Quantity("friction.tendon.<tendon>.coefficient", "friction of <tendon> at its guides"),
     Quantity("friction.tendon.<tendon>.turn_deg", "angle by which <tendon> turns at its guides"),
@@ -397,7 +412,7 @@ def _begins(pattern: Keys, keys: Keys, summaries: Summaries) -> bool:
 
 def _choices(part: str, summaries: Summaries) -> tuple[str, ...]:
     """The keys that a part of a pattern stands for; a finger in an FMU names its own joints."""
-    joints = _present(["posture_deg"], summaries) if part == "<joint>" else ()
+    joints = _present(["posture_deg"], summaries) if part in ("<joint>", "<turned>") else ()
     return (*NAMES.get(part, (part,)), *joints)
 
 

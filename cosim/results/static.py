@@ -20,11 +20,13 @@ from cosim.results.arrays import Arrays, along
 from cosim.results.audit import NOT_RECIPROCAL, PATH_DEPENDENT, missed_bounds
 from cosim.results.clamped_tip import arm_differences
 from cosim.results.conventions import FRAME, attributes, by_axis, is_slack, vector_of
+from cosim.results.half_degree import half_degree
 from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
 from cosim.results.result import Result
 from cosim.results.scene import scene, with_measures
+from cosim.results.second_start import second_start_block, second_start_differences
 from cosim.results.tip_reach import tip_force_over_reach
 from cosim.solve.states import States
 from cosim.tendons.friction import beyond_guides
@@ -73,6 +75,12 @@ def summary(
     limits = {} if loaded.balance is None else limits_of(case, joint_ranges(models.finger))
     at_rest = _state(models, unloaded, books["unloaded"], views.get("unloaded"), limits)
     at_load = _state(models, loaded, books["loaded"], views.get("loaded"), limits)
+
+    def describe(e: Equilibrium) -> dict[str, Any]:
+        view = None if models.view is None else models.view(e.response.state)
+        book = models.finger.ledger(e.finger_state, e.load, e.finger_tension)
+        return _state(models, e, book, view, limits)
+
     passed = states.one_way
     load, motion = (loaded.load, loaded.motion) if passed is None else (passed.answer, passed.at)
     force, moment = load.imbalance(motion)
@@ -99,7 +107,7 @@ def summary(
         if reason := PATH_DEPENDENT if case.hood.has_friction else states.second.failure:
             not_judged["second_start"] = reason
         else:
-            audit |= _differences(models, states.loaded, states.second.found or states.loaded)
+            audit |= second_start_differences(models, states)
     missed = missed_bounds(
         {**at_load, "audit": audit},
         posture_in_range=loaded.balance is None or _is_in_range(models, loaded),
@@ -119,22 +127,12 @@ def summary(
         **({"not_in_ledger": OPEN} if loaded.balance is None else {}),
         **_muscles(case, models, states),
         **_one_way(case, models, states),
-        **_second_start(models, states),
+        **second_start_block(models, states, at_load, describe),
         **_friction(case, models, states),
+        **half_degree(case, models, states),
         "iterations": iterations,
     }
     return {**head, **at_load, **beside}
-
-
-def _second_start(models: Models, states: States) -> dict[str, Any]:
-    """What was found from the second start."""
-    if states.second is None:
-        return {}
-    out: dict[str, Any] = {"scheme": states.second.scheme}
-    if (e := states.second.found) is not None:
-        out["fingertip_force_N"] = by_axis(models.finger.tip_force(e.finger_state))
-        out["posture_deg"] = _by_joint(models, np.rad2deg(models.finger.angles(e.finger_state)))
-    return {"second_start": out}
 
 
 def _friction(case: Case, models: Models, states: States) -> dict[str, Any]:
@@ -171,18 +169,6 @@ def _friction(case: Case, models: Models, states: States) -> dict[str, Any]:
     if len(forces) == 2:
         out["half_interval_N"] = float(0.5 * np.linalg.norm(forces[1] - forces[0]))
     return {"friction": out}
-
-
-def _differences(models: Models, first: Equilibrium, second: Equilibrium) -> dict[str, float]:
-    """How far one equilibrium is from another."""
-    finger, states = models.finger, (first.finger_state, second.finger_state)
-    force, angles = (
-        np.subtract(*map(quantity, states)) for quantity in (finger.tip_force, finger.angles)
-    )
-    return {
-        "second_start_force_N": float(np.linalg.norm(force)),
-        "second_start_angle_deg": float(np.rad2deg(np.abs(angles).max())),
-    }
 
 
 def _is_in_range(models: Models, e: Equilibrium) -> bool:

@@ -65,12 +65,13 @@ def answers_of(study: StudyResults) -> dict[str, Any]:
 
 
 def _answers(study: StudyResults, output: str) -> dict[str, Any]:
-    band, indices = study.band(output), study.indices(output)
+    band, indices, rough = study.band(output), study.indices(output), study.roughness(output)
     slopes, surface, effects = study.slopes(output), study.surface(output), study.screening(output)
     return {
         "unit": study.units[output],
         "band": None if band is None else band._asdict(),
         "too_few": study.too_few(output),
+        "roughness": None if rough is None else rough.rms if rough.rms == rough.rms else None,
         "sobol": indices if isinstance(indices, str) else _by_parameter(study, indices),
         "morris": study.why_not_screened(output)
         if effects is None

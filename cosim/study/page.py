@@ -126,7 +126,7 @@ def _output(study: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
         "unit": "" if study.units[name] == "1" else study.units[name],
         "band": band,
         "too_few": study.too_few(name),
-        "numbers": {} if band is None else _numbers(band),
+        "numbers": {} if band is None else _numbers(band) | _roughness(study, name),
         "targets": [_target(t, band) for t in targets],
         "why_not": no_indices or not_screened,
         "screening": _screening_rows(study, name),
@@ -152,6 +152,13 @@ def _numbers(band: Band) -> dict[str, str]:
         "middle 95 %": f"{number(low)} to {number(high)}",
         "runs": str(band.runs),
     }
+
+
+def _roughness(study: StudyResults, name: str) -> dict[str, str]:
+    found = study.roughness(name)
+    if found is None or not found.rms >= 0:
+        return {}
+    return {f"rms beyond a cubic over {study.label(study.numeric[0])}": number(found.rms, 2)}
 
 
 def _target(target: Target, band: Band | None) -> dict[str, str]:

@@ -14,6 +14,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.extras import require
 from cosim.port import Array
+from cosim.roughness import Roughness, roughness_along
 from cosim.study import answers
 from cosim.study.answers import Band, Indices, ResponseSurface, Screening, Slopes
 from cosim.study.sampling import points_together
@@ -135,6 +136,14 @@ class StudyResults:
             labels = [self.label(name) for name in self.numeric]
             found.append(answers.too_few_for_slopes(slopes, band.runs, labels))
         return [text for text in found if text]
+
+    def roughness(self, output: str) -> Roughness | None:
+        """What a cubic leaves of an output along the one numeric parameter of a grid; None where
+        there are more parameters, or none."""
+        if self.facts["sampling"] is not None or len(self.parameters) != 1 or not self.numeric:
+            return None
+        unit = self.units[self.numeric[0]]
+        return roughness_along(self.inputs[:, 0], self.values(output), unit)
 
     def surrogate(self, output: str, allow_poor: bool = False) -> Surrogate:
         """A Gaussian process that answers new points with a spread (`surrogate.fit_surrogate`).

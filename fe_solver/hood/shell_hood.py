@@ -217,6 +217,16 @@ class ShellHood:
         solution = Solution(m, c, evaluation, tension, 1, 1, residual_norm(m, evaluation)[0])
         return HoodState(state.motion, c, solution, state.iterations + 1)
 
+    def linearised(self, state: HoodState, motion: Motion) -> HoodState:
+        """The state at poses nearby under the same tensions, to first order in the poses."""
+        s, m = _solution_of(state), self.model
+        twist, step = state.motion.twist_to(motion).ravel(), np.zeros(m.pattern.size)
+        step[m.free] = s.sensitivity[:, : len(twist)] @ twist
+        c = m.take_step(s.configuration, s.evaluation.bases, step)
+        c = m.move_bodies(c, motion.position, motion.rotation)
+        moved = replace(s, configuration=c, evaluation=m.evaluate(c, s.tension, tangent=False))
+        return replace(state, motion=motion, configuration=c, solution=moved)
+
     def solve_from(self, hood: ShellHood, state: HoodState, tension: Array) -> HoodState:
         """The equilibrium under `tension` (nt,) N at the pose of another hood's, whose mesh has the
         same quads, by Newton's method from its shape.  Raises ConvergenceError."""

@@ -12,6 +12,10 @@ from cosim.case.file import load_case
 from cosim.coupling.equilibrium import coupled_stiffness
 from cosim.errors import InputError
 from cosim.pipeline import run_case
+from cosim.results.audit import describe_misses
+from cosim.results.compare import numbers_of, value_of
+from cosim.results.quantities import meaning_of
+from cosim.results.second_start import largest_differences, potential_change
 from cosim.results.static import summary
 from cosim.solve.session import Session
 from cosim.solve.solvers import solve
@@ -53,6 +57,50 @@ def test_a_net_with_two_equilibria_is_told():
         for block in (found, found["second_start"])
     )
     assert np.linalg.norm(first - other) == pytest.approx(found["audit"]["second_start_force_N"])
+    second = found["second_start"]
+    stated = numbers_of(second["difference"])
+    assert len({path.split(".")[0] for path in stated}) == len(stated) == 5
+    for path, change in stated.items():
+        assert value_of(second, path) - value_of(found, path) == pytest.approx(change)
+        assert meaning_of(f"second_start.difference.{path}", found)
+    assert len(list(describe_misses(found))) == 1 + 5
+    assert set(second["hood_energy_mJ"]) == {"first", "second"}
+    assert 0 < abs(second["potential_change_mJ"]) < second["hood_energy_mJ"]["first"]
+
+
+def test_the_numbers_that_differ_most_are_one_of_each_kind_relative_to_the_largest_of_it():
+    first = {"a_N": {"x": 1.0, "y": 0.1}, "b_mm": 2.0, "c_deg": 1e-9, "ratio": 1.0, "same_N": 3.0}
+    second = {"a_N": {"x": 1.2, "y": 0.0}, "b_mm": 1.0, "c_deg": -1e-9, "ratio": 9.0, "same_N": 3.0}
+    found = numbers_of(largest_differences(first, second))
+    assert list(found)[:2] == ["b_mm", "a_N.x"]
+    assert found["b_mm"] == -1.0
+    assert found["a_N.x"] == pytest.approx(0.2)
+    assert "ratio" not in found
+    assert "same_N" not in found
+
+
+GRAVITY = "finger.gravity=['0 m/s**2', '0 m/s**2', '-9.80665 m/s**2']"
+
+
+@pytest.mark.parametrize("settings", [(), (GRAVITY,)])
+def test_the_change_of_potential_is_the_work_of_a_tension_less_what_it_would_be(settings):
+    """From the equilibrium under T to that under T + dT, the potential at T rises by the integral
+    of t dw over the added tension t, which is dT dw / 2 for small changes; the fingertip is free,
+    so that the finger moves."""
+    free = ("finger.tip.kind='free'", "finger.limit.half_range='90 deg'")
+    case = load_case("cable_edc", [COARSE_NET, *free, *settings])
+    session, found = Session(), []
+    for tension in ("0.5 N", "0.505 N"):
+        pulled = case.replace({"tendons.EDC.tension": tension})
+        found.append(solve(pulled, session))
+    models, a, b = found[0][0], found[0][1].loaded, found[1][1].loaded
+    b_at_a = replace(b, hood_tension=a.hood_tension)
+    turned = np.abs(models.finger.angles(b.finger_state) - models.finger.angles(a.finger_state))
+    assert turned.max() > 5e-4
+    change = 0.5 * (b.hood_tension - a.hood_tension) @ (b.excursion - a.excursion)
+    assert change > 0
+    assert potential_change(models, a, b_at_a) == pytest.approx(change, rel=2e-3)
+    assert potential_change(models, a, b) is None
 
 
 def test_a_hood_that_rubs_may_have_two():

@@ -11,7 +11,7 @@ from cosim.fingers.kind import Anatomy
 from cosim.hoods.cable.table import ENDS, CableHoodConfig
 from cosim.hoods.cable.view import view_of
 from cosim.hoods.fe_supports import contact_levels, supports_of
-from cosim.hoods.fe_view import slip_forces, tangent_seconds
+from cosim.hoods.fe_view import slip_forces, stored_energy, tangent_seconds
 from cosim.hoods.injury import apply_lesion_to_net, longer
 from cosim.hoods.kind import BuiltHood, HoodBuilder, Site, skeleton_of
 from cosim.hoods.lesion import LesionConfig
@@ -31,6 +31,8 @@ def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
         view_of(made, net, site.skeleton),
         partial(slip_forces, made),
         linear=partial(tangent_seconds, made),
+        energy=stored_energy,
+        nearby=made.linearised,
     )
 
 

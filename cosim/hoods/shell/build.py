@@ -10,7 +10,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
 from cosim.hoods.fe_supports import contact_levels, supports_of
-from cosim.hoods.fe_view import slip_forces, tangent_seconds
+from cosim.hoods.fe_view import slip_forces, stored_energy, tangent_seconds
 from cosim.hoods.injury import apply_lesion_to_mesh, longer
 from cosim.hoods.kind import BuiltHood, HoodBuilder, Site, skeleton_of
 from cosim.hoods.lesion import LesionConfig
@@ -60,6 +60,8 @@ def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
         partial(slip_forces, made),
         linear=partial(tangent_seconds, made),
         points=TrackedPoints(gauges.points, lambda s: gauges.positions(s.configuration.x)),
+        energy=stored_energy,
+        nearby=made.linearised,
     )
 
 

@@ -1,0 +1,67 @@
+"""The board of curves on the command line: `cosim validate --curves`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import typer
+
+from cosim.commands.terminal import print_table
+from cosim.errors import Progress
+from cosim.files import check_file
+from cosim.validation.curves import (
+    FILE,
+    KINDS,
+    Curve,
+    CurvesFile,
+    headline,
+    lines,
+    read_committed,
+    run_curves,
+    write_curves,
+    write_points,
+)
+from cosim.validation.curves_page import line_cells, write_page
+from cosim.validation.sweeps import Sweep
+
+PLACE = Path("cases") / FILE
+"""Where the committed board of curves is, of a checkout."""
+
+
+def validate_curves(
+    sweeps: Sequence[Sweep], out: Path, workers: int, update: bool, progress: Progress
+) -> bool:
+    """Run the sweeps, print how rough they are, and leave points, roughness and page in `out`, with
+    `update` the roughness in the checkout too.  Whether every run has a result.  Raises
+    InputError."""
+    places = [out / FILE, *([PLACE] if update else [])]
+    check_file(places[0])
+    before = read_committed()
+    curves = run_curves(sweeps, workers, progress)
+    write_points(out / "curves.csv", curves)
+    for place in places:
+        write_curves(place, curves)
+    write_page(out / "curves.html", curves, before)
+    _print(curves, before)
+    typer.echo(f"curves in {out / 'curves.html'}, {out / 'curves.csv'} and {places[-1]}")
+    return not any(curve.gaps for curve in curves)
+
+
+def _print(curves: Sequence[Curve], before: CurvesFile) -> None:
+    names = [f"{k.name}, {k.unit} (aims {k.aims[0]:g}, {k.aims[1]:g})" for k in KINDS.values()]
+    rows = [
+        (
+            *(line.sweep, line.part, *line_cells(line, before), f"{line.ratio:.2g}"),
+            *(str(line.gaps or ""), line.verdict),
+        )
+        for line in lines(curves)
+    ]
+    title = (
+        "rms of what a cubic leaves over 20 deg, the worst of each kind; in brackets as committed"
+    )
+    print_table(title, ("sweep", "part", *names, "over aim", "gaps", "verdict"), rows)
+    for curve in curves:
+        for angle, why in curve.gaps.items():
+            typer.echo(f"no result: {curve.sweep.name} {angle:g} deg: {why}")
+    typer.echo(headline(curves))

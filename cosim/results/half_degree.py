@@ -1,0 +1,105 @@
+"""What half a degree of each joint of the posture would change, by the tangent: how finely a sweep
+over postures has to be sampled, and what an error of a measured posture makes of the result.
+
+The case's posture is moved by a small angle to both sides.  The finger is brought into equilibrium
+there, held anew at its fingertip, with limits and springs about the new posture, under the hood's
+load as its jacobian foresees it; the shape of a hood of finite elements follows by its tangent.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from copy import copy
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+
+from cosim.case.schema import Case
+from cosim.coupling.equilibrium import Equilibrium
+from cosim.coupling.finger_equilibrium import affine
+from cosim.errors import ConvergenceError
+from cosim.fingers.chain import joint_torques
+from cosim.models.build import Models, case_finger
+from cosim.port import STATIC, Array, Motion, OpenFinger
+from cosim.results.conventions import by_axis
+from cosim.solve.states import States
+
+HALF = np.deg2rad(0.5)
+SMALL = 1e-5
+"""rad, to either side: small against the contact's smoothing."""
+TOLERANCE = 1e-10
+"""Relative residual of the finger."""
+
+
+@dataclass(frozen=True)
+class _Neighbour:
+    """A posture nearby: fingertip force N, hood's joint torques N m, slips N by name."""
+
+    force: Array
+    torque: Array
+    slips: dict[str, float]
+
+
+def half_degree(case: Case, models: Models, states: States) -> dict[str, Any]:
+    """The changes by half a degree of each joint, tensions held: fingertip force, slips' forces and
+    the hood's joint torques.  None of a one-way pass, of a fingertip that is free, which has no
+    posture of its own, and where the finger finds no equilibrium beside its own."""
+    e = states.loaded
+    if states.one_way is not None or e.balance is None or case.native_finger().tip.kind == "free":
+        return {}
+    with suppress(ConvergenceError):
+        fresh, each = case_finger(case), models.posture
+        return {"half_degree": {joint: _change(case, models, fresh, e, joint) for joint in each}}
+    return {}
+
+
+def _change(
+    case: Case, models: Models, fresh: OpenFinger, e: Equilibrium, joint: str
+) -> dict[str, Any]:
+    """The change by half a degree of a joint, from one posture to either side within its range."""
+    low, high = models.finger.ranges.get(joint, (-np.inf, np.inf))
+    at = models.posture[joint]
+    ends = np.clip([at - SMALL, at + SMALL], low, high)
+    before, after = (_neighbour(case, models, fresh, e, joint, angle) for angle in ends)
+    share = HALF / (ends[1] - ends[0])
+    torque = 1e3 * share * (after.torque - before.torque)
+    slips = {name: float(share * (after.slips[name] - before.slips[name])) for name in before.slips}
+    return {
+        "fingertip_force_N": by_axis(share * (after.force - before.force)),
+        **({"slip_force_N": slips} if slips else {}),
+        "joint_torque_Nmm": {"hood": dict(zip(models.finger.joints, torque.tolist(), strict=True))},
+    }
+
+
+def _neighbour(
+    case: Case, models: Models, fresh: OpenFinger, e: Equilibrium, joint: str, angle: float
+) -> _Neighbour:
+    """The equilibrium with the joint's posture at `angle` (rad), of a copy of the `fresh` finger,
+    which was asked nothing yet: the models' own knows in which posture it was asked last."""
+    own = case.native_finger()
+    posture = own.posture.model_copy(update={joint: angle})
+    moved = own.model_copy(update={"posture": posture})
+    finger = cast(Any, copy(fresh))
+    finger.law = joint_torques(moved, fresh.joints)
+    turn = models.finger.unknowns(e.finger_state)
+    turn = turn - models.finger.unknowns(models.finger.start(models.posture))
+    start = finger.displace(finger.start(posture.angles()), turn)
+    by_motion = e.jacobian.load_motion
+    load = affine(e.load, by_motion, e.motion, finger.motion(start))
+    state, _ = finger.settle(start, load, by_motion, e.finger_tension, TOLERANCE)
+    motion = finger.motion(state)
+    load = affine(e.load, by_motion, e.motion, motion)
+    torque = finger.jacobian(state).T @ load.total().ravel()
+    return _Neighbour(finger.tip_force(state), torque, _slips(models, e, motion))
+
+
+def _slips(models: Models, e: Equilibrium, motion: Motion) -> dict[str, float]:
+    """The slips' forces at poses nearby: of a hood of finite elements to first order."""
+    if models.slips is None:
+        return {}
+    if models.nearby is None:
+        moved = models.hood.advance(e.response.state, motion, e.hood_tension, STATIC).state
+    else:
+        moved = models.nearby(e.response.state, motion)
+    return dict(models.slips(moved))

@@ -1,0 +1,133 @@
+"""Results over a parameter of their cases: its values, their roughness, and their plot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cosim.errors import CosimError, InputError
+from cosim.port import Array
+from cosim.results.compare import Target, number, unit_of, value_of
+from cosim.results.looks import look
+from cosim.results.picture import as_plain_text, load_matplotlib, show_in_notebooks
+from cosim.results.quantities import check_quantities
+from cosim.results.result import Result
+from cosim.roughness import FEWEST, Roughness, roughness_along
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TOLD = ("fingertip_force_N.dorsal", "slip_force_N.central", "slip_force_N.terminal")
+"""The quantities whose roughness `run_many` says."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Results over one parameter of their cases, None where a run failed."""
+
+    parameter: str
+    unit: str
+    place: Array
+    """(n,) the parameter's values; of a run that failed halfway between its neighbours."""
+    results: tuple[Result | None, ...]
+
+    def values(self, quantity: str) -> Array:
+        """The values (n,) of a quantity, nan where there is none.  Raises InputError."""
+        found = [r for r in self.results if r is not None]
+        unit = unit_of(quantity)
+        asked = Target(quantity, quantity, unit, 0.0, None, None, None, "sweep", "requirement")
+        check_quantities([asked], [(r.case, r.summary) for r in found])
+        each = [None if r is None else value_of(r.summary, quantity) for r in self.results]
+        return np.array([np.nan if value is None else value for value in each])
+
+    def roughness(self, quantity: str) -> Roughness:
+        """The roughness of a quantity along the parameter.  Raises InputError."""
+        return roughness_along(self.place, self.values(quantity), self.unit)
+
+
+def sweep_over(results: Sequence[Result | CosimError], parameter: str) -> Sweep:
+    """Results, in the sweep's order, over a parameter by its dotted key in the case file.
+
+    Raises InputError where a case has no such number, or none has ended."""
+    kept = tuple(map(_ended, results))
+    stated = {i: _stated(r, parameter) for i, r in enumerate(kept) if r is not None}
+    units = {unit for _, unit in stated.values()}
+    if len(units) != 1:
+        found = f"units {', '.join(sorted(units))}" if units else "no run that has ended"
+        raise InputError(f"{parameter}: expected runs with one unit of it, got {found}")
+    place = np.interp(range(len(kept)), list(stated), [value for value, _ in stated.values()])
+    return Sweep(parameter, units.pop(), place, kept)
+
+
+def _ended(result: Result | CosimError) -> Result | None:
+    match result:
+        case Result():
+            return result
+    return None
+
+
+def _stated(result: Result, parameter: str) -> tuple[float, str]:
+    value = dict(_leaves(result.case_table)).get(parameter)
+    text, _, unit = str(value).partition(" ")
+    try:
+        return float(text), unit
+    except ValueError:
+        raise InputError(
+            f"{result.name}: {parameter} is {value!r}; expected the key of a number of the case, "
+            'for example "finger.posture.PIP" or "tendons.EDC.tension"'
+        ) from None
+
+
+def _leaves(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        match value:
+            case Mapping():
+                yield from _leaves(value, f"{above}{key}.")
+            case _:
+                yield f"{above}{key}", value
+
+
+def describe_sweep(results: Sequence[Result | CosimError]) -> str:
+    """How rough results are along the one number in which their cases differ, in a sentence; empty
+    where there is no such number or too few results."""
+    tables = [dict(_leaves(r.case_table)) for r in map(_ended, results) if r is not None]
+    if len(tables) < FEWEST:
+        return ""
+    first = tables[0]
+    keys = {key for t in tables for key in {**first, **t} if first.get(key) != t.get(key)}
+    if len(keys) != 1:
+        return ""
+    try:
+        sweep = sweep_over(results, keys.pop())
+    except InputError:  # a word
+        return ""
+    each = {q: sweep.roughness(q).rms for q in TOLD if np.isfinite(sweep.values(q)).any()}
+    said = ", ".join(f"{number(rms, 2)} {unit_of(q)} of {q}" for q, rms in each.items())
+    return f"along {sweep.parameter} a cubic leaves {said}" if said else ""
+
+
+def draw_over(sweep: Sweep, quantities: Sequence[str]) -> Figure:
+    """Panels of the quantities over the parameter, those of one unit in one, with their roughness;
+    a gap where a run failed.  Raises InputError."""
+    load_matplotlib()
+    show_in_notebooks()
+    from matplotlib.figure import Figure
+
+    units = list(dict.fromkeys(unit_of(q) for q in quantities))
+    figure = Figure(figsize=(8.5, 0.8 + 2.6 * len(units)), layout="constrained")
+    panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
+    order = np.argsort(sweep.place, kind="stable")
+    for i, quantity in enumerate(quantities):
+        unit, values = unit_of(quantity), sweep.values(quantity)
+        label = f"{quantity}\nroughness {number(sweep.roughness(quantity).rms, 2)} {unit}"
+        axes = panels[units.index(unit)]
+        axes.plot(sweep.place[order], values[order], marker="o", ms=3, label=label, **look(i).line)
+        axes.set_ylabel(unit)
+    for axes in panels:
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    panels[-1].set_xlabel(f"{sweep.parameter}, {sweep.unit}".rstrip(", "))
+    return as_plain_text(figure)
