@@ -146,10 +146,8 @@ def validate(
             typer.echo(line)
         raise typer.Exit(1 if found.numbers else 0)
     with exit_on_error():
-        if full and not curves:
-            raise InputError("--full: only with --curves")
-        if update and full:
-            raise InputError("--update takes the sweeps that run without --full: leave it out")
+        if full and (update or not curves):
+            raise InputError("--full: only with --curves and without --update; leave it out")
         hoods, other_settings = _hoods(settings or [])
         if update and (only or other_settings):
             raise InputError("--update takes all trials as they are: leave out --only and --set")

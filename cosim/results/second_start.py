@@ -100,13 +100,8 @@ def potential_change(models: Models, first: Equilibrium, second: Equilibrium) ->
     the hood, less tension times excursion over the hood's tendons, less the work of the finger's
     own tendons, passive joints, limits and gravity on the way there.  None where it is not known,
     or the tensions are not the same."""
-    same = all(
-        np.abs(a - b).max(initial=0.0) <= SAME_TENSION
-        for a, b in (
-            (first.hood_tension, second.hood_tension),
-            (first.finger_tension, second.finger_tension),
-        )
-    )
+    pulls, others = (np.append(e.hood_tension, e.finger_tension) for e in (first, second))
+    same = np.allclose(pulls, others, rtol=0, atol=SAME_TENSION)
     if models.energy is None or first.balance is None or not same:
         return None
     pull = first.hood_tension

@@ -10,6 +10,7 @@ from cosim.files import output_file
 from cosim.report.figures import new_picture, style_axes
 from cosim.report.templates import template
 from cosim.results.compare import number
+from cosim.results.looks import look
 from cosim.results.picture import as_png, data_address
 from cosim.roughness import WINDOW
 from cosim.validation.curves import (
@@ -32,10 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI = 100
-COLOURS = ("#0072b2", "#d55e00", "#009e73")
-"""Of an axis, a slip or a joint; colour-blind readers tell them apart."""
-STYLES = ("o-", "s--", "^:", "D-.")
-"""Of the tendons whose arms are drawn."""
 GAP, QUIET = "#cc3311", "0.6"
 
 
@@ -48,7 +45,10 @@ def write_page(path: Path, curves: Sequence[Curve], before: CurvesFile) -> None:
         border=f"{BORDER:g}",
         kinds=list(KINDS.values()),
         lines=table_rows(curves, before),
-        curves=[(curve, _picture(curve), _number_rows(curve, before)) for curve in curves],
+        curves=[
+            (curve, data_address(as_png(draw_curve(curve), DPI)), _number_rows(curve, before))
+            for curve in curves
+        ],
     )
     with output_file(path) as part:
         part.write_text(text, encoding="utf-8")
@@ -66,10 +66,6 @@ def table_rows(curves: Sequence[Curve], before: CurvesFile) -> list[list[str]]:
             cells.append(number(row.rms if row else None, 2) + behind)
         rows.append([*cells, f"{line.ratio:.2g}", str(line.gaps or ""), line.verdict])
     return rows
-
-
-def _picture(curve: Curve) -> str:
-    return data_address(as_png(draw_curve(curve), DPI))
 
 
 def _number_rows(curve: Curve, before: CurvesFile) -> list[tuple[CurveRow, list[str]]]:
@@ -94,10 +90,9 @@ def _draw_kind(axes: Axes, curve: Curve, kind: Kind) -> None:
     sweep, names = curve.sweep, quantities(curve.sweep.pulled)
     mine = [name for name, of in names.items() if of is kind]
     for i, name in enumerate(mine):
-        tendon, component = divmod(i, len(COLOURS))
-        style: Any = {"color": COLOURS[component], "lw": 1, "ms": 2}
+        style: Any = {"marker": "o", "ms": 2, **look(i).line, "lw": 1}
         label = " ".join(name.split(".")[1:])
-        axes.plot(sweep.angles, curve.values[name], STYLES[tendon % 4], label=label, **style)
+        axes.plot(sweep.angles, curve.values[name], label=label, **style)
     for angle in curve.gaps:
         axes.axvline(angle, color=GAP, lw=1.2, ls=":")
     if sweep.joint == "PIP" and sweep.angles[0] < BORDER < sweep.angles[-1]:
