@@ -138,8 +138,8 @@ def plot_over(
     quantities: Sequence[str] = ("fingertip_force_N.dorsal",),
 ) -> Figure:
     """A matplotlib figure of quantities of results, as `run_many` gives them, over a parameter by
-    its dotted key in the case file; the legend says how rough each is: the rms of what a cubic
-    leaves in the worst window of 20 deg, along another unit of all.  A run that failed is a gap.
+    its dotted key in the case file; the legend says how rough each is: the rms of what cubics
+    leave over all windows of 20 deg, along another unit over all.  A run that failed is a gap.
 
     >>> import cosim
     >>> case = cosim.load("pulley_edc")

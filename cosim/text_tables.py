@@ -156,7 +156,7 @@ def toml_settings(settings: Sequence[str]) -> str:
             table = {name: table}
         merged = _merge(merged, table)
     lines = tomlkit.document()
-    for path, value in _leaves(merged, ()) if merged else ():
+    for path, value in leaves(merged) if merged else ():
         lines.append(tomlkit.key(path), _inline(value))
     return lines.as_string()
 
@@ -167,12 +167,12 @@ def _merge(below: Any, above: Any) -> Any:
     return above
 
 
-def _leaves(value: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+def leaves(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
     """What is no table, or an empty one, with its keys."""
     match value:
         case dict() if value:
             for key, inner in value.items():
-                yield from _leaves(inner, (*path, key))
+                yield from leaves(inner, (*path, key))
         case _:
             yield path, value
 

@@ -26,6 +26,7 @@ from cosim.validation.mesh import (
 )
 from cosim.validation.package import check_package, request_of, write_package
 from cosim.validation.page import write_page
+from cosim.validation.records import write_record
 from cosim.validation.repeat import Differences, differences, read_package, sentences
 from cosim.validation.run import Board, by_kind, choose_groups, run_validation
 from cosim.validation.scoreboard import JudgedBoard, join_uncertainty, write_scoreboard
@@ -36,7 +37,6 @@ from cosim.validation.uncertainty import (
     UncertaintyFile,
     read_committed,
     sentence,
-    write_uncertainty,
 )
 from cosim.validation.uncertainty import (
     update as update_uncertainty,
@@ -146,10 +146,8 @@ def validate(
             typer.echo(line)
         raise typer.Exit(1 if found.numbers else 0)
     with exit_on_error():
-        if full and not curves:
-            raise InputError("--full: only with --curves")
-        if update and full:
-            raise InputError("--update takes the sweeps that run without --full: leave it out")
+        if full and (update or not curves):
+            raise InputError("--full: only with --curves and without --update; leave it out")
         hoods, other_settings = _hoods(settings or [])
         if update and (only or other_settings):
             raise InputError("--update takes all trials as they are: leave out --only and --set")
@@ -223,7 +221,7 @@ class _Asked(NamedTuple):
             found, failed = self._run(shipped, mesh_versions(factors, self.settings), "mesh x ")
             series = mesh_series(boards, found)
             known = update_uncertainty(known, boards, {"meshes": series}, failed, meshes=factors)
-            write_uncertainty(place, known)
+            write_record(place, known)
         if self.samples:
             versions = input_versions(read_inputs(self.samples), self.settings)
             found, failed = self._run(shipped, versions)
@@ -231,7 +229,7 @@ class _Asked(NamedTuple):
             known = update_uncertainty(
                 known, boards, {"inputs": spreads}, failed, samples=self.samples
             )
-            write_uncertainty(place, known)
+            write_record(place, known)
         if self.forms:
             found, failed = self._run(shipped, form_versions(self.settings))
             known = update_uncertainty(known, boards, {"forms": form_values(found)}, failed)
@@ -262,7 +260,7 @@ def _judge(
     judged_boards = join_uncertainty(boards, known.by_key())
     for place in places:
         write_scoreboard(place, judged_boards)
-        write_uncertainty(place.with_name(FILE), known)
+        write_record(place.with_name(FILE), known)
     write_page(out / "scoreboard.html", judged_boards)
     return boards, known
 

@@ -15,14 +15,14 @@ from cosim.validation.curves import (
     KINDS,
     Curve,
     CurvesFile,
+    curves_file,
     headline,
-    lines,
     read_committed,
     run_curves,
-    write_curves,
     write_points,
 )
-from cosim.validation.curves_page import line_cells, write_page
+from cosim.validation.curves_page import table_rows, write_page
+from cosim.validation.records import write_record
 from cosim.validation.sweeps import Sweep
 
 PLACE = Path("cases") / FILE
@@ -41,7 +41,7 @@ def validate_curves(
     curves = run_curves(sweeps, workers, progress)
     write_points(out / "curves.csv", curves)
     for place in places:
-        write_curves(place, curves)
+        write_record(place, curves_file(curves))
     write_page(out / "curves.html", curves, before)
     _print(curves, before)
     typer.echo(f"curves in {out / 'curves.html'}, {out / 'curves.csv'} and {places[-1]}")
@@ -50,17 +50,11 @@ def validate_curves(
 
 def _print(curves: Sequence[Curve], before: CurvesFile) -> None:
     names = [f"{k.name}, {k.unit} (aims {k.aims[0]:g}, {k.aims[1]:g})" for k in KINDS.values()]
-    rows = [
-        (
-            *(line.sweep, line.part, *line_cells(line, before), f"{line.ratio:.2g}"),
-            *(str(line.gaps or ""), line.verdict),
-        )
-        for line in lines(curves)
-    ]
+    header = ("sweep", "part", *names, "over aim", "gaps", "verdict")
     title = (
         "rms of what a cubic leaves over 20 deg, the worst of each kind; in brackets as committed"
     )
-    print_table(title, ("sweep", "part", *names, "over aim", "gaps", "verdict"), rows)
+    print_table(title, header, table_rows(curves, before))
     for curve in curves:
         for angle, why in curve.gaps.items():
             typer.echo(f"no result: {curve.sweep.name} {angle:g} deg: {why}")

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 from copy import copy
-from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
@@ -21,7 +20,7 @@ from cosim.coupling.finger_equilibrium import affine
 from cosim.errors import ConvergenceError
 from cosim.fingers.chain import joint_torques
 from cosim.models.build import Models, case_finger
-from cosim.port import STATIC, Array, Motion, OpenFinger
+from cosim.port import STATIC, Motion, OpenFinger
 from cosim.results.conventions import by_axis
 from cosim.solve.states import States
 
@@ -32,13 +31,8 @@ TOLERANCE = 1e-10
 """Relative residual of the finger."""
 
 
-@dataclass(frozen=True)
-class _Neighbour:
-    """A posture nearby: fingertip force N, hood's joint torques N m, slips N by name."""
-
-    force: Array
-    torque: Array
-    slips: dict[str, float]
+Numbers = dict[str, dict[str, float]]
+"""What is compared of a posture, as in a summary; the torques are the hood's."""
 
 
 def half_degree(case: Case, models: Models, states: States) -> dict[str, Any]:
@@ -63,18 +57,17 @@ def _change(
     ends = np.clip([at - SMALL, at + SMALL], low, high)
     before, after = (_neighbour(case, models, fresh, e, joint, angle) for angle in ends)
     share = HALF / (ends[1] - ends[0])
-    torque = 1e3 * share * (after.torque - before.torque)
-    slips = {name: float(share * (after.slips[name] - before.slips[name])) for name in before.slips}
-    return {
-        "fingertip_force_N": by_axis(share * (after.force - before.force)),
-        **({"slip_force_N": slips} if slips else {}),
-        "joint_torque_Nmm": {"hood": dict(zip(models.finger.joints, torque.tolist(), strict=True))},
+    change: dict[str, Any] = {
+        key: {name: float(share * (after[key][name] - value)) for name, value in values.items()}
+        for key, values in before.items()
+        if values
     }
+    return {**change, "joint_torque_Nmm": {"hood": change["joint_torque_Nmm"]}}
 
 
 def _neighbour(
     case: Case, models: Models, fresh: OpenFinger, e: Equilibrium, joint: str, angle: float
-) -> _Neighbour:
+) -> Numbers:
     """The equilibrium with the joint's posture at `angle` (rad), of a copy of the `fresh` finger,
     which was asked nothing yet: the models' own knows in which posture it was asked last."""
     own = case.native_finger()
@@ -90,8 +83,12 @@ def _neighbour(
     state, _ = finger.settle(start, load, by_motion, e.finger_tension, TOLERANCE)
     motion = finger.motion(state)
     load = affine(e.load, by_motion, e.motion, motion)
-    torque = finger.jacobian(state).T @ load.total().ravel()
-    return _Neighbour(finger.tip_force(state), torque, _slips(models, e, motion))
+    torque = 1e3 * finger.jacobian(state).T @ load.total().ravel()
+    return {
+        "fingertip_force_N": by_axis(finger.tip_force(state)),
+        "slip_force_N": _slips(models, e, motion),
+        "joint_torque_Nmm": dict(zip(finger.joints, torque, strict=True)),
+    }
 
 
 def _slips(models: Models, e: Equilibrium, motion: Motion) -> dict[str, float]:

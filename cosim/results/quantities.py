@@ -280,8 +280,13 @@ def check_quantities(
     nearest name and the names that stand in its place."""
     for target in targets:
         summaries = [summary for case, summary in runs if target.case in ("", case)]
-        if summaries and (fault := _fault(target.quantity.split("."), summaries)):
-            raise InputError(f"{target.name}: quantity {target.quantity}: {fault}")
+        check_quantity(target.quantity, summaries, f"{target.name}: ")
+
+
+def check_quantity(quantity: str, summaries: Summaries, place: str = "") -> None:
+    """`check_quantities` of one.  Raises InputError."""
+    if summaries and (fault := _fault(quantity.split("."), summaries)):
+        raise InputError(f"{place}quantity {quantity}: {fault}")
 
 
 def key_quantities(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.case.layers import nested
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.models.build import Models
 from cosim.port import Array
@@ -66,24 +67,20 @@ def largest_differences(first: Mapping[str, Any], second: Mapping[str, Any]) -> 
     """Second less first of the five numbers that differ most, as nested tables: one of each kind of
     quantity (the first key of its path), relative to the largest number of that kind."""
     numbers, others = numbers_of(first), numbers_of(second)
-    scale: dict[str, float] = {}
-    for path in numbers.keys() & others.keys():
-        kind, size = path.split(".")[0], max(abs(numbers[path]), abs(others[path]))
-        if kind not in BOUNDS and unit_of(path) != "1":
-            scale[kind] = max(scale.get(kind, LITTLE), size)
-    change = {p: others[p] - numbers[p] for p in numbers if p in others}
-    worst: dict[str, tuple[float, str]] = {}
-    for path, value in change.items():
-        if (kind := path.split(".")[0]) in scale:
-            worst[kind] = max(worst.get(kind, (0.0, "")), (abs(value) / scale[kind], path))
-    named = sorted((found for found in worst.values() if found[0] > 0), reverse=True)
+    by_kind: dict[str, list[str]] = {}
+    for path in numbers:
+        kind = path.split(".")[0]
+        if path in others and kind not in BOUNDS and unit_of(path) != "1":
+            by_kind.setdefault(kind, []).append(path)
+    change = {p: others[p] - numbers[p] for paths in by_kind.values() for p in paths}
+    worst = []
+    for paths in by_kind.values():
+        scale = max(LITTLE, *(abs(each[p]) for each in (numbers, others) for p in paths))
+        path = max(paths, key=lambda p: abs(change[p]))
+        worst.append((abs(change[path]) / scale, path))
     out: dict[str, Any] = {}
-    for _, path in named[:MOST_NAMED]:
-        *above, last = path.split(".")
-        inner = out
-        for key in above:
-            inner = inner.setdefault(key, {})
-        inner[last] = change[path]
+    for size, path in sorted(worst, reverse=True)[:MOST_NAMED]:
+        out |= nested(path, change[path]) if size > 0 else {}
     return out
 
 
@@ -103,13 +100,8 @@ def potential_change(models: Models, first: Equilibrium, second: Equilibrium) ->
     the hood, less tension times excursion over the hood's tendons, less the work of the finger's
     own tendons, passive joints, limits and gravity on the way there.  None where it is not known,
     or the tensions are not the same."""
-    same = all(
-        np.abs(a - b).max(initial=0.0) <= SAME_TENSION
-        for a, b in (
-            (first.hood_tension, second.hood_tension),
-            (first.finger_tension, second.finger_tension),
-        )
-    )
+    pulls, others = (np.append(e.hood_tension, e.finger_tension) for e in (first, second))
+    same = np.allclose(pulls, others, rtol=0, atol=SAME_TENSION)
     if models.energy is None or first.balance is None or not same:
         return None
     pull = first.hood_tension

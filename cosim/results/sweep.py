@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,12 +10,13 @@ import numpy as np
 
 from cosim.errors import CosimError, InputError
 from cosim.port import Array
-from cosim.results.compare import Target, number, unit_of, value_of
+from cosim.results.compare import number, unit_of, value_of
 from cosim.results.looks import look
 from cosim.results.picture import as_plain_text, load_matplotlib, show_in_notebooks
-from cosim.results.quantities import check_quantities
+from cosim.results.quantities import check_quantity
 from cosim.results.result import Result
 from cosim.roughness import FEWEST, Roughness, roughness_along
+from cosim.text_tables import leaves
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,12 +37,9 @@ class Sweep:
 
     def values(self, quantity: str) -> Array:
         """The values (n,) of a quantity, nan where there is none.  Raises InputError."""
-        found = [r for r in self.results if r is not None]
-        unit = unit_of(quantity)
-        asked = Target(quantity, quantity, unit, 0.0, None, None, None, "sweep", "requirement")
-        check_quantities([asked], [(r.case, r.summary) for r in found])
-        each = [None if r is None else value_of(r.summary, quantity) for r in self.results]
-        return np.array([np.nan if value is None else value for value in each])
+        check_quantity(quantity, [r.summary for r in self.results if r is not None])
+        each = [r and value_of(r.summary, quantity) for r in self.results]
+        return np.array(each, dtype=float)
 
     def roughness(self, quantity: str) -> Roughness:
         """The roughness of a quantity along the parameter.  Raises InputError."""
@@ -52,7 +50,7 @@ def sweep_over(results: Sequence[Result | CosimError], parameter: str) -> Sweep:
     """Results, in the sweep's order, over a parameter by its dotted key in the case file.
 
     Raises InputError where a case has no such number, or none has ended."""
-    kept = tuple(map(_ended, results))
+    kept = tuple(r if isinstance(r, Result) else None for r in results)
     stated = {i: _stated(r, parameter) for i, r in enumerate(kept) if r is not None}
     units = {unit for _, unit in stated.values()}
     if len(units) != 1:
@@ -62,15 +60,8 @@ def sweep_over(results: Sequence[Result | CosimError], parameter: str) -> Sweep:
     return Sweep(parameter, units.pop(), place, kept)
 
 
-def _ended(result: Result | CosimError) -> Result | None:
-    match result:
-        case Result():
-            return result
-    return None
-
-
 def _stated(result: Result, parameter: str) -> tuple[float, str]:
-    value = dict(_leaves(result.case_table)).get(parameter)
+    value = _values(result).get(parameter)
     text, _, unit = str(value).partition(" ")
     try:
         return float(text), unit
@@ -81,19 +72,15 @@ def _stated(result: Result, parameter: str) -> tuple[float, str]:
         ) from None
 
 
-def _leaves(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in table.items():
-        match value:
-            case Mapping():
-                yield from _leaves(value, f"{above}{key}.")
-            case _:
-                yield f"{above}{key}", value
+def _values(result: Result) -> dict[str, Any]:
+    """The values of the case by dotted key."""
+    return {".".join(path): value for path, value in leaves(result.case_table)}
 
 
 def describe_sweep(results: Sequence[Result | CosimError]) -> str:
     """How rough results are along the one number in which their cases differ, in a sentence; empty
     where there is no such number or too few results."""
-    tables = [dict(_leaves(r.case_table)) for r in map(_ended, results) if r is not None]
+    tables = [_values(r) for r in results if isinstance(r, Result)]
     if len(tables) < FEWEST:
         return ""
     first = tables[0]

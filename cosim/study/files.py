@@ -71,7 +71,7 @@ def _answers(study: StudyResults, output: str) -> dict[str, Any]:
         "unit": study.units[output],
         "band": None if band is None else band._asdict(),
         "too_few": study.too_few(output),
-        "roughness": None if rough is None else rough.rms if rough.rms == rough.rms else None,
+        "roughness": None if rough is None else rough.rms,
         "sobol": indices if isinstance(indices, str) else _by_parameter(study, indices),
         "morris": study.why_not_screened(output)
         if effects is None

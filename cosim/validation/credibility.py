@@ -19,7 +19,7 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any, Literal, NamedTuple, Self
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import model_validator
 
 from cosim.case.file import load_case, packaged_cases
 from cosim.case.schema import Case
@@ -30,6 +30,7 @@ from cosim.results.compare import number
 from cosim.text_tables import read_json_file, read_toml
 from cosim.validation.mesh import distinct, tally
 from cosim.validation.plan import groups
+from cosim.validation.records import Record, check_record
 from cosim.validation.trial import Trial, TrialGroup
 from cosim.validation.uncertainty import UncertaintyFile, read_committed
 
@@ -41,11 +42,7 @@ Words = Literal["file", "test", "command", "board", "uncertainty"]
 Parts = Literal["meshes", "inputs", "forms", "judged"]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Factor(_Table):
+class Factor(Record):
     """One of the 13 factors of V&V 40."""
 
     activity: str
@@ -66,7 +63,7 @@ class Factor(_Table):
         return self
 
 
-class Rule(_Table):
+class Rule(Record):
     """One of the Ten Rules."""
 
     name: str
@@ -76,7 +73,7 @@ class Rule(_Table):
     evidence: tuple[str, ...]
 
 
-class Rules(_Table):
+class Rules(Record):
     """The Ten Rules, where they are from and what their grades mean."""
 
     source: str
@@ -85,7 +82,7 @@ class Rules(_Table):
     list: tuple[Rule, ...]
 
 
-class EvidenceKind(_Table):
+class EvidenceKind(Record):
     """A kind of evidence of FDA's guidance, and whether there is any."""
 
     name: str
@@ -94,7 +91,7 @@ class EvidenceKind(_Table):
     evidence: tuple[str, ...]
 
 
-class Guidance(_Table):
+class Guidance(Record):
     """FDA's guidance."""
 
     source: str
@@ -104,7 +101,7 @@ class Guidance(_Table):
     kinds: tuple[EvidenceKind, ...]
 
 
-class Risk(_Table):
+class Risk(Record):
     """How much hangs on the model's word."""
 
     influence: str
@@ -115,14 +112,14 @@ class Risk(_Table):
     why: str
 
 
-class Step(_Table):
+class Step(Record):
     """What one types to repeat the evidence."""
 
     what: str
     command: str
 
 
-class Credibility(_Table):
+class Credibility(Record):
     """The claims as their file states them."""
 
     question: str
@@ -157,13 +154,7 @@ class Numbers(NamedTuple):
 
 def read_credibility(path: Path = CASES / "data" / "credibility.toml") -> Credibility:
     """The claims of a file.  Raises InputError."""
-    content = read_toml(path)
-    try:
-        return Credibility.model_validate(content)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(map(str, first["loc"])) or "the file"
-        raise InputError(f"{path}: {place}: {first['msg']}") from None
+    return check_record(Credibility, read_toml(path), path)
 
 
 def committed_numbers() -> Numbers:

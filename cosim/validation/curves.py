@@ -9,7 +9,6 @@ aims.
 from __future__ import annotations
 
 import csv
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,18 +17,17 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
 
-from cosim.errors import InputError, Progress, quiet, span
+from cosim.errors import Progress, quiet
 from cosim.files import output_file
-from cosim.json_text import json_text
 from cosim.outcome import Outcome
 from cosim.pipeline import run_cases
 from cosim.port import AXES, Array
 from cosim.results.compare import number, value_of
+from cosim.roughness import WINDOW, pool, windows
 from cosim.text_tables import read_json_file
-from cosim.validation.roughness import WINDOW, roughness, windows
-from cosim.validation.run import six_digits
+from cosim.validation.records import Record, check_record, six_digits
+from cosim.validation.run import collect_outcomes
 from cosim.validation.sweeps import JOINTS, Sweep
 from cosim.validation.versions import audited_summary
 from cosim.version import __version__
@@ -66,10 +64,9 @@ FORCES = {f"fingertip_force_N.{axis}": TIP for axis in AXES}
 SLIPS = {f"slip_force_N.{slip}": SLIP for slip in ("central", "terminal")}
 
 
-class CurveRow(BaseModel):
+class CurveRow(Record):
     """How rough one number of a sweep is in one part."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     sweep: str
     part: Part
     quantity: str
@@ -121,24 +118,28 @@ class Curve:
     def _rows(self) -> Iterator[CurveRow]:
         angles, pip = self.sweep.angles, self.sweep.postures["PIP"]
         for name, kind in quantities(self.sweep.pulled).items():
-            values = self.values[name]
-            floor = kind.floor * sum(self.sweep.pulled.values())
-            measured = windows(angles, values, self._sizes(name, kind), floor)
+            floor, sizes = kind.floor * sum(self.sweep.pulled.values()), self._sizes(name, kind)
+            every = windows(angles, self.values[name], sizes=sizes, floor=floor)
+            judged = [w for w in every if w.residuals.size]
             for part, aim in zip(PARTS, kind.aims, strict=True):
                 beyond = part == "beyond"
-                mine = [
-                    w for w in measured if (np.interp(w.middle, angles, pip) > BORDER) == beyond
-                ]
-                if found := roughness(mine):
-                    yield CurveRow(
-                        sweep=self.sweep.name,
-                        part=part,
-                        quantity=name,
-                        kind=kind.name,
-                        unit=kind.unit,
-                        aim=aim,
-                        **found._asdict(),
-                    )
+                mine = [w for w in judged if (np.interp(w.middle, angles, pip) > BORDER) == beyond]
+                if not mine:
+                    continue
+                found = pool(mine)
+                yield CurveRow(
+                    sweep=self.sweep.name,
+                    part=part,
+                    quantity=name,
+                    kind=kind.name,
+                    unit=kind.unit,
+                    size=float(np.mean([w.size for w in mine])),
+                    rms=found.rms,
+                    largest=found.largest,
+                    step=found.step,
+                    aim=aim,
+                    windows=len(mine),
+                )
 
     def _sizes(self, name: str, kind: Kind) -> Array | None:
         if kind is ARM:
@@ -148,10 +149,9 @@ class Curve:
         return np.linalg.norm([self.values[force] for force in FORCES], axis=0)
 
 
-class CurvesFile(BaseModel):
+class CurvesFile(Record):
     """The roughness of all sweeps, as `curves.json` holds it."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     format: Literal["cosim curves 1"] = "cosim curves 1"
     version: str = __version__
     headline: str = ""
@@ -179,17 +179,9 @@ def run_curves(
     """Run every posture of the sweeps, and read the curves.  Raises InputError where a case is
     refused, or a process is ended from outside."""
     cases = [case for sweep in sweeps for case in sweep.cases]
-    outcomes: dict[int, Outcome[Mapping[str, Any]]] = {}
-    started = time.perf_counter()
-    for i, outcome in run_cases(cases, audited_summary, workers):
-        if outcome.status == "refused":
-            outcome.result()
-        outcomes[i] = outcome
-        done, word = len(outcomes), f": {outcome.reason}" if outcome.error else ""
-        left = span((time.perf_counter() - started) / done * (len(cases) - done))
-        progress(f"{done} of {len(cases)}, about {left} left: {cases[i].name}{word}")
-    ordered = iter(outcomes[i] for i in range(len(cases)))
-    return [_curve(sweep, [next(ordered) for _ in sweep.cases]) for sweep in sweeps]
+    ended = ((cases[i].name, o) for i, o in run_cases(cases, audited_summary, workers))
+    outcomes = collect_outcomes(ended, len(cases), progress)
+    return [_curve(sweep, [outcomes[case.name] for case in sweep.cases]) for sweep in sweeps]
 
 
 def _curve(sweep: Sweep, outcomes: Sequence[Outcome[Mapping[str, Any]]]) -> Curve:
@@ -228,14 +220,11 @@ def lines(curves: Sequence[Curve]) -> list[Line]:
     """Each sweep in each part that has a window, or once where it has none, misses first."""
     found = []
     for curve in curves:
-        for part in PARTS:
-            rows = [row for row in curve.rows if row.part == part]
-            by_ratio = sorted(rows, key=lambda row: row.ratio)
-            if rows:
-                worst = {row.kind: row for row in by_ratio}
-                found.append(Line(curve.sweep.name, part, worst, len(curve.gaps)))
-        if not curve.rows:
-            found.append(Line(curve.sweep.name, "no window", {}, len(curve.gaps)))
+        by_part: dict[str, dict[str, CurveRow]] = {}
+        for row in sorted(curve.rows, key=lambda row: (PARTS.index(row.part), row.ratio)):
+            by_part.setdefault(row.part, {})[row.kind] = row
+        for part, worst in (by_part or {"no window": {}}).items():
+            found.append(Line(curve.sweep.name, part, worst, len(curve.gaps)))
     return sorted(found, key=lambda line: (line.verdict == "within", -line.ratio))
 
 
@@ -257,29 +246,13 @@ def curves_file(curves: Sequence[Curve]) -> CurvesFile:
         headline=headline(curves),
         runs={c.sweep.name: len(c.sweep.cases) for c in curves},
         gaps_deg={c.sweep.name: tuple(c.gaps) for c in curves if c.gaps},
-        rows=tuple(
-            CurveRow(**{k: six_digits(v) for k, v in row.model_dump().items()})
-            for curve in curves
-            for row in curve.rows
-        ),
+        rows=tuple(CurveRow(**six_digits(r.model_dump())) for c in curves for r in c.rows),
     )
 
 
-def write_curves(path: Path, curves: Sequence[Curve]) -> None:
-    """Write `curves.json`.  Raises InputError where the file cannot be written."""
-    with output_file(path) as part:
-        content = curves_file(curves).model_dump(mode="json")
-        part.write_text(json_text(content) + "\n", encoding="utf-8")
-
-
 def read_curves(path: Path) -> CurvesFile:
-    """Read a file that `write_curves` wrote.  Raises InputError."""
-    try:
-        return CurvesFile.model_validate(read_json_file(path))
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "the file"
-        raise InputError(f"{path}: is no board of curves: {place}: {first['msg']}") from None
+    """Read a board of curves.  Raises InputError."""
+    return check_record(CurvesFile, read_json_file(path), f"{path}: is no board of curves")
 
 
 def read_committed() -> CurvesFile:

@@ -12,11 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.study.plan import Point, StudyPlan, applicable_settings, read_plan
+from cosim.validation.records import Record
 from cosim.validation.run import Board
 from cosim.validation.trial import Trial
 from cosim.validation.versions import Key, Version, values_of_boards
@@ -27,10 +27,9 @@ LEAST = 5
 """Samples with a number, of which there is no spread with less."""
 
 
-class InputSpread(BaseModel):
+class InputSpread(Record):
     """A number at samples of the inputs, in its unit."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     nominal: float
     """With the inputs as they are, on the samples' mesh."""
     mean: float

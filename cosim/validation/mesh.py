@@ -14,14 +14,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.port import AXES
 from cosim.results.compare import Comparison
 from cosim.results.conventions import OPPOSITE
-from cosim.validation.run import Board, six_digits
+from cosim.validation.records import Record, six_digits
+from cosim.validation.run import Board
 from cosim.validation.trial import Trial
 from cosim.validation.versions import Key, Version, key_of, values_of_boards
 
@@ -50,10 +50,9 @@ class Convergence(NamedTuple):
     why: str
 
 
-class MeshSeries(BaseModel):
+class MeshSeries(Record):
     """A number on several meshes, the coarsest first, in its unit."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     factors: tuple[float, ...]
     """Quads over those of the case."""
     values: tuple[float | None, ...]

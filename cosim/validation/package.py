@@ -14,8 +14,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     StringConstraints,
     ValidationError,
@@ -27,6 +25,7 @@ from cosim.errors import InputError
 from cosim.extras import require
 from cosim.files import check_file, output_file, temporary_folder
 from cosim.json_text import json_text
+from cosim.validation.records import Record
 from cosim.validation.run import folder_name
 from cosim.validation.scoreboard import JudgedBoard
 from cosim.validation.uncertainty import FILE
@@ -63,10 +62,9 @@ Text = Annotated[str, StringConstraints(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$", max
 """A line that a terminal may show."""
 
 
-class Request(BaseModel):
+class Request(Record):
     """What `cosim validate` was asked for."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     format: Literal["cosim validation package 1"] = "cosim validation package 1"
     only: Text | None = None
     """The group, or what trials' names contain; None: all."""
@@ -88,10 +86,9 @@ class Request(BaseModel):
         return settings
 
 
-class Versions(BaseModel):
+class Versions(Record):
     """What computed the numbers."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     cosim: Text
     program: Text
     """The sha256 of the program's own files."""

@@ -10,7 +10,7 @@ import json
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -30,6 +30,7 @@ from cosim.validation.package import (
     inputs_here,
     versions_here,
 )
+from cosim.validation.records import Model, check_record
 from cosim.validation.versions import Key
 from cosim.zip_file import UNREADABLE, archive_fault
 
@@ -39,7 +40,6 @@ SAME, LEAST = 1e-3, 1e-2
 """Numbers are the same that differ by less of themselves, or of this much of their unit."""
 SAME_UNCERTAINTY = 0.05
 """The same of a part of the uncertainty."""
-Model = TypeVar("Model", bound=BaseModel)
 
 
 class Row(BaseModel):
@@ -160,13 +160,7 @@ def _json(path: Path, archive: zipfile.ZipFile, name: str) -> Any:
 
 
 def _model(path: Path, archive: zipfile.ZipFile, name: str, model: type[Model]) -> Model:
-    try:
-        return model.model_validate(_json(path, archive, name))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(map(str, first["loc"]))
-        words = str(first["msg"]).removeprefix("Value error, ")
-        raise InputError(f"{path}: {name}: {place}: {words}") from None
+    return check_record(model, _json(path, archive, name), f"{path}: {name}")
 
 
 def _sha256(archive: zipfile.ZipFile, name: str) -> str:

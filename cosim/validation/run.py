@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -141,21 +141,33 @@ def run_validation(
     """Run the trials of the groups, each once, leave a run folder of each in `folder` with its
     comparison, and compare.  Raises InputError."""
     trials = {t.name: t for g in chosen_groups for t in g.trials}
-    outcomes: dict[str, Outcome[Summary]] = {}
-    started = time.perf_counter()
     if trials:
         progress(f"0 of {len(trials)}, in {min(workers, len(trials))} processes")
-    for name, outcome in _outcomes(list(trials.values()), settings, folder, workers):
-        outcomes[name] = outcome
-        done, word = len(outcomes), f": {outcome.reason}" if outcome.error else ""
-        left = (time.perf_counter() - started) / done * (len(trials) - done)
-        progress(f"{done} of {len(trials)}, about {span(left)} left: {name}{word}")
+    ended = _outcomes(list(trials.values()), settings, folder, workers)
+    outcomes = collect_outcomes(ended, len(trials), progress)
     boards = [board_of(group, outcomes) for group in chosen_groups]
     for name in trials:
         rows = [row for b in boards for row in b.rows if row.target.case == name]
         if rows and (folder / folder_name(name)).is_dir():
             write_json(folder / folder_name(name) / "comparison.json", rows)
     return boards
+
+
+def collect_outcomes(
+    ended: Iterable[tuple[str, Outcome[Summary]]], total: int, progress: Progress
+) -> dict[str, Outcome[Summary]]:
+    """The outcomes by name, with how long the others take as each ends.  Raises InputError where a
+    case is refused."""
+    outcomes: dict[str, Outcome[Summary]] = {}
+    started = time.perf_counter()
+    for name, outcome in ended:
+        if outcome.status == "refused":
+            outcome.result()
+        outcomes[name] = outcome
+        done, word = len(outcomes), f": {outcome.reason}" if outcome.error else ""
+        left = (time.perf_counter() - started) / done * (total - done)
+        progress(f"{done} of {total}, about {span(left)} left: {name}{word}")
+    return outcomes
 
 
 def _outcomes(
@@ -169,8 +181,6 @@ def _outcomes(
     cases = [_case(trial, settings) for trial in runs]
     clear_leftovers(folder)
     for i, outcome in run_cases(cases, partial(_save, folder=folder), workers):
-        if outcome.status == "refused":
-            outcome.result()
         yield runs[i].name, outcome
 
 
@@ -241,8 +251,3 @@ def compare_by_hand(
 def _skills(rows: Sequence[Comparison], split: Mapping[Target, float | None]) -> tuple[Skill, ...]:
     skills = [*against_factors(rows), skill(rows, SPLIT, split) if split else None]
     return tuple(s for s in skills if s is not None)
-
-
-def six_digits(value: Any) -> Any:
-    """A float to six digits, anything else as it is."""
-    return float(f"{value:.6g}") if isinstance(value, float) else value

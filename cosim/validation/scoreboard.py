@@ -12,7 +12,8 @@ from typing import Any
 from cosim.files import output_file
 from cosim.json_text import json_text
 from cosim.results.compare import Comparison, as_dict
-from cosim.validation.run import Board, by_kind, six_digits
+from cosim.validation.records import six_digits
+from cosim.validation.run import Board, by_kind
 from cosim.validation.skill import HandGains, Skill, judging_rows
 from cosim.validation.uncertainty import (
     JUDGEMENTS,

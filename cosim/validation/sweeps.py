@@ -9,21 +9,24 @@ from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.port import Array
+from cosim.roughness import WINDOW
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Count, Switch, Table
 from cosim.text_tables import read_toml
-from cosim.validation.roughness import ROUNDING, WINDOW
+from cosim.validation.records import check_record
 
 FILE = "curves.toml"
 Joint = Literal["MCP", "PIP", "DIP"]
 JOINTS: tuple[Joint, ...] = ("MCP", "PIP", "DIP")
+ROUNDING = 1e-9
+"""deg, of angles that are sums of steps."""
 Angle = Annotated[float, quantity(units.ANGLE, least="-30 deg", most="110 deg")]
 
 
@@ -91,7 +94,7 @@ def read_sweeps(
     """The sweep of the name `only`, or those whose name holds it, with `settings` on top; `full`:
     all of the file, and on its meshes.  Raises InputError for a file at fault, or no sweep."""
     path = path or Path(str(resources.files("cases") / "data" / FILE))
-    file = _read(path)
+    file = check_record(SweepsFile, read_toml(path), path)
     known = {name: c for name, c in file.sweeps.items() if full or not c.full}
     kept = {n: c for n, c in known.items() if n == only or (only in n and only not in known)}
     if not kept:
@@ -101,22 +104,12 @@ def read_sweeps(
         try:
             found.append(_sweep(name, config, settings))
             own = found[-1].cases[0].hood.generated_quads
-            for quads in file.meshes if full and own is not None else ():
-                if quads != own:
-                    more = (*settings, f"hood.mesh.quads={quads}")
-                    found.append(_sweep(f"{name}, {quads} quads", config, more))
+            for quads in sorted({*file.meshes} - {own}) if full and own else ():
+                more = (*settings, f"hood.mesh.quads={quads}")
+                found.append(_sweep(f"{name}, {quads} quads", config, more))
         except InputError as error:
             raise InputError(f"{path}: sweeps.{name}: {error}") from None
     return found
-
-
-def _read(path: Path) -> SweepsFile:
-    try:
-        return SweepsFile.model_validate(read_toml(path))
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "the file"
-        raise InputError(f"{path}: {place}: {first['msg']}") from None
 
 
 def _sweep(name: str, config: SweepConfig, settings: Sequence[str]) -> Sweep:

@@ -15,16 +15,12 @@ from math import hypot, inf, sqrt
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
-
-from cosim.errors import InputError
-from cosim.files import output_file
-from cosim.json_text import json_text
 from cosim.results.compare import Comparison, number
 from cosim.text_tables import read_json_file
 from cosim.validation.inputs import InputSpread
 from cosim.validation.mesh import MeshSeries
-from cosim.validation.run import Board, six_digits
+from cosim.validation.records import Record, check_record
+from cosim.validation.run import Board
 from cosim.validation.versions import Key, key_of
 from cosim.version import __version__
 
@@ -36,10 +32,9 @@ Judgement = Literal["model differs", "within uncertainty", "no u_val"]
 JUDGEMENTS: tuple[Judgement, ...] = get_args(Judgement)
 
 
-class NumberUncertainty(BaseModel):
+class NumberUncertainty(Record):
     """What is known of one compared number; what was not looked at is None."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     group: str
     case: str
     name: str
@@ -68,10 +63,9 @@ class NumberUncertainty(BaseModel):
         return (min(*known, self.model), max(*known, self.model)) if known else None
 
 
-class UncertaintyFile(BaseModel):
+class UncertaintyFile(Record):
     """What a validation found of its numbers' uncertainty."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     format: Literal["cosim uncertainty 1"] = "cosim uncertainty 1"
     version: str = __version__
     meshes: tuple[float, ...] = ()
@@ -192,29 +186,9 @@ def read_committed() -> UncertaintyFile:
 
 
 def read_uncertainty(path: Path) -> UncertaintyFile:
-    """Read a file that `write_uncertainty` wrote.  Raises InputError."""
-    content = read_json_file(path)
-    try:
-        return UncertaintyFile.model_validate(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "the file"
-        raise InputError(f"{path}: is no file of uncertainties: {place}: {first['msg']}") from None
-
-
-def write_uncertainty(path: Path, found: UncertaintyFile) -> None:
-    """Write it, to six digits.  Raises InputError where the file cannot be written."""
-    with output_file(path) as part:
-        content = _rounded(found.model_dump(mode="json"))
-        part.write_text(json_text(content, ensure_ascii=True) + "\n", encoding="utf-8")
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _rounded(v) for k, v in value.items()}
-    if isinstance(value, list):
-        return [_rounded(v) for v in value]
-    return six_digits(value)
+    """Read a file of uncertainties.  Raises InputError."""
+    place = f"{path}: is no file of uncertainties"
+    return check_record(UncertaintyFile, read_json_file(path), place)
 
 
 def update(

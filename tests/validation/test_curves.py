@@ -1,10 +1,12 @@
-"""How rough curves over posture are: windows, aims, the sweeps' file, and a short sweep."""
+"""The board of curves: aims, the sweeps' file, and a short sweep."""
 
 from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,76 +29,14 @@ from cosim.validation.curves import (
     read_committed,
     read_curves,
     run_curves,
-    write_curves,
     write_points,
 )
-from cosim.validation.curves_page import draw_curve, line_cells, write_page
-from cosim.validation.roughness import LEAST, WINDOW, Roughness, roughness, windows
+from cosim.validation.curves_page import draw_curve, table_rows, write_page
+from cosim.validation.records import write_record
 from cosim.validation.sweeps import Sweep, read_sweeps
 
 ANGLES = np.arange(10.0, 101.0, 2.0)
-IN_WINDOW = int(WINDOW / 2) + 1
-"""Points of a window."""
 SAW = (-1.0) ** np.arange(len(ANGLES))
-
-
-def measured(values: Array, sizes: Array | None = None, floor: float = 0.0) -> Roughness:
-    found = roughness(windows(ANGLES, values, sizes, floor))
-    assert found is not None
-    return found
-
-
-# What a cubic leaves ------------------------------------------------------------------------------
-
-
-def test_a_cubic_leaves_nothing_and_has_its_steps() -> None:
-    x = (ANGLES - 50) / 50
-    found = measured(3 - x + 2 * x**2 + x**3)
-    assert (found.rms, found.largest) == pytest.approx((0, 0), abs=1e-12)
-    assert found.step == pytest.approx(np.abs(np.diff(3 - x + 2 * x**2 + x**3)).max())
-    assert found.windows == len(ANGLES) - IN_WINDOW + 1
-
-
-def test_a_saw_leaves_its_amplitude_less_what_a_cubic_follows() -> None:
-    # Of +1, -1, ... at 11 points, an even function, the cubic follows the part in 1 and x^2 - 10,
-    # whose squares sum up to 11 and 858.
-    x = np.arange(-5, 6)
-    followed = 1 / 11 + ((-1.0) ** x @ (x**2 - 10)) ** 2 / 858
-    rms = np.sqrt(1 - followed / 11)
-    assert measured(0.3 * SAW + ANGLES).rms == pytest.approx(0.3 * rms, rel=1e-12)
-    assert rms > 0.95
-
-
-def test_a_kink_and_a_step_show_where_they_are() -> None:
-    kink, step = np.abs(ANGLES - 60), np.where(ANGLES > 60, 1.0, 0.0)
-    for curve in (kink, step):
-        rough = {w.middle: np.abs(w.residuals).max() for w in windows(ANGLES, curve)}
-        assert max(rough.values()) == measured(curve).largest > 0.2
-        assert all(abs(m - 60) <= 10 for m, most in rough.items() if most > 1e-9)
-    assert measured(step).step == 1
-    assert measured(step).largest == pytest.approx(0.5, abs=0.2)
-
-
-def test_relative_numbers_are_percent_of_the_windows_own_size_and_at_least_of_the_floor() -> None:
-    curve = 2.0 + 0.02 * SAW
-    absolute, relative = measured(curve), measured(curve, curve)
-    assert relative.rms == pytest.approx(100 * absolute.rms / 2.0, rel=1e-2)
-    assert measured(5 * curve, 5 * curve).rms == pytest.approx(relative.rms)
-    idle = 1e-9 * SAW
-    assert measured(idle, idle).rms > 90
-    assert measured(idle, idle, floor=0.1).rms < 1e-5
-    assert measured(idle, idle, floor=0.1).size == pytest.approx(0.1)
-
-
-def test_a_gap_leaves_out_points_and_windows_that_have_too_few() -> None:
-    curve = ANGLES**2 / 100
-    curve[[10, 11]] = np.nan
-    assert measured(curve).rms == pytest.approx(0, abs=1e-12)
-    assert measured(curve).windows == len(ANGLES) - IN_WINDOW + 1
-    curve[5:30] = np.nan
-    assert all(w.residuals.size >= LEAST for w in windows(ANGLES, curve))
-    assert measured(curve).windows < len(ANGLES) - IN_WINDOW + 1
-    assert roughness(windows(ANGLES[:10], curve[:10])) is None
 
 
 # The board ----------------------------------------------------------------------------------------
@@ -158,11 +98,11 @@ def test_a_gap_is_told_and_is_not_within(tmp_path: Path) -> None:
 
 def test_the_file_is_read_back_and_a_damaged_one_is_refused(tmp_path: Path) -> None:
     curve, path = curve_of({"slip_force_N.central": 1 + 0.1 * SAW}), tmp_path / "curves.json"
-    write_curves(path, [curve])
+    write_record(path, curves_file([curve]))
     file = read_curves(path)
     assert file == curves_file([curve])
     assert file.by_key()[curve.rows[0].key].rms == pytest.approx(curve.rows[0].rms, rel=1e-5)
-    was = [line_cells(line, file)[1] for line in lines([curve])]
+    was = [row[3] for row in table_rows([curve], file)]
     assert was == [f"{cell.split()[0]} ({cell.split()[0]})" for cell in was]
     content = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(content | {"rows": [{}]}), encoding="utf-8")
@@ -242,6 +182,20 @@ def test_a_short_sweep_of_a_coarse_hood_is_no_rougher_than_today(tmp_path: Path)
         (first, *_) = list(csv.DictReader(file))
     arm = "moment_arm_mm.EDC.PIP"
     assert (first["PIP_deg"], float(first[arm])) == ("40", pytest.approx(curve.values[arm][0]))
+
+
+def test_the_command_shows_what_was_before_and_ends_with_1_without_a_result(tmp_path, monkeypatch):
+    (name,) = (sweep.name for sweep in read_sweeps(only="own mesh"))
+    curve = curve_of({}, **{"30.0": "no equilibrium"})
+    curve = replace(curve, sweep=curve.sweep._replace(name=name))
+    monkeypatch.setattr("cosim.commands.validate_curves.run_curves", lambda *_: [curve])
+    words = ["validate", "--curves", "--only", name, "-o", str(tmp_path)]
+    done = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
+    assert done.exit_code == 1, done.output
+    assert f"no result: {name} 30 deg: no equilibrium" in done.stdout
+    assert len(re.findall(r" \(\d+\.?\d*\)", done.stdout)) >= 3
+    listed = CliRunner().invoke(app, [*words, "--list"])
+    assert (listed.exit_code, listed.stdout) == (0, f"{name}: 31 runs\n")
 
 
 @pytest.mark.slow

@@ -26,6 +26,7 @@ from cosim.validation.inputs import (
 )
 from cosim.validation.mesh import MeshSeries, mesh_factors
 from cosim.validation.ratios import share_group
+from cosim.validation.records import write_record
 from cosim.validation.run import Board, choose_groups
 from cosim.validation.scoreboard import JudgedBoard, join_uncertainty
 from cosim.validation.trial import Trial, TrialGroup
@@ -36,7 +37,6 @@ from cosim.validation.uncertainty import (
     read_committed,
     read_uncertainty,
     update,
-    write_uncertainty,
 )
 from cosim.validation.versions import audited_summary, run_versions, values_of_boards
 from tests.helpers.folders import ROOT
@@ -131,7 +131,7 @@ def test_a_part_that_is_found_anew_leaves_the_others():
 def test_the_file_is_read_as_it_was_written_and_another_is_refused(tmp_path: Path):
     place = tmp_path / "u.json"
     written = UncertaintyFile(meshes=(1.0, 2.25), samples=16, rows=(KNOWN,))
-    write_uncertainty(place, written)
+    write_record(place, written)
     read = read_uncertainty(place)
     assert read.rows[0].inputs == INPUTS
     assert read.rows[0].meshes.values == MESHES.values
