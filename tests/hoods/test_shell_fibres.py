@@ -175,7 +175,7 @@ def test_fibres_stretched_in_situ_are_balanced_before_anything_moves():
     assert (hood.sheet.stretch != 1.0).any()
     posed = hood.advance(hood.start(hood.rest), hood.rest, np.full(4, 0.05), 0.0)
     strain, cells = hood.strain(posed.state)[:, :, 0].mean(axis=1), mesh().cells(*names)
-    assert strain[cells].mean() > 0.004
+    assert strain[cells].mean() > 0.003  # of 0.01: the rest of the sheet gives way
     assert posed.load.imbalance(hood.rest)[0] < 1e-9
 
 
@@ -186,6 +186,7 @@ def test_a_job_of_the_hood_has_its_fibres_and_its_stretch(on_face: bool):
     case, hood = hood_with(
         "hood.bending_stiffness=0 N*mm",
         "hood.extra_length.central_slip=0 mm",
+        'hood.contact.stiffness="200 N/mm**3"',
         region_setting("central_slip", "in_situ_stretch", "1.03"),
         *(direction(b, '{ angle = "20 deg" }') for b in bands),
         *(region_setting(b, "second", SECOND % '{ angle = "-35 deg" }') for b in bands),

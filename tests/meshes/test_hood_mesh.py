@@ -18,13 +18,18 @@ from fe_solver.hood.shell_hood import ShellHood
 from meshes import hood as hood_generator
 from meshes.hood_lines import (
     CENTRAL_END,
+    COARSEST,
     LATERAL_END,
     LIGAMENT_ROWS,
     RETINACULAR_ROWS,
     SAGITTAL_ROWS,
     SLIP_END,
     SLIP_START,
+    SPANS,
+    TERMINAL_END,
     even_shares,
+    fineness,
+    rows,
 )
 from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, HoodMesh, to_json
 from meshes.skeleton import JOINTS
@@ -50,18 +55,27 @@ def test_the_generator_repeats_itself(mesh):
     assert to_json(mesh_of(250)) == to_json(mesh)
 
 
-@pytest.mark.parametrize("elements", ["linear", "quadratic"])
-@pytest.mark.parametrize("quads", [250, 600, 2400])
-def test_about_as_many_quads_as_asked_for(quads, elements):
-    """As whole rows and columns allow: a default of 606 or 640, others in proportion to it."""
-    within = 0.22 if quads >= 600 else 0.35
-    assert len(mesh_of(quads, elements).quads) == pytest.approx(quads, rel=within)
+@pytest.mark.parametrize("quads", [120, 250, 600, 900, 2400])
+def test_about_as_many_quads_as_asked_for(quads):
+    """The nearest of the family, whose members have 1, 4, 9 ... times the quads of the coarsest."""
+    laid = len(mesh_of(quads).quads)
+    assert laid == COARSEST * fineness(quads) ** 2
+    assert 0.6 < laid / quads < 1.7
 
 
 @pytest.mark.parametrize("elements", ["linear", "quadratic"])
-def test_rows_and_columns_are_halved_in_a_mesh_four_times_as_large(elements):
-    coarse, fine = (len(mesh_of(quads, elements).quads) for quads in (600, 2400))
-    assert fine == 4 * coarse
+def test_every_line_of_a_coarser_mesh_is_one_of_a_finer_mesh(elements):
+    """Regions' edges, tendons' ends and rows of springs lie where they lie in any mesh."""
+    quadratic = elements == "quadratic"
+    for quads in (104, 416, 936, 2600):
+        stations = rows(quads, quadratic)
+        ends = [TERMINAL_END, *(begin for begin, _, _ in SPANS)]
+        assert np.abs(stations[:, None] - ends).min(axis=0) == pytest.approx(0, abs=1e-9)
+    coarse, fine = (mesh_of(quads, elements) for quads in (416, 1664))
+    assert len(fine.quads) == {"linear": 4, "quadratic": 9}[elements] * len(coarse.quads)
+    for name in REGIONS:
+        areas = [mesh.areas()[mesh.cells(name)].sum() for mesh in (coarse, fine)]
+        assert areas[0] == pytest.approx(areas[1], rel=0.03), name
 
 
 @pytest.mark.parametrize("along", [0, 1])
