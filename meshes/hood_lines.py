@@ -65,6 +65,17 @@ def fineness(quads: int, quadratic: bool = False) -> int:
     return max(1, round(2 * times / 3)) if quadratic else times
 
 
+def quads_of(times: int, quadratic: bool = False) -> int:
+    """Return the four-node elements, about, for which `fineness` is that whole number.
+
+    >>> from meshes.hood_lines import quads_of
+    >>> [quads_of(times) for times in (1, 2, 3, 4)]
+    [104, 416, 936, 1664]
+    """
+    linear: int = round(3 * times / 2) if quadratic else times
+    return COARSEST * linear**2
+
+
 def rows(quads: int, quadratic: bool) -> Array:
     """Stations (mm) of the rows of nodes for about `quads` elements; every second one runs through
     the middles of quadratic elements.  Each mesh has the lines of SPANS, and as many times the

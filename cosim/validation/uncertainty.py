@@ -17,13 +17,13 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from cosim.analyses.mesh_series import MeshSeries
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.json_text import json_text
 from cosim.results.compare import Comparison, number
 from cosim.text_tables import read_json_file
 from cosim.validation.inputs import InputSpread
-from cosim.validation.mesh import MeshSeries
 from cosim.validation.run import Board, six_digits
 from cosim.validation.versions import Key, key_of
 from cosim.version import __version__
@@ -75,7 +75,7 @@ class UncertaintyFile(BaseModel):
     format: Literal["cosim uncertainty 1"] = "cosim uncertainty 1"
     version: str = __version__
     meshes: tuple[float, ...] = ()
-    """Quads over those of the case; empty: none were tried."""
+    """Quads over those of a case of the usual fineness; empty: none were tried."""
     samples: int = 0
     """Of the inputs."""
     failed: Mapping[str, str] = {}
