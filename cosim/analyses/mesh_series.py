@@ -132,17 +132,17 @@ def observe_order(values: Sequence[float], edges: Sequence[float]) -> Convergenc
     coarse, middle, fine = values
     first, second = coarse - middle, middle - fine
     if max(abs(first), abs(second)) <= SAME * max(map(abs, values)):
-        return Convergence(None, None, "hardly changes with the mesh")
+        return Convergence(None, None, "hardly changes")
     if first * second < 0:
-        return Convergence(None, None, "goes up and down as the mesh gets finer")
+        return Convergence(None, None, "goes up and down")
     h2, h3 = edges[1] / edges[0], edges[2] / edges[0]
 
     def excess(p: float) -> float:  # falls from positive to negative where p is the order
         return (h2**p - h3**p) - second / first * (1 - h2**p)
 
     if excess(SLOWEST) < 0:
-        faster = "changes the more, the finer the mesh"
-        slower = f"changes too slowly: an order below {SLOWEST:g}"
+        faster = "changes the more, the finer"
+        slower = f"too slowly: below {SLOWEST:g}"
         return Convergence(None, None, faster if abs(second) >= abs(first) else slower)
     order = np.inf if excess(STEEPEST) > 0 or second == 0 else brentq(excess, SLOWEST, STEEPEST)
     limit = fine - second / ((h2 / h3) ** min(order, FORMAL) - 1)
