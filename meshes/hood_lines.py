@@ -58,7 +58,7 @@ def fineness(quads: int, quadratic: bool = False) -> int:
     about `quads` four-node elements, or for quadratic ones, half again as wide.
 
     >>> from meshes.hood_lines import fineness
-    >>> [fineness(quads) for quads in (120, 250, 600, 1300)]
+    >>> [fineness(quads) for quads in (120, 250, 900, 1500)]
     [1, 2, 3, 4]
     """
     times = max(1, round(np.sqrt(quads / COARSEST)))
