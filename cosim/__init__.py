@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from cosim.errors import ConvergenceError, InputError
     from cosim.face import (
         compare,
+        converge,
         couple,
         estimate,
         identify,
@@ -62,6 +63,7 @@ _HOME = {
     "Result": "cosim.results.result",
     "Session": "cosim.solve.session",
     "compare": "cosim.face",
+    "converge": "cosim.face",
     "couple": "cosim.face",
     "estimate": "cosim.face",
     "identify": "cosim.face",
@@ -88,6 +90,7 @@ __all__ = [
     "Session",
     "__version__",
     "compare",
+    "converge",
     "couple",
     "estimate",
     "identify",

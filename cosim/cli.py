@@ -187,6 +187,11 @@ COMMANDS = {
             "Judge hand models by what was measured.",
             "cosim score myohand.xml hand.osim isometric_edc -o scores",
         ),
+        "converge": Command(
+            "converge.converge",
+            "A case on coarser and finer meshes: order, limit, error.",
+            "cosim converge isometric_edc",
+        ),
         "verify": Command(
             "verify.verify", "Solve problems whose answers are known.", "cosim verify fe"
         ),

@@ -498,6 +498,25 @@ def run_study(
     return write_study(plan, done, store, Path(out) / plan.name)
 
 
+def converge(
+    case: AnyCase, meshes: int = 3, workers: int = 1, progress: Progress = quiet
+) -> pandas.DataFrame:
+    """A table of what the first numbers of a case, as `load` takes it, owe to its mesh: a row for
+    each with its values on so many `meshes`, the coarsest first, observed order or why there is
+    none, limit, the error of the case's own mesh, its grid convergence index and a verdict.
+
+    Raises InputError for a motion and for a hood without such meshes, and ConvergenceError where
+    the case has no equilibrium."""
+    import pandas
+
+    from cosim.analyses.converge import MOST_MESHES, records, solve_meshes
+
+    count = whole_number("meshes", meshes, 2, MOST_MESHES)
+    workers = whole_number("workers", workers, 1, MOST_WORKERS)
+    study = solve_meshes(case_from(case), count, workers, progress)
+    return pandas.DataFrame(records(study)).set_index("quantity")
+
+
 def validate(
     only: str | None = None,
     out: str | Path = "runs/validation",

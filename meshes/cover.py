@@ -81,8 +81,8 @@ def thinner(points: Array, joint: Joint, back: float, head: Head) -> Array:
 
 
 def modulus(points: Array, joint: Joint, tissue: Tissue) -> Array:
-    """The modulus (n,) Pa of what covers a bone at `points` (n, 3) m, in its frame: as its thickness
-    it goes over from the back's to the condyles' sides' and to the joint's face's."""
+    """Return the modulus (n,) Pa of what covers a bone at `points` (n, 3) m, in its frame: as its
+    thickness it goes over from the back's to the condyles' sides' and to the joint's face's."""
     on_face, beside = _places(points, joint)
     around = tissue.shaft + (tissue.sides - tissue.shaft) * beside
     out: Array = around + (tissue.face - around) * on_face

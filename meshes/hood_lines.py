@@ -27,9 +27,9 @@ LIGAMENT_ROWS = (JOIN, JOIN + 5.25)  # of the adhesion under a lateral band [tri
 RETINACULAR_ROWS = (PIP - 2.5, PIP + 2.5)
 OBLIQUE_ROWS = (PIP + 4.0, PIP + 6.0)  # [El-Gammal]
 CAPSULE_ROWS = (PIP - 2.5, PIP + 2.5)  # assumption
-# Each line on which something begins or ends, how many rows there are to the next one in the coarsest
-# mesh, and how much they crowd towards its end: many rows where the sheet slides over a head in some
-# posture, where the lateral bands turn off the slip and in the terminal slip.
+# Each line on which something begins or ends, how many rows there are to the next one in the
+# coarsest mesh, and how much they crowd towards its end: many rows where the sheet slides over a
+# head in some posture, where the lateral bands turn off the slip and in the terminal slip.
 SPANS = (
     (CENTRAL_END, 1, 0.3),
     (LATERAL_END, 1, 0.0),
@@ -58,11 +58,22 @@ def fineness(quads: int, quadratic: bool = False) -> int:
     about `quads` four-node elements, or for quadratic ones, half again as wide.
 
     >>> from meshes.hood_lines import fineness
-    >>> [fineness(quads) for quads in (120, 250, 600, 1300)]
+    >>> [fineness(quads) for quads in (120, 250, 900, 1500)]
     [1, 2, 3, 4]
     """
     times = max(1, round(np.sqrt(quads / COARSEST)))
     return max(1, round(2 * times / 3)) if quadratic else times
+
+
+def quads_of(times: int, quadratic: bool = False) -> int:
+    """Return the four-node elements, about, for which `fineness` is that whole number.
+
+    >>> from meshes.hood_lines import quads_of
+    >>> [quads_of(times) for times in (1, 2, 3, 4)]
+    [104, 416, 936, 1664]
+    """
+    linear: int = round(3 * times / 2) if quadratic else times
+    return COARSEST * linear**2
 
 
 def rows(quads: int, quadratic: bool) -> Array:

@@ -139,11 +139,12 @@ def test_it_counts_and_removes_its_own_files_alone(cache):
     assert cache.contents() == {
         "distances": Contents(1, size),
         "equilibria": Contents(2, 2 * size),
+        "mesh_errors": Contents(0, 0),
         "": Contents(1, size),
     }
     assert cache.clear() == Contents(4, 4 * size)
     assert all(other.read_text() == "a user's" for other in others)
-    assert cache.contents() == {"distances": Contents(0, 0), "equilibria": Contents(0, 0)}
+    assert cache.contents() == dict.fromkeys(FOLDERS[:-1], Contents(0, 0))
     assert FOLDERS[-1] == ""
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
+from cosim.analyses.mesh_errors import known_errors
 from cosim.case.file import json_schema, load_case
 from cosim.case.schema import Case
 from cosim.case.usual import unusual_values
@@ -334,8 +335,11 @@ def _show(case: Case, summary: Mapping[str, Any]) -> None:
     for doubt in doubts(summary):
         printer.print(f"▲ {doubt}")
     warn({case.name: list(summary.get("warnings", ()))})
-    for table in tables(summary):
+    errors = known_errors(case, summary)
+    for table in tables(summary, errors):
         printer.print(table)
+    if errors:
+        printer.print("mesh error: grid convergence index, as cosim converge found it")
 
 
 def check(cases: Cases, settings: Settings = None) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated, NamedTuple
 import typer
 from rich.table import Table
 
+from cosim.analyses.mesh_series import MeshSeries, mesh_factors
 from cosim.commands.terminal import console, exit_on_error, warn_of_audits
 from cosim.commands.validate_curves import validate_curves
 from cosim.errors import InputError
@@ -17,9 +18,9 @@ from cosim.results.compare import marks, misses_first, number, reference_text
 from cosim.validation.forms import form_values, form_versions
 from cosim.validation.inputs import input_spreads, input_versions, read_inputs
 from cosim.validation.mesh import (
-    MeshSeries,
+    USUAL,
     distinct,
-    mesh_factors,
+    finenesses,
     mesh_series,
     mesh_versions,
     tally,
@@ -217,9 +218,10 @@ class _Asked(NamedTuple):
         known = update_uncertainty(read_committed(), boards)
         shipped = [group for group in groups if not group.variant]
         if self.meshes:
-            factors = mesh_factors(self.meshes)
-            found, failed = self._run(shipped, mesh_versions(factors, self.settings), "mesh x ")
-            series = mesh_series(boards, found)
+            versions = mesh_versions(self.meshes, self.settings)
+            found, failed = self._run(shipped, versions, "other mesh ")
+            series = mesh_series(boards, found, finenesses(shipped, self.settings))
+            factors = mesh_factors(self.meshes, USUAL)
             known = update_uncertainty(known, boards, {"meshes": series}, failed, meshes=factors)
             write_record(place, known)
         if self.samples:
@@ -337,15 +339,14 @@ def _print_rows(board: Board) -> None:
 def _print_meshes(series: Mapping[Key, MeshSeries]) -> None:
     screen = console()
     table = Table(title="mesh: what other quads change", title_justify="left")
-    for name in ("what", "model", "coarsest to finest", "off by", "at most", "order", "verdict"):
+    head = ("what", "model", "coarsest to finest", "range", "at most", "off by", "order", "verdict")
+    for name in head:
         table.add_column(name)
     for (group, case, name, _), s in distinct(series):
-        order = s.convergence
         numbers = ", ".join(number(value, 4) for value in s.values)
-        off = (number(value, 3) for value in (s.error, s.bound))
-        words = order.why if order.order is None else number(order.order, 2)
-        cells = (f"{name} [{case or group}]", number(s.own, 3), numbers, *off, words, s.verdict)
-        table.add_row(*cells)
+        off = (number(value, 3) for value in (s.range, s.bound, s.error))
+        words = (s.order_text, s.verdict)
+        table.add_row(f"{name} [{case or group}]", number(s.own, 3), numbers, *off, *words)
     screen.print(table)
     screen.print(", ".join(f"{count} {word}" for word, count in tally(series).items()))
 

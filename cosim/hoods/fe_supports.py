@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache, partial
 
@@ -98,22 +98,30 @@ def layers_of(
 ) -> dict[str, Layer]:
     """What covers the bones, by body: its thickness and its modulus as fields on the grids of the
     `surfaces`."""
-    tissue, out = Tissue(moduli.shafts, moduli.faces, moduli.sides), {}
-    for body, surface in surfaces.items():
-        back, head = getattr(contact.offset, body), _head(contact, body)
-        joint = Joint.of(skeleton, body) if body in FLEXION else None
+    tissue = Tissue(moduli.shafts, moduli.faces, moduli.sides)
+    return {
+        body: Layer(
+            surface.field(_thickness(contact, body, skeleton)),
+            surface.field(_modulus(tissue, body, skeleton)),
+        )
+        for body, surface in surfaces.items()
+    }
 
-        def thickness(points: Array, back: float = back, head=head, joint=joint) -> Array:
-            over = np.full(len(points), back)
-            return over if head is None else over - thinner(points, joint, back, head)
 
-        def stiff(points: Array, joint=joint) -> Array:
-            if joint is None:
-                return np.full(len(points), tissue.shaft)
-            return modulus(points, joint, tissue)
+def _thickness(contact: ContactConfig, body: str, skeleton: Skeleton) -> Callable[[Array], Array]:
+    """Return the thickness (n,) m of what covers a bone, by points (n, 3) m in its frame."""
+    back, head = getattr(contact.offset, body), _head(contact, body)
+    if head is None:
+        return lambda points: np.full(len(points), back)
+    joint = Joint.of(skeleton, body)
+    return lambda points: back - thinner(points, joint, back, head)
 
-        out[body] = Layer(surface.field(thickness), surface.field(stiff))
-    return out
+
+def _modulus(tissue: Tissue, body: str, skeleton: Skeleton) -> Callable[[Array], Array]:
+    """Return the modulus (n,) Pa of what covers a bone, by points (n, 3) m in its frame."""
+    if body not in FLEXION:
+        return lambda points: np.full(len(points), tissue.shaft)
+    return partial(modulus, joint=Joint.of(skeleton, body), tissue=tissue)
 
 
 def _head(contact: ContactConfig, body: str) -> Head | None:

@@ -62,6 +62,16 @@ class HoodConfig(Table):
         return None
 
     @property
+    def mesh_fineness(self) -> int | None:
+        """The whole number by which its mesh is finer than the coarsest of one family; None where
+        it has no such meshes."""
+        return None
+
+    def mesh_values(self, fineness: int) -> dict[str, Any]:
+        """The values by dotted key that lay it on the mesh of its family that is so fine."""
+        return {}
+
+    @property
     def has_smooth_tangent(self) -> bool:
         """Whether it is a sheet that answers small changes by its tangent."""
         return False

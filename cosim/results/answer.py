@@ -97,11 +97,11 @@ def _slips(summary: Summary) -> str:
 
 def _strain(summary: Summary) -> str:
     strain = summary.get("strain_percent", {}).get("longitudinal")
-    if not strain:
+    if not strain or "p5" not in strain:  # of a run of an earlier version
         return ""
     return (
-        f"Longitudinal strain of the central region: {strain['min']:.2f} to {strain['max']:.2f} %, "
-        f"mean {strain['mean']:.2f} %."
+        f"Longitudinal strain over 90 % of the central region: {strain['p5']:.2f} to "
+        f"{strain['p95']:.2f} %, mean {strain['mean']:.2f} %."
     )
 
 

@@ -54,8 +54,8 @@ BOUNDS = {
     ),
     "layer_used_up": Bound(
         0.8,
-        "the tissue between hood and bone is used up, and what its law says there is no measurement;"
-        " write a larger hood.contact.layer or hood.contact.offset, or pull with less",
+        "the tissue between hood and bone is used up; write larger moduli (hood.contact.layer) or "
+        "heights (hood.contact.offset), or pull with less",
     ),
     "guide_depth_mm": Bound(
         0.05, "a tendon's line runs into the bone: raise its end on the metacarpal"

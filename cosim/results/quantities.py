@@ -29,6 +29,8 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<direction>": ("longitudinal", "lateral"),
     "<component>": ("longitudinal", "lateral", "shear"),
     "<statistic>": ("min", "mean", "max"),
+    "<percentile>": ("p5", "mean", "p95"),
+    "<extreme>": ("min", "max"),
     "<slip>": ("central", "terminal"),
     "<tension>": ("taut", "wrinkled", "slack"),
     "<place>": PLACES,
@@ -70,9 +72,13 @@ STATE = (
     Quantity("glide_mm.<place>", "glide of the <place>", True),
     Quantity("lateral_band_height_mm.<side>", "height of the <side> lateral band at the PIP", True),
     Quantity(
-        "strain_percent.<direction>.<statistic>",
-        "<direction> strain, central region, <statistic>",
+        "strain_percent.<direction>.<percentile>",
+        "<direction> strain, central region, <percentile>",
         True,
+    ),
+    Quantity(
+        "strain_percent.<direction>.<extreme>",
+        "<direction> strain, central region, <extreme> of the gauges at the markers",
     ),
     Quantity("posture_deg.<joint>", "<joint> angle", True),
     Quantity("tension_N.<tendon>", "tension of <tendon>"),
@@ -96,8 +102,8 @@ STATE = (
     Quantity("cable.*.tension_N", "tension of the cable *"),
     Quantity("cable.*.mean_strain_percent", "mean strain of the cable *"),
     Quantity(
-        "region_strain_percent.<region>.<direction>.<statistic>",
-        "<direction> strain of <region>, <statistic>",
+        "region_strain_percent.<region>.<direction>.<percentile>",
+        "<direction> strain of <region>, <percentile>",
     ),
     Quantity("region_force_N.<region>", "force that <region> transmits along its fibres"),
     Quantity("strip_arm_mm.<region>", "arm of the force in <region> about the PIP"),
@@ -127,12 +133,16 @@ CHANGES = (
 DIFFERENCE = (
     *(q for q in STATE if q.path.split(".")[0] in CHANGES),
     Quantity(
-        "engineering_strain_percent.<direction>.<statistic>",
-        "<direction> engineering strain, central region, <statistic>",
+        "engineering_strain_percent.<direction>.<percentile>",
+        "<direction> engineering strain, central region, <percentile>",
     ),
     Quantity(
-        "region_engineering_strain_percent.<region>.<direction>.<statistic>",
-        "<direction> engineering strain of <region>, <statistic>",
+        "engineering_strain_percent.<direction>.<extreme>",
+        "<direction> engineering strain, central region, <extreme> of the gauges at the markers",
+    ),
+    Quantity(
+        "region_engineering_strain_percent.<region>.<direction>.<percentile>",
+        "<direction> engineering strain of <region>, <percentile>",
     ),
     Quantity(
         "marker_strain_percent.<direction>.<statistic>",

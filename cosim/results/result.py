@@ -102,11 +102,13 @@ class Result(CaseParts):
 
     @property
     def strain(self) -> pandas.DataFrame:
-        """%, of the hood's central region: minimum, mean and maximum, a column each, along the
-        finger (longitudinal) and across it (lateral).  Empty of a hood without a sheet."""
+        """%, of the hood's central region: 5th percentile, mean and 95th percentile over its area,
+        a column each, along the finger (longitudinal) and across it (lateral).  Empty of a hood
+        without a sheet."""
         import pandas
 
-        return pandas.DataFrame(self.summary.get("strain_percent", {})).T
+        table = pandas.DataFrame(self.summary.get("strain_percent", {})).T
+        return table.drop(columns=["min", "max"], errors="ignore")
 
     @property
     def joint_torques(self) -> pandas.DataFrame:

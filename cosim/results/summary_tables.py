@@ -22,18 +22,23 @@ ELSEWHERE = ("strain_percent", "energy_mJ")
 Row = tuple[str, ...]
 
 
-def tables(summary: Mapping[str, Any]) -> list[Table]:
+def tables(
+    summary: Mapping[str, Any], mesh_errors: Mapping[str, float] | None = None
+) -> list[Table]:
     """`rows_of` for the terminal."""
-    return [_table(header, rows) for header, rows in rows_of(summary)]
+    return [_table(header, rows) for header, rows in rows_of(summary, mesh_errors)]
 
 
-def rows_of(summary: Mapping[str, Any]) -> list[tuple[Row, list[Row]]]:
-    """Header and rows of three tables: the states side by side, the tendons, and the checks."""
-    state = ("", "loaded", "at rest")
+def rows_of(
+    summary: Mapping[str, Any], mesh_errors: Mapping[str, float] | None = None
+) -> list[tuple[Row, list[Row]]]:
+    """Header and rows of three tables: the states side by side, the tendons, and the checks; with
+    how far loaded numbers may be off by their mesh, by path, beside them."""
+    state = ("", "loaded", "mesh error", "at rest")
     arms = [f"arm {joint.replace('_', ' ')} mm" for joint in _joints(summary)]
     tendon = ("tendon", "tension N", "excursion mm", *arms)
     blocks = [
-        (state, [row for row in _states(summary) if any(row[1:])]),
+        (state, [row for row in _states(summary, mesh_errors or {}) if any(row[1:])]),
         (tendon, [row for row in _tendons(summary) if any(row[1:])]),
         (("", ""), [row for row in _checks(summary) if row[1]]),
     ]
@@ -95,11 +100,12 @@ def _number(value: Any, digits: int = 4) -> str:
     return "" if value is None else f"{value + 0.0:.{digits}g}"  # no minus zero
 
 
-def _states(summary: Mapping[str, Any]) -> Iterator[Row]:
+def _states(summary: Mapping[str, Any], errors: Mapping[str, float]) -> Iterator[Row]:
     for label, path in key_quantities(summary):
         if path.split(".")[0] not in ELSEWHERE:
-            values = (value_of(summary, place + path) for place in ("", "unloaded."))
-            yield (f"{label}, {unit_of(path)}", *map(_number, values))
+            loaded, rest = (_number(value_of(summary, at + path)) for at in ("", "unloaded."))
+            error = f"± {errors[path]:.2g}" if path in errors else ""
+            yield (f"{label}, {unit_of(path)}", loaded, error, rest)
 
 
 def _joints(summary: Mapping[str, Any]) -> tuple[str, ...]:
@@ -116,8 +122,9 @@ def _tendons(summary: Mapping[str, Any]) -> Iterator[Row]:
 
 def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     for direction, strain in (_at(summary, "strain_percent") or {}).items():
-        low, mean, high = (_number(strain.get(key)) for key in ("min", "mean", "max"))
-        yield f"{direction} strain %", f"{low} to {high}, mean {mean}"
+        low, mean, high = (strain.get(key) for key in ("p5", "mean", "p95"))
+        words = f"{_number(low)} to {_number(high)}, mean {_number(mean)}"
+        yield f"{direction} strain %, 5th to 95th percentile", words if low is not None else ""
     if (device := _at(summary, "fingertip_device")) is not None:
         rest = {True: ", came to rest", False: ", still moving at the end"}
         yield "fingertip device", device + rest.get(_at(summary, "came_to_rest"), "")

@@ -246,8 +246,8 @@ def uncertainty_part(part: str, numbers: Numbers) -> Part:
             observed = sum(one.convergence.order is not None for one in touched)
             words = (
                 f"on {len(known.meshes)} meshes; of {len(touched)} that the mesh touches an order "
-                f"is observed for {observed}, {tally(series)['beyond']} are off by more than they "
-                "should"
+                f"is observed for {observed}, {tally(series)['beyond']} show none and change by "
+                "more than they may"
             )
             return Part(len(series), of, words)
         case "inputs":

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cosim.analyses.mesh_series import MeshSeries
 from cosim.files import output_file
 from cosim.report.templates import template
 from cosim.results.compare import (
@@ -17,7 +18,7 @@ from cosim.results.compare import (
     reference_text,
 )
 from cosim.results.picture import as_png, data_address
-from cosim.validation.mesh import MeshSeries, distinct, tally
+from cosim.validation.mesh import distinct, tally
 from cosim.validation.plots import draw_budgets, draw_kind, draw_rows
 from cosim.validation.run import Board, by_kind
 from cosim.validation.scoreboard import JudgedBoard
@@ -137,16 +138,16 @@ def _cells(row: Comparison, of_row: Budget, known: NumberUncertainty | None) -> 
 
 def _mesh_row(key: Key, series: MeshSeries) -> dict[str, str]:
     group, case, name, _ = key
-    order = series.convergence
     return {
         "name": name,
         "where": case or group,
         "model": number(series.own),
         "values": ", ".join(map(number, series.values)),
-        "order": order.why if order.order is None else number(order.order, 2),
+        "order": series.order_text,
+        "range": number(series.range, 3),
         "off": number(series.error, 3),
         "index": number(series.index, 3),
         "bound": number(series.bound, 3),
         "verdict": series.verdict,
-        "shape": {"beyond": "▲", "within": "●", "no value": "✕"}[series.verdict],
+        "shape": {"beyond": "▲", "no value": "✕", "converges": "◆", "within": "●"}[series.verdict],
     }

@@ -15,10 +15,10 @@ from math import hypot, inf, sqrt
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
+from cosim.analyses.mesh_series import MeshSeries
 from cosim.results.compare import Comparison, number
 from cosim.text_tables import read_json_file
 from cosim.validation.inputs import InputSpread
-from cosim.validation.mesh import MeshSeries
 from cosim.validation.records import Record, check_record
 from cosim.validation.run import Board
 from cosim.validation.versions import Key, key_of
@@ -69,7 +69,7 @@ class UncertaintyFile(Record):
     format: Literal["cosim uncertainty 1"] = "cosim uncertainty 1"
     version: str = __version__
     meshes: tuple[float, ...] = ()
-    """Quads over those of the case; empty: none were tried."""
+    """Quads over those of a case of the usual fineness; empty: none were tried."""
     samples: int = 0
     """Of the inputs."""
     failed: Mapping[str, str] = {}

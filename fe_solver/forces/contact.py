@@ -8,8 +8,8 @@ from a gap of `smoothing` on.  With the multiplier p, k m(s) = p: at a gap of ze
 p, whatever k and the smoothing are.  `fe_solver.solver.augmented_contact` finds the multipliers
 whose gaps vanish (augmented Lagrangian), so that neither k nor the smoothing is left in the answer.
 
-In place of the penalty a `fe_solver.forces.layer.Layer` of tissue may press: its pressure is that of
-a depth of -g in a layer as thick and as stiff as it is there, and no multiplier is sought.
+In place of the penalty a `fe_solver.forces.layer.Layer` of tissue may press: its pressure is that
+of a depth of -g in a layer as thick and as stiff as it is there, and no multiplier is sought.
 """
 
 from __future__ import annotations
@@ -369,7 +369,8 @@ class ContactState(NamedTuple):
 
 
 def normal_pressure(contact: Contact, local: Array, depth: Array) -> Array:
-    """The pressure (k,) Pa on the points at places `local` (k, 3), body frame, at `depth` (k,) m."""
+    """Return the pressure (k,) Pa on points at places `local` (k, 3), body frame, at `depth` (k,)
+    m."""
     if contact.layer is None:
         return np.asarray(contact.stiffness * ramp(depth, contact.smoothing)[1])
     h, modulus = (f.distance(local).value for f in (contact.layer.thickness, contact.layer.modulus))
@@ -377,8 +378,8 @@ def normal_pressure(contact: Contact, local: Array, depth: Array) -> Array:
 
 
 def compression(contact: Contact, x: Array, position: Array, rotation: Array) -> Array:
-    """The share (k,) of its thickness by which the layer is compressed at each point; of a penalty
-    there is none."""
+    """Return the share (k,) of its thickness by which the layer is compressed at each point; of a
+    penalty there is none."""
     if contact.layer is None:
         return np.zeros(len(contact.nodes))
     local = contact.local(x, position, rotation)

@@ -1,5 +1,4 @@
-"""A layer of tissue between a hood and a bone, which gives under pressure and stiffens as it is used
-up.
+"""A layer of tissue between a hood and a bone, which gives and stiffens as it is used up.
 
 Compressed by the share e of its thickness h, a layer of modulus M bears the pressure
 

@@ -217,9 +217,9 @@ def heights(sheet: Sheet) -> Array:
 def _contacts(
     sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
-    """Contacts with every body: through a layer of the points within the elements of the nodes, which
-    feel where on a chord the sheet touches, so that the answer does not follow the nodes as they
-    slide over a head; by a penalty of the nodes, or of the points within quadratic elements.
+    """Contacts with every body: through a layer of the points within the elements of the nodes,
+    which feel where on a chord the sheet touches, so that the answer does not follow the nodes as
+    they slide over a head; by a penalty of the nodes, or of the points within quadratic elements.
 
     Augmented contact is the nodes' in any element: a sheet cannot lie on its level in more points
     than it has nodes."""

@@ -33,7 +33,7 @@ SUMMARY = {
     "slip_force_N": {"central": 1.5, "terminal": 0.75},
     "fingertip_force_N": {"distal": 0.24, "radial": -0.03, "dorsal": 0.39},
     "fingertip_magnitude_N": 0.459,
-    "strain_percent": {"longitudinal": {"min": -1.0, "mean": 0.8, "max": 6.95}},
+    "strain_percent": {"longitudinal": {"p5": -1.0, "mean": 0.8, "p95": 6.95}},
     "max_penetration_mm": 0.012,
     "moment_arm_mm": {"EDC": {"MCP": -7.4, "MCP_abduction": 0.1, "PIP": -5.2, "DIP": -2.1}},
     "audit": {"hood_force_balance": 3e-13},
@@ -483,6 +483,7 @@ def test_the_glossary_explains_words_and_axes():
 
 LONG = [
     ("ladder", "pulley_edc", "-o"),
+    ("converge", "isometric_edc", "-o"),
     ("lesion", "lesion_mallet", "--page"),
     ("sensitivity", "isometric_edc", "-o"),
     ("reduce", "fingertip_isotropic_edc", "-o"),

@@ -123,7 +123,7 @@ def test_of_a_slack_central_slip_there_is_no_ratio(summaries):
         *("energy_mJ.artificial", "cable.central_slip.tension_N", "tension_N.RI"),
         *("one_way.interface_residual", "step_control.accepted", "audit.torque_balance_at_rest"),
         *("excursion_mm.FDP", "fingertip_moment_Nmm.palmar", "muscle.EDC.pennation_deg"),
-        *("region_strain_percent.central_band.lateral.min", "air.EDC.pressure_kPa"),
+        *("region_strain_percent.central_band.lateral.p5", "air.EDC.pressure_kPa"),
     ],
 )
 def test_what_runs_of_other_kinds_have_is_no_misspelling(quantity, summaries):
@@ -139,7 +139,7 @@ def test_null_is_no_misspelling(summaries):
 @pytest.mark.parametrize(
     ("quantity", "match"),
     [
-        ("strain_percent.lateral", "is no number; it has the parts min, mean, max"),
+        ("strain_percent.lateral", "is no number; it has the parts p5, mean, p95, min, max"),
         ("converged", "is no number"),
         ("fingertip_magnitude_N.0", "nothing in fingertip_magnitude_N"),
         ("fingertip_force_N.up", "There are distal, radial, dorsal, proximal, ulnar, palmar"),

@@ -58,6 +58,7 @@ def stretch(mesh: HoodMesh, along: float, across: float) -> ShellView:
         spring_set=(),
         spring_node=np.zeros(0, dtype=int),
         penetration=0.0,
+        compression=None,
         guide_depth=0.0,
         unstable_modes=0,
         glide={},
@@ -82,12 +83,28 @@ def test_strain_counts_from_free_of_stress_or_from_the_unloaded_state():
         green = change["strain_percent"][direction]
         seen = change["engineering_strain_percent"][direction]
         markers = change["marker_strain_percent"][direction]
+        slip = change["region_engineering_strain_percent"]["terminal_slip"][direction]
         for key in ("min", "mean", "max"):
+            assert markers[key] == pytest.approx(100 * (r - 1))
+        for key in ("p5", "mean", "p95"):
             assert green[key] == pytest.approx(100 * (r**2 - 1) / 2)
             assert seen[key] == pytest.approx(100 * (r - 1))
-            assert markers[key] == pytest.approx(100 * (r - 1))
-        slip = change["region_engineering_strain_percent"]["terminal_slip"][direction]
-        assert slip["mean"] == pytest.approx(100 * (r - 1))
+            assert slip[key] == pytest.approx(100 * (r - 1))
+
+
+def test_percentiles_are_over_the_area_and_no_single_quad_makes_them():
+    found = []
+    for rows in (40, 120):
+        look = stretch(strip(rows), 1.0, 1.0)
+        band = np.flatnonzero(look.region == BAND)
+        place = look.points[look.quads[band]].mean(axis=1)[:, 0]
+        look.strain[band, 0] = 0.02 * place / 32e-3  # even from 0 to 2 %
+        look.area[band] *= np.where(place > 16e-3, 3.0, 1.0)  # of which 1 to 2 % has three quarters
+        look.strain[band[-1], 0] = 1.0  # one quad gone wild
+        found.append(strain_summary(look)["region_strain_percent"]["central_band"]["longitudinal"])
+    for spread in found:
+        assert spread["p5"] == pytest.approx(0.2, abs=0.02)
+        assert spread["p95"] == pytest.approx(2 - 0.05 * 4 / 3, abs=0.05)
 
 
 def test_the_mean_is_over_the_area():

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cosim.analyses.mesh_series import MeshSeries, mesh_factors
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
@@ -24,7 +25,6 @@ from cosim.validation.inputs import (
     input_versions,
     read_inputs,
 )
-from cosim.validation.mesh import MeshSeries, mesh_factors
 from cosim.validation.ratios import share_group
 from cosim.validation.records import write_record
 from cosim.validation.run import Board, choose_groups
@@ -53,7 +53,7 @@ NUMBER = {
     "unit": "N",
     "model": 1.2,
 }
-MESHES = MeshSeries(factors=mesh_factors(3), values=(1.29, 1.2, 1.16), bound=0.024)
+MESHES = MeshSeries(factors=mesh_factors(3, 2), values=(1.29, 1.2, 1.16), bound=0.024)
 INPUTS = InputSpread(nominal=1.0, mean=1.04, sd=0.03, samples=16, failed=0)
 KNOWN = NumberUncertainty(**NUMBER, meshes=MESHES, inputs=INPUTS)
 

@@ -9,23 +9,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.results.compare import Comparison, Target
-from cosim.validation.mesh import (
+from cosim.analyses.mesh_series import (
     FORMAL,
-    RATIO,
     VERDICTS,
     MeshSeries,
-    distinct,
     mesh_factors,
+    mesh_family,
+    observe_order,
+)
+from cosim.results.compare import Comparison, Target
+from cosim.validation.mesh import (
+    distinct,
+    finenesses,
     mesh_series,
     mesh_versions,
-    observe_order,
     tally,
 )
 from cosim.validation.run import Board, choose_groups
 from cosim.validation.versions import Key
 
-EDGES = np.array([RATIO, 1.0, 1 / RATIO])
+EDGES = np.array([2.0, 1.0, 2 / 3])
 """Of the quads, from the coarsest mesh to the finest; the case's own in the middle."""
 
 
@@ -37,14 +40,22 @@ def row(model: float | None, quantity: str, unit: str, name: str = "") -> Compar
 
 
 def series_of(*meshes: list[Comparison]) -> dict[Key, MeshSeries]:
-    """The series of rows on the own mesh, on a finer one, and on one before them."""
+    """The series of rows on the own mesh, and on finer ones."""
     own, *others = (Board("force", tuple(rows), {}) for rows in meshes)
-    names = ["2.25", "0.444444"][: len(others)]
-    return mesh_series([own], {name: [b] for name, b in zip(names, others, strict=True)})
+    return mesh_series([own], {str(i): [b] for i, b in enumerate(others)})
 
 
 def three(values: np.ndarray) -> MeshSeries:
-    return MeshSeries(factors=mesh_factors(3), values=tuple(map(float, values)), bound=0.1)
+    return MeshSeries(factors=mesh_factors(3, 2), values=tuple(map(float, values)), bound=0.1)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("edges", [(1, 1 / 2, 1 / 3), (1 / 2, 1 / 3, 1 / 4), (1, 0.9, 0.3)])
+def test_an_order_is_found_on_edges_of_unequal_ratios(order, edges):
+    found = observe_order([0.23 - 0.01 * h**order for h in edges], edges)
+    assert found.order == pytest.approx(order)
+    if order <= FORMAL:
+        assert found.limit == pytest.approx(0.23)
 
 
 @given(
@@ -53,7 +64,7 @@ def three(values: np.ndarray) -> MeshSeries:
     st.sampled_from([-1.0, 0.3, 2.0]),
 )
 def test_the_order_and_the_limit_of_a_power_of_the_edges_are_found(order, limit, slope):
-    found = observe_order(list(limit + slope * EDGES**order), RATIO)
+    found = observe_order(list(limit + slope * EDGES**order), EDGES)
     assert found.why == ""
     assert found.order == pytest.approx(order, rel=1e-6)
     assert found.limit == pytest.approx(limit, abs=1e-6)
@@ -61,9 +72,9 @@ def test_the_order_and_the_limit_of_a_power_of_the_edges_are_found(order, limit,
 
 def test_an_order_beyond_that_of_the_elements_is_told_and_not_used():
     values = 1 + 0.1 * EDGES**4
-    found = observe_order(list(values), RATIO)
+    found = observe_order(list(values), EDGES)
     assert found.order == pytest.approx(4)
-    assert found.limit == pytest.approx(values[2] - (values[1] - values[2]) / (RATIO**FORMAL - 1))
+    assert found.limit == pytest.approx(values[2] - (values[1] - values[2]) / (1.5**FORMAL - 1))
 
 
 @pytest.mark.parametrize(
@@ -92,7 +103,7 @@ def test_an_observed_order_gives_a_quarter_of_safety_on_the_own_mesh():
 
 
 def test_a_mesh_without_a_result_leaves_no_order_and_is_named():
-    series = MeshSeries(factors=mesh_factors(3), values=(1.1, 1.0, None), bound=0.2)
+    series = MeshSeries(factors=mesh_factors(3, 2), values=(1.1, 1.0, None), bound=0.2)
     assert series.convergence.order is None
     assert "2.2 times the quads" in series.convergence.why
     assert series.verdict == "no value"
@@ -100,16 +111,22 @@ def test_a_mesh_without_a_result_leaves_no_order_and_is_named():
 
 
 def test_three_meshes_stand_about_the_own_and_further_ones_are_finer():
-    assert mesh_factors(2) == pytest.approx((1, 2.25))
-    assert mesh_factors(3) == pytest.approx((1 / 2.25, 1, 2.25))
-    assert mesh_factors(4) == pytest.approx((1 / 2.25, 1, 2.25, 2.25**2))
+    assert mesh_factors(2, 2) == (1, 2.25)
+    assert mesh_factors(3, 2) == (0.25, 1, 2.25)
+    assert mesh_factors(3, 3) == pytest.approx((4 / 9, 1, 16 / 9))
+    assert mesh_factors(4, 2) == (0.25, 1, 2.25, 4)
+
+
+def test_the_coarsest_mesh_has_only_finer_ones_beside_it():
+    assert mesh_family(3, 1) == (1, 2, 3)
+    assert mesh_factors(3, 1) == (1, 4, 9)
 
 
 @pytest.mark.parametrize(
     ("unit", "model", "bound"),
-    [("%", 5.0, 0.1), ("%", -0.01, 0.1), ("N", -3.0, 0.06), ("mm", 0.5, 0.01), ("1", 1.7, 0.034)],
+    [("%", 5.0, 0.2), ("%", -0.01, 0.2), ("N", -3.0, 0.03), ("mm", 0.5, 0.005), ("1", 1.7, 0.017)],
 )
-def test_a_strain_may_be_off_by_a_tenth_of_a_point_and_a_number_by_a_fiftieth(unit, model, bound):
+def test_a_strain_may_change_by_a_fifth_of_a_point_and_a_number_by_a_hundredth(unit, model, bound):
     for share, verdict in ((0.99, "within"), (-0.99, "within"), (1.01, "beyond")):
         (found,) = series_of(
             [row(model, "q", unit)], [row(model + share * bound, "q", unit)]
@@ -122,9 +139,9 @@ def test_a_strain_may_be_off_by_a_tenth_of_a_point_and_a_number_by_a_fiftieth(un
 def test_a_component_is_held_to_its_force_and_an_angle_to_the_turn_of_such_a_change():
     force = {"distal": 0.0, "palmar": 3.0, "radial": -4.0}
     before = [row(v, f"force_N.{k}", "N") for k, v in force.items()]
-    after = [row(v + 0.05, f"force_N.{k}", "N") for k, v in force.items()]
-    found = series_of([*before, row(10.0, "a_deg", "deg")], [*after, row(11.0, "a_deg", "deg")])
-    assert [s.bound for s in found.values()] == pytest.approx([0.1, 0.1, 0.1, np.degrees(0.02)])
+    after = [row(v + 0.04, f"force_N.{k}", "N") for k, v in force.items()]
+    found = series_of([*before, row(10.0, "a_deg", "deg")], [*after, row(10.5, "a_deg", "deg")])
+    assert [s.bound for s in found.values()] == pytest.approx([0.05, 0.05, 0.05, np.degrees(0.01)])
     assert {s.verdict for s in found.values()} == {"within"}
 
 
@@ -147,19 +164,24 @@ def test_numbers_of_one_quantity_that_differ_are_all_told():
 
 
 def test_a_trial_that_failed_on_the_finer_mesh_has_no_value_and_the_misses_come_first():
-    before = [row(1.0, name, "N") for name in ("a", "b", "c")]
-    after = [row(1.001, "a", "N"), row(None, "b", "N"), row(2.0, "c", "N")]
-    found = series_of(before, after)
+    before = [row(1.0, name, "N") for name in "abcd"]
+    after = [row(v, n, "N") for n, v in zip("abcd", (1.001, None, 2.0, 1.2), strict=True)]
+    finer = [row(v, n, "N") for n, v in zip("abcd", (1.002, 1.0, 2.5, 0.96), strict=True)]
+    found = series_of(before, after, finer)
     assert [s.verdict for _, s in distinct(found)] == list(VERDICTS)
-    assert tally(found) == {"beyond": 1, "no value": 1, "within": 1}
+    assert tally(found) == dict.fromkeys(VERDICTS, 1)
 
 
 def test_only_hoods_that_are_generated_are_laid_out_anew():
-    (version,) = mesh_versions((1.0, 2.25), ["hood.mesh.quads=400"]).values()
-    trials = {t.name: t for g in choose_groups(None) for t in g.trials if not t.study}
-    meshed = version(trials["strain soft ti"])
-    assert meshed.hood.generated_quads == 900
-    (version,) = mesh_versions((1.0, 2.25)).values()
+    coarse, fine = mesh_versions(3, ["hood.mesh.quads=400"]).values()
+    groups = choose_groups(None)
+    trials = {t.name: t for g in groups for t in g.trials if not t.study}
+    meshed = [version(trials["strain soft ti"]) for version in (coarse, fine)]
+    assert [case.hood.generated_quads for case in meshed] == [104, 936]
+    assert finenesses(choose_groups("strain soft ti"), ["hood.mesh.quads=1000"]) == {
+        "strain soft ti": 3
+    }
+    (version,) = mesh_versions(2).values()
     for name in ("force split EDC", "middle_minorflex_fdp"):
         assert version(trials[name]).hood.generated_quads is None
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cosim.analyses.mesh_series import MeshSeries, mesh_factors
 from cosim.results.compare import Comparison, Target
 from cosim.validation.inputs import InputSpread
-from cosim.validation.mesh import MeshSeries, mesh_factors
 from cosim.validation.plots import (
     NO_TENDON,
     SHAPES,
@@ -94,7 +94,7 @@ def test_a_row_goes_to_the_tendon_that_it_names(name: str, tendon: str) -> None:
 def test_a_budget_has_a_bar_for_each_part_and_a_mark_of_the_error() -> None:
     target = Target(*("EDC, distal", "q", "N", 0.9, 0.2, None, None, "s", "experiment", "c"), n=3)
     row_of = Comparison(target, 1.0)
-    series = MeshSeries(factors=mesh_factors(3), values=(1.1, 1.0, 0.95), bound=0.02)
+    series = MeshSeries(factors=mesh_factors(3, 2), values=(1.1, 1.0, 0.95), bound=0.02)
     inputs = InputSpread(nominal=1.0, mean=1.0, sd=0.05, samples=16, failed=0)
     known = NumberUncertainty(
         group="g",

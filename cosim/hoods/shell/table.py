@@ -35,6 +35,7 @@ from cosim.schema.types import (
     Table,
     Thickness,
 )
+from meshes.hood_lines import fineness, quads_of
 from meshes.hood_mesh import REGIONS, SPRINGS
 
 SHEET_SUPPORTS = ("oblique_retinacular_radial", "oblique_retinacular_ulnar", "dorsal_capsule")
@@ -65,8 +66,9 @@ class GeneratedMeshConfig(Table):
     "one_sheet" its wings reach the central slip's insertion, without a triangular ligament."""
 
     kind: Literal["generated"]
-    quads: Annotated[Count, Field(ge=120, le=20000)]
-    """Elements, about: whole rows and columns are made."""
+    quads: Annotated[Count, Field(ge=100, le=20000)]
+    """Elements, about: rows and columns are whole multiples of the coarsest mesh's, which makes
+    104, 416, 936, 1664, ... of four nodes."""
     elements: Literal["linear", "quadratic"] = "linear"
     """Four nodes ("linear") or nine ("quadratic")."""
     layout: Literal["anatomical", "one_sheet"] = "anatomical"
@@ -322,6 +324,17 @@ class ShellHoodConfig(HoodConfig):
     @property
     def generated_quads(self) -> int | None:
         return self.mesh.quads if self.mesh.kind == "generated" else None
+
+    @property
+    def mesh_fineness(self) -> int | None:
+        if self.mesh.kind == "file":
+            return None
+        return fineness(self.mesh.quads, self.mesh.elements == "quadratic")
+
+    def mesh_values(self, fineness: int) -> dict[str, Any]:
+        if self.mesh.kind == "file":
+            return {}
+        return {"hood.mesh.quads": quads_of(fineness, self.mesh.elements == "quadratic")}
 
     @property
     def has_smooth_tangent(self) -> bool:

@@ -41,6 +41,8 @@ from meshes.hood_mesh import REGIONS, HoodMesh, display_quads
 from meshes.markers import Markers
 from meshes.skeleton import BODIES, JOINTS, Skeleton
 
+PERCENTILES = (0.05, 0.95)
+"""Of the area of a region, what a strain is summed up by beside its mean."""
 SAME_LINE = 1e-9
 """rad, fibres and mesh lines nearer than that are one."""
 Range = dict[str, float]
@@ -325,7 +327,7 @@ def gauge_strains(strain: Array, view: ShellView) -> Array:
 
 
 def _over_central(strain: Array, view: ShellView) -> dict[str, Range]:
-    """Mean over the area, extremes of what the gauges read."""
+    """Mean and percentiles over the area, extremes of what the gauges read."""
     out = _by_direction(strain, view.area, view.central)
     for name, read in zip(DIRECTIONS, gauge_strains(strain, view).T, strict=True):
         out[name] |= {"min": 100 * float(read.min()), "max": 100 * float(read.max())}
@@ -343,7 +345,21 @@ def _by_direction(strain: Array, area: Array, cells: np.ndarray) -> dict[str, Ra
 
 def _ranges(strain: Array, area: Array) -> Iterator[tuple[str, Range]]:
     for name, column in zip(DIRECTIONS, strain.T[:2], strict=True):
-        yield name, _range(column, area)
+        yield name, _spread(column, area)
+
+
+def _spread(values: Array, weight: Array) -> Range:
+    """Mean and percentiles over the area.  Unlike extremes, which a finer mesh takes nearer to what
+    holds the sheet, they converge."""
+    order = np.argsort(values)
+    share = (np.cumsum(weight[order]) - weight[order] / 2) / weight.sum()
+    low, high = np.interp(PERCENTILES, share, values[order])
+    mean = values @ weight / weight.sum()
+    return {
+        "p5": 100 * float(low),
+        "mean": 100 * float(mean),
+        "p95": 100 * float(high),
+    }
 
 
 def _range(values: Array, weight: Array) -> Range:

@@ -1,0 +1,218 @@
+"""A case on several meshes of its hood's family: what the first numbers of its result owe to them.
+
+The hood's rows and columns are whole multiples of the coarsest mesh's (`meshes.hood_lines`), so
+that edges go by one factor everywhere; orders, limits and indices as of
+`cosim.analyses.mesh_series`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from cosim.analyses.mesh_series import (
+    MeshSeries,
+    bound,
+    mesh_factors,
+    mesh_family,
+    on_mesh,
+    vector_sizes,
+)
+from cosim.case.schema import Case
+from cosim.errors import CosimError, InputError, Progress, quiet
+from cosim.json_text import json_text
+from cosim.pipeline import run_cases
+from cosim.results.audit import describe_misses
+from cosim.results.compare import number, numbers_of, unit_of, value_of
+from cosim.results.quantities import key_quantities, meaning_of
+from cosim.results.result import Result
+
+MOST_MESHES = 6
+FORMAT = "cosim convergence 1"
+BETWEEN = ("marker_strain_percent", "grid_strain_percent", "gauge_strain_percent")
+"""Changes of distances between points, which are strains at any mesh."""
+ELSEWHERE = ("energy_mJ",)
+"""What one asks for first of a motion alone."""
+UNTOUCHED = 1e-7
+"""A number that changes by less of itself, or of one, is not touched by the mesh."""
+Summary = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class MeshNumber:
+    """One of the first numbers, on every mesh."""
+
+    label: str
+    path: str
+    unit: str
+    series: MeshSeries
+
+
+@dataclass(frozen=True)
+class MeshStudy:
+    """A case on several meshes, the coarsest first."""
+
+    case: Case
+    own: int
+    """The place of the case's own mesh."""
+    quads: tuple[int | None, ...]
+    """Elements of each mesh; None of one without a result."""
+    numbers: tuple[MeshNumber, ...]
+    reasons: Mapping[str, str]
+    """Why meshes have no result, by their name."""
+    missed: Mapping[str, list[str]]
+    """What audits missed, by the name of the mesh."""
+
+
+def meshes_of(case: Case, count: int) -> list[Case]:
+    """The case on so many meshes, the coarsest first.
+
+    Raises InputError for a motion, and for a case whose hood has no such meshes."""
+    own = case.hood.mesh_fineness
+    if own is None:
+        raise InputError(
+            f"{case.name}: its hood ({case.hood.kind}) has no mesh that can be refined by one "
+            'factor everywhere, as a shell with hood.mesh.kind = "generated" has; of a mesh file '
+            "of your own write a finer one and compare the runs"
+        )
+    if case.forward is not None:
+        raise InputError(
+            f"{case.name}: is a motion; converge compares equilibria. Leave out [forward]"
+        )
+    return [on_mesh(case, fineness) for fineness in mesh_family(count, own)]
+
+
+def solve_meshes(
+    case: Case, count: int = 3, workers: int = 1, progress: Progress = quiet
+) -> MeshStudy:
+    """The case on its own mesh and others, in so many processes; `progress` is called as each ends.
+
+    Raises InputError as `meshes_of`, and the error of the case on its own mesh."""
+    cases = meshes_of(case, count)
+    names = [f"{each.hood.generated_quads} quads" for each in cases]
+    summaries: dict[int, Summary] = {}
+    errors: dict[int, CosimError] = {}
+    for i, outcome in run_cases(cases, _plain_summary, workers):
+        if outcome.value is not None:
+            summaries[i] = outcome.value
+        elif outcome.error is not None:
+            errors[i] = outcome.error
+        progress(f"{names[i]}: {outcome.reason or 'done'}")
+    own = cases.index(case)
+    if own in errors:
+        raise type(errors[own])(f"{case.name}: {errors[own]}") from errors[own]
+    return MeshStudy(
+        case,
+        own,
+        tuple(summaries.get(i, {}).get("hood_quads") for i in range(count)),
+        tuple(_numbers(case, [summaries.get(i, {}) for i in range(count)], own)),
+        {names[i]: str(error) for i, error in errors.items()},
+        {names[i]: list(describe_misses(summary)) for i, summary in summaries.items()},
+    )
+
+
+def _plain_summary(result: Result) -> Summary:
+    summary: Summary = json.loads(json_text(result.summary))
+    return summary
+
+
+def _numbers(case: Case, summaries: Sequence[Summary], own: int) -> Iterator[MeshNumber]:
+    """The first numbers that a mesh touches."""
+    known, sizes = summaries[own], vector_sizes(numbers_of(summaries[own]))
+    factors = mesh_factors(len(summaries), case.hood.mesh_fineness or 1)
+    for label, path in first_numbers(case, known):
+        values = tuple(value_of(summary, path) for summary in summaries)
+        of_own, unit = values[own], unit_of(path)
+        found = [v for v in values if v is not None]
+        if of_own is not None and max(found) - min(found) > UNTOUCHED * max(1.0, abs(of_own)):
+            most = bound(path, of_own, unit, sizes)
+            yield MeshNumber(
+                label, path, unit, MeshSeries(factors=factors, values=values, bound=most)
+            )
+
+
+def first_numbers(case: Case, summary: Summary) -> Iterator[tuple[str, str]]:
+    """Label and path of what one asks for first, of the arms of the tendons that are pulled, and of
+    the strains between markers and the user's points."""
+    for label, path in key_quantities(summary):
+        if path.partition(".")[0] not in ELSEWHERE:
+            yield label, path
+    pulls = summary.get("tension_N", {}).items()
+    pulled = [tendon for tendon, pull in pulls if pull > case.solve.resting_tension]
+    arms = tuple(f"moment_arm_mm.{tendon}." for tendon in pulled)
+    for path in numbers_of(summary):
+        if path.startswith(arms):
+            yield meaning_of(path, summary), path
+        elif path.startswith(tuple(f"difference.{strain}." for strain in BETWEEN)):
+            yield meaning_of(path, summary).removesuffix(", loaded less unloaded"), path
+
+
+def table_of(study: MeshStudy) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Header and rows for people; a star stands at the case's own mesh."""
+    meshes = ("no result" if n is None else str(n) for n in study.quads)
+    heads = [f"{name} *" if i == study.own else name for i, name in enumerate(meshes)]
+    rows = []
+    for n in study.numbers:
+        values = (number(value) for value in n.series.values)
+        of_own = (number(v, 2) for v in (n.series.error, n.series.index))
+        limit = number(n.series.convergence.limit)
+        words = (n.series.order_text, limit, *of_own, n.series.verdict)
+        rows.append((f"{n.label}, {n.unit}", *values, *words))
+    return ("on so many quads", *heads, "order", "limit", "error *", "GCI *", "verdict"), rows
+
+
+def records(study: MeshStudy) -> list[dict[str, Any]]:
+    """The numbers with all that is said of them, for files and tables."""
+    return [
+        {
+            "quantity": n.path,
+            "meaning": n.label,
+            "unit": n.unit,
+            "values": list(n.series.values),
+            "value": n.series.own,
+            "range": n.series.range,
+            "bound": n.series.bound,
+            "order": n.series.convergence.order,
+            "why_no_order": n.series.convergence.why,
+            "limit": n.series.convergence.limit,
+            "error": n.series.error,
+            "gci": n.series.index,
+            "verdict": n.series.verdict,
+        }
+        for n in study.numbers
+    ]
+
+
+def to_json(study: MeshStudy) -> str:
+    """Everything."""
+    content = {
+        "format": FORMAT,
+        "case": study.case.name,
+        "quads": study.quads,
+        "factors": mesh_factors(len(study.quads), study.case.hood.mesh_fineness or 1),
+        "own": study.own,
+        "reasons": study.reasons,
+        "missed": study.missed,
+        "numbers": records(study),
+    }
+    return json_text(content, 2, ensure_ascii=True) + "\n"
+
+
+def to_csv(study: MeshStudy) -> str:
+    """A row for each number, a column for each mesh."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    meshes = [
+        f"quads_{n if n is not None else f'of_mesh_{i + 1}'}" for i, n in enumerate(study.quads)
+    ]
+    names = [name for name in records(study)[0] if name != "values"] if study.numbers else []
+    writer.writerow([*names[:3], *meshes, *names[3:]])
+    for record in records(study):
+        values = record.pop("values")
+        cells = [*record.values()]
+        writer.writerow([*cells[:3], *values, *cells[3:]])
+    return file.getvalue()
