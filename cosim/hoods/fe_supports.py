@@ -103,6 +103,7 @@ def layers_of(
         body: Layer(
             surface.field(_thickness(contact, body, skeleton)),
             surface.field(_modulus(tissue, body, skeleton)),
+            (getattr(contact.offset, body), moduli.shafts),
         )
         for body, surface in surfaces.items()
     }

@@ -260,36 +260,54 @@ def _press(
     """What presses the points `near` (k,) at `depth` (k,) m and places `local` (k, 3), body frame,
     with the surface's gradient `normal` (k, 3), world frame."""
     weight = contact.weight[near]
-    if contact.layer is None:
-        scale, smoothing = contact.stiffness * weight, np.full(len(near), contact.smoothing)
-        work, force, slope = ramp(depth, smoothing)
-        force = scale * force
-        pull = -force[:, None] * normal
-        return _Pressing(
-            float(scale @ work), pull, force, scale * slope, None, depth, smoothing, scale
-        )
-    fields = contact.layer.thickness.distance(local), contact.layer.modulus.distance(local)
-    (h, _, _), (modulus, _, _) = fields
-    layer = layer_response(depth, h, modulus)
-    slopes = weight[:, None] * layer.slopes
-    by = np.stack([-normal, *(field.gradient @ R.T for field in fields)], axis=1)
+    if contact.layer is not None:
+        return _press_layer(contact.layer, weight, depth, local, R, normal, curvature)
+    scale, smoothing = contact.stiffness * weight, np.full(len(near), contact.smoothing)
+    work, force, slope = ramp(depth, smoothing)
+    force = scale * force
+    pull = -force[:, None] * normal
+    return _Pressing(float(scale @ work), pull, force, scale * slope, None, depth, smoothing, scale)
+
+
+def _press_layer(
+    layer: Layer,
+    weight: Array,
+    depth: Array,
+    local: Array,
+    R: Array,
+    normal: Array,
+    curvature: bool,
+) -> _Pressing:
+    """What a layer does to points (k,) of `weight` (k,) m2; its fields are looked up where they
+    touch it."""
+    k, on = len(depth), np.flatnonzero(depth > 0)
+    gradient, force, along = np.zeros((k, 3)), np.zeros(k), np.zeros(k)
+    fields = layer.thickness.distance(local[on]), layer.modulus.distance(local[on])
+    made = layer_response(depth[on], fields[0].value, fields[1].value)
+    slopes = weight[on, None] * made.slopes
+    by = np.stack([-normal[on], *(field.gradient @ R.T for field in fields)], axis=1)
+    gradient[on] = (slopes[:, None] @ by)[:, 0]
+    force[on], along[on] = slopes[:, 0], weight[on] * made.second[:, 0, 0]
     bent = None
     if curvature:
-        second = weight[:, None, None] * layer.second
+        second = weight[on, None, None] * made.second
         second[:, 0, 0] = 0.0  # it is along the normal
-        bent = np.einsum("kai,kab,kbj->kij", by, second, by)
+        bent = np.zeros((k, 3, 3))
+        bent[on] = np.swapaxes(by, 1, 2) @ second @ by
         for slope, field in zip(slopes.T[1:], fields, strict=True):
-            bent += slope[:, None, None] * (R @ field.hessian @ R.T)
-    toe = TOE / 4 * h  # a ramp of this width about this depth sets in as the layer does
+            bent[on] += slope[:, None, None] * (R @ field.hessian @ R.T)
+    thickness, modulus = np.full(k, layer.usual[0]), np.full(k, layer.usual[1])
+    thickness[on], modulus[on] = fields[0].value, fields[1].value
+    toe = TOE / 4 * thickness  # a ramp of this width about this depth sets in as the layer does
     return _Pressing(
-        float(weight @ layer.energy),
-        np.einsum("ka,kai->ki", slopes, by),
-        slopes[:, 0],
-        weight * layer.second[:, 0, 0],
+        float(weight[on] @ made.energy),
+        gradient,
+        force,
+        along,
         bent,
         depth - toe,
         toe,
-        weight * modulus / h,
+        weight * modulus / thickness,
     )
 
 

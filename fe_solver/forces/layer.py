@@ -36,6 +36,8 @@ class Layer:
     """m."""
     modulus: Surface
     """Pa."""
+    usual: tuple[float, float]
+    """Of both, m and Pa, what a point that does not touch yet expects to meet."""
 
 
 class LayerResponse(NamedTuple):

@@ -104,7 +104,8 @@ def test_forces_on_an_uneven_layer_are_their_energys(seed):
     the moment that a body feels."""
     rng = np.random.default_rng(seed)
     contact, x = touching(rng)
-    layer = Layer(Field.uneven(THICKNESS, 5 + seed), Field.uneven(MODULUS, 9 + seed))
+    fields = Field.uneven(THICKNESS, 5 + seed), Field.uneven(MODULUS, 9 + seed)
+    layer = Layer(*fields, (THICKNESS, MODULUS))
     contact = replace(contact, layer=layer)
     act = lambda p: contact_forces(contact, p, POSITION, ROTATION, True)  # noqa: E731
     here, n, h = act(x), len(x), 1e-8
@@ -123,7 +124,7 @@ def covered_strip(elements: int, within: bool, friction: float = 0.0):
     """The strip over a drum, on whose surface it is laid, the outer THICKNESS of which gives."""
     model = strip(elements, 1e11, friction)
     contact, X = model.contacts[0], model.reference
-    layer = Layer(Field.even(THICKNESS), Field.even(MODULUS))
+    layer = Layer(Field.even(THICKNESS), Field.even(MODULUS), (THICKNESS, MODULUS))
     if not within:
         return replace(model, contacts=(replace(contact, layer=layer),))
     on = np.flatnonzero(np.isin(model.quads, contact.nodes).any(axis=1))
