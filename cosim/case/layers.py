@@ -20,6 +20,7 @@ _ALTERNATIVES = {
     "curve": {"stiffness", "rest"},
     "stiffness": {"curve", "layer"},
     "layer": {"stiffness", "smoothing", "penetration"},
+    "smoothing": {"layer"},
     "penetration": {"layer"},
     "rest": {"curve"},
     "angle": {"along", "across", "field", "second"},

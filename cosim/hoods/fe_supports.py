@@ -31,6 +31,8 @@ from meshes.skeleton import BODIES, Skeleton
 STRUT = 5e-3
 """m, of the three springs at right angles by which a bone holds a node in every direction; long
 against what the node gives way."""
+NO_SMOOTHING = 1e-6
+"""m, of a penalty that a layer stands for."""
 LEAST, STEP = 5e-3, 2e-3
 """m, how far beyond a bone its baked distance reaches at least, and in what steps further: so that
 a study or a slider of the contact's height does not bake anew for each value."""
@@ -76,14 +78,15 @@ def supports_of(
 def _contact_law(contact: ContactConfig, site: Site, highest: float) -> ContactLaw:
     levels = contact_levels(contact, site.anatomy.bones, site.skeleton, highest)
     if contact.layer is None:
-        assert contact.stiffness is not None  # checked by the schema
+        assert contact.stiffness is not None  # by the schema, as the smoothing
+        assert contact.smoothing is not None
         return ContactLaw(
             contact.stiffness, contact.smoothing, *levels, contact.penetration, contact.friction
         )
     stick = contact.layer.shafts / 3 / max(over for _, over in contact.offset)
     return ContactLaw(
         stick,
-        contact.smoothing,
+        NO_SMOOTHING,
         *levels,
         friction=contact.friction,
         layers=layers_of(contact, contact.layer, levels[0], site.skeleton),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
@@ -10,8 +10,8 @@ from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Gap, Modulus, Number, Offset, Switch, Table
 
-SMOOTHING = 0.05e-3
-"""m, of a penalty that states none."""
+PENALTY = {"stiffness": "200 N/mm**3", "smoothing": "0.05 mm"}
+"""What a contact has that states neither these nor a layer."""
 
 
 class ContactOffsetConfig(Table):
@@ -63,21 +63,23 @@ class LayerConfig(Table):
 
 
 class ContactConfig(Table):
-    """Contact of hood and bones: through a `layer` of tissue that gives, or, where `stiffness` is
-    stated, by a penalty, with `penetration` augmented until no node penetrates further.  `friction`
-    is Coulomb's coefficient."""
+    """Contact of hood and bones: through a `layer` of tissue that gives, else by a penalty
+    (`stiffness`, `smoothing`), with `penetration` augmented until no node penetrates further.
+    `friction` is Coulomb's coefficient."""
 
     layer: LayerConfig | None = None
-    """Tissue between hood and bones; a stiffness takes its place."""
+    """Tissue between hood and bones, in place of a penalty."""
     stiffness: (
-        Annotated[float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")]
+        Annotated[
+            float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
+        ]
         | None
     ) = None
-    """Pressure per depth of penetration, of a penalty in place of a layer."""
-    smoothing: Gap = SMOOTHING
-    """Gap within which a penalty's pressure sets in smoothly."""
+    """Pressure per depth of penetration, of a penalty; 200 N/mm**3 where there is no layer."""
+    smoothing: Gap | None = None
+    """Gap within which a penalty's pressure sets in smoothly; 0.05 mm where there is no layer."""
     offset: ContactOffsetConfig
-    """Height of the hood's face over the bare bone's back, by body."""
+    """Height of the hood's face over the bare bone's back, by body, unloaded."""
     heads: HeadsConfig = HeadsConfig()
     """The same over the bones' heads; a head that is not named has what its bone's back has."""
     penetration: Gap | None = None
@@ -85,25 +87,28 @@ class ContactConfig(Table):
     friction: Annotated[Number, Field(ge=0, le=2)] = 0.0
     """Coulomb's coefficient."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _penalty_without_a_layer(cls, values: Any) -> Any:
+        match values:
+            case {"layer": layer} if layer is not None:
+                return values
+            case dict():
+                return {**PENALTY, **values}
+        return values
+
     @model_validator(mode="after")
-    def _presses(self) -> ContactConfig:
-        if (self.layer is None) == (self.stiffness is None):
-            raise fault(
-                "write either a table layer (shafts, faces, sides: moduli of the tissue between "
-                'hood and bones), or stiffness = "200 N/mm**3" (a penalty)'
-            )
+    def _presses_one_way(self) -> ContactConfig:
         if self.layer is None:
             return self
-        if self.penetration is not None:
-            raise fault(
-                "penetration: is of a penalty, and a layer of tissue gives; leave it out, or write "
-                'stiffness = "200 N/mm**3" in place of the layer'
-            )
+        for name in ("stiffness", "smoothing", "penetration"):
+            if getattr(self, name) is not None:
+                raise fault(f"{name}: is of a penalty; leave it out, or leave out the layer")
         bare = [body for body, over in self.offset if not over]
         if bare:
             raise fault(
-                f"offset.{bare[0]}: a layer needs a thickness above 0 mm; state one, or write "
-                'stiffness = "200 N/mm**3" in place of the layer'
+                f"offset.{bare[0]}: must be above 0 mm, since a layer needs a thickness; or write "
+                'stiffness = "200 N/mm**3" (a penalty) in place of the layer'
             )
         return self
 
