@@ -314,7 +314,7 @@ def test_view_says_where_the_picture_is_when_there_is_no_display(monkeypatch, tm
     assert cosim("view", str(tmp_path / "elsewhere")).exit_code == 2
 
 
-MESH = json.loads((ROOT / "meshes" / "hoods" / "index_600.json").read_text())
+MESH = json.loads((ROOT / "meshes" / "hoods" / "index_416.json").read_text())
 BAD = {
     "a missing mesh": ('mesh = {kind = "file", path = "none.json"}', "no such file"),
     "a mesh that is none": ('mesh = {kind = "file", path = "case.toml"}', "cannot be read as JSON"),
