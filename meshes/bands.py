@@ -55,7 +55,7 @@ def sheet_bands(mesh: HoodMesh) -> dict[str, HoodLine]:
     >>> from importlib.resources import files
     >>> from meshes.bands import sheet_bands
     >>> from meshes.hood_mesh import read
-    >>> mesh = read(files("meshes") / "hoods" / "index_600.json")
+    >>> mesh = read(files("meshes") / "hoods" / "index_416.json")
     >>> lines = sheet_bands(mesh)
     >>> {side: line.at(mesh.points).shape[1] for side, line in lines.items()}
     {'radial': 3, 'ulnar': 3}

@@ -62,6 +62,11 @@ class Joint:
         reach = skeleton.length[child] if child else 0.0
         return cls(np.array([reach, 0.0, 0.0]), skeleton.zero[child] @ skeleton.axis[joint])
 
+    def directions(self) -> tuple[Array, Array]:
+        """Return distal and dorsal (3,), normal to the axis and equally long."""
+        dorsal = np.cross([1.0, 0.0, 0.0], self.axis)
+        return np.cross(self.axis, dorsal), dorsal
+
 
 def thinner(points: Array, joint: Joint, back: float, head: Head) -> Array:
     """The thickness (n,) m by which what covers a bone is thinner at `points` (n, 3) m, in its
@@ -92,8 +97,7 @@ def modulus(points: Array, joint: Joint, tissue: Tissue) -> Array:
 def _places(points: Array, joint: Joint) -> tuple[Array, Array]:
     """How far (n,), 0 to 1, points (n, 3) m lie on the joint's face, and beside the head."""
     from_centre = points - joint.centre
-    dorsal = np.cross([1.0, 0.0, 0.0], joint.axis)
-    distal = np.cross(joint.axis, dorsal)
+    distal, dorsal = joint.directions()
     ahead, above, beside = (from_centre @ axis for axis in (distal, dorsal, joint.axis))
     turned = np.arctan2(ahead, above)
     on_face = _ease(turned, *FACE) * _ease(np.pi - turned, *FACE)

@@ -29,7 +29,7 @@ OBLIQUE_ROWS = (PIP + 4.0, PIP + 6.0)  # [El-Gammal]
 CAPSULE_ROWS = (PIP - 2.5, PIP + 2.5)  # assumption
 # Each line on which something begins or ends, how many rows there are to the next one in the
 # coarsest mesh, and how much they crowd towards its end: many rows where the sheet slides over a
-# head in some posture, where the lateral bands turn off the slip and in the terminal slip.
+# head in some posture (`meshes.coarseness`), and where the lateral bands turn off the slip.
 SPANS = (
     (CENTRAL_END, 1, 0.3),
     (LATERAL_END, 1, 0.0),
@@ -44,8 +44,8 @@ SPANS = (
     (SLIP_END, 1, 0.0),
     (TRIANGLE_START, 2, 0.0),
     (TRIANGLE_END, 1, 0.0),
-    (MERGE, 1, 0.0),
-    (68.0, 2, 0.0),
+    (MERGE, 2, 0.0),
+    (68.0, 1, 0.0),
 )
 COARSEST = 104
 """Four-node elements, about, of a mesh with that many rows."""

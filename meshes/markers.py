@@ -37,7 +37,7 @@ def markers(mesh: HoodMesh, regions: Sequence[str]) -> Markers:
     >>> from importlib.resources import files
     >>> from meshes.hood_mesh import read
     >>> from meshes.markers import markers
-    >>> mesh = read(files("meshes") / "hoods" / "index_600.json")
+    >>> mesh = read(files("meshes") / "hoods" / "index_416.json")
     >>> markers(mesh, ["central_slip"]).at(mesh.points).shape
     (6, 3, 3)
     """

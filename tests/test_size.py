@@ -14,7 +14,7 @@ CEILINGS = {
     "cases": 3790,
     "cosim": 6470,
     "cosim/analyses": 8499,
-    "cosim/anatomy": 869,
+    "cosim/anatomy": 872,
     "cosim/case": 1020,
     "cosim/commands": 5386,
     "cosim/coupling": 2258,
@@ -23,7 +23,7 @@ CEILINGS = {
     "cosim/fmu_export": 1281,
     "cosim/hoods": 4376,
     "cosim/kernels": 362,
-    "cosim/models": 838,
+    "cosim/models": 849,
     "cosim/report": 2923,
     "cosim/results": 6351,
     "cosim/schema": 611,
@@ -45,7 +45,7 @@ CEILINGS = {
     "fe_solver/solver": 2964,
     "fe_solver/surfaces": 1148,
     "fe_solver/verification": 5190,
-    "meshes": 2960,
+    "meshes": 3108,
     "meshes/imported": 1173,
     "rigid": 185,
     "rigid/air": 537,
@@ -58,7 +58,7 @@ CEILINGS = {
     "rigid/opensim": 3745,
     "rigid/papers": 3272,
     "rigid/verification": 2686,
-    "tests": 55297,
+    "tests": 55429,
 }
 
 

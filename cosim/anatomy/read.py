@@ -14,11 +14,12 @@ import numpy as np
 from cosim.anatomy.bones import BoneFrame, Bones, read_bones
 from cosim.anatomy.feb import read_feb_mesh
 from cosim.errors import InputError
-from cosim.hoods.fe_supports import contact_levels, pose_surfaces
+from cosim.hoods.fe_supports import contact_levels, head_arcs, pose_surfaces
 from cosim.hoods.supports import ContactConfig
 from cosim.port import Array
 from cosim.schema.types import MUSCLES
 from meshes.bones import bone_surface
+from meshes.coarseness import coarse_rows
 from meshes.hood_mesh import HoodMesh
 from meshes.hull import Centreline, Level
 from meshes.imported.checks import Placing
@@ -179,6 +180,8 @@ def _with_hood(
     report += [f"hood: {note}" for note in (*sheet.notes, *assumed)]
     touched, wanted = contact_levels(defaults.contact, surfaces, skeleton)
     offset = _clearance(mesh, level, replace(level, surfaces=touched), wanted, report)
+    over = head_arcs(defaults.contact, surfaces, skeleton, mesh.thickness / 2)
+    report += [str(rows) for rows in coarse_rows(mesh, skeleton, over)]
     return Built(model, force, bones, mesh, offset, tuple(report))
 
 

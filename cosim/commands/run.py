@@ -39,6 +39,7 @@ from cosim.errors import (
 from cosim.extras import require
 from cosim.files import clear_leftovers, output_file, shown_path
 from cosim.json_text import json_text
+from cosim.models.build import mesh_warnings
 from cosim.models.fit import check_fit
 from cosim.outcome import Outcome, outcome_of
 from cosim.pipeline import run_case, run_cases
@@ -357,7 +358,7 @@ def check(cases: Cases, settings: Settings = None) -> None:
             check_fit(case)
             case.hood.check_files()
             typer.echo(f"{case.name}: in order")
-            warn({case.name: list(unusual_values(case))})
+            warn({case.name: [*unusual_values(case), *mesh_warnings(case)]})
         except InputError as error:
             codes.append(tell(InputError(f"{case.name}: {error}")))
     raise typer.Exit(max(codes))

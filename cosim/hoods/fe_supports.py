@@ -23,6 +23,7 @@ from fe_solver.solver.newton import NewtonOptions
 from fe_solver.supports import SpringLaw, SpringSet, Tied
 from fe_solver.surfaces.spline_distance import SplineDistance
 from meshes.cable_net import CableNet
+from meshes.coarseness import Arc, arcs
 from meshes.cover import FLEXION, Head, Joint, Tissue, modulus, thinner
 from meshes.hood_mesh import Attachment, HoodMesh
 from meshes.hull import DIP, PIP, along, carriers
@@ -215,6 +216,16 @@ def contact_levels(
             less = partial(thinner, joint=joint, back=offset[body], head=head)
             surfaces[body] = surfaces[body].plus(less)
     return surfaces, offset
+
+
+def head_arcs(
+    contact: ContactConfig, bones: Mapping[str, Triangles], skeleton: Skeleton, highest: float
+) -> list[Arc]:
+    """The arcs that a hood slides over on the heads of bones; `highest` as in `contact_levels`."""
+    surfaces, offset = contact_levels(contact, bones, skeleton, highest)
+    heads = {body: _head(contact, body) for body in offset}
+    face = {body: offset[body] if head is None else head.face for body, head in heads.items()}
+    return arcs(skeleton, surfaces, offset, face)
 
 
 def _margin(level: float) -> float:

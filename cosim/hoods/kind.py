@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
@@ -210,6 +210,8 @@ class HoodBuilder(Generic[H]):
     """The sheet as laid out or read, before any lesion."""
     in_mujoco: Callable[[H, LesionConfig | None], MujocoHood] | None = None
     """As plain MuJoCo can have it; None of a hood that it cannot.  Raises InputError."""
+    mesh_warnings: Callable[[H, Anatomy], Sequence[str]] = lambda hood, anatomy: ()
+    """What to know of its mesh.  Raises InputError."""
 
 
 @dataclass(frozen=True)

@@ -70,9 +70,7 @@ class ContactConfig(Table):
     layer: LayerConfig | None = None
     """Tissue between hood and bones, in place of a penalty."""
     stiffness: (
-        Annotated[
-            float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
-        ]
+        Annotated[float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")]
         | None
     ) = None
     """Pressure per depth of penetration, of a penalty; 200 N/mm**3 where there is no layer."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
@@ -51,6 +51,8 @@ class Models:
     """J stored in the hood at a state; None of a hood in closed form."""
     nearby: Callable[[State, Motion], State] | None = None
     """The hood's state at poses nearby, to first order; None of a hood in closed form."""
+    warnings: Sequence[str] = ()
+    """What to know of the hood's mesh."""
 
     @property
     def pair(self) -> Pair:
@@ -101,6 +103,7 @@ def build_any(case: Case) -> Models:
         hood.points,
         hood.energy,
         hood.nearby,
+        mesh_warnings(case),
     )
 
 
@@ -152,6 +155,14 @@ def hood_mesh(case: Case) -> HoodMesh:
     if mesh is None:
         raise InputError(f"{case.name}: its hood ({case.hood.title}) has no mesh of quads")
     return mesh(case.hood, anatomy_of(case.native_finger(), case.hood.left_to_finger))
+
+
+def mesh_warnings(case: Case) -> Sequence[str]:
+    """What to know of the mesh of a case's hood.  Raises InputError."""
+    if not case.hood.files():
+        return ()
+    anatomy = anatomy_of(case.finger, case.hood.left_to_finger)
+    return KINDS[case.hood.kind].builder.mesh_warnings(case.hood, anatomy)
 
 
 def bone_surfaces(case: Case) -> Mapping[str, Triangles]:

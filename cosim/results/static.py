@@ -118,7 +118,10 @@ def summary(
     beside = {
         "unloaded": at_rest,
         "rest": rest,
-        "warnings": rest_warnings(rest, at_rest, is_laid=case.hood.lies_on_bones),
+        "warnings": [
+            *rest_warnings(rest, at_rest, is_laid=case.hood.lies_on_bones),
+            *models.warnings,
+        ],
         "difference": _difference(models, unloaded, loaded, at_rest, at_load, views)
         | _clamped_arms(case, models, unloaded, loaded),
         "audit": audit,

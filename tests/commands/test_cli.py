@@ -314,7 +314,8 @@ def test_view_says_where_the_picture_is_when_there_is_no_display(monkeypatch, tm
     assert cosim("view", str(tmp_path / "elsewhere")).exit_code == 2
 
 
-MESH = json.loads((ROOT / "meshes" / "hoods" / "index_600.json").read_text())
+MESH = json.loads((ROOT / "meshes" / "hoods" / "index_416.json").read_text())
+TWIN = MESH["quads"][4][0]
 BAD = {
     "a missing mesh": ('mesh = {kind = "file", path = "none.json"}', "no such file"),
     "a mesh that is none": ('mesh = {kind = "file", path = "case.toml"}', "cannot be read as JSON"),
@@ -341,16 +342,16 @@ BAD_MESH = {
     "an unknown insertion": ({"tied": {"distl": [1]}}, 'unknown name "distl"'),
     "two nodes at one place": (
         {
-            "points": [*MESH["points"], MESH["points"][4]],
-            "station": [*MESH["station"], MESH["station"][4]],
-            "lift": [*MESH["lift"], MESH["lift"][4]],
+            "points": [*MESH["points"], MESH["points"][TWIN]],
+            "station": [*MESH["station"], MESH["station"][TWIN]],
+            "lift": [*MESH["lift"], MESH["lift"][TWIN]],
             "quads": [
                 *MESH["quads"][:4],
                 [len(MESH["points"]), *MESH["quads"][4][1:]],
                 *MESH["quads"][5:],
             ],
         },
-        f"node {len(MESH['points'])} lies where node 4 does",
+        f"node {len(MESH['points'])} lies where node {TWIN} does",
     ),
     "a loose node": (
         {key: MESH[key][:-1] for key in ("quads", "regions", "fibre")},

@@ -23,7 +23,7 @@ from meshes.hood_mesh import REGIONS, HoodMesh, read
 from tests.helpers.folders import ROOT
 
 COARSE = "hood.mesh.quads=120"
-DEFAULT_MESH = ROOT / "meshes" / "hoods" / "index_600.json"
+DEFAULT_MESH = ROOT / "meshes" / "hoods" / "index_416.json"
 
 
 @cache

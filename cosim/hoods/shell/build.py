@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.fe_supports import contact_levels, supports_of
+from cosim.hoods.fe_supports import contact_levels, head_arcs, supports_of
 from cosim.hoods.fe_view import slip_forces, stored_energy, tangent_seconds
 from cosim.hoods.injury import apply_lesion_to_mesh, longer
 from cosim.hoods.kind import BuiltHood, HoodBuilder, Site, skeleton_of
@@ -33,6 +33,7 @@ from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
 from fe_solver.materials.linear import Law, LinearLaw, Real
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.sheet import Sheet, ShellPart
+from meshes.coarseness import coarse_rows
 from meshes.hood import generate
 from meshes.hood_lines import even_shares
 from meshes.hood_mesh import REGIONS, HoodMesh, read
@@ -103,6 +104,16 @@ def _generate(laying: _MeshInput) -> HoodMesh:
         quadratic=hood.mesh.elements == "quadratic",
         one_sheet=hood.mesh.layout == "one_sheet",
     )
+
+
+def mesh_warnings(hood: ShellHoodConfig, anatomy: Anatomy) -> list[str]:
+    """Where the rows of a user's mesh are too coarse for the heads that they slide over.  Raises
+    InputError."""
+    if hood.mesh.kind != "file":
+        return []
+    mesh, skeleton = generate_mesh(hood, anatomy), skeleton_of(anatomy)
+    over = head_arcs(hood.contact, anatomy.bones, skeleton, hood.thickness / 2)
+    return [str(rows) for rows in coarse_rows(mesh, skeleton, over)]
 
 
 def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
@@ -311,4 +322,4 @@ def _tendons(mesh: HoodMesh, anatomy: Anatomy) -> dict[str, TendonEnd]:
     return out
 
 
-BUILDER = HoodBuilder(build, generate_mesh)
+BUILDER = HoodBuilder(build, generate_mesh, mesh_warnings=mesh_warnings)
