@@ -58,7 +58,6 @@ SHELL_KEYS = {
     "hood_quads",
     "slip_force_N",
     "strain_percent",
-    "max_penetration_mm",
     "guide_depth_mm",
     "hood_unstable_modes",
 }
@@ -114,6 +113,7 @@ def check_audit(summary: dict[str, Any]) -> None:
     for key, value in summary["audit"].items():
         assert 0 <= value <= AUDIT[key], key
     assert summary.get("max_penetration_mm", 0.0) <= 0.02
+    assert summary.get("layer_used_up", 0.0) <= 0.8
     assert summary["audit_missed"] == []
 
 
@@ -125,6 +125,8 @@ def test_every_packaged_case_converges_and_passes_its_audit(name):
     check_audit(summary)
     wanted = KEYS | STATE_KEYS | (SHELL_KEYS if is_shell(name) else set())
     assert wanted <= set(summary)
+    if is_shell(name):
+        assert ("max_penetration_mm" in summary) != ("layer_used_up" in summary)
     assert wanted - KEYS - {"hood_quads"} <= set(summary["unloaded"])
     text = json.dumps(summary, allow_nan=False)
     assert json.loads(text) == summary

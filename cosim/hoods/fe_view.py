@@ -119,13 +119,16 @@ class FeView:
             **({"hood_solved": self.attempt} if self.attempt in RETRIES else {}),
         }
 
-    def audit(self) -> Mapping[str, float]:
+    def pressed(self) -> Mapping[str, float]:
+        """How deep the hood presses into what it lies on."""
         depth = 1e3 * self.penetration
-        pressed = {"max_penetration_mm": depth}
-        if self.compression is not None:
-            pressed = {"max_compression_mm": depth, "layer_used_up": self.compression}
+        if self.compression is None:
+            return {"max_penetration_mm": depth}
+        return {"max_compression_mm": depth, "layer_used_up": self.compression}
+
+    def audit(self) -> Mapping[str, float]:
         return {
-            **pressed,
+            **self.pressed(),
             "guide_depth_mm": 1e3 * self.guide_depth,
             "hood_unstable_modes": self.unstable_modes,
             **self.friction,

@@ -149,6 +149,7 @@ MOST = {
     "unstable_modes_bones_free": 0,
     "torque_balance_at_rest": 1e-3,
     "max_penetration_mm": 0.02,
+    "layer_used_up": 0.8,
     "guide_depth_mm": 0.05,
     "hood_unstable_modes": 0,
     "largest_interface_residual": 0.05,

@@ -214,10 +214,12 @@ def test_a_net_of_cables_has_the_same_places():
 
 
 def test_a_hood_where_it_was_laid_without_tension_is_at_rest():
-    """With a smoothing of the contact that ends within the clearance at which the sheet is laid."""
+    """With a smoothing of the contact that ends within the clearance at which the sheet is laid, and
+    ligaments that are not as long as they are laid to the last bit."""
     posture = {"MCP": 20.0, "PIP": 40.0, "DIP": 11.0}
     same = [f'hood.mesh.rest_posture.{joint}="{angle} deg"' for joint, angle in posture.items()]
     more = [f'hood.extra_length.{slip}_slip="0 mm"' for slip in ("central", "terminal")]
+    more += [f'hood.springs.retinacular_{side}.slack="0.1 mm"' for side in ("radial", "ulnar")]
     settings = [COARSE, *same, *more, 'hood.contact.smoothing="1 um"']
     models = build(load_case("isometric_edc", settings))
     hood, finger = models.hood, models.finger

@@ -189,6 +189,6 @@ class HoodPoses:
             "hood_residual": state.solution.residual,
             "hood_force_balance": force,
             "hood_moment_balance": moment,
-            "max_penetration_mm": 1e3 * view.penetration,
+            **view.pressed(),
         }
         return out | audit, missed_bounds(audit)

@@ -63,6 +63,7 @@ AUDIT = (
     "hood_force_balance",
     "hood_moment_balance",
     "max_penetration_mm",
+    "layer_used_up",
     "status",
 )
 WHERE = (*(f"{joint}_deg" for joint in JOINTS), "load")

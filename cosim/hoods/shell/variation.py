@@ -66,6 +66,9 @@ def variations(hood: ShellHoodConfig) -> Iterator[Variation]:
         yield shift(f"rest length of the {words(slip)}", {key: length}, 2e-4, units.LENGTH)
     for name, sets in LIGAMENTS.items():
         yield from _ligament(hood, name, [s for s in sets if s in hood.springs])
+    if hood.contact.layer is not None:
+        moduli = {f"hood.contact.layer.{place}": modulus for place, modulus in hood.contact.layer}
+        yield scale("modulus of the tissue under the hood", moduli, (0.3, 3.0), units.PRESSURE)
     for body, offset in hood.contact.offset:
         key = f"hood.contact.offset.{body}"
         yield shift(f"contact offset, {body}", {key: offset}, 3e-4, units.LENGTH, 0.0)

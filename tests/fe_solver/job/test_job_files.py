@@ -163,6 +163,10 @@ def test_heads_covered_by_less_than_the_back_are_refused_with_what_to_write(tmp_
     head = [f"hood.contact.heads.proximal.{part}=2 mm" for part in ("face", "sides")]
     told = run(*words, "--set", head[0], "--set", head[1])
     assert told.exit_code == 2
+    assert "hood.contact.stiffness" in told.output  # the layer
+    penalty = ("--set", 'hood.contact.stiffness="200 N/mm**3"')
+    told = run(*words, "--set", head[0], "--set", head[1], *penalty)
+    assert told.exit_code == 2
     assert "hood.bending_stiffness" in told.output
 
 
