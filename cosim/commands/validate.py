@@ -77,7 +77,7 @@ def validate(
         typer.Option(
             min=2,
             max=5,
-            help="Repeat on so many meshes, edges by 1.5: order, limit and u_num of every number.",
+            help="Repeat on so many meshes of the family: order, limit and u_num of every number.",
         ),
     ] = None,
     samples: Annotated[

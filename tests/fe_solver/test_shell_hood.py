@@ -236,7 +236,7 @@ def test_a_bent_hood_is_the_one_that_bends_there_slowly(elements):
     """An isotropic sheet rests at 60/60/40 deg with its central slip slack or taut.  Bent from
     straight it is taut; one leap from straight ends elsewhere, with less of the force."""
     bent = (f"finger.posture.{joint}" for joint in ('MCP="60 deg"', 'PIP="60 deg"', 'DIP="40 deg"'))
-    mesh = "hood.mesh.quads=150", f'hood.mesh.elements="{elements}"'
+    mesh = "hood.mesh.quads=416", f'hood.mesh.elements="{elements}"'
     models = build(load_case("base/one_sheet.toml", [*mesh, *HIGH_AND_STRAIGHT, *bent]))
     hood, motion = models.hood, models.finger.motion(models.finger.start(models.posture))
     assert isinstance(hood, ShellHood)
@@ -254,7 +254,7 @@ def test_a_bent_hood_is_the_one_that_bends_there_slowly(elements):
 def test_a_turn_of_the_whole_hand_is_no_leap(hood, solved, motion):
     """Joints stay as they are: one solve, however far the hand turns."""
     turned = motion.transform(Rotation.from_rotvec([0.4, -1.9, 0.8]).as_matrix(), np.zeros(3))
-    again = hood.advance(solved.state, turned, TENSION, STATIC)
+    again = hood.with_tolerance(1e-9).advance(solved.state, turned, TENSION, STATIC)
     assert again.state.iterations == solved.state.iterations
 
 
