@@ -217,8 +217,8 @@ def heights(sheet: Sheet) -> Array:
 def _contacts(
     sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
-    """Contacts with every body: through a layer of the points within the elements of the nodes,
-    which feel where on a chord the sheet touches, so that the answer does not follow the nodes as
+    """Contacts with every body: through a layer of the points within the elements of such nodes
+    alone (where one is tied, tie and contact would pinch it), which feel where on a chord the sheet touches, so that the answer does not follow the nodes as
     they slide over a head; by a penalty of the nodes, or of the points within quadratic elements.
 
     Augmented contact is the nodes' in any element: a sheet cannot lie on its level in more points
@@ -228,7 +228,7 @@ def _contacts(
     if at_nodes and not law.layers:
         return contacts_of(bodies, law, nodes, height[nodes], node_areas(X, sheet.quads)[nodes])
     height = height - sheet.lift
-    points = ElementPoints.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).any(axis=1)))
+    points = ElementPoints.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).all(axis=1)))
     return contacts_of(bodies, law, points.nearest, points.mean(height), points.areas(X), points)
 
 
