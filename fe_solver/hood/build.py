@@ -218,8 +218,9 @@ def _contacts(
     sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
     """Contacts with every body: through a layer of the points within the elements of such nodes
-    alone (where one is tied, tie and contact would pinch it), which feel where on a chord the sheet touches, so that the answer does not follow the nodes as
-    they slide over a head; by a penalty of the nodes, or of the points within quadratic elements.
+    alone (tie and contact would pinch one that is tied), which feel where on a chord the sheet
+    touches, so that the answer does not follow the nodes as they slide over a head; by a penalty of
+    the nodes, or of the points within quadratic elements.
 
     Augmented contact is the nodes' in any element: a sheet cannot lie on its level in more points
     than it has nodes."""
