@@ -14,6 +14,7 @@ from cosim.hoods.view import Field
 from cosim.port import Array, State
 from fe_solver.forces.contact import coulomb_defects
 from fe_solver.forces.springs import spring_state
+from fe_solver.hood.build import heights
 from fe_solver.hood.shell_hood import RETRIES
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from fe_solver.solver.newton_step import factorise
@@ -235,12 +236,13 @@ def guide_depth(hood: FeHood) -> float:
     way = lines_to_joint(start[dorsal])
     nodes = model.guides.node[dorsal]
     deepest = 0.0
+    own = np.zeros(len(lift)) if hood.sheet is None else heights(hood.sheet)
     for contact in model.contacts:
         if contact.body != 0:
             continue
-        apart = model.reference[nodes][:, None] - model.reference[contact.nodes]
-        next_to = np.linalg.norm(apart, axis=2).argmin(axis=1)
-        level = (contact.offset - lift[contact.nodes])[next_to] + lift[nodes]
+        felt = own if contact.layer is None else own - lift
+        felt = felt[contact.nodes] if contact.within is None else contact.within.mean(felt)
+        level = float((contact.offset - felt).mean()) + own[nodes]
         depth = np.repeat(level, way.shape[1]) - contact.surface.distance(way.reshape(-1, 3)).value
         deepest = max(deepest, float(depth.max(initial=0.0)))
     return deepest

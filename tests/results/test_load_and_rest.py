@@ -214,8 +214,8 @@ def test_a_net_of_cables_has_the_same_places():
 
 
 def test_a_hood_where_it_was_laid_without_tension_is_at_rest():
-    """With a smoothing of the contact that ends within the clearance at which the sheet is laid, and
-    ligaments that are not as long as they are laid to the last bit."""
+    """With a smoothing of the contact that ends within the clearance at which the sheet is laid,
+    and ligaments that are not as long as they are laid to the last bit."""
     posture = {"MCP": 20.0, "PIP": 40.0, "DIP": 11.0}
     same = [f'hood.mesh.rest_posture.{joint}="{angle} deg"' for joint, angle in posture.items()]
     more = [f'hood.extra_length.{slip}_slip="0 mm"' for slip in ("central", "terminal")]
