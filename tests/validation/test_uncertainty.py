@@ -244,7 +244,7 @@ def test_the_committed_uncertainties_are_those_of_the_committed_scoreboard():
     }
     known = [row for row in told.rows if row.meshes is not None and row.inputs is not None]
     assert len(known) > 100
-    assert told.samples >= 10
+    assert told.samples >= 8
     for row in told.rows:
         assert row.model == pytest.approx(models[row.key], rel=1e-3, abs=1e-4)
 
