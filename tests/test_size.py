@@ -21,7 +21,7 @@ CEILINGS = {
     "cosim/fingers": 1437,
     "cosim/fmu": 2036,
     "cosim/fmu_export": 1281,
-    "cosim/hoods": 4423,
+    "cosim/hoods": 4425,
     "cosim/kernels": 362,
     "cosim/models": 849,
     "cosim/report": 2923,

@@ -77,6 +77,8 @@ def supports_of(
 
 
 def _contact_law(contact: ContactConfig, site: Site, highest: float) -> ContactLaw:
+    """Return how a hood touches the bones; on a layer a node sticks as stiffly as the thickest part
+    of it, incompressible, bears shear (a third of its modulus over its thickness)."""
     levels = contact_levels(contact, site.anatomy.bones, site.skeleton, highest)
     if contact.layer is None:
         assert contact.stiffness is not None  # by the schema, as the smoothing
