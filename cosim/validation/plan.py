@@ -63,7 +63,8 @@ def groups(published: Path | None = None) -> tuple[TrialGroup, ...]:
     clamped = (*arms, *qiu_variants, *cohn_variants, metacarpal_group())
     variants = (split, *clamped, free_split, laws, other_lengths, *other_models, *published_groups)
     models = (two_models, past, attachment_group())
-    return (*experiments, *second_hand, *models, slip_strain, fitted_group(), *variants)
+    inferred = (slip_strain, strip_arm_group([*slips.trials, *cadaver.trials]))
+    return (*experiments, *second_hand, *models, *inferred, fitted_group(), *variants)
 
 
 @cache
@@ -198,6 +199,14 @@ def fitted_group() -> TrialGroup:
     chosen = [t for t in data("hood_fit_rows.csv") if t.fitted and t.case == "rest_0_0_0"]
     trial = Trial(STRAIGHT, "strain_lee2008_average_ti")
     return TrialGroup("fitted numbers", SECOND_HAND, (trial,), targets_of(STRAIGHT, chosen))
+
+
+def strip_arm_group(trials: Sequence[Trial]) -> TrialGroup:
+    """Arms of strips that no fit chose, in those of the trials that have a row."""
+    targets = data("strip_arms.csv")
+    cases = {target.case for target in targets}
+    mine = tuple(trial for trial in trials if trial.name in cases)
+    return TrialGroup("inferred: arm of the terminal slip", "inferred", mine, targets)
 
 
 def published_group(path: Path) -> TrialGroup:

@@ -13,6 +13,7 @@ import pytest
 from cosim.case.file import load_case
 from cosim.fingers.kinds import FINGERS, anatomy_of
 from cosim.hoods.shell.build import _tendons
+from cosim.hoods.shell.region_forces import STRIPS
 from cosim.models.build import hood_mesh
 from cosim.pipeline import run_case
 from cosim.results.result import Result
@@ -101,9 +102,19 @@ def test_the_central_slip_comes_nearer_to_the_pip_as_it_flexes(pip, dip):
 def test_strips_and_their_arms_make_the_torque_of_the_pip():
     summary = held(0, 45, 15, "EDC.tension=3.5 N").summary
     arms, force = summary["strip_arm_mm"], summary["region_force_N"]
-    assert set(arms) == {"central_slip", "lateral_band_radial", "lateral_band_ulnar"}
-    torque = sum(arms[name] * force[name] for name in arms)
+    over_pip = STRIPS["PIP"]
+    assert set(arms) == {*over_pip, *STRIPS["DIP"]}
+    torque = sum(arms[name] * force[name] for name in over_pip)
     assert torque == pytest.approx(-summary["joint_torque_Nmm"]["hood"]["PIP"], rel=0.15)
+
+
+@pytest.mark.parametrize(("pip", "dip"), [(0, 0), (45, 15), (45, 45)])
+def test_the_terminal_slip_s_arm_is_the_torque_of_the_dip_over_its_force(pip, dip):
+    result = held(0, pip, dip, "EDC.tension=11.8 N")
+    now, before = result.summary, result.summary["unloaded"]
+    torque, rest = (s["joint_torque_Nmm"]["hood"]["DIP"] for s in (now, before))
+    force = now["slip_force_N"]["terminal"] - before["slip_force_N"]["terminal"]
+    assert now["strip_arm_mm"]["terminal_slip"] == pytest.approx((rest - torque) / force, rel=0.03)
 
 
 def test_the_bands_stay_extensors_and_sink_under_load():
@@ -123,7 +134,7 @@ def test_a_hood_at_rest_hardly_pulls_on_a_bent_finger():
 def test_a_slack_strip_has_no_arm():
     summary = held(0, 60, 65, "EDC.tension=3.5 N").summary
     assert summary["slip_force_N"]["central"] < 0.02
-    assert set(summary["strip_arm_mm"]) == {"lateral_band_radial", "lateral_band_ulnar"}
+    assert set(summary["strip_arm_mm"]) == {*STRIPS["PIP"], *STRIPS["DIP"]} - {"central_slip"}
 
 
 def test_a_finger_of_any_size_has_its_eyelets_in_proportion():

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from cosim.case.file import load_case
-from cosim.hoods.shell.region_forces import Crossing, crossing, crossing_force, element_forces
+from cosim.hoods.shell.region_forces import (
+    Crossing,
+    crossing,
+    crossing_force,
+    element_forces,
+    strip_arms,
+)
 from cosim.models.build import Models, hood_mesh
 from cosim.pipeline import run_case
 from cosim.solve.solvers import solve
@@ -40,6 +46,19 @@ def test_a_strip_passes_its_pull_on_across_any_line(turn, at):
     line = crossing(quads, np.arange(len(quads)), along > at)
     assert len(line.elements) == 2
     assert crossing_force(force, points, quads, line) == pytest.approx(PULL, rel=1e-12)
+
+
+@pytest.mark.parametrize("height", [-2e-3, 0.0, 3e-3])
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_a_strip_s_arm_is_its_distance_from_the_axis(turn, height):
+    """The strip runs along x, level, over an axis along y; turned in its plane it pulls on the axis
+    with the same arm times the cosine."""
+    points, quads, force = pulled_strip(turn)
+    line = crossing(quads, np.arange(len(quads)), points @ [np.cos(turn), np.sin(turn), 0.0] > 3e-3)
+    above, axis = points + np.array([0.0, 0.0, height]), np.array([0.0, 1.0, 0.0])
+    for pull, arms in ((1.0, {"strip": height * np.cos(turn)}), (1e-3, {})):
+        found = strip_arms(pull * force, above, quads, {"strip": line}, axis)
+        assert found == pytest.approx(arms, abs=1e-15)
 
 
 def test_a_line_past_all_elements_crosses_none():

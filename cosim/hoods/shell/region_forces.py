@@ -14,7 +14,7 @@ run round, it is the midline.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,15 +23,20 @@ from cosim.port import Array, State
 from fe_solver.elements.shell import element_response
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from meshes.hood_mesh import REGIONS, HoodMesh, has_lateral_fibres
-from meshes.hull import PIP
+from meshes.hull import DIP, PIP
 from meshes.region_places import region_places, turns
-from meshes.skeleton import Skeleton
+from meshes.skeleton import BODIES, JOINTS, Skeleton
 
-PAST_PIP = 4.1
-"""mm from the PIP's station to where the strips over it are cut: past the wings, short of where the
-central slip ends."""
-STRIPS = ("central_slip", "lateral_band_radial", "lateral_band_ulnar")
-"""Regions that run over the PIP beside each other, apart from there on."""
+STRIPS = {
+    "PIP": ("central_slip", "lateral_band_radial", "lateral_band_ulnar"),
+    "DIP": ("terminal_slip",),
+}
+"""By joint, regions whose force has an arm about it; over the PIP they lie beside each other."""
+PAST = {"PIP": PIP + 4.1, "DIP": DIP + 4.0}
+"""mm, the station at which the strips over a joint are cut: past the wings and short of where the
+central slip ends; past what the flexed DIP's head presses on, short of the insertion."""
+DISTAL_BONE = {"PIP": "middle", "DIP": "distal"}
+"""The bone that begins at a joint's centre and on which the strips over it pull."""
 SLACK_STRIP = 0.02
 """N below which a strip is slack, and its force has no line."""
 ON_THE_LINE = 1e-6
@@ -98,19 +103,43 @@ def region_forces(
     return {name: crossing_force(force, points, quads, line) for name, line in lines.items()}
 
 
-def strip_crossings(mesh: HoodMesh) -> dict[str, Crossing]:
-    """Where the strips over the PIP are cut just past it, by region; of those that the mesh has."""
-    beyond = mesh.station > PIP + PAST_PIP
-    crossings = {
-        name: crossing(mesh.quads, np.flatnonzero(mesh.cells(name)), beyond) for name in STRIPS
-    }
-    return {name: line for name, line in crossings.items() if len(line.elements)}
+@dataclass(frozen=True)
+class JointStrips:
+    """The strips over a joint: its distal bone (an index into BODIES), its axis (3,) of flexion in
+    that bone's frame, and where the strips are cut just past it, by region."""
+
+    bone: int
+    axis: Array
+    lines: Mapping[str, Crossing]
+
+
+def joint_strips(mesh: HoodMesh, skeleton: Skeleton) -> tuple[JointStrips, ...]:
+    """The strips over PIP and DIP, of those that the mesh has."""
+    strips = []
+    for joint, names in STRIPS.items():
+        beyond = mesh.station > PAST[joint]
+        cut = {n: crossing(mesh.quads, np.flatnonzero(mesh.cells(n)), beyond) for n in names}
+        lines = {name: line for name, line in cut.items() if len(line.elements)}
+        axis = skeleton.axis[JOINTS.index(joint)]
+        strips.append(JointStrips(BODIES.index(DISTAL_BONE[joint]), axis, lines))
+    return tuple(strips)
+
+
+def all_strip_arms(
+    hood: FeHood, state: State, force: Array, strips: Sequence[JointStrips]
+) -> dict[str, float]:
+    """`strip_arms` of the strips over all joints, at a state of the hood."""
+    c, out = state.configuration, dict[str, float]()
+    for over in strips:
+        points, axis = c.x - c.position[over.bone], c.rotation[over.bone] @ over.axis
+        out |= strip_arms(force, points, hood.model.quads, over.lines, axis)
+    return out
 
 
 def strip_arms(
     force: Array, points: Array, quads: np.ndarray, lines: Mapping[str, Crossing], axis: Array
 ) -> dict[str, float]:
-    """The arm (m) about the PIP's axis of the force that each strip passes on, by that force's line
+    """The arm (m) about a joint's axis of the force that each strip passes on, by that force's line
     of action; positive where it extends, as a height over the axis is.  A slack strip has none.
 
     force: as of `crossing_force`; points: (n, 3) m from a point on the axis; axis: (3,) unit, of

@@ -23,11 +23,12 @@ from cosim.hoods.shell.fibres import at_gauss_points
 from cosim.hoods.shell.gauges import STRAIN_COMPONENTS, Gauges, neighbour_strains, strain_between
 from cosim.hoods.shell.region_forces import (
     Crossing,
+    JointStrips,
+    all_strip_arms,
     element_forces,
+    joint_strips,
     middle_crossings,
     region_forces,
-    strip_arms,
-    strip_crossings,
 )
 from cosim.hoods.view import FAMILIES, STRAIN, Field
 from cosim.port import Array, State
@@ -39,7 +40,7 @@ from meshes.bands import sheet_bands
 from meshes.glide import sheet_places
 from meshes.hood_mesh import REGIONS, HoodMesh, display_quads
 from meshes.markers import Markers
-from meshes.skeleton import BODIES, JOINTS, Skeleton
+from meshes.skeleton import JOINTS, Skeleton
 
 PERCENTILES = (0.05, 0.95)
 """Of the area of a region, what a strain is summed up by beside its mean."""
@@ -96,7 +97,7 @@ class ShellView(FeView):
     region_force: Mapping[str, float]
     """N by region, of `cosim.hoods.shell.region_forces`."""
     strip_arm: Mapping[str, float]
-    """m by strip over the PIP, of the same."""
+    """m by strip over PIP and DIP, of the same."""
 
     @property
     def plot_cells(self) -> np.ndarray:
@@ -215,9 +216,9 @@ def view_of(
 
     turn = _line_angle(hood, mesh)
     lines = Lines(sheet_places(mesh), sheet_bands(mesh), skeleton.axis[JOINTS.index("PIP")])
-    crossings = middle_crossings(mesh, skeleton), strip_crossings(mesh)
+    cuts = middle_crossings(mesh, skeleton), joint_strips(mesh, skeleton)
     depth, placed = guide_depth(hood), markers(mesh, CENTRAL)
-    return partial(_view, hood, mesh, depth, lines, placed, turn, crossings, gauges)
+    return partial(_view, hood, mesh, depth, lines, placed, turn, cuts, gauges)
 
 
 def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
@@ -246,15 +247,14 @@ def _view(
     lines: Lines,
     placed: Markers,
     turn: Array,
-    crossings: tuple[Mapping[str, Crossing], Mapping[str, Crossing]],
+    cuts: tuple[Mapping[str, Crossing], tuple[JointStrips, ...]],
     gauges: Gauges,
     state: State,
 ) -> ShellView:
     field = fields(hood.model, state.configuration)
     energy = energy_fields(hood.model, state.configuration)
-    c, quads = state.configuration, hood.model.quads
-    force, middle = element_forces(hood, state), BODIES.index("middle")
-    from_pip, turning = c.x - c.position[middle], c.rotation[middle] @ lines.axis
+    x, quads, force = state.configuration.x, hood.model.quads, element_forces(hood, state)
+    middles, strips = cuts
     return ShellView(
         **vars(view_at(hood, depth, lines, state)),
         quads=hood.model.quads,
@@ -273,8 +273,8 @@ def _view(
         fibres=fibre_families(hood.model, state.configuration),
         markers=placed,
         gauges=gauges,
-        region_force=region_forces(force, c.x, quads, crossings[0]),
-        strip_arm=strip_arms(force, from_pip, quads, crossings[1], turning),
+        region_force=region_forces(force, x, quads, middles),
+        strip_arm=all_strip_arms(hood, state, force, strips),
     )
 
 
