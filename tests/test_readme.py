@@ -23,7 +23,7 @@ from cosim.verification.lesions import CUTS, EXTENDING, FREE, HOODS, changes
 from rigid.papers.networks.testbed_study import REPORTED_ERRORS, errors, trials
 from rigid.verification.network_study_rows import SEEDS
 from tests.golden import read_golden
-from tests.helpers.board import read_board, trust_rows
+from tests.helpers.board import ANSWERS, in_each_hand, read_board, trust_rows
 from tests.helpers.folders import ROOT
 
 READMES = (
@@ -128,7 +128,19 @@ def test_the_figures_of_uncertainty_are_those_that_were_found():
     moved = f"by {ratio.inputs.uncertainty:.2f} of {ratio.model:.2f}"
     assert f"The stated spread of the inputs moves the ratio of the slips {moved}" in text
     judged = read_board()["judged"]["cadaver forces: hood"]["judgements"]
-    assert f"{judged['within uncertainty']} of the {sum(judged.values())} forces" in text
+    hood, zero, half, split = (judged[answer]["within uncertainty"] for answer in ANSWERS)
+    assert f"{hood} of the {sum(judged['model'].values())} forces" in text
+    assert f"{zero} of the zeros, {half} of half of the hood's forces and {split} of the" in text
+
+
+def test_the_figures_of_each_hand_are_the_boards():
+    text, judged = " ".join(TOP.split()), read_board()["judged"]["cadaver forces: hood"]
+    each, perfect = in_each_hand(judged["by_hand"]).split("; ")
+    first, second, third = each.split(", ")
+    (over_zero,) = (s for s in judged["skill"] if s["null"] == "no answer")
+    assert f"beside the mean of the hands, and {first}, {second} and {third} beside each." in text
+    assert f"from {over_zero['low']:.2g} to {over_zero['high']:.2g}." in text
+    assert f"a perfect model would expect {perfect}." in text
 
 
 @pytest.mark.parametrize("place", PAGES)

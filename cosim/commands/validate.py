@@ -303,7 +303,8 @@ def _print(boards: list[JudgedBoard]) -> None:
         board = judged_board.board
         _print_tallies(board)
         if judged_board.known:
-            screen.print(f"  beside u_val: {_summary_sentence(judged_board.judgements())}")
+            for answer, counts in judged_board.judgements().items():
+                screen.print(f"  {answer}, beside u_val: {_summary_sentence(counts)}")
         for line in board.hand_lines:
             screen.print(f"  {line}")
         _print_rows(board)

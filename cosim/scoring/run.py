@@ -48,7 +48,7 @@ class GroupScore:
     why_not: str = ""
     """Why none can; empty where some can."""
     skill: Skill | None = None
-    """Over no answer; a solve that failed counts as no answer."""
+    """Over no answer; what a solve that failed lacks costs the most that a number can."""
     rank: Rank | None = None
     floor: str = ""
     """What is known of the noise of the measured numbers."""
@@ -146,9 +146,10 @@ def _floor(group: ScoreGroup, rows: Sequence[Comparison], summaries: Mapping[str
             f"{number(n.single, 2)} {unit} on a hand, {number(n.mean, 2)} {unit} on the mean"
             for unit, n in noise.items()
         ]
-        perfect = next((g.perfect for g in gains if g.null == NOTHING), None)
-        if perfect is not None:
-            texts[-1] += f" (a perfect model expects a skill of {number(perfect, 2)})"
+        for g in (g for g in gains if g.null == NOTHING):
+            low, high = (number(end, 2) for end in g.spread)
+            expected = f"{number(g.perfect, 2)}, nine times of ten {low} to {high}"
+            texts[-1] += f" (a perfect model expects a skill of {expected})"
     return "; ".join(dict.fromkeys(texts)) or group.floor
 
 

@@ -21,7 +21,7 @@ from cosim.results.picture import as_png, data_address
 from cosim.validation.mesh import distinct, tally
 from cosim.validation.plots import draw_budgets, draw_kind, draw_rows
 from cosim.validation.run import Board, by_kind
-from cosim.validation.scoreboard import JudgedBoard
+from cosim.validation.scoreboard import JudgedBoard, judgements_of_kind
 from cosim.validation.uncertainty import Budget, NumberUncertainty, sentence
 from cosim.validation.versions import Key
 
@@ -46,7 +46,7 @@ def write_page(path: Path, boards: Sequence[JudgedBoard]) -> None:
             {
                 "group": b.group,
                 "headline": b.headline,
-                "nulls": _nulls(b),
+                "nulls": _nulls(b, judgements_of_kind(boards, b)),
                 "picture": _picture(draw_kind(b)),
             }
             for b in by_kind([b.board for b in boards])
@@ -71,8 +71,7 @@ def _board(judged: JudgedBoard) -> dict[str, Any]:
         "kind": board.kind,
         "variant": board.variant,
         "headline": board.headline,
-        "nulls": _nulls(board),
-        "judgements": _sentence(judged.judgements()) if judged.known else "",
+        "nulls": _nulls(board, judged.judgements() if judged.known else {}),
         "budgets": "" if board.variant else _picture(draw_budgets(judged)),
         "by_hand": board.hand_lines,
         "failures": board.failures,
@@ -88,15 +87,17 @@ def _picture(figure: Figure | None) -> str:
     return "" if figure is None else data_address(as_png(figure, DPI))
 
 
-def _nulls(board: Board) -> list[dict[str, str]]:
-    """The tally of the model and of each null model, with the skill over it."""
+def _nulls(board: Board, judgements: Mapping[str, Mapping[str, int]]) -> list[dict[str, str]]:
+    """The tally of the model and of each null model, beside one SD and u_val, and the skill over
+    it."""
     skills = {s.null: s for s in board.skills}
     rows = []
     for name, verdicts in board.tallies().items():
         s = skills.get(name)
         beaten = "" if s is None else s.fault or "beaten"
         row = {"name": name, "tally": _sentence(verdicts), "skill": "" if s is None else str(s)}
-        rows.append(row | {"beaten": beaten})
+        u_val = _sentence(judgements.get(name, {}))
+        rows.append(row | {"beaten": beaten, "u_val": u_val})
     return rows
 
 

@@ -28,6 +28,7 @@ from cosim.validation.reasons import explain_misses
 from cosim.validation.skill import (
     FACTORS,
     HandGains,
+    Hands,
     Noise,
     Skill,
     against_factors,
@@ -40,8 +41,8 @@ from cosim.validation.skill import (
 )
 from cosim.validation.trial import Summaries, Trial, TrialGroup
 
-SPLIT = "fixed split"
-"""The null model that has no hood."""
+MODEL, SPLIT = "model", "fixed split"
+"""The answer that is judged, and the null model that has no hood."""
 Summary = Mapping[str, Any]
 
 
@@ -62,11 +63,13 @@ class Board:
     noise: Mapping[str, Noise] = field(default_factory=dict)
     split: Mapping[Target, float | None] = field(default_factory=dict)
     """The fixed split's answers."""
+    hands: Hands = field(default_factory=dict)
+    """What was measured in each hand, of the rows of which it is known."""
 
     @property
     def headline(self) -> str:
-        """Whether the model beats its null models, and hand by hand."""
-        hands = f". Hand by hand {hands_headline(self.by_hand)}" if self.by_hand else ""
+        """Whether the model beats its null models, and in how many hands it is nearer."""
+        hands = f". Nearer hand by hand: {hands_headline(self.by_hand)}" if self.by_hand else ""
         return headline(self.skills, len(judging_rows(self.rows))) + hands
 
     @property
@@ -78,15 +81,19 @@ class Board:
         ]
         return [*map(str, self.by_hand), *noise]
 
-    def tallies(self) -> dict[str, dict[str, int]]:
-        """The tally of the rows that count, of the model and of each null model."""
+    def answers(self) -> dict[str, list[Comparison]]:
+        """The rows that count, with the numbers of the model and of each null model."""
         rows = judging_rows(self.rows)
-        tallies = {"model": tally(rows)}
-        tallies |= {null: tally(scale_rows(rows, factor)) for null, factor in FACTORS.items()}
+        answers = {MODEL: rows}
+        answers |= {null: scale_rows(rows, factor) for null, factor in FACTORS.items()}
         if self.split:
             mine = [r.target for r in rows if r.target in self.split]
-            tallies[SPLIT] = tally([Comparison(t, self.split[t]) for t in mine])
-        return tallies
+            answers[SPLIT] = [Comparison(t, self.split[t]) for t in mine]
+        return answers
+
+    def tallies(self) -> dict[str, dict[str, int]]:
+        """The tally of the rows that count, of the model and of each null model."""
+        return {answer: tally(rows) for answer, rows in self.answers().items()}
 
 
 def by_kind(boards: Sequence[Board]) -> list[Board]:
@@ -96,8 +103,10 @@ def by_kind(boards: Sequence[Board]) -> list[Board]:
         mine = [b for b in boards if b.kind == kind and not b.variant]
         rows = tuple(judging_rows([row for b in mine for row in b.rows]))
         split = {t: value for b in mine for t, value in b.split.items()}
+        hands = {t: values for b in mine for t, values in b.hands.items()}
         if rows:
-            whole.append(Board(kind, rows, {}, kind=kind, skills=_skills(rows, split), split=split))
+            skills = _skills(rows, split, hands)
+            whole.append(Board(kind, rows, {}, kind=kind, skills=skills, split=split, hands=hands))
     return whole
 
 
@@ -221,6 +230,7 @@ def board_of(group: TrialGroup, outcomes: Mapping[str, Outcome[Summary]]) -> Boa
     }
     split = split_answers(group, rows, summaries)
     by_hand, noise = compare_by_hand(group, summaries)
+    hands = measured_by_hand(group, rows)
     return Board(
         group.name,
         rows,
@@ -228,11 +238,22 @@ def board_of(group: TrialGroup, outcomes: Mapping[str, Outcome[Summary]]) -> Boa
         missed,
         group.kind,
         group.variant,
-        _skills(rows, split),
+        _skills(rows, split, hands),
         by_hand,
         noise,
         split,
+        hands,
     )
+
+
+def measured_by_hand(group: TrialGroup, rows: Sequence[Comparison]) -> dict[Target, list[float]]:
+    """What was measured in each hand, by the rows' targets; of those that every hand has."""
+    values: dict[tuple[str, str], list[float]] = {}
+    for target in (t for hand in group.hands.values() for t in hand):
+        if target.reference is not None:
+            values.setdefault((target.case, target.quantity), []).append(target.reference)
+    by_row = {r.target: values.get((r.target.case, r.target.quantity), []) for r in rows}
+    return {t: hands for t, hands in by_row.items() if hands and len(hands) == len(group.hands)}
 
 
 def compare_by_hand(
@@ -248,6 +269,9 @@ def compare_by_hand(
     return tuple(gains for gains in every if gains is not None), data.noise
 
 
-def _skills(rows: Sequence[Comparison], split: Mapping[Target, float | None]) -> tuple[Skill, ...]:
-    skills = [*against_factors(rows), skill(rows, SPLIT, split) if split else None]
+def _skills(
+    rows: Sequence[Comparison], split: Mapping[Target, float | None], hands: Hands
+) -> tuple[Skill, ...]:
+    over_split = skill(rows, SPLIT, split, hands) if split else None
+    skills = [*against_factors(rows, hands), over_split]
     return tuple(s for s in skills if s is not None)

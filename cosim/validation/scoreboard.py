@@ -25,7 +25,7 @@ from cosim.validation.uncertainty import (
 from cosim.validation.versions import Key, key_of
 from cosim.version import __version__
 
-FORMAT = "cosim scoreboard 4"
+FORMAT = "cosim scoreboard 5"
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,16 @@ class JudgedBoard:
         """The budget of a row."""
         return budget(row, self.known_of(row))
 
-    def judgements(self) -> dict[str, int]:
-        """How many of the rows that count are judged how."""
-        count = Counter(self.budget(row).judgement for row in judging_rows(self.board.rows))
-        return {word: count[word] for word in JUDGEMENTS if count[word]}
+    def judgements(self) -> dict[str, dict[str, int]]:
+        """How many of the rows that count are judged how, by answer: of each null model by the
+        uncertainty of the model's number."""
+        budgets = {row.target: self.budget(row) for row in judging_rows(self.board.rows)}
+        return {
+            answer: _in_order(
+                Counter(budgets[r.target]._replace(error=r.difference).judgement for r in rows)
+            )
+            for answer, rows in self.board.answers().items()
+        }
 
     def changed_verdicts(self) -> list[tuple[Comparison, Budget]]:
         """The rows that count whose verdict by one SD and whose judgement by u_val are not of one
@@ -73,7 +79,10 @@ def scoreboard(boards: Sequence[JudgedBoard]) -> str:
     content = {
         "format": FORMAT,
         "version": __version__,
-        "kinds": {b.group: _judge(b) | {"judgements": _of_kind(boards, b)} for b in by_kind(plain)},
+        "kinds": {
+            b.group: _judge(b) | {"judgements": judgements_of_kind(boards, b)}
+            for b in by_kind(plain)
+        },
         "judged": {b.board.group: _judge(b.board) | {"judgements": b.judgements()} for b in boards},
         "failed": {name: why for b in plain for name, why in b.failures.items()},
         "groups": {b.board.group: [_row(b, row) for row in b.board.rows] for b in boards},
@@ -81,11 +90,18 @@ def scoreboard(boards: Sequence[JudgedBoard]) -> str:
     return json_text(content) + "\n"
 
 
-def _of_kind(boards: Sequence[JudgedBoard], kind: Board) -> dict[str, int]:
-    """The judgements of a kind's groups together."""
-    mine = [b for b in boards if b.board.kind == kind.kind and not b.board.variant]
-    count = sum((Counter(b.judgements()) for b in mine), Counter[str]())
-    return {word: count[word] for word in JUDGEMENTS if count[word]}
+def judgements_of_kind(boards: Sequence[JudgedBoard], kind: Board) -> dict[str, dict[str, int]]:
+    """The judgements of a kind's groups together, by answer."""
+    whole: dict[str, Counter[str]] = {}
+    for board in boards:
+        if board.board.kind == kind.kind and not board.board.variant:
+            for answer, counts in board.judgements().items():
+                whole.setdefault(answer, Counter()).update(counts)
+    return {answer: _in_order(count) for answer, count in whole.items()}
+
+
+def _in_order(count: Mapping[str, int]) -> dict[str, int]:
+    return {word: count[word] for word in JUDGEMENTS if count.get(word)}
 
 
 def _row(board: JudgedBoard, row: Comparison) -> dict[str, Any]:
@@ -124,7 +140,7 @@ def _skill(of_null: Skill) -> dict[str, Any]:
     """Skill to four decimals: a ratio of sums, near 1 at best; null where it is minus infinity."""
     values = {"skill": of_null.value, "low": of_null.low, "high": of_null.high}
     numbers = {k: round(v, 4) if v is not None and isfinite(v) else None for k, v in values.items()}
-    counts = {"rows": of_null.rows, "trials": of_null.trials}
+    counts = {"rows": of_null.rows, "trials": of_null.trials, "hands": of_null.hands}
     return {"null": of_null.null, **numbers, "fault": of_null.fault, **counts}
 
 
@@ -132,11 +148,13 @@ def _hand_gains(of_null: HandGains) -> dict[str, Any]:
     resamples = {f"{' '.join(r.hands)} ({r.ways})": r.gain for r in of_null.resamples}
     return {
         "null": of_null.null,
-        "verdict": of_null.verdict,
+        "nearer": of_null.count,
+        "skill": _rounded(of_null.skills),
         "gain": _rounded(of_null.gains),
         "without": _rounded(of_null.without),
         "resamples": _rounded(resamples),
         "perfect_skill": round(of_null.perfect, 4),
+        "perfect_spread": [round(end, 4) for end in of_null.spread],
     }
 
 

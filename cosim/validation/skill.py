@@ -4,13 +4,18 @@ skill = 1 - SSE(model) / SSE(null), with SSE = sum_i w_i e_i^2 and e_i the diffe
 from its reference, or where it has none from the nearer end of its band.  1 is a perfect answer, 0
 one as far off as the null model, less than 0 one that is worse (Murphy 1988, Mon Weather Rev
 116:2417).  w_i is one over the mean square of the references of all rows in the same unit, so that
-neither units nor how many numbers are large decide.  A row without a value counts as the answer 0.
-Rows that chose a parameter, and requirements, do not count.
+neither units nor how many numbers are large decide.  Rows that chose a parameter, and requirements,
+do not count.
+
+A model's number costs at most 4 w_i s_i^2, with s_i the larger of its reference and the root mean
+square of its unit: what the opposite answer costs.  A number that is not found costs this most, and
+a null model by factors has none in its place, so that no number can be left out to raise a skill.
 
 Where hands were measured one by one, two models are compared hand by hand too, by paired
 differences of squared error: gain = sum_i w_i (n_i^2 - e_i^2) / rows, with n_i the null model's
 difference.  It is linear in what was measured, so that the mean of some hands' gains is the gain
-beside their mean; of all hands and over the answer 0 it is the skill beside the mean.
+beside their mean; of all hands and over the answer 0 it is the skill beside the mean.  How many
+hands the model is nearer to is counted, and judges nothing: three agree by chance one time in four.
 """
 
 from __future__ import annotations
@@ -23,18 +28,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cosim.port import Array
+from cosim.port import Array, Ints
 from cosim.results.compare import Comparison, Target, difference, number
 
 FACTORS = {"no answer": 0.0, "halved": 0.5, "doubled": 2.0, "reversed": -1.0}
 """Null models by what the model's numbers are multiplied by."""
+NOTHING = "no answer"
 RESAMPLES, SEED, LEVEL = 2000, 1, 0.95
+MOST = 4.0
+"""A number's cost over what the answer 0 costs, or over the mean square of its unit, at most."""
+PERFECT_ENDS = (0.05, 0.95)
+"""Between which quantiles the skill of a perfect model is told."""
+Hands = Mapping[Target, Sequence[float]]
+"""What was measured in each hand, of the targets of which it is known."""
 ONE_TRIAL = "one trial, no interval"
 
 
 @dataclass(frozen=True)
 class Skill:
-    """Skill over a null model, with the ends of its bootstrap interval (None with one trial)."""
+    """Skill over a null model, with the ends of its bootstrap interval (None with one trial), which
+    is over the trials and, of rows that were measured hand by hand, over the hands."""
 
     null: str
     value: float
@@ -42,6 +55,8 @@ class Skill:
     high: float | None
     rows: int
     trials: int
+    hands: int = 0
+    """Hands that were drawn, the most of a row."""
 
     @property
     def fault(self) -> str:
@@ -77,38 +92,84 @@ def scale_rows(rows: Sequence[Comparison], factor: float) -> list[Comparison]:
 
 
 def skill(
-    rows: Sequence[Comparison], null: str, answers: Mapping[Target, float | None] | None = None
+    rows: Sequence[Comparison],
+    null: str,
+    answers: Mapping[Target, float | None] | None = None,
+    hands: Hands | None = None,
 ) -> Skill | None:
     """Skill of the counted rows over a null model: one of FACTORS, or the `answers` of another
     model by target; minus infinity where the null model alone misses nothing.  None where neither
     misses, or no row counts.
 
-    The interval (95 %) is a bootstrap over the trials, 2000 resamples of a fixed seed."""
+    The interval (95 %) is a bootstrap over the trials and the `hands`, 2000 resamples of a fixed
+    seed."""
     judged = judging_rows(rows)
     if answers is not None:
         judged = [row for row in judged if row.target in answers]
     if not judged:
         return None
-    modelled = [row.model or 0.0 for row in judged]
+    targets, models = [row.target for row in judged], [row.model for row in judged]
     others = (
-        [FACTORS[null] * m for m in modelled]
-        if answers is None
-        else [answers[row.target] or 0.0 for row in judged]
+        _null_answers(null, models) if answers is None else [answers[t] or 0.0 for t in targets]
     )
-    targets = [row.target for row in judged]
-    weights = _weights(targets)
+    most = MOST * _scales(targets) ** 2
+    most_of_other = np.full(len(targets), np.inf) if answers is None else most
     trials = sorted({t.case for t in targets})
-    place = [trials.index(t.case) for t in targets]
-    errors = np.zeros((2, len(trials)))
-    for side, models in enumerate((modelled, others)):
-        gaps = np.array([difference(t, m) for t, m in zip(targets, models, strict=True)])
-        np.add.at(errors[side], place, weights * gaps**2)
-    total, worst = errors.sum(axis=1)
+
+    def errors(shifts: Array) -> Array:
+        """Squared errors (2, draws, trials) beside references moved by `shifts` (draws, rows)."""
+        mine = _squares(_gaps(targets, models), shifts, most, most)
+        theirs = _squares(_gaps(targets, others), shifts, most_of_other, 0.0)
+        place = np.array([[t.case == trial for trial in trials] for t in targets], dtype=float)
+        return np.stack([mine, theirs]) * _weights(targets) @ place
+
+    counts = len(judged), len(trials)
+    total, worst = errors(np.zeros((1, len(judged)))).sum(axis=2)[:, 0]
     if worst <= 0:
-        lost = Skill(null, -np.inf, None, None, len(judged), len(trials))
-        return lost if total > 0 else None
-    low, high = _interval(errors)
-    return Skill(null, float(1 - total / worst), low, high, len(judged), len(trials))
+        return Skill(null, -np.inf, None, None, *counts) if total > 0 else None
+    random = np.random.default_rng(SEED)
+    drawn = random.integers(0, len(trials), (RESAMPLES, len(trials)))
+    each = [list((hands or {}).get(t, ())) for t in targets]
+    low, high = _interval(errors(_hand_shifts(each, random)), drawn)
+    value = float(1 - total / worst)
+    return Skill(null, value, low, high, *counts, hands=max(map(len, each)))
+
+
+def _null_answers(null: str, models: Sequence[float | None]) -> list[float | None]:
+    """What one of FACTORS makes of the numbers; of one that is not found, nothing but no answer."""
+    missing = 0.0 if null == NOTHING else None
+    return [missing if m is None else FACTORS[null] * m for m in models]
+
+
+def _gaps(targets: Sequence[Target], models: Sequence[float | None]) -> Array:
+    """The differences (rows,), nan of numbers that are not found."""
+    gaps = (difference(t, m) for t, m in zip(targets, models, strict=True))
+    return np.array([np.nan if gap is None else gap for gap in gaps])
+
+
+def _squares(gaps: Array, shifts: Array, most: Array, missing: Array | float) -> Array:
+    """Squared differences (draws, rows), at most `most`, where the references are moved by `shifts`
+    (draws, rows); `missing` of numbers that are not found."""
+    squares = np.minimum((gaps - shifts) ** 2, most)
+    return np.where(np.isnan(gaps), missing, squares)
+
+
+def _scales(targets: Sequence[Target]) -> Array:
+    """The larger (rows,) of what each row is compared with and the root mean square of its unit."""
+    sizes = np.array([_size(t) for t in targets])
+    return np.maximum(sizes, _weights(targets) ** -0.5)
+
+
+def _hand_shifts(each: Sequence[Sequence[float]], random: np.random.Generator) -> Array:
+    """How far the mean of as many hands, drawn with replacement, lies from that of all (RESAMPLES,
+    rows); rows with the same number of hands have the same ones drawn, rows without stay."""
+    shifts = np.zeros((RESAMPLES, len(each)))
+    for n in sorted({len(hands) for hands in each} - {0, 1}):
+        rows = [i for i, hands in enumerate(each) if len(hands) == n]
+        measured = np.array([each[i] for i in rows]).T
+        drawn = random.integers(0, n, (RESAMPLES, n))
+        shifts[:, rows] = measured[drawn].mean(axis=1) - measured.mean(axis=0)
+    return shifts
 
 
 def _weights(targets: Sequence[Target]) -> Array:
@@ -127,21 +188,20 @@ def _size(target: Target) -> float:
     return max(abs(end) for end in (target.low, target.high) if end is not None)
 
 
-def _interval(errors: Array) -> tuple[float | None, float | None]:
-    """Ends of the interval; errors: (2, trials), squared, of the model and of the null model."""
-    n = errors.shape[1]
-    if n < 2:
+def _interval(errors: Array, drawn: Ints) -> tuple[float | None, float | None]:
+    """Ends of the interval; errors: (2, draws, trials), squared, of the model and of the null
+    model; drawn: trials (draws, trials)."""
+    if drawn.shape[1] < 2:
         return None, None
-    drawn = np.random.default_rng(SEED).integers(0, n, (RESAMPLES, n))
-    model, null = errors[:, drawn].sum(axis=2)
+    model, null = np.take_along_axis(errors, drawn[None], axis=2).sum(axis=2)
     skills = 1 - model[null > 0] / null[null > 0]
     low, high = np.quantile(skills, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return float(low), float(high)
 
 
-def against_factors(rows: Sequence[Comparison]) -> list[Skill]:
+def against_factors(rows: Sequence[Comparison], hands: Hands | None = None) -> list[Skill]:
     """Skill over each of FACTORS that misses something."""
-    return [s for null in FACTORS if (s := skill(rows, null)) is not None]
+    return [s for null in FACTORS if (s := skill(rows, null, hands=hands)) is not None]
 
 
 class Resample(NamedTuple):
@@ -154,12 +214,16 @@ class Resample(NamedTuple):
 
 @dataclass(frozen=True)
 class HandGains:
-    """Gain over a null model beside each hand; `perfect`: the skill over that null model that the
-    true mean would expect beside the mean of these hands."""
+    """Gain over a null model beside each hand, and the skill beside it."""
 
     null: str
     gains: Mapping[str, float]
+    skills: Mapping[str, float]
+    """One less the ratio of squared errors beside that hand."""
     perfect: float
+    """The skill that the true mean would expect beside the mean of these hands."""
+    spread: tuple[float, float]
+    """Between which ends nine of ten such skills lie, with hands that differ as these do."""
 
     @property
     def resamples(self) -> list[Resample]:
@@ -178,11 +242,14 @@ class HandGains:
         return {hand: (total - gain) / (n - 1) for hand, gain in self.gains.items()}
 
     @property
-    def verdict(self) -> str:
-        """Whether the model is nearer than the null model; not decided where resamples disagree."""
-        signs = {int(np.sign(r.gain)) for r in self.resamples}
-        words = {1: "better", -1: "worse", 0: "equal"}
-        return words[signs.pop()] if len(signs) == 1 else "not decided"
+    def nearer(self) -> int:
+        """How many hands the model is nearer to than the null model."""
+        return sum(gain > 0 for gain in self.gains.values())
+
+    @property
+    def count(self) -> str:
+        """The same in words, of all hands."""
+        return f"{self.nearer} of {len(self.gains)}"
 
     def __str__(self) -> str:
         def listed(gains: Mapping[str, float]) -> str:
@@ -190,10 +257,11 @@ class HandGains:
 
         each = sorted(self.resamples, key=lambda r: r.gain)
         drawn = ", ".join(f"{number(r.gain, 2)} ({r.ways})" for r in each)
+        low, high = (number(end, 2) for end in self.spread)
         return (
-            f"over {self.null}: {self.verdict}; gain {listed(self.gains)}; without "
-            f"{listed(self.without)}; resamples (ways) {drawn}; a perfect model would expect a "
-            f"skill of {number(self.perfect, 2)}"
+            f"over {self.null}: nearer in {self.count} hands; skill {listed(self.skills)}; gain "
+            f"{listed(self.gains)}; without {listed(self.without)}; resamples (ways) {drawn}; a "
+            f"perfect model would expect a skill of {number(self.perfect, 2)} ({low} to {high})"
         )
 
 
@@ -235,23 +303,46 @@ class HandData:
     def gains(
         self, null: str, answers: Mapping[Target, float | None] | None = None
     ) -> HandGains | None:
-        """As `skill` takes null models; None where it misses nothing beside the mean."""
+        """As `skill` takes null models and numbers that are not found; None where the null model
+        misses nothing beside the mean."""
         at = [i for i, r in enumerate(self.rows) if answers is None or r.target in answers]
-        rows = [self.rows[i] for i in at]
-        modelled = np.array([row.model or 0.0 for row in rows])
-        null_values = (
-            FACTORS[null] * modelled
-            if answers is None
-            else np.array([answers[row.target] or 0.0 for row in rows])
+        models = [self.rows[i].model for i in at]
+        targets = [self.rows[i].target for i in at]
+        others = (
+            _null_answers(null, models) if answers is None else [answers[t] or 0.0 for t in targets]
         )
         measured, weights = self.measured[:, at], self.weights[at]
-        worst = weights @ (null_values - measured.mean(axis=0)) ** 2
+        mean = measured.mean(axis=0)
+        most, no_most = MOST * np.maximum(mean**2, 1 / weights), np.full(len(at), np.inf)
+
+        def errors(values: Sequence[float | None], beside: Array, missing: Array | float) -> Array:
+            gaps = np.array([np.nan if v is None else v for v in values]) - mean
+            return _squares(gaps, beside - mean, no_most, missing) @ weights
+
+        worst = float(errors(others, mean[None], 0.0)[0])
         if worst <= 0:
             return None
-        gains = ((null_values - measured) ** 2 - (modelled - measured) ** 2) @ weights / len(rows)
-        error = weights @ measured.var(axis=0, ddof=1) / len(self.names)
-        named = dict(zip(self.names, gains.tolist(), strict=True))
-        return HandGains(null, named, float(1 - error / worst))
+        mine, theirs = errors(models, measured, most), errors(others, measured, 0.0)
+        drawn = mean + _noise_of_mean(measured)
+        perfect = 1 - ((drawn - mean) ** 2 @ weights) / errors(others, drawn, 0.0)
+        variance = weights @ measured.var(axis=0, ddof=1) / len(self.names)
+        low, high = np.quantile(perfect, PERFECT_ENDS)
+        return HandGains(
+            null,
+            dict(zip(self.names, ((theirs - mine) / len(at)).tolist(), strict=True)),
+            dict(zip(self.names, (1 - mine / theirs).tolist(), strict=True)),
+            float(1 - variance / worst),
+            (float(low), float(high)),
+        )
+
+
+def _noise_of_mean(measured: Array) -> Array:
+    """How far (RESAMPLES, rows) the mean of so many hands lies from the true one by a normal law
+    with the covariance of the hands (n, rows)."""
+    n = len(measured)
+    random = np.random.default_rng(SEED).normal(size=(RESAMPLES, n))
+    random -= random.mean(axis=1, keepdims=True)
+    return np.asarray(random @ (measured - measured.mean(axis=0)) / np.sqrt(n * (n - 1)))
 
 
 def hand_data(hands: Mapping[str, Sequence[Comparison]]) -> HandData | None:
@@ -280,12 +371,8 @@ def _is_measured(row: Comparison | None) -> bool:
 
 
 def hands_headline(every: Sequence[HandGains]) -> str:
-    """Which null models the model is better and worse than hand by hand, in one line."""
-    words: dict[str, list[str]] = {}
-    for gains in every:
-        words.setdefault(gains.verdict, []).append(gains.null)
-    order = [word for word in ("worse", "not decided", "equal", "better") if word in words]
-    return "; ".join(f"{word}: {', '.join(words[word])}" for word in order)
+    """How many hands the model is nearer to than each null model, in one line."""
+    return ", ".join(f"{gains.null} {gains.count}" for gains in every)
 
 
 def headline(skills: Sequence[Skill], judged: int) -> str:

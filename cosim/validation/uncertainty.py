@@ -28,7 +28,7 @@ FILE = "uncertainty.json"
 LEVEL = 0.95
 SAME = 1e-3
 """A number that differs by more of itself is another than that whose uncertainty is known."""
-Judgement = Literal["model differs", "within uncertainty", "no u_val"]
+Judgement = Literal["model differs", "within uncertainty", "not found", "no u_val"]
 JUDGEMENTS: tuple[Judgement, ...] = get_args(Judgement)
 
 
@@ -123,7 +123,10 @@ class Budget(NamedTuple):
 
     @property
     def judgement(self) -> Judgement:
-        """Whether the error is beyond the uncertainty."""
+        """Whether the error is beyond the uncertainty; not found where the source would have told
+        and the model has no number."""
+        if self.error is None and self.u_data is not None:
+            return "not found"
         if self.expanded is None or self.error is None:
             return "no u_val"
         return "within uncertainty" if abs(self.error) <= self.expanded else "model differs"
@@ -230,7 +233,7 @@ def _nothing_known(key: Key, row: Comparison) -> NumberUncertainty:
 
 def sentence(row: Comparison, of_row: Budget) -> str:
     """A row's budget in words."""
-    if of_row.judgement == "no u_val":
+    if of_row.judgement in ("no u_val", "not found"):
         return of_row.lacks or "no u_val"
     parts = (("mesh", of_row.u_num), ("inputs", of_row.u_input), ("data", of_row.u_data))
     shown = ", ".join(f"{word} {number(u, 2)}" for word, u in parts)

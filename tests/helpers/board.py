@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 from tests.helpers.folders import ROOT
@@ -43,19 +44,38 @@ def trust_rows() -> dict[str, str]:
 
 def trust_row(name: str, group: dict) -> str:
     """A row of the README's table, of a group of the board or one of its kinds."""
-    tally = group["tally"]
-    judged = sum(n for word, n in tally["model"].items() if word != "nothing to judge by")
     skill = {s["null"]: s for s in group["skill"]}
     cells = [
         name,
         str(skill["no answer"]["rows"]),
-        f"{inside(tally['model'])} of {judged}" if judged else "-",
-        str(inside(tally["no answer"])) if judged else "-",
-        within_uncertainty(group["judgements"]),
-        skill_text(skill["no answer"]),
-        skill_text(skill["fixed split"]) if "fixed split" in skill else "-",
+        of_answers(group["tally"], inside, not_judged="nothing to judge by"),
+        of_answers(group["judgements"], within, not_judged="no u_val"),
+        *(skill_text(skill[null]) if null in skill else "-" for null in ANSWERS[1:]),
+        in_each_hand(group["by_hand"]),
     ]
     return f"| {' | '.join(cells)} |"
+
+
+ANSWERS = ("model", "no answer", "halved", "fixed split")
+"""Hood, zero, half of the hood and the fixed split, in the order of the table's cells."""
+
+
+def of_answers(
+    tally: dict[str, dict[str, int]], count: Callable[[dict[str, int]], int], not_judged: str
+) -> str:
+    """How many of its numbers each answer has in, of those that can be judged."""
+    judged = {
+        answer: sum(n for word, n in counts.items() if word != not_judged)
+        for answer, counts in tally.items()
+    }
+    whole = judged["model"]
+
+    def cell(answer: str) -> str:
+        few = f" (of {judged[answer]})" if judged[answer] != whole else ""
+        return f"{count(tally[answer])}{few}"
+
+    cells = (cell(answer) if answer in tally else "-" for answer in ANSWERS)
+    return f"{', '.join(cells)} of {whole}" if whole else "-"
 
 
 def inside(counts: dict[str, int]) -> int:
@@ -63,11 +83,9 @@ def inside(counts: dict[str, int]) -> int:
     return sum(n for word, n in counts.items() if word.startswith("inside"))
 
 
-def within_uncertainty(judgements: dict[str, int]) -> str:
-    """The numbers within 95 % of u_val, of those that have one."""
-    within = judgements.get("within uncertainty", 0)
-    judged = within + judgements.get("model differs", 0)
-    return f"{within} of {judged}" if judged else "-"
+def within(counts: dict[str, int]) -> int:
+    """The numbers within 95 % of u_val."""
+    return counts.get("within uncertainty", 0)
 
 
 def skill_text(skill: dict) -> str:
@@ -75,3 +93,13 @@ def skill_text(skill: dict) -> str:
     if skill["low"] is None:
         return f"{skill['skill']:.2g} (one trial)"
     return f"{skill['skill']:.2g} ({skill['low']:.2g} to {skill['high']:.2g})"
+
+
+def in_each_hand(every: list[dict]) -> str:
+    """The skill over zero beside each hand, and a perfect model's beside their mean."""
+    over_zero = next((one for one in every if one["null"] == "no answer"), None)
+    if over_zero is None:
+        return "-"
+    low, high = over_zero["perfect_spread"]
+    each = ", ".join(f"{skill:.2f}" for skill in over_zero["skill"].values())
+    return f"{each}; {over_zero['perfect_skill']:.2f} ({low:.2f} to {high:.3g})"

@@ -38,7 +38,7 @@ from cosim.validation.uncertainty import (
     read_uncertainty,
     update,
 )
-from cosim.validation.versions import audited_summary, run_versions, values_of_boards
+from cosim.validation.versions import audited_summary, key_of, run_versions, values_of_boards
 from tests.helpers.folders import ROOT
 
 CASES = ROOT / "cases"
@@ -88,6 +88,21 @@ def test_an_error_beyond_the_uncertainty_is_the_models(side):
         assert budget(row, KNOWN).judgement == judgement
 
 
+def test_null_models_stand_beside_the_u_val_of_the_model_s_numbers():
+    """Two rows of one u_val: the model hits both, zero none, and half the smaller one; a number
+    that is not found is within nothing."""
+    reach = budget(Comparison(TARGET, 1.0), KNOWN).expanded
+    targets = [replace(TARGET, name=f"{x} u", reference=x * reach) for x in (1.5, 10.0)]
+    rows = tuple(Comparison(t, t.reference) for t in targets)
+    known = {key_of("g", row): KNOWN for row in rows}
+    judged = JudgedBoard(Board("g", rows, {}), known).judgements()
+    within = {answer: count.get("within uncertainty", 0) for answer, count in judged.items()}
+    assert within == {"model": 2, "no answer": 0, "halved": 1, "doubled": 0, "reversed": 0}
+    lost = (rows[0], Comparison(targets[1], None))
+    lacking = JudgedBoard(Board("g", lost, {}), known).judgements()["model"]
+    assert lacking == {"within uncertainty": 1, "not found": 1}
+
+
 def test_what_is_not_known_forms_no_u_val_and_is_said():
     without = Comparison(replace(TARGET, sd=None), 1.2)
     assert budget(without, KNOWN).u_val is None
@@ -95,7 +110,8 @@ def test_what_is_not_known_forms_no_u_val_and_is_said():
     assert "no SD" in budget(without, KNOWN).lacks
     assert "inputs" in budget(Comparison(TARGET, 1.2), NumberUncertainty(**NUMBER)).lacks
     assert "not varied" in budget(Comparison(TARGET, 1.2), None).lacks
-    assert budget(Comparison(TARGET, None), KNOWN).judgement == "no u_val"
+    assert budget(Comparison(TARGET, None), KNOWN).judgement == "not found"
+    assert budget(Comparison(without.target, None), KNOWN).judgement == "no u_val"
 
 
 def test_a_verdict_that_uncertainty_changes_is_found():

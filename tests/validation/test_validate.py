@@ -287,23 +287,27 @@ def board_of(group: TrialGroup, factor: float, **others: float) -> Board:
 def test_a_board_says_in_its_first_line_whether_the_hood_beats_its_null_models():
     group = BY_NAME["cadaver forces: hood"]
     perfect = board_of(group, 1.0)
-    assert perfect.headline.startswith("Beats its null models: no answer 1 [1, 1]")
+    alone = board_of(replace(group, hands={}), 1.0)
+    assert alone.headline.startswith("Beats its null models: no answer 1 [1, 1]")
+    assert alone.hand_lines == []
+    assert perfect.headline.startswith("DOES NOT BEAT halved (skill 1 [-")  # three hands differ
     assert list(perfect.tallies()) == ["model", *FACTORS, SPLIT]
     assert perfect.tallies()["model"] == {"inside 1 SD": 24}
     assert perfect.tallies()["no answer"].get("outside", 0) > 10
     gains = {g.null: g for g in perfect.by_hand}
     assert list(gains) == [*FACTORS, SPLIT]
-    assert gains["no answer"].verdict == "better"
-    assert perfect.headline.endswith("Hand by hand " + hands_headline(perfect.by_hand))
+    assert gains["no answer"].count == "3 of 3"
+    assert perfect.headline.endswith("Nearer hand by hand: " + hands_headline(perfect.by_hand))
+    assert {s.hands for s in perfect.skills} == {3}
+    assert {len(hands) for hands in perfect.hands.values()} == {3}
     assert any(line.startswith("noise: 0.32 N on a hand, 0.15 on") for line in perfect.hand_lines)
-    assert board_of(replace(group, hands={}), 1.0).hand_lines == []
     overdone = board_of(group, 2.0)
     assert overdone.headline.startswith("DOES NOT BEAT no answer")
     assert f"{SPLIT} (skill -3" in overdone.headline
     said = json.loads(scoreboard(with_uncertainty([overdone], {})))
     judged = said["judged"][group.name]
     assert judged["headline"] == overdone.headline
-    assert overdone.headline.startswith(said["kinds"]["experiment"]["headline"] + ". Hand by hand")
+    assert overdone.headline.startswith(said["kinds"]["experiment"]["headline"] + ". Nearer hand")
     assert [g["null"] for g in judged["by_hand"]] == [*FACTORS, SPLIT]
     assert {(len(g["resamples"]), len(g["without"])) for g in judged["by_hand"]} == {(10, 3)}
     assert [s["null"] for s in judged["skill"]] == [*FACTORS, SPLIT]
