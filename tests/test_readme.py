@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
+from cosim.models.build import hood_mesh
 from cosim.pipeline import run_case
 from cosim.results.conventions import vector_of
 from cosim.study.plan import read_plan
@@ -196,6 +197,14 @@ def test_the_catalogue_counts_every_case():
     for family, n in folders.items():
         assert len(list((ROOT / "cases" / family).glob("*.toml"))) == n, family
     assert sum(folders.values()) == len(packaged_cases())
+
+
+def test_the_catalogue_says_what_the_fingertip_s_hoods_are_made_of():
+    meshes = [hood_mesh(load_case(f"fingertip_{law}_edc")) for law in ("fibres", "isotropic")]
+    assert {mesh.quads.shape for mesh in meshes} == {(416, 4)}
+    section = CATALOGUE.partition("\n## fingertip\n")[2].partition("\n## ")[0]
+    assert "416 quads of four nodes" in section
+    assert "nine" not in section
 
 
 def test_a_study_solves_as_many_cases_as_is_said():
