@@ -68,6 +68,7 @@ QUANTITIES: Mapping[str, QuantityKind] = {
     "flexion_moment_share": QuantityKind("share of the flexion moment", "%", ("muscle",)),
     "excursion": QuantityKind("excursion of the tendon", "mm", ("muscle", "joint")),
     "rotation": QuantityKind("turn of a free joint", "deg", ("muscle", "joint"), FLEXION),
+    "arm_ratio": QuantityKind("ratio of two moment arms", "1", ("which", "joint")),
     "strip_arm": QuantityKind("arm of a strip by its line of force", "mm", ("part",)),
     "slip_ratio": QuantityKind("force of the terminal slip over the central slip's", "1", ()),
     "slip_force_loss": QuantityKind(
@@ -90,6 +91,9 @@ QUANTITIES: Mapping[str, QuantityKind] = {
         "flexion at which a joint resists most or least", "deg", ("joint", "statistic")
     ),
     "resistance_share": QuantityKind("share of the resistance", "%", ("part", "joint")),
+    "lag_threshold": QuantityKind(
+        "share of a tendon's width from which on a cut makes a joint lag", "%", ("part", "joint")
+    ),
     "subluxation": QuantityKind("shift of the tendon after a cut", "%", ("cut",)),
     "joint_stiffness": QuantityKind("passive stiffness of a joint", "N m/rad", ("joint",)),
     "joint_damping": QuantityKind("damping of a joint", "N m s/rad", ("part",)),
