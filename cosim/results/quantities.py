@@ -70,8 +70,8 @@ STATE = (
     Quantity("fingertip_magnitude_N", "fingertip force, magnitude", True),
     Quantity("slip_force_N.<slip>", "force in the <slip> slip", True),
     Quantity(HOOD_TORQUE, "torque of the hood, <joint>", True),
-    Quantity("strip_arm_mm.<strip>", "arm about the PIP of the <strip>'s force", True),
-    Quantity("strip_arm_mm.terminal_slip", "arm about the DIP of the terminal slip's force", True),
+    Quantity("strip_arm_mm.<strip>", "arm of the force about the PIP, <strip>", True),
+    Quantity("strip_arm_mm.terminal_slip", "arm of the force about the DIP, terminal slip", True),
     Quantity("glide_mm.<place>", "glide of the <place>", True),
     Quantity("lateral_band_height_mm.<side>", "height of the <side> lateral band at the PIP", True),
     Quantity(
