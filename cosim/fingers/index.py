@@ -53,6 +53,9 @@ class IndexFingerConfig(JointedFingerConfig):
     """Lengths over those of our index finger."""
     width_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
     """Widths of the bones over those of our index finger."""
+    intrinsics: Literal["an1979", "myohand"] = "an1979"
+    """Path of the lumbrical and the palmar interosseous at the MCP: the normative table's (arms of
+    8.8 and 6.6 mm at 30 deg), or MyoHand's (3.7 and 3.6 mm)."""
     bones: dict[BodyName, BoneConfig] = Field(default_factory=dict)
     """Surfaces in place of our bones, by body."""
 
@@ -107,14 +110,17 @@ def model(finger: IndexFingerConfig, extensor: Extensor) -> FingerModel:
         whole = _in_file(finger.path)
         hooded = index.hood_strands() if extensor.central is None else ()
         return whole.with_only(*(m for m in whole.muscles if m not in hooded))
-    return _model_of_size(finger.length_scale, extensor.central)
+    return _model_of_size(finger.length_scale, extensor.central, finger.intrinsics)
 
 
 @lru_cache(maxsize=64)
-def _model_of_size(length: float, central: float | None) -> FingerModel:
+def _model_of_size(
+    length: float, central: float | None, intrinsics: Literal["an1979", "myohand"]
+) -> FingerModel:
     from rigid.fingers import index
 
-    return index.finger_model(index_finger().scale(length), index.O2O3 * length, central=central)
+    size = index_finger().scale(length), index.O2O3 * length
+    return index.finger_model(*size, central=central, intrinsics=intrinsics)
 
 
 def _in_file(path: Path) -> FingerModel:
@@ -168,10 +174,10 @@ def _user_bone(body: str, bone: BoneConfig, finger: IndexFingerConfig) -> Triang
 def eyelets(finger: IndexFingerConfig) -> Eyelets:
     """Points from which the intrinsic tendons run to a sheet."""
     from rigid.fingers.anatomy import eyelets
-    from rigid.fingers.index import INTRINSIC, O2O3, ROWS
+    from rigid.fingers.index import INTRINSIC, O2O3, rows
 
     longer = float(skeleton(finger).length[1] / index_finger().length[1])
-    return eyelets(ROWS, INTRINSIC, O2O3 * longer, O2O3 * width(finger))
+    return eyelets(rows(finger.intrinsics), INTRINSIC, O2O3 * longer, O2O3 * width(finger))
 
 
 KIND = FingerKind(IndexFingerConfig, build, bones, model, skeleton, width, eyelets)

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import mujoco
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from cosim.analyses.moment_arms import native_arms
+from cosim.case.file import load_case
 from cosim.errors import InputError
+from cosim.fingers.index import KIND
+from cosim.models.build import build
 from cosim.port import Array, Motion
 from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
 from rigid.chain.joint_torques import joint_law
 from rigid.chain.support import FREE, HELD
 from rigid.fingers.anatomy import _distance
-from rigid.fingers.index import O2O3, finger_model
+from rigid.fingers.index import INTRINSIC, INTRINSIC_ROWS, O2O3, finger_model
 from rigid.fingers.middle import O2O3 as MIDDLE_O2O3
 from rigid.fingers.middle import finger_model as middle_finger
 from rigid.mjcf.write import mjcf_xml
@@ -40,6 +45,26 @@ def test_mujoco_has_the_skeletons_frames() -> None:
     assert motion.position == pytest.approx(pose[0], abs=1e-15)
     assert motion.rotation == pytest.approx(pose[1], abs=1e-14)
     assert state.target == pytest.approx(index_finger().tip(posture), abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "lumbrical", "interosseous"), [(0, 3.05, 3.61), (30, 3.70, 3.61), (60, 3.51, 2.43)]
+)
+def test_a_case_chooses_the_intrinsic_tendons_path(
+    degrees: float, lumbrical: float, interosseous: float
+) -> None:
+    """MyoHand's arms, computed with MuJoCo on its model."""
+    case = load_case("split_edc", ['finger.intrinsics="myohand"'])
+    arms = native_arms(build(case), {"MCP": np.radians(degrees)})
+    assert 1e3 * arms["LUM"][0] == pytest.approx(lumbrical, abs=0.03)
+    assert 1e3 * arms["FPI"][0] == pytest.approx(interosseous, abs=0.03)
+
+
+@pytest.mark.parametrize("source", ["an1979", "myohand"])
+def test_a_hood_s_eyelets_follow_the_path(source: Literal["an1979", "myohand"]) -> None:
+    eyelets = KIND.eyelets(load_case("isometric_edc", [f'finger.intrinsics="{source}"']).finger)
+    for tendon, row in INTRINSIC.items():
+        assert eyelets[tendon] == pytest.approx(O2O3 * np.array(INTRINSIC_ROWS[source][row][0]))
 
 
 def test_mujocos_own_routines_agree() -> None:
