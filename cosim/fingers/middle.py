@@ -35,6 +35,9 @@ class MiddleFingerConfig(JointedFingerConfig):
     interosseous: Literal["myohand", "an1979"] = "myohand"
     """Path of the radial interosseous at the MCP: MyoHand's, or the normative table's, whose depth
     of 0.565 O2O3 is perhaps a misprint for 0.265 (arm 8.1 mm in the straight finger for 3.6)."""
+    terminal: Literal["myohand", "an1979"] = "myohand"
+    """Path of the terminal slip at the DIP, of hoods that lie on no bone: MyoHand's (arm of 3.3
+    mm), or the normative table's (4.0 mm, where its index finger has 2.0)."""
 
     def muscle_areas(self, names: Collection[str]) -> tuple[Mapping[str, float], str]:
         areas = dict(AREAS)
@@ -52,7 +55,8 @@ def model(finger: MiddleFingerConfig, extensor: Extensor) -> FingerModel:
         return finger_model_for_hood(finger.length_scale, finger.interosseous)
     if extensor.central is None:
         return finger_model(finger.length_scale).with_only("FDP", "FDS")
-    return finger_model(finger.length_scale, extensor.central, finger.interosseous)
+    sources = finger.interosseous, finger.terminal
+    return finger_model(finger.length_scale, extensor.central, *sources)
 
 
 def build(finger: MiddleFingerConfig, extensor: Extensor) -> ChainFinger:

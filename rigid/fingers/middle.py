@@ -2,7 +2,8 @@
 
 The third digit after An et al. 1979, whose axes are parallel; see `anatomy`.  The authors' own
 calibrated points were fitted to the fingertip forces that this finger is compared with, and are
-not used here.  The radial interosseous is that of another source (`RADIAL_INTEROSSEOUS`).
+not used here.  The radial interosseous and the terminal slip are those of another source
+(`RADIAL_INTEROSSEOUS`, `TERMINAL_SLIP`).
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ TIP_REACH = 0.015
 """m, O0O1: from the distal phalanx's frame to its tip."""
 LENGTHS = ((1.62 + 0.37) * O2O3, (1.0 + 0.22) * O2O3, 0.17 * O2O3 + TIP_REACH)
 """m, from joint to joint: O4O5 + O5O6, O2O3 + O3O4, O1O2 + O0O1."""
-Interosseous = Literal["myohand", "an1979"]
-RADIAL_INTEROSSEOUS: Mapping[Interosseous, Row] = {
+Source = Literal["myohand", "an1979"]
+RADIAL_INTEROSSEOUS: Mapping[Source, Row] = {
     "myohand": ((-1.065, -0.231, 0.419), (0.161, -0.113, 0.303)),
     "an1979": ((-0.400, -0.565, 0.471), (0.380, -0.038, 0.331)),
 }
@@ -39,6 +40,16 @@ and twice as deep as the ulnar interosseous (0.264), while both interossei pass 
 transverse metacarpal ligament.  Its arm is 8.1 mm in the straight finger; MyoHand's is 3.6 mm, and
 the index finger's first dorsal interosseous (0.262) has 4.2 mm at this finger's size.  0.565 is
 perhaps a misprint for 0.265; that is not proven."""
+TERMINAL_SLIP: Mapping[Source, Row] = {
+    "myohand": ((0.007, 0.140, -0.012), (0.101, 0.165, 0.023)),
+    "an1979": ((0.000, 0.168, -0.015), (0.050, 0.154, -0.022)),
+}
+"""TE's row at the DIP, in two sources, as RI's: the points of MyoHand's EDC3 on either side of the
+joint, and the normative table's.
+
+Its arm is 3.3 mm by the first and 4.0 mm by the second, where the normative index finger has 2.0
+mm.  Bone (the index finger's at this size, 2.4 mm over the axis) and half of a slip that lies on it
+make 2.8 mm.  MyoHand's is the nearer one; chosen by anatomy and arms, not by a force."""
 ROWS: Mapping[str, Mapping[str, Row]] = {
     "MCP": {
         "FDP": ((-0.300, -0.470, 0.012), (0.180, -0.330, 0.023)),
@@ -58,7 +69,7 @@ ROWS: Mapping[str, Mapping[str, Row]] = {
     },
     "DIP": {
         "FDP": ((-0.300, -0.254, 0.033), (0.050, -0.141, 0.032)),
-        "TE": ((0.000, 0.168, -0.015), (0.050, 0.154, -0.022)),
+        "TE": TERMINAL_SLIP["myohand"],
     },
 }
 OFFSET = {"DIP": 0.17, "PIP": 0.22, "MCP": 0.37}
@@ -74,9 +85,12 @@ TO_BONES: Mapping[str, tuple[Way, ...]] = {
 """RIp is the part of the radial interosseous that ends on the proximal phalanx."""
 
 
-def rows(interosseous: Interosseous = "myohand") -> Mapping[str, Mapping[str, Row]]:
-    """The rows by joint and name, the radial interosseous' by its source."""
-    return {**ROWS, "MCP": {**ROWS["MCP"], "RI": RADIAL_INTEROSSEOUS[interosseous]}}
+def rows(
+    interosseous: Source = "myohand", terminal: Source = "myohand"
+) -> Mapping[str, Mapping[str, Row]]:
+    """The rows by joint and name, the radial interosseous' and the terminal slip's by source."""
+    mcp = {**ROWS["MCP"], "RI": RADIAL_INTEROSSEOUS[interosseous]}
+    return {**ROWS, "MCP": mcp, "DIP": {**ROWS["DIP"], "TE": TERMINAL_SLIP[terminal]}}
 
 
 def muscle_strands(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
@@ -99,21 +113,22 @@ def skeleton() -> Skeleton:
 
 
 def finger_model(
-    scale: float = 1.0, central: float = CENTRAL, interosseous: Interosseous = "myohand"
+    scale: float = 1.0,
+    central: float = CENTRAL,
+    interosseous: Source = "myohand",
+    terminal: Source = "myohand",
 ) -> FingerModel:
     """The finger, all lengths times `scale`."""
-    return _assembled(muscle_strands(central), scale, interosseous)
+    return _assembled(muscle_strands(central), scale, rows(interosseous, terminal))
 
 
-def finger_model_for_hood(
-    scale: float = 1.0, interosseous: Interosseous = "myohand"
-) -> FingerModel:
+def finger_model_for_hood(scale: float = 1.0, interosseous: Source = "myohand") -> FingerModel:
     """The finger with the tendons that end on bones, for a hood that takes the others."""
-    return _assembled(TO_BONES, scale, interosseous)
+    return _assembled(TO_BONES, scale, rows(interosseous))
 
 
 def _assembled(
-    ways: Mapping[str, tuple[Way, ...]], scale: float, interosseous: Interosseous
+    ways: Mapping[str, tuple[Way, ...]], scale: float, points: Mapping[str, Mapping[str, Row]]
 ) -> FingerModel:
-    anatomy = FingerAnatomy("middle finger", rows(interosseous), OFFSET, ways)
+    anatomy = FingerAnatomy("middle finger", points, OFFSET, ways)
     return assemble(anatomy, skeleton().scale(scale), O2O3 * scale)

@@ -60,6 +60,14 @@ def test_the_normative_table_s_row_is_the_variant_with_more_than_twice_the_arm()
     np.testing.assert_array_equal(at_mcp("UI", "an1979", 30), at_mcp("UI", "myohand", 30))
 
 
+@pytest.mark.parametrize(("source", "arm"), [("myohand", 3.25), ("an1979", 3.97)])
+def test_a_split_hood_s_terminal_slip_takes_its_source_s_path(source: str, arm: float) -> None:
+    """The straight finger's arm of the whole extensor, where the terminal slip takes it all."""
+    case = load_case("middle_minorflex_edc", [f'finger.terminal="{source}"', "hood.central=0.01"])
+    found = native_arms(build(case), {"MCP": 0.0})["EDC"][JOINTS.index("DIP")]
+    assert -1e3 * found / 0.99 == pytest.approx(arm, abs=0.05)
+
+
 @pytest.mark.parametrize("source", ["myohand", "an1979"])
 @pytest.mark.parametrize(
     ("name", "muscle", "settings"),
