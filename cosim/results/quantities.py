@@ -64,10 +64,22 @@ class Quantity(NamedTuple):
 
 
 HOOD_TORQUE = "joint_torque_Nmm.hood.<joint>"
+FIBRE_STRAIN = "fibre_strain_percent.<region>.p95"
+MOST_STRAINED = 3
+"""Regions whose strain along the fibres is among what one asks for first."""
 STATE = (
     Quantity("fingertip_force_N.<axis>", "fingertip force, <axis>", True),
     Quantity("fingertip_magnitude_N", "fingertip force, magnitude", True),
     Quantity("slip_force_N.<slip>", "force in the <slip> slip", True),
+    Quantity(FIBRE_STRAIN, "strain along the fibres of <region>, p95 of its area", True),
+    *(
+        Quantity(f"fibre_strain_percent.<region>.{part}", f"{what} of <region>{end}")
+        for part, what, end in (
+            ("p5", "strain along the fibres", ", p5"),
+            ("mean", "strain along the fibres", ", mean"),
+            ("beyond_straight", "strain beyond that at which the fibres are straight", ", p95"),
+        )
+    ),
     Quantity(HOOD_TORQUE, "torque of the hood, <joint>", True),
     Quantity("glide_mm.<place>", "glide of the <place>", True),
     Quantity("lateral_band_height_mm.<side>", "height of the <side> lateral band at the PIP", True),
@@ -301,10 +313,12 @@ def check_quantity(quantity: str, summaries: Summaries, place: str = "") -> None
 
 def key_quantities(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Label and path of what one asks for first, of what the summary has; torques of a hood that
-    makes none are left out."""
+    makes none are left out, and of regions all but the most strained."""
     numbers = numbers_of(summary)
     for quantity in (q for q in QUANTITIES if q.is_asked_first):
         paths = [path for path in numbers if _fits(quantity, path, [summary])]
+        if quantity.path == FIBRE_STRAIN:
+            paths = sorted(paths, key=numbers.__getitem__, reverse=True)[:MOST_STRAINED]
         if quantity.path != HOOD_TORQUE or any(numbers[path] for path in paths):
             yield from ((_fill(quantity, path), path) for path in paths)
 

@@ -7,7 +7,8 @@ import numpy as np
 from cosim.port import Array, Ints
 from fe_solver.elements.fibres import leading
 from fe_solver.elements.kinds import kind_of
-from fe_solver.materials.crossed_fibres import CrossedLinear
+from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
+from fe_solver.materials.fibres import ExponentialToe
 from fe_solver.materials.hyperelastic import Potential
 from fe_solver.materials.linear import Law, Orthotropic, Real
 from fe_solver.materials.section import Patch
@@ -32,6 +33,56 @@ def family_angles(law: Law | TensionField) -> tuple[Real, ...]:
                 a for i, a in enumerate(angles) if not any(np.array_equal(a, b) for b in angles[:i])
             )
     return ()
+
+
+def _straight(law: object) -> float:
+    match law:
+        case ExponentialToe():
+            return float(np.max(law.lam_max))
+    return 1.0
+
+
+def straight_stretches(law: Law | TensionField) -> tuple[float, ...]:
+    """The stretch at which the fibres of each of a law's families are straight: 1 where they have
+    no toe; of a law without fibres one number, 1."""
+    match law:
+        case TensionField():
+            return straight_stretches(law.base)
+        case CrossedFibres():
+            return (*straight_stretches(law.base), _straight(law.second))
+    return (_straight(law),) * max(len(family_angles(law)), 1)
+
+
+def family_stretches(law: Law | TensionField, strain: Array) -> Array:
+    """The stretch (nf, k) along each of a law's families under the Green-Lagrange strain E11, E22,
+    2 E12 (k, 3), along axis 1 of a law without fibres: l^2 = 1 + 2 v . E v.
+
+    >>> import numpy as np
+    >>> from fe_solver.materials.linear import Isotropic
+    >>> family_stretches(Isotropic(1e6, 0.3), np.array([[0.105, 0.0, 0.0]])).round(6)
+    array([[1.1]])
+    """
+    out = []
+    for angle in family_angles(law) or (0.0,):
+        a = np.mean(angle, axis=1) if np.ndim(angle) == 2 else angle
+        c, s = np.cos(a), np.sin(a)
+        along = c * c * strain[:, 0] + s * s * strain[:, 1] + s * c * strain[:, 2]
+        out.append(np.sqrt(np.maximum(1 + 2 * along, 0.0)))
+    return np.stack(out)
+
+
+def fibre_stretch(model: ShellModel, strain: Array) -> tuple[Array, Array]:
+    """The stretch (ne,) of the fibres on each element under its mean strain (ne, 3), and that over
+    the stretch at which they are straight; of several families that which is drawn most beyond
+    straight."""
+    stretch, ratio = np.ones(len(model.quads)), np.ones(len(model.quads))
+    for patch in model.section.patches:
+        each = family_stretches(patch.law, strain[patch.elements])
+        over = each / np.array(straight_stretches(patch.law))[: len(each), None]
+        most = over.argmax(axis=0)[None]
+        stretch[patch.elements] = np.take_along_axis(each, most, axis=0)[0]
+        ratio[patch.elements] = np.take_along_axis(over, most, axis=0)[0]
+    return stretch, ratio
 
 
 def fibre_families(model: ShellModel, c: Configuration) -> Array:
