@@ -95,7 +95,8 @@ def dropped_keys(steps: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     lost: dict[str, list[str]] = {}
     for name in regions[-1] if regions else ():
         each = [_table(step, name) for step in regions]
-        gone = {k for old, new in pairwise(each) for k in FIBRE_KEYS if k in old and k not in new}
+        changes = [(old, new) for old, new in pairwise(each) if old.get("kind") != new.get("kind")]
+        gone = {k for old, new in changes for k in FIBRE_KEYS if k in old and k not in new}
         if keys := ", ".join(key for key in FIBRE_KEYS if key in gone - {*each[-1]}):
             lost.setdefault(keys, []).append(name)
     if lost:

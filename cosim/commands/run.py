@@ -362,8 +362,8 @@ def check(cases: Cases, settings: Settings = None) -> None:
             typer.echo(f"{case.name}: in order")
             for key, text in case.hood.followers().items():
                 typer.echo(f"  {key} {text}")
-            warn({case.name: [*unusual_values(case), *mesh_warnings(case)]})
             note({case.name: case.dropped})
+            warn({case.name: [*unusual_values(case), *mesh_warnings(case)]})
         except InputError as error:
             codes.append(tell(InputError(f"{case.name}: {error}")))
     raise typer.Exit(max(codes))

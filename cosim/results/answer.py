@@ -39,7 +39,7 @@ def answer(summary: Summary) -> list[str]:
 
 def doubts(summary: Summary) -> Iterator[str]:
     """Say what a reader must know before believing a number: motion at the end, joints at limits,
-    forces counted twice, strains that no tendon bears, an audit that was missed."""
+    forces counted twice, strains at which tendons tear, an audit that was missed."""
     if summary.get("came_to_rest") is False:
         yield "The finger was still moving at the end."
     for text in describe_limits(summary):

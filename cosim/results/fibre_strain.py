@@ -1,4 +1,4 @@
-"""How far a run's fibres are strained, region by region, and whether a tendon bears that.
+"""How far a run's fibres are strained, region by region, and whether tendons tear at that.
 
 The 95th percentile over a region's area stands for the region: extremes of single quads grow as a
 mesh gets finer.  Fibres with a toe bear nothing to speak of before they are straight, so what may
@@ -32,22 +32,14 @@ class FibreStrain(NamedTuple):
             return f"{text}, whose fibres are not straight yet"
         if self.beyond < self.strain - 1.5:
             text = f"{text}, {self.beyond:.2f} % beyond straight"
-        return f"{text}, more than a tendon bears" if self.beyond > TEARS else text
+        return f"{text}, at which tendons tear" if self.beyond > TEARS else text
 
 
 def fibre_strains(summary: Summary) -> list[FibreStrain]:
-    """The regions of a sheet, the most strained first; none of another hood.
-
-    >>> said = {"central_slip": {"p95": 2.5, "beyond_straight": 1.5}}
-    >>> fibre_strains({"fibre_strain_percent": said})[0].words
-    '2.50 % in the central slip'
-    """
-    pairs = {
-        name: (strain.get("p95"), strain.get("beyond_straight"))
-        for name, strain in summary.get("fibre_strain_percent", {}).items()
-    }
-    each = [FibreStrain(name, *pair) for name, pair in pairs.items() if None not in pair]
-    return sorted(each, key=lambda s: -s.strain)
+    """The regions of a sheet, the most strained first; none of another hood."""
+    found = summary.get("fibre_strain_percent", {}).items()
+    pairs = ((name, strain.get("p95"), strain.get("beyond_straight")) for name, strain in found)
+    return sorted((FibreStrain(*p) for p in pairs if None not in p), key=lambda s: -s.strain)
 
 
 def largest_strain(summary: Summary) -> str:
@@ -61,7 +53,7 @@ def largest_strain(summary: Summary) -> str:
 
 
 def torn(summary: Summary) -> Iterator[str]:
-    """Say of which regions no tendon bears the strain."""
+    """Say in which regions the strain is one at which tendons tear."""
     overloaded = [s for s in fibre_strains(summary) if s.beyond > TEARS]
     if overloaded:
         where = ", ".join(f"{s.region.replace('_', ' ')} ({s.beyond:.0f} %)" for s in overloaded)

@@ -31,6 +31,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<statistic>": ("min", "mean", "max"),
     "<percentile>": ("p5", "mean", "p95"),
     "<extreme>": ("min", "max"),
+    "<fibre>": ("p5", "mean", "beyond_straight"),
     "<slip>": ("central", "terminal"),
     "<tension>": ("taut", "wrinkled", "slack"),
     "<place>": PLACES,
@@ -72,14 +73,7 @@ STATE = (
     Quantity("fingertip_magnitude_N", "fingertip force, magnitude", True),
     Quantity("slip_force_N.<slip>", "force in the <slip> slip", True),
     Quantity(FIBRE_STRAIN, "strain along the fibres of <region>, p95 of its area", True),
-    *(
-        Quantity(f"fibre_strain_percent.<region>.{part}", f"{what} of <region>{end}")
-        for part, what, end in (
-            ("p5", "strain along the fibres", ", p5"),
-            ("mean", "strain along the fibres", ", mean"),
-            ("beyond_straight", "strain beyond that at which the fibres are straight", ", p95"),
-        )
-    ),
+    Quantity("fibre_strain_percent.<region>.<fibre>", "strain of the fibres of <region>, <fibre>"),
     Quantity(HOOD_TORQUE, "torque of the hood, <joint>", True),
     Quantity("glide_mm.<place>", "glide of the <place>", True),
     Quantity("lateral_band_height_mm.<side>", "height of the <side> lateral band at the PIP", True),

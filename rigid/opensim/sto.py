@@ -72,11 +72,7 @@ def is_angle(column: str, angles: Collection[str]) -> bool:
 
 def coordinate_of(column: str) -> str:
     """The coordinate whose values a column holds, under its path in a file of states too; the
-    column's own label where it is none such.
-
-    >>> coordinate_of("/jointset/pip/PIP/value"), coordinate_of("/jointset/pip/PIP/speed")
-    ('PIP', '/jointset/pip/PIP/speed')
-    """
+    column's own label where it is none such."""
     *above, last = column.split("/")
     return above[-1] if above and last == STATES[0] else column
 

@@ -87,7 +87,7 @@ def test_a_finger_that_moves_and_a_joint_at_its_limit_are_doubts() -> None:
         (28.0, -14.7, "28.00 % in the central slip, whose fibres are not straight yet.", False),
         (3.0, 2.0, "3.00 % in the central slip.", False),
         (60.0, 6.7, "60.00 % in the central slip, 6.70 % beyond straight.", False),
-        (12.0, 10.9, "12.00 % in the central slip, more than a tendon bears.", True),
+        (12.0, 10.9, "12.00 % in the central slip, at which tendons tear.", True),
     ],
 )
 def test_fibres_are_overloaded_by_their_strain_beyond_straight(
