@@ -6,7 +6,7 @@ what a notebook writes is gone with the folder that it ran in.
 
 from __future__ import annotations
 
-import sys
+from argparse import ArgumentParser
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -43,4 +43,8 @@ def main(folder: Path, names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "notebooks"), sys.argv[2:])
+    parser = ArgumentParser("python -m cases.notebooks", description=__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, default=Path("notebooks"), metavar="FOLDER")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of a notebook; none: all")
+    given = parser.parse_args()
+    main(given.folder, given.names)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
+
+from cosim.hoods.shell.table import FIBRE_KEYS, region_keys
 
 Layer = tuple[str, dict[str, Any]]
 """Where values are stated (for messages) and the values."""
@@ -26,13 +29,16 @@ _ALTERNATIVES = {
     "angle": {"along", "across", "field", "second"},
     "field": {"angle", "along", "across"},
     "second": {"angle"},
+    "section": {"thickness"},
+    "thickness": {"section"},
 }
 
 
 def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """`base` with `over` on top, table by table; a table of another `kind` replaces the old one."""
+    """`base` with `over` on top, table by table; a table of another `kind` replaces the old one,
+    but a region of a hood keeps what is not its law's."""
     if "kind" in over and "kind" in base and over["kind"] != base["kind"]:
-        return dict(over)
+        base = _kept(base, over)
     replaced = {old for key in over for old in _ALTERNATIVES.get(key, ())}
     merged = {key: value for key, value in base.items() if key not in replaced}
     for key, value in over.items():
@@ -41,6 +47,19 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
             value = merge(old, value)
         merged[key] = value
     return merged
+
+
+def _kept(region: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """What a region keeps under a law of another kind; nothing of a table that is no region.  The
+    directions of two families belong together: they stay where the new law has two, else both
+    go."""
+    kept = {key: region[key] for key in region_keys(over["kind"]) if key in region}
+    if second := _table(region, "second"):
+        if not _table(over, "second"):
+            kept.pop("direction", None)
+        elif "direction" in second:
+            kept["second"] = {"direction": second["direction"]}
+    return kept
 
 
 ALL = "all"
@@ -61,6 +80,28 @@ def add_layer(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any
                 below = every if name in old else merge(_table(old, ALL), every)
                 spread[name] = merge(below, stated)
     return merge(base, {**over, "hood": {**over["hood"], "regions": spread}})
+
+
+def dropped_keys(steps: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """A sentence where regions lost keys of their fibres, since a layer gave them another law;
+    `steps`: what the layers make, from the first one alone to all of them.
+
+    >>> def case(slip): return {"hood": {"regions": {"central_slip": slip}}}
+    >>> fibres = {"kind": "transversely_isotropic", "direction": {"angle": "5 deg"}}
+    >>> print(*dropped_keys([case(fibres), case({"kind": "isotropic"})]))
+    hood.regions: another law drops direction of central_slip
+    """
+    regions = [_table(_table(step, "hood"), "regions") for step in steps]
+    lost: dict[str, list[str]] = {}
+    for name in regions[-1] if regions else ():
+        each = [_table(step, name) for step in regions]
+        changes = [(old, new) for old, new in pairwise(each) if old.get("kind") != new.get("kind")]
+        gone = {k for old, new in changes for k in FIBRE_KEYS if k in old and k not in new}
+        if keys := ", ".join(key for key in FIBRE_KEYS if key in gone - {*each[-1]}):
+            lost.setdefault(keys, []).append(name)
+    if lost:
+        parts = "; ".join(f"{keys} of {', '.join(names)}" for keys, names in lost.items())
+        yield f"hood.regions: another law drops {parts}"
 
 
 def _table(values: Mapping[str, Any], key: str) -> dict[str, Any]:

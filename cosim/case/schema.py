@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from cosim.case.faults import describe, listing
-from cosim.case.layers import Layer, add_layer, nested
+from cosim.case.layers import Layer, add_layer, dropped_keys, nested
 from cosim.errors import InputError
 from cosim.files import shown_path
 from cosim.fingers.common import stamps
@@ -238,16 +238,20 @@ class Case(CaseFile):
     name: str
     """The file's stem."""
     source: Path
+    dropped: tuple[str, ...] = Field(default=(), exclude=True)
+    """What layers took away that no layer names, a sentence each."""
 
     @classmethod
     def from_layers(cls, layers: Sequence[Layer], source: Path) -> Case:
         """The case that layers make, each on top of those before, as a file `source` states it.
 
         Raises InputError that lists every fault with its place and what to write instead."""
-        merged: dict[str, Any] = {}
+        steps: list[dict[str, Any]] = [{}]
+        merged = steps[0]
         try:
             for _, layer in layers:
                 merged = add_layer(merged, layer)
+                steps.append(merged)
             checked = CaseFile.model_validate(merged)
         except ValidationError as error:
             faults, count = describe(error, CaseFile, merged, layers)
@@ -255,7 +259,10 @@ class Case(CaseFile):
             raise InputError(text, faults) from None
         except RecursionError:
             raise InputError(f"{shown_path(source)}: tables are nested too deeply") from None
-        return cls.model_construct(name=source.stem, source=source, **dict(checked))
+        dropped = tuple(dropped_keys(steps))
+        return cls.model_construct(
+            name=source.stem, source=source, dropped=dropped, **dict(checked)
+        )
 
     def replace(self, values: Mapping[str, Any], name: str | None = None) -> Case:
         """The case with other values by dotted key: texts with units as in a case file, pint's
@@ -281,7 +288,8 @@ class Case(CaseFile):
         """The case with layers on top.  Raises InputError."""
         values = self.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
         changed = Case.from_layers([(self.name, values), *layers], self.source)
-        return changed.model_copy(update={"name": self.name})
+        dropped = (*self.dropped, *changed.dropped)
+        return changed.model_copy(update={"name": self.name, "dropped": dropped})
 
     @property
     def task(self) -> Task:

@@ -23,6 +23,7 @@ from cosim.commands.terminal import (
     INCOMPLETE,
     console,
     exit_on_error,
+    note,
     stages,
     tell,
     warn,
@@ -118,6 +119,7 @@ def run(
     none = () if pictures else ("output.picture=false",)
     checked = load_cases(cases, (*(settings or ()), *none))
     warn({case.name: list(unusual_values(case)) for case in checked})
+    note({case.name: case.dropped for case in checked})
     with exit_on_error():
         _check_targets(checked, out)
         if watch and len(checked) > 1:
@@ -358,6 +360,9 @@ def check(cases: Cases, settings: Settings = None) -> None:
             check_fit(case)
             case.hood.check_files()
             typer.echo(f"{case.name}: in order")
+            for key, text in case.hood.followers().items():
+                typer.echo(f"  {key} {text}")
+            note({case.name: case.dropped})
             warn({case.name: [*unusual_values(case), *mesh_warnings(case)]})
         except InputError as error:
             codes.append(tell(InputError(f"{case.name}: {error}")))

@@ -50,6 +50,13 @@ def warn(warnings: Mapping[str, Sequence[str]]) -> None:
             typer.echo(f"cosim: {name}: WARNING: {text}", err=True)
 
 
+def note(texts: Mapping[str, Sequence[str]]) -> None:
+    """Say on the error stream what is in order but easily overlooked, by the run's name."""
+    for name, each in texts.items():
+        for text in each:
+            typer.echo(f"cosim: {name}: {text}", err=True)
+
+
 @contextmanager
 def exit_on_error() -> Iterator[None]:
     """Faults as one message and an exit code."""

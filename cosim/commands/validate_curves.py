@@ -23,14 +23,14 @@ from cosim.validation.curves import (
 )
 from cosim.validation.curves_page import table_rows, write_page
 from cosim.validation.records import write_record
-from cosim.validation.sweeps import Sweep
+from cosim.validation.sweeps import PostureSweep
 
 PLACE = Path("cases") / FILE
 """Where the committed board of curves is, of a checkout."""
 
 
 def validate_curves(
-    sweeps: Sequence[Sweep], out: Path, workers: int, update: bool, progress: Progress
+    sweeps: Sequence[PostureSweep], out: Path, workers: int, update: bool, progress: Progress
 ) -> bool:
     """Run the sweeps, print how rough they are, and leave points, roughness and page in `out`, with
     `update` the roughness in the checkout too.  Whether every run has a result.  Raises

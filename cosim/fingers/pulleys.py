@@ -20,9 +20,9 @@ BonePoints = Annotated[tuple[Point, ...], Field(min_length=1, max_length=8)]
 
 
 class PulleysConfig(Table):
-    """Radii of the pulleys that a tendon runs over, each the tendon's moment arm at every angle:
-    positive where the tendon flexes the joint (it runs palmar of the axis), negative where it
-    extends it (dorsal).  The tendon ends on the bone beyond its last pulley, and crosses a joint
+    """Radii of the pulleys that a tendon runs over, each the tendon's moment arm over the joint's
+    range: positive where the tendon flexes the joint (it runs palmar of the axis), negative where
+    it extends it (dorsal).  The tendon ends on the bone beyond its last pulley, and crosses a joint
     without one through the axis."""
 
     MCP: Radius | None = None

@@ -113,6 +113,11 @@ class HoodConfig(Table):
         """The regions whose material is of that kind."""
         return {}
 
+    def followers(self) -> Mapping[str, str]:
+        """By the key of a value that parts share, which of them follow it in this case, as a clause
+        without its subject."""
+        return {}
+
     def rung(self) -> str:
         """The rung of the ladder on which it stands."""
         return kind_of(type(self))

@@ -10,6 +10,7 @@ from cosim.port import AXES
 from cosim.results.audit import audit_figures
 from cosim.results.compare import value_of
 from cosim.results.conventions import OPPOSITE
+from cosim.results.fibre_strain import largest_strain, torn
 from cosim.results.joint_limits import describe_limits
 
 LEAST_FORCE = 5e-4
@@ -30,6 +31,7 @@ def answer(summary: Summary) -> list[str]:
         _friction(summary),
         _slips(summary),
         _strain(summary),
+        largest_strain(summary),
         _posture(summary),
     )
     return [sentence.replace("-", "−") for sentence in sentences if sentence]
@@ -37,13 +39,14 @@ def answer(summary: Summary) -> list[str]:
 
 def doubts(summary: Summary) -> Iterator[str]:
     """Say what a reader must know before believing a number: motion at the end, joints at limits,
-    forces counted twice, an audit that was missed."""
+    forces counted twice, strains at which tendons tear, an audit that was missed."""
     if summary.get("came_to_rest") is False:
         yield "The finger was still moving at the end."
     for text in describe_limits(summary):
         yield f"{text}.".replace("-", "−")
     if twice := summary.get("double_counted"):
         yield f"Counted twice: {'; '.join(map(str, twice))}."
+    yield from torn(summary)
     if summary.get("audit_missed"):
         yield trust(summary)
 

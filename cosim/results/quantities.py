@@ -32,6 +32,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<statistic>": ("min", "mean", "max"),
     "<percentile>": ("p5", "mean", "p95"),
     "<extreme>": ("min", "max"),
+    "<fibre>": ("p5", "mean", "beyond_straight"),
     "<slip>": ("central", "terminal"),
     "<tension>": ("taut", "wrinkled", "slack"),
     "<place>": PLACES,
@@ -65,10 +66,15 @@ class Quantity(NamedTuple):
 
 
 HOOD_TORQUE = "joint_torque_Nmm.hood.<joint>"
+FIBRE_STRAIN = "fibre_strain_percent.<region>.p95"
+MOST_STRAINED = 3
+"""Regions whose strain along the fibres is among what one asks for first."""
 STATE = (
     Quantity("fingertip_force_N.<axis>", "fingertip force, <axis>", True),
     Quantity("fingertip_magnitude_N", "fingertip force, magnitude", True),
     Quantity("slip_force_N.<slip>", "force in the <slip> slip", True),
+    Quantity(FIBRE_STRAIN, "strain along the fibres of <region>, p95 of its area", True),
+    Quantity("fibre_strain_percent.<region>.<fibre>", "strain of the fibres of <region>, <fibre>"),
     Quantity(HOOD_TORQUE, "torque of the hood, <joint>", True),
     Quantity("strip_arm_mm.<strip>", "arm of the force about the PIP, <strip>", True),
     Quantity("strip_arm_mm.terminal_slip", "arm of the force about the DIP, terminal slip", True),
@@ -303,10 +309,12 @@ def check_quantity(quantity: str, summaries: Summaries, place: str = "") -> None
 
 def key_quantities(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Label and path of what one asks for first, of what the summary has; torques of a hood that
-    makes none are left out."""
+    makes none are left out, and of regions all but the most strained."""
     numbers = numbers_of(summary)
     for quantity in (q for q in QUANTITIES if q.is_asked_first):
         paths = [path for path in numbers if _fits(quantity, path, [summary])]
+        if quantity.path == FIBRE_STRAIN:
+            paths = sorted(paths, key=numbers.__getitem__, reverse=True)[:MOST_STRAINED]
         if quantity.path != HOOD_TORQUE or any(numbers[path] for path in paths):
             yield from ((_fill(quantity, path), path) for path in paths)
 

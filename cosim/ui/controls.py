@@ -97,7 +97,7 @@ class Control:
 def controls_of(case: Case) -> tuple[Control, ...]:
     """The controls of a case, in the order of the page."""
     posture = getattr(case.finger, "posture", None)
-    of_hood = sorted(map(_in_group, _walk(case.hood, "hood", HOOD)), key=lambda c: bool(c.part))
+    of_hood = sorted(map(_in_group, _hood(case)), key=lambda c: bool(c.part))
     return (
         *(() if posture is None else _walk(posture, "finger.posture", POSTURE)),
         *_tendons(case),
@@ -108,6 +108,14 @@ def controls_of(case: Case) -> tuple[Control, ...]:
         *(c for c in of_hood if c.group == MATERIAL),
         *(c for c in of_hood if c.group == SUPPORTS),
     )
+
+
+def _hood(case: Case) -> Iterator[Control]:
+    """The controls of the hood's table; one that several parts share says which follow it."""
+    shared = case.hood.followers()
+    for control in _walk(case.hood, "hood", HOOD):
+        more = f" It {shared[control.key]}." if control.key in shared else ""
+        yield replace(control, meaning=control.meaning + more)
 
 
 def _in_group(control: Control) -> Control:

@@ -424,7 +424,7 @@ class Desk:
                 self._interrupt(self._running)
             self._tell("at fault")
             return
-        self._unusual = [*unusual_values(case)]
+        self._unusual = [*unusual_values(case), *case.dropped]
         if case.task == "motion" and not is_asked:
             self._wanted = None
             if self._running is not None:

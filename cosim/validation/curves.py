@@ -28,7 +28,7 @@ from cosim.roughness import WINDOW, pool, windows
 from cosim.text_tables import read_json_file
 from cosim.validation.records import Record, check_record, six_digits
 from cosim.validation.run import collect_outcomes
-from cosim.validation.sweeps import JOINTS, Sweep
+from cosim.validation.sweeps import JOINTS, PostureSweep
 from cosim.validation.versions import audited_summary
 from cosim.version import __version__
 
@@ -96,7 +96,7 @@ class Curve:
     """A sweep with what its runs say: numbers (n,) by quantity, NaN in a gap, and why there is one,
     by the angle."""
 
-    sweep: Sweep
+    sweep: PostureSweep
     values: Mapping[str, Array]
     gaps: Mapping[float, str]
 
@@ -174,7 +174,7 @@ def quantities(pulled: Sequence[str] | Mapping[str, float]) -> dict[str, Kind]:
 
 
 def run_curves(
-    sweeps: Sequence[Sweep], workers: int = 2, progress: Progress = quiet
+    sweeps: Sequence[PostureSweep], workers: int = 2, progress: Progress = quiet
 ) -> list[Curve]:
     """Run every posture of the sweeps, and read the curves.  Raises InputError where a case is
     refused, or a process is ended from outside."""
@@ -184,7 +184,7 @@ def run_curves(
     return [_curve(sweep, [outcomes[case.name] for case in sweep.cases]) for sweep in sweeps]
 
 
-def _curve(sweep: Sweep, outcomes: Sequence[Outcome[Mapping[str, Any]]]) -> Curve:
+def _curve(sweep: PostureSweep, outcomes: Sequence[Outcome[Mapping[str, Any]]]) -> Curve:
     summaries = [outcome.value or {} for outcome in outcomes]
     values = {
         name: np.array([value_of(s, name) for s in summaries], dtype=float)

@@ -56,6 +56,8 @@ SETTING = re.compile(
     r"|[-+]?[\d.]+(?:e[-+]?\d+)?|\"?[A-Za-z_][\w ]*\"?|\[[-+\d., e]*\])"  # number, word, numbers
 )
 """A setting that names no file: nothing of somebody else's package is to open one here."""
+FILE_KEYS = ("path", "points_file", "surface", "extends")
+"""Keys of a case whose text names a file."""
 
 
 Text = Annotated[str, StringConstraints(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$", max_length=500)]
@@ -78,7 +80,8 @@ class Request(Record):
     @classmethod
     def _names_no_file(cls, settings: tuple[str, ...]) -> tuple[str, ...]:
         for text in settings:
-            if len(text) > 200 or not SETTING.fullmatch(text):
+            key = text.partition("=")[0].strip().rpartition(".")[2]
+            if len(text) > 200 or not SETTING.fullmatch(text) or key in FILE_KEYS:
                 raise ValueError(
                     f"the setting {text[:60]!r} is none that a package may have: a number with its "
                     "unit, a word or a list of numbers, and no file"

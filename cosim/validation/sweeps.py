@@ -74,7 +74,7 @@ class SweepsFile(Table):
     """The sweeps by name."""
 
 
-class Sweep(NamedTuple):
+class PostureSweep(NamedTuple):
     """A sweep with its cases."""
 
     name: str
@@ -90,7 +90,7 @@ class Sweep(NamedTuple):
 
 def read_sweeps(
     full: bool = False, settings: Sequence[str] = (), only: str = "", path: Path | None = None
-) -> list[Sweep]:
+) -> list[PostureSweep]:
     """The sweep of the name `only`, or those whose name holds it, with `settings` on top; `full`:
     all of the file, and on its meshes.  Raises InputError for a file at fault, or no sweep."""
     path = path or Path(str(resources.files("cases") / "data" / FILE))
@@ -112,7 +112,7 @@ def read_sweeps(
     return found
 
 
-def _sweep(name: str, config: SweepConfig, settings: Sequence[str]) -> Sweep:
+def _sweep(name: str, config: SweepConfig, settings: Sequence[str]) -> PostureSweep:
     case = load_case(config.case, [*config.settings, *settings])
     posture = case.native_finger().posture.angles()
     angles = config.angles
@@ -128,4 +128,4 @@ def _sweep(name: str, config: SweepConfig, settings: Sequence[str]) -> Sweep:
     )
     tensions = {tendon: case.tension(tendon) for tendon in case.tendons}
     pulled = {t: n for t, n in tensions.items() if n > case.solve.resting_tension}
-    return Sweep(name, config.joint, angles, postures, cases, pulled)
+    return PostureSweep(name, config.joint, angles, postures, cases, pulled)

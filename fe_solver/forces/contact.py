@@ -155,6 +155,11 @@ class Contact:
         """The points (k, 3) m in the body's frame."""
         return (self.at(x) - position[self.body]) @ rotation[self.body]
 
+    def softened(self, share: float) -> Contact:
+        """The contact with a share of the stiffness of what presses, penalty or layer."""
+        layer = self.layer and replace(self.layer, share=share * self.layer.share)
+        return replace(self, stiffness=share * self.stiffness, layer=layer)
+
     def gap(self, x: Array, position: Array, rotation: Array) -> Array:
         """The gaps (k,) m of the points, negative where one penetrates."""
         return self.surface.distance(self.local(x, position, rotation)).value - self.offset
@@ -195,15 +200,13 @@ def contact_forces(
     # what presses; a pin stands for its slope in the tangent
     normal = gradient[near] @ R.T
     made = _press(contact, near, depth[near], local[near], R, normal, curvature)
-    along, pushed, energy, pull = made.along, made.force, made.energy, made.gradient
     if contact.pin is not None:
-        along = np.where(contact.pin[near] > 0, contact.pin[near], along)
-    friction = dragged = None
+        pin = contact.pin[near]
+        made = made._replace(along=np.where(pin > 0, pin, made.along))
+    friction = None
     if contact.grip is not None:
         friction = friction_of(contact, contact.grip, local).take(near).turned(R)
-        energy += float(friction.energy().sum())
-        drag, dragged = friction.linear(friction.sliding())
-        pull += drag
+        made = made.rubbed(friction)
     # the forces by node: points within elements act through their shape functions
     curved = bend[near] if curvature else None
     k, one = contact.within, np.ones(len(near))
@@ -213,10 +216,10 @@ def contact_forces(
         one[:, None] if k is None else k.shape[point],
         np.full(len(near), -1, dtype=np.intp) if k is None else k.cells[cell],
         np.full(len(near), contact.body, dtype=np.intp),
-        energy,
-        pull,
-        pushed,
-        partial(_hessian, R, along, normal, curved, _sum(made.bent, dragged)),
+        made.energy,
+        made.gradient,
+        made.force,
+        partial(_hessian, made, R, normal, curved),
         at[near] - p,
         one > 0,
         np.full(len(near), -1, dtype=np.intp),
@@ -230,7 +233,7 @@ def contact_forces(
 
 
 class _Pressing(NamedTuple):
-    """What presses k points, without friction."""
+    """What acts on k points."""
 
     energy: float
     gradient: Array
@@ -240,12 +243,21 @@ class _Pressing(NamedTuple):
     along: Array
     """(k,) N/m, its slope by the depth."""
     bent: Array | None
-    """(k, 3, 3) N/m, what the fields of a layer add to the Hessian."""
+    """(k, 3, 3) N/m, what the fields of a layer and friction add to the Hessian."""
     depth: Array
     """(k,) m, beyond which the force has set in; `ramp` to either side."""
     ramp: Array
     stiffness: Array
     """(k,) N/m."""
+
+    def rubbed(self, friction: Friction) -> _Pressing:
+        """With friction (world frame)."""
+        drag, slope = friction.linear(friction.sliding())
+        return self._replace(
+            energy=self.energy + float(friction.energy().sum()),
+            gradient=self.gradient + drag,
+            bent=slope if self.bent is None else self.bent + slope,
+        )
 
 
 def _press(
@@ -261,6 +273,7 @@ def _press(
     with the surface's gradient `normal` (k, 3), world frame."""
     weight = contact.weight[near]
     if contact.layer is not None:
+        weight = contact.layer.share * weight
         return _press_layer(contact.layer, weight, depth, local, R, normal, curvature)
     scale, smoothing = contact.stiffness * weight, np.full(len(near), contact.smoothing)
     work, force, slope = ramp(depth, smoothing)
@@ -311,27 +324,18 @@ def _press_layer(
     )
 
 
-def _sum(one: Array | None, other: Array | None) -> Array | None:
-    return other if one is None else one if other is None else one + other
-
-
 def _hessian(
-    R: Array,
-    along: Array,
-    normal: Array,
-    curved: Array | None,
-    dragged: Array | None,
-    pushed: Array,
+    made: _Pressing, R: Array, normal: Array, curved: Array | None, pushed: Array
 ) -> Array:
-    """The stiffness (k, 3, 3) of `along` (k,) the normals (k, 3); of forces `pushed` (k,) N on what
-    is `curved` (k, 3, 3) 1/m, in the body's frame; and of friction `dragged` (k, 3, 3) N/m."""
-    # stiffness along the normal, then the surface's curvature, then friction
-    out = along[:, None, None] * normal[:, :, None] * normal[:, None, :]
+    """The stiffness (k, 3, 3) of what presses along the normals (k, 3), and of forces `pushed` (k,)
+    N on what is `curved` (k, 3, 3) 1/m, in the body's frame."""
+    # stiffness along the normal, then the surface's curvature, then a layer's fields and friction
+    out = made.along[:, None, None] * normal[:, :, None] * normal[:, None, :]
     if curved is not None:
         on = np.flatnonzero(pushed)
         out[on] -= pushed[on, None, None] * (R @ curved[on] @ R.T)
-    if dragged is not None:
-        out += dragged
+    if made.bent is not None:
+        out += made.bent
     return out
 
 
@@ -392,7 +396,7 @@ def normal_pressure(contact: Contact, local: Array, depth: Array) -> Array:
     if contact.layer is None:
         return np.asarray(contact.stiffness * ramp(depth, contact.smoothing)[1])
     h, modulus = (f.distance(local).value for f in (contact.layer.thickness, contact.layer.modulus))
-    return np.asarray(layer_response(depth, h, modulus).slopes[:, 0])
+    return np.asarray(contact.layer.share * layer_response(depth, h, modulus).slopes[:, 0])
 
 
 def compression(contact: Contact, x: Array, position: Array, rotation: Array) -> Array:

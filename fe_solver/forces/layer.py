@@ -38,6 +38,8 @@ class Layer:
     """Pa."""
     usual: tuple[float, float]
     """Of both, m and Pa, what a point that does not touch yet expects to meet."""
+    share: float = 1.0
+    """Of the modulus that acts; below 1 on the way to an equilibrium alone."""
 
 
 class LayerResponse(NamedTuple):

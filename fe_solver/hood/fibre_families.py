@@ -7,7 +7,8 @@ import numpy as np
 from cosim.port import Array, Ints
 from fe_solver.elements.fibres import leading
 from fe_solver.elements.kinds import kind_of
-from fe_solver.materials.crossed_fibres import CrossedLinear
+from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
+from fe_solver.materials.fibres import axial
 from fe_solver.materials.hyperelastic import Potential
 from fe_solver.materials.linear import Law, Orthotropic, Real
 from fe_solver.materials.section import Patch
@@ -32,6 +33,42 @@ def family_angles(law: Law | TensionField) -> tuple[Real, ...]:
                 a for i, a in enumerate(angles) if not any(np.array_equal(a, b) for b in angles[:i])
             )
     return ()
+
+
+def straight_stretches(law: Law | TensionField) -> tuple[float, ...]:
+    """The stretch at which the fibres of each of a law's families are straight: 1 where they have
+    no toe; of a law without fibres one number, 1."""
+    match law:
+        case TensionField():
+            return straight_stretches(law.base)
+        case CrossedFibres():
+            return (*straight_stretches(law.base), _straight(law.second))
+    return (_straight(law),) * max(len(family_angles(law)), 1)
+
+
+def _straight(law: object) -> float:
+    return float(np.max(getattr(law, "lam_max", 1.0)))
+
+
+def family_stretches(law: Law | TensionField, strain: Array) -> Array:
+    """The stretch (nf, k) along each of a law's families under the Green-Lagrange strain E11, E22,
+    2 E12 (k, 3), along axis 1 of a law without fibres: l^2 = 1 + 2 v . E v."""
+    angles = [a if np.ndim(a) < 2 else np.mean(a, axis=1) for a in family_angles(law) or (0.0,)]
+    lines = (axial(a) for a in angles)
+    squares = [1 + 2 * sum(v * E for v, E in zip(line, strain.T, strict=True)) for line in lines]
+    return np.sqrt(np.maximum(squares, 0.0))
+
+
+def fibre_stretch(model: ShellModel, strain: Array) -> tuple[Array, Array]:
+    """The stretch (ne,) of the fibres on each element under its mean strain (ne, 3), and that over
+    the stretch at which they are straight; of several families those drawn most beyond straight."""
+    out = np.ones((2, len(model.quads)))
+    for patch in model.section.patches:
+        each = family_stretches(patch.law, strain[patch.elements])
+        over = each / np.array(straight_stretches(patch.law))[: len(each), None]
+        most = over.argmax(axis=0), np.arange(each.shape[1])
+        out[:, patch.elements] = each[most], over[most]
+    return out[0], out[1]
 
 
 def fibre_families(model: ShellModel, c: Configuration) -> Array:

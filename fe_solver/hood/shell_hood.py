@@ -450,7 +450,7 @@ class ShellHood:
         if self.softer == 1.0:
             return guess, 0
         contacts = self.model.contacts
-        soft = tuple(replace(k, stiffness=self.softer * k.stiffness) for k in contacts)
+        soft = tuple(k.softened(self.softer) for k in contacts)
         try:
             s = solve(self.model.with_changes(contacts=soft), guess, tension, SOFT_START)
         except ConvergenceError:

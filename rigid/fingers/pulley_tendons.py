@@ -2,7 +2,7 @@
 
 A pulley is a cylinder about a flexion axis that turns with the bone beyond it.  The tendon runs to
 it along the bone before and ends on that cylinder so far round that it stays wound on over the
-joint's range: its arm is the radius at every angle.
+joint's range: there its arm is the radius.
 """
 
 from __future__ import annotations

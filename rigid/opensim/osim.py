@@ -257,10 +257,10 @@ def _tendons(
     losses: list[Loss] = []
     for name, each in taken.items():
         if name in made:
-            size = (
-                f"its length is at most {1e3 * errors[name]:.2g} mm off OpenSim's over the ranges"
+            size = f"its length is at most {1e3 * errors[name]:.2g} mm off OpenSim's path"
+            why = "; ".join(
+                [f"{size}, pulled tight, over the ranges of motion", *made[name].changes]
             )
-            why = "; ".join([f"{size} of motion", *made[name].changes])
             if errors[name] > tolerance:
                 beyond[name] = errors[name]
                 losses.append(

@@ -70,6 +70,13 @@ def is_angle(column: str, angles: Collection[str]) -> bool:
     return column in angles or (len(parts) > 1 and parts[-1] in STATES and parts[-2] in angles)
 
 
+def coordinate_of(column: str) -> str:
+    """The coordinate whose values a column holds, under its path in a file of states too; the
+    column's own label where it is none such."""
+    *above, last = column.split("/")
+    return above[-1] if above and last == STATES[0] else column
+
+
 def _scale(columns: Sequence[str], angles: Collection[str]) -> Array:
     """The columns' factors (m,), degrees per unit: 180/pi of an angle, 1 of others."""
     return np.where([is_angle(c, angles) for c in columns], np.degrees(1.0), 1.0)

@@ -282,6 +282,15 @@ def test_a_motion_is_read_with_its_rates(table):
     assert np.ptp(smooth.angle[:, 1]) < 0.5 * np.ptp(whole.angle[:, 1])
 
 
+def test_angles_under_the_paths_of_their_states_are_taken(tmp_path):
+    path = tmp_path / "states.sto"
+    rows = "".join(f"{t}\t{10 * t}\t7\n" for t in range(5))
+    labels = "time\t/jointset/pip/PIP/value\t/jointset/pip/PIP/speed"
+    path.write_text(f"states\nversion=1\ninDegrees=yes\nendheader\n{labels}\n{rows}")
+    motion = read_motion(path, ("MCP", "PIP"), {"MCP": 0.3, "PIP": 0.0})
+    assert motion.angle[:, 1] == pytest.approx(np.radians(10.0 * motion.time))
+
+
 def test_columns_that_are_no_joint_are_told(tmp_path):
     path = tmp_path / "more.csv"
     path.write_text("time,PIP_deg,XIP_deg\n0,1,1\n1,2,1\n2,3,1\n3,4,1\n", encoding="utf-8")

@@ -79,3 +79,30 @@ def test_a_finger_that_moves_and_a_joint_at_its_limit_are_doubts() -> None:
     first, second = doubts({"came_to_rest": False, "joints_at_limit": {"PIP": at}})
     assert first == "The finger was still moving at the end."
     assert second.startswith("PIP stands at 65.4 deg, at its limit of 65 deg")
+
+
+@pytest.mark.parametrize(
+    ("strain", "beyond", "words", "doubted"),
+    [
+        (28.0, -14.7, "28.00 % in the central slip, whose fibres are not straight yet.", False),
+        (3.0, 2.0, "3.00 % in the central slip.", False),
+        (60.0, 6.7, "60.00 % in the central slip, 6.70 % beyond straight.", False),
+        (12.0, 10.9, "12.00 % in the central slip, at which tendons tear.", True),
+    ],
+)
+def test_fibres_are_overloaded_by_their_strain_beyond_straight(
+    strain: float, beyond: float, words: str, doubted: bool
+) -> None:
+    summary = {"fibre_strain_percent": {"central_slip": {"p95": strain, "beyond_straight": beyond}}}
+    assert told(summary).endswith(words)
+    assert any("Tendons tear" in doubt for doubt in doubts(summary)) == doubted
+
+
+def test_straight_fibres_are_told_beside_crimped_ones_that_are_strained_more() -> None:
+    regions = {
+        "oblique_fibres_radial": {"p95": 28.0, "beyond_straight": -14.7},
+        "central_slip": {"p95": 3.0, "beyond_straight": 2.0},
+    }
+    assert "of straight fibres, 3.00 % in the central slip." in told(
+        {"fibre_strain_percent": regions}
+    )

@@ -45,6 +45,8 @@ def stretch(mesh: HoodMesh, along: float, across: float) -> ShellView:
         line_strain=strain,
         fibres=np.zeros((0, ne, 3)),
         tension=np.full(ne, -1),
+        fibre_stretch=np.full(ne, along),
+        beyond_straight=np.full(ne, along / 1.03),
         faces=np.zeros((ne, 2)),
         stress=np.zeros((ne, 3)),
         energy_density=np.zeros(ne),
@@ -71,6 +73,14 @@ def stretch(mesh: HoodMesh, along: float, across: float) -> ShellView:
         iterations=0,
         attempt="",
     )
+
+
+def test_a_region_s_fibres_are_strained_by_their_stretch_and_beyond_straight():
+    found = strain_summary(stretch(strip(), 1.04, 0.97))["fibre_strain_percent"]
+    assert set(found) == {"central_band", "terminal_slip"}
+    for strain in found.values():
+        assert [strain[key] for key in ("p5", "mean", "p95")] == pytest.approx([4.0] * 3)
+        assert strain["beyond_straight"] == pytest.approx(100 * (1.04 / 1.03 - 1))
 
 
 def test_strain_counts_from_free_of_stress_or_from_the_unloaded_state():

@@ -54,6 +54,7 @@ def test_a_slider_says_range_and_unit_as_the_schema_does():
     thickness = next(c for c in controls_of(load_case("isometric_edc")) if c.label == "thickness")
     assert thickness.unit == "mm"
     assert "at most 5 mm" in thickness.meaning
+    assert "It acts on oblique_fibres_radial, " in thickness.meaning
     assert thickness.is_log
     assert thickness.low < 0.15 < thickness.high
 

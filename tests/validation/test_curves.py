@@ -33,7 +33,7 @@ from cosim.validation.curves import (
 )
 from cosim.validation.curves_page import draw_curve, table_rows, write_page
 from cosim.validation.records import write_record
-from cosim.validation.sweeps import Sweep, read_sweeps
+from cosim.validation.sweeps import PostureSweep, read_sweeps
 
 ANGLES = np.arange(10.0, 101.0, 2.0)
 SAW = (-1.0) ** np.arange(len(ANGLES))
@@ -47,7 +47,7 @@ def curve_of(
 ) -> Curve:
     (own,) = read_sweeps(only="own mesh EDC, PIP")
     postures = {"MCP": ANGLES, "DIP": ANGLES, "PIP": pip}
-    sweep = Sweep("a", joint, ANGLES, postures, own.cases[:1] * len(ANGLES), {"EDC": 2.0})  # type: ignore[arg-type]
+    sweep = PostureSweep("a", joint, ANGLES, postures, own.cases[:1] * len(ANGLES), {"EDC": 2.0})  # type: ignore[arg-type]
     flat = {name: np.ones(len(ANGLES)) for name in quantities({"EDC": 2.0})}
     return Curve(sweep, {**flat, **numbers}, {float(a): why for a, why in gaps.items()})
 

@@ -226,7 +226,10 @@ def test_a_setting_that_names_no_file_is_packed(setting: str):
 
 @pytest.mark.parametrize(
     "setting",
-    ["hood.mesh=a.feb", "x=/etc/passwd", "x=C:/a", "x=\\\\host\\a", "x='../b'", "x=", "x=~a"],
+    [
+        *("hood.mesh=a.feb", "x=/etc/passwd", "x=C:/a", "x=\\\\host\\a", "x='../b'", "x=", "x=~a"),
+        *("hood.mesh.path=hood", "hood.points_file = dots", "finger.bones.middle.surface=bone"),
+    ],
 )
 def test_a_setting_that_may_name_a_file_is_not(setting: str):
     with pytest.raises(InputError, match="no file"):

@@ -12,7 +12,7 @@ import numpy as np
 from cosim.errors import InputError, ReadingWarning
 from cosim.port import Array
 from cosim.text_tables import read_csv
-from rigid.opensim.sto import read_sto
+from rigid.opensim.sto import coordinate_of, read_sto
 
 UNITS = {"deg": np.pi / 180.0, "rad": 1.0}
 FEWEST = 4
@@ -100,9 +100,8 @@ def _filter(path: Path, time: Array, angle: Array, cutoff: float) -> Array:
 
 def _sto(path: Path, joints: Sequence[str]) -> tuple[Array, dict[str, Array]]:
     table = read_sto(path, joints)
-    return table.time, {
-        name: table.values[:, k] for k, name in enumerate(table.columns) if name in joints
-    }
+    columns = enumerate(map(coordinate_of, table.columns))
+    return table.time, {name: table.values[:, k] for k, name in columns if name in joints}
 
 
 def _csv(path: Path, joints: Sequence[str]) -> tuple[Array, dict[str, Array]]:

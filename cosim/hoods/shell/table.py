@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from cosim.errors import InputError, nearest_names
 from cosim.fingers.common import PostureConfig, stamps
-from cosim.hoods.kind import HoodConfig
+from cosim.hoods.kind import HoodConfig, kind_of
 from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts, LesionConfig
 from cosim.hoods.shell.fibre_table import (
     FibrousConfig,
@@ -196,6 +196,23 @@ MaterialConfig = Annotated[
 ]
 
 
+LAWS = {kind_of(table): table for table in get_args(get_args(MaterialConfig)[0])}
+FIBRE_KEYS = tuple(
+    key for key in FibrousConfig.model_fields if key not in RegionConfig.model_fields
+)
+
+
+def region_keys(kind: object) -> list[str]:
+    """The keys of a region under this kind of law that are not the law's: its thickness or section,
+    and how its (first) fibres lie.  None for what is no law's kind.
+
+    >>> region_keys("neo_hookean")
+    ['thickness', 'section', 'tension_field']
+    """
+    keys = LAWS[str(kind)].model_fields if str(kind) in LAWS else ()
+    return [key for key in FibrousConfig.model_fields if key in keys and key != "second"]
+
+
 class ExtraLengthsConfig(Table):
     """How much longer than laid out a slip is, m."""
 
@@ -249,7 +266,8 @@ class ShellHoodConfig(HoodConfig):
     mesh: Annotated[GeneratedMeshConfig | MeshFileConfig, Field(discriminator="kind")]
     """The mesh: generated, or a file."""
     thickness: Thickness
-    """Thickness of the sheet where a region says nothing else."""
+    """Thickness of the regions that have neither `thickness` nor `section` of their own; `cosim
+    check` names them."""
     bending_stiffness: BendingStiffness = 0.0
     """Of a strip per its width, as if of a sheet that acts in bending alone, besides what the
     regions' laws make."""
@@ -377,6 +395,13 @@ class ShellHoodConfig(HoodConfig):
         parts = self.model_dump(mode="json", include={"mesh", "thickness"})
         level = self.contact.model_dump(include={"offset", "heads"})
         return json.dumps([parts, level, stamps(self._mesh_files())], sort_keys=True)
+
+    def followers(self) -> Mapping[str, str]:
+        stated = [n for n, r in self.regions.items() if r.thickness or r.section]
+        names = [name for name in self.regions if name not in stated]
+        those = ", ".join(names) if stated and names else "every region" if names else "no region"
+        rest = f"; {len(stated)} have a thickness or section of their own" if stated else ""
+        return {"hood.thickness": f"acts on {those}{rest}"}
 
     def laws(self, kind: str) -> Mapping[str, Any]:
         return {name: region for name, region in self.regions.items() if region.kind == kind}

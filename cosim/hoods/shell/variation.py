@@ -132,15 +132,9 @@ def _tenth(region: MaterialConfig) -> str:
     modulus, ratio = values["modulus"], values["poisson"]
     along, across = format_si(modulus, units.PRESSURE), format_si(modulus / 10, units.PRESSURE)
     shear = format_si(modulus / (20 * (1 + ratio)), units.PRESSURE)
-    same = "".join(
-        f', {key} = "{format_si(values[key], kind)}"'
-        for key, kind in (("thickness", units.LENGTH), ("section", units.AREA))
-        if values[key] is not None
-    )
     return (
         f'{{ kind = "transversely_isotropic", modulus_along = "{along}", modulus_across = '
-        f'"{across}", shear_modulus = "{shear}", poisson = {ratio!r}, poisson_across = {ratio!r}'
-        f"{same}, tension_field = {str(values['tension_field']).lower()} }}"
+        f'"{across}", shear_modulus = "{shear}", poisson = {ratio!r}, poisson_across = {ratio!r} }}'
     )
 
 

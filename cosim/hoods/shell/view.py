@@ -33,7 +33,7 @@ from cosim.hoods.shell.region_forces import (
 from cosim.hoods.view import FAMILIES, STRAIN, Field
 from cosim.port import Array, State
 from fe_solver.elements.fibres import angle_between
-from fe_solver.hood.fibre_families import fibre_families
+from fe_solver.hood.fibre_families import fibre_families, fibre_stretch
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from fe_solver.solver.fields import contact_pressure, energy_fields, fields
 from meshes.bands import sheet_bands
@@ -69,6 +69,10 @@ class ShellView(FeView):
     line_strain: Array
     """(ne, 3) the same along and across the mesh's own lines: along the finger, in sagittal bands
     round it.  Fibres whose direction a case gives lie at an angle to them."""
+    fibre_stretch: Array
+    """(ne,) along the fibres, of two families along the more strained one."""
+    beyond_straight: Array
+    """(ne,) the same over the stretch at which the fibres are straight."""
     faces: Array
     """(ne, 2) E11 at the two faces."""
     stress: Array
@@ -255,12 +259,15 @@ def _view(
     energy = energy_fields(hood.model, state.configuration)
     x, quads, force = state.configuration.x, hood.model.quads, element_forces(hood, state)
     middles, strips = cuts
+    stretch, beyond = fibre_stretch(hood.model, field.strain)
     return ShellView(
         **vars(view_at(hood, depth, lines, state)),
         quads=hood.model.quads,
         region=mesh.region,
         strain=field.strain,
         line_strain=_rotate_strains(field.strain, turn),
+        fibre_stretch=stretch,
+        beyond_straight=beyond,
         faces=field.faces,
         stress=field.stress,
         energy_density=energy.density,
@@ -285,6 +292,7 @@ def strain_summary(view: ShellView) -> dict[str, object]:
     out: dict[str, object] = {
         "strain_percent": _over_central(view.line_strain, view),
         "region_strain_percent": _by_region(view.line_strain, view),
+        "fibre_strain_percent": _fibre_strains(view),
         "region_force_N": dict(view.region_force),
         "strip_arm_mm": {name: 1e3 * arm for name, arm in view.strip_arm.items()},
     }
@@ -337,6 +345,20 @@ def _over_central(strain: Array, view: ShellView) -> dict[str, Range]:
 def _by_region(strain: Array, view: ShellView) -> dict[str, Mapping[str, Range]]:
     present = (i for i in range(len(REGIONS)) if (view.region == i).any())
     return {REGIONS[i]: _by_direction(strain, view.area, view.region == i) for i in present}
+
+
+def _fibre_strains(view: ShellView) -> dict[str, Range]:
+    """Engineering strain along the fibres by region from free of stress, and the 95th percentile of
+    what it is beyond that at which they are straight."""
+    out = {}
+    for i in np.unique(view.region):
+        cells = view.region == i
+        strain, beyond = (
+            _spread(stretch[cells] - 1, view.area[cells])
+            for stretch in (view.fibre_stretch, view.beyond_straight)
+        )
+        out[REGIONS[i]] = strain | {"beyond_straight": beyond["p95"]}
+    return out
 
 
 def _by_direction(strain: Array, area: Array, cells: np.ndarray) -> dict[str, Range]:

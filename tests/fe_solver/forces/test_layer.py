@@ -177,3 +177,24 @@ def test_a_layer_that_is_used_up_goes_on_straight():
     work, pressure, slope = pressure_law(np.array([USED_UP, 5.0]))
     assert np.isfinite([work, pressure, slope]).all()
     assert slope[0] == slope[1]
+
+
+@pytest.mark.parametrize(
+    "layer", [None, Layer(Field.even(THICKNESS), Field.uneven(MODULUS, 3), (1e-3, 1e6))]
+)
+def test_a_softened_contact_presses_with_that_share_of_its_force(layer: Layer | None):
+    contact, x = touching(np.random.default_rng(0))
+    contact = replace(contact, layer=layer)
+    whole, soft = (
+        contact_forces(k, x, POSITION, ROTATION, True) for k in (contact, contact.softened(0.01))
+    )
+    assert whole.force.max() > 0
+    assert soft.energy == pytest.approx(0.01 * whole.energy)
+    for name in ("force", "gradient", "stiffness"):
+        assert getattr(soft, name) == pytest.approx(0.01 * getattr(whole, name), rel=1e-12)
+    hessians = [f.bend(f.force) for f in (whole, soft)]
+    assert hessians[1] == pytest.approx(0.01 * hessians[0], rel=1e-12)
+    pressures = [
+        contact_state(k, x, POSITION, ROTATION).pressure for k in (contact, contact.softened(0.01))
+    ]
+    assert pressures[1] == pytest.approx(0.01 * pressures[0])

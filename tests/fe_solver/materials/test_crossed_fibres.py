@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import InputError
-from fe_solver.hood.fibre_families import family_angles
+from fe_solver.hood.fibre_families import family_angles, family_stretches, straight_stretches
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.materials.fibres import (
     DispersedFamily,
@@ -124,3 +124,18 @@ def test_a_second_family_alone_is_the_law_of_one():
     plain = TransIsoMooneyRivlin(2e6, 0.7e6, TOE.c3, TOE.c4, TOE.c5, TOE.lam_max, 200e6)
     assert only == pytest.approx(plain.response(points).energy, rel=1e-12)
     assert only == pytest.approx([least_energy(plain, e) for e in points], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "straight"), [("incompressible", (1.03, 1.04)), ("linear", (1, 1))]
+)
+def test_a_stretch_along_a_family_is_that_of_a_line_in_its_direction(name, straight):
+    """Of a plane deformation F: the length of F v."""
+    F = np.array([[1.2, 0.3], [-0.1, 0.9]])
+    E = (F.T @ F - np.eye(2)) / 2
+    strain = np.array([[E[0, 0], E[1, 1], 2 * E[0, 1]]])
+    for law in (LAWS[name], TensionField(LAWS[name])):
+        angles = np.array(family_angles(law))
+        lengths = np.linalg.norm(F @ [np.cos(angles), np.sin(angles)], axis=0)
+        assert family_stretches(law, strain)[:, 0] == pytest.approx(lengths, rel=1e-14)
+        assert straight_stretches(law) == pytest.approx(straight)

@@ -429,7 +429,7 @@ def test_a_muscle_whose_length_jumps_is_left_out_with_the_size(tmp_path: Path) -
     assert list(made("-0.5 0.1").muscles) == ["mus"]
     jumping = made("-0.5 2.9")
     assert not jumping.muscles
-    assert "mm off OpenSim's over the ranges" in reasons(jumping, "mus")
+    assert "mm off OpenSim's path" in reasons(jumping, "mus")
     assert jumping.beyond["mus"] > 0.3
 
 
