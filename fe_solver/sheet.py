@@ -42,6 +42,8 @@ class ShellPart:
     """Of the fibres, in the sheet as it is laid."""
     bending: Array = field(default_factory=lambda: np.zeros((3, 3)))
     """(3, 3) Pa, moduli of bending besides the law's own."""
+    sliding: bool = False
+    """Whether its fibres slide on each other as it bends (`section`)."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,13 @@ class Sheet:
         elements = [np.flatnonzero(self.part == i) for i in range(len(self.parts))]
         return join_sections(
             [
-                Patch(of_part, part.law, thickness[of_part], bending=part.bending)
+                Patch(
+                    of_part,
+                    part.law,
+                    thickness[of_part],
+                    bending=part.bending,
+                    sliding=part.sliding,
+                )
                 for of_part, part in zip(elements, self.parts, strict=True)
                 if len(of_part)
             ]

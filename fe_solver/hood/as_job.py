@@ -113,6 +113,11 @@ def _writable_sheet(hood: ShellHood) -> Sheet:
             "a hood on a layer of tissue that gives is not written: FEBio's contact is a penalty; "
             'set hood.contact.stiffness, such as "200 N/mm**3"'
         )
+    if any(part.sliding for part in sheet.parts):
+        raise InputError(
+            "a hood whose fibres slide on each other is not written: in FEBio's format a shell "
+            "bends as a solid; set hood.regions.*.sliding_fibres to false"
+        )
     if any(part.bending.any() for part in sheet.parts):
         raise InputError(
             "a hood with a bending modulus of its own cannot be written: in FEBio's format a shell "

@@ -20,9 +20,9 @@ from fe_solver.elements.kernels import compile_kernel, compile_part, in_parallel
 
 # The columns of the codes, and what stands there.
 ACTS, MATRIX, VOLUME, FAMILY, CODES = 0, 1, 2, 3, 6
-CONSTANT, LAYERED, RELAXED = 0, 1, 2
-"""`ACTS`: nowhere besides the constant stiffness, at points through the thickness, or as a tension
-field on the mid-surface."""
+CONSTANT, LAYERED, RELAXED, ON_MIDDLE = 0, 1, 2, 3
+"""`ACTS`: nowhere besides the constant stiffness, at points through the thickness, as a tension
+field on the mid-surface, or as it is on the mid-surface."""
 AT = (4, 7, 8, 7, 5, 9, 8, 9, 6)
 """Where the entries of the tangent, row by row, stand in a law's answer."""
 LINEAR, NEO_HOOKEAN, MOONEY_RIVLIN = 0, 1, 2
@@ -183,9 +183,12 @@ def _through_thickness(
 def _on_middle(
     code: Ints, n: Array, E: Array, thickness: float, work: Array, F: Array, K: Array
 ) -> float:
-    """The energy of a tension field; force and stiffness are added."""
+    """The energy of a law at the mid-surface; force and stiffness are added."""
     law = work[:10]
-    _relaxed(code, n, E[0], E[1], E[2], law, work[10:])
+    if code[ACTS] == RELAXED:
+        _relaxed(code, n, E[0], E[1], E[2], law, work[10:])
+    else:
+        _potential(code, n, E[0], E[1], E[2], law)
     for i in range(3):
         F[i] += thickness * law[1 + i]
         for k in range(3):

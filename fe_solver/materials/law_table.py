@@ -112,7 +112,7 @@ class LawRows(NamedTuple):
     elements: Ints
     """(k,)."""
     acts: int
-    """`kernels.LAYERED` or `kernels.RELAXED`."""
+    """`kernels.LAYERED`, `kernels.RELAXED` or `kernels.ON_MIDDLE`."""
     code: LawCode
     more: dict[int, Array]
     """More numbers, by their column."""

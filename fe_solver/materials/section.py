@@ -3,7 +3,9 @@
 At a Gauss point the in-plane strain is e + z k with z in [-h/2, h/2]; membrane forces, moments and
 their tangent are the integrals of the plane stress, its first moment and its tangent.  Linear laws
 are integrated in closed form, once; the others by Gauss-Legendre points at every evaluation.  A
-tension field acts on the mid-surface's strain e, and bends as its base law does at rest.
+tension field, and a tendon whose fascicles slide on each other, act on the mid-surface's strain e,
+and bend as their law does at rest: on a head that is round within some thicknesses a solid one
+would carry its force in its outer face.
 Transverse shear is linear, with the law's initial moduli; a hyperelastic sheet stiffens in it as it
 is compressed and as its director leans (`_with_shear`).
 """
@@ -26,6 +28,7 @@ from fe_solver.materials.kernels import (
     LAYER_WEIGHTS,
     LAYERED,
     LAYERS,
+    ON_MIDDLE,
     RELAXED,
     RESIDUAL_MODULUS,
     SMOOTHING,
@@ -71,6 +74,12 @@ class Patch:
     """(3, 3) Pa, moduli of bending besides the law's own."""
     shear_correction: float = SHEAR_CORRECTION
     """Of transverse shear."""
+    sliding: bool = False
+    """Whether its fibres slide on each other as it bends; of a law that is not linear."""
+
+    def __post_init__(self) -> None:
+        if self.sliding and self.linear:
+            raise ValueError("fibres of a linear law do not slide: it is integrated in closed form")
 
     @property
     def linear(self) -> bool:
@@ -81,6 +90,11 @@ class Patch:
     def relaxed(self) -> bool:
         """Whether it bears no compression."""
         return isinstance(self.law, TensionField)
+
+    @property
+    def on_middle(self) -> bool:
+        """Whether its law acts on the mid-surface alone."""
+        return self.relaxed or self.sliding
 
     @property
     def hyperelastic(self) -> bool:
@@ -193,7 +207,8 @@ class Section:
         out = np.empty((*strain.shape[:2], 3))
         for p in (*self.nonlinear, *(p for p in self.patches if p.linear)):
             e = strain[p.elements]
-            plane = e[..., :3] + z * p.thickness[..., None] / 2 * e[..., 3:6]
+            here = 0.0 if p.sliding else z
+            plane = e[..., :3] + here * p.thickness[..., None] / 2 * e[..., 3:6]
             out[p.elements] = p.factor[..., None] * p.law.response(plane).stress
         return out
 
@@ -231,7 +246,7 @@ def _kind(p: Patch) -> tuple[object, ...]:
     if not all(isinstance(v, float) for v in vars(law).values()):
         return ()
     fibres = (law.incompressible(), law.fibres()) if isinstance(law, Potential) else ()
-    return type(law), smoothing, fibres, p.shear_correction
+    return type(law), smoothing, fibres, p.shear_correction, p.sliding
 
 
 def _base(law: Law | TensionField) -> tuple[Law, float | None]:
@@ -257,6 +272,7 @@ def _as_one(patches: Sequence[Patch]) -> Patch:
         np.concatenate([p.thickness for p in patches]),
         np.concatenate([np.broadcast_to(p.factor, (len(p.elements), 1)) for p in patches]),
         shear_correction=patches[0].shear_correction,
+        sliding=patches[0].sliding,
     )
 
 
@@ -266,7 +282,7 @@ def _rows(p: Patch) -> LawRows | None:
     code = code_of(base)
     if code is None:
         return None
-    acts, more = LAYERED, {}
+    acts, more = ON_MIDDLE if p.sliding else LAYERED, {}
     if isinstance(p.law, TensionField):
         cost = p.law.cost(p.thickness.shape)
         acts = RELAXED
@@ -287,7 +303,7 @@ def _half_shear(p: Patch) -> Array:
 def _add(patches: Sequence[Patch], strain: Array, total: Resultants) -> Resultants:
     """The resultants with those of patches, as numpy computes them, at all elements' strain."""
     for p in patches:
-        more = (_membrane if p.relaxed else _integrate)(p, strain[p.elements])
+        more = (_membrane if p.on_middle else _integrate)(p, strain[p.elements])
         if p.hyperelastic:
             more = _with_shear(p, strain[p.elements], more)
         for whole, part in zip(total, more, strict=True):
@@ -297,8 +313,8 @@ def _add(patches: Sequence[Patch], strain: Array, total: Resultants) -> Resultan
 
 
 def _constant(p: Patch) -> Array:
-    """The part (k, g, 8, 8) of one patch: shear that is linear, a tension field's bending, and of a
-    linear law membrane and bending."""
+    """The part (k, g, 8, 8) of one patch: shear that is linear, the bending of what acts on the
+    middle, and of a linear law membrane and bending."""
     h = p.thickness
     out = np.zeros((*h.shape, 8, 8))
     out[..., 3:6, 3:6] = p.bending * (h**3 / 12)[..., None, None]
@@ -306,11 +322,11 @@ def _constant(p: Patch) -> Array:
     if not p.hyperelastic:
         for i, modulus in zip((6, 7), law.shear(), strict=True):
             out[..., i, i] = p.shear_correction * h * modulus
-    if not (p.linear or p.relaxed):
+    if not (p.linear or p.on_middle):
         return out
     plane = law.response(np.zeros((*h.shape, 3))).tangent
     out[..., 3:6, 3:6] += plane * (h**3 / 12)[..., None, None]
-    if law is p.law:
+    if p.linear:
         out[..., :3, :3] = plane * h[..., None, None]
     return out
 

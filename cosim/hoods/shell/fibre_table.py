@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from cosim.schema import units
 from cosim.schema.fields import Text, fault, quantity
-from cosim.schema.types import Modulus, Number, RegionConfig, Table
+from cosim.schema.types import Modulus, Number, RegionConfig, Switch, Table
 
 AngleGrid = float | tuple[float, ...] | tuple[tuple[float, ...], ...]
 """rad: one, a list, or a list of rows."""
@@ -116,7 +116,8 @@ class SecondFamilyConfig(Table):
 class FibrousConfig(RegionConfig):
     """What every region with fibres may say: their `direction` (without it that of the mesh: along
     the finger, round it in sagittal bands), and `in_situ_stretch`, the stretch along the (first)
-    fibres of the sheet as laid out, before anything moves or pulls."""
+    fibres of the sheet as laid out, before anything moves or pulls; and `sliding_fibres`, with
+    which a thick tendon bends as a bundle of fascicles and not as a solid."""
 
     direction: DirectionConfig | None = None
     """Direction of the (first) fibres; without it that of the mesh."""
@@ -124,6 +125,9 @@ class FibrousConfig(RegionConfig):
     """A second family of fibres; without it there is one."""
     in_situ_stretch: InSituStretch = 1.0
     """Stretch along the (first) fibres of the sheet as laid out, before anything pulls."""
+    sliding_fibres: Switch = False
+    """The fibres slide on each other as the sheet bends: its law acts on the middle of its
+    thickness, and it bends as it does at rest."""
 
     @property
     def fibrous(self) -> FibrousConfig:

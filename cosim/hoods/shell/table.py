@@ -119,6 +119,15 @@ class TransverselyIsotropicConfig(FibrousConfig):
     second: SecondLinearConfig | None = None
     """A second family, which adds its own modulus; without it there is one."""
 
+    @model_validator(mode="after")
+    def _solid(self) -> TransverselyIsotropicConfig:
+        if self.sliding_fibres:
+            raise fault(
+                "has sliding_fibres, and a linear law bends as a solid; write one of the kinds "
+                "trans_iso_mooney_rivlin and holzapfel_gasser_ogden, or leave it out"
+            )
+        return self
+
 
 class NeoHookeanConfig(RegionConfig):
     """Compressible, by its moduli at small strain."""

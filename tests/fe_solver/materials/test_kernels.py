@@ -83,12 +83,12 @@ STRAIGHT = st.one_of(
 )
 
 
-def sheet(law: Law | TensionField, seed: int) -> Section:
+def sheet(law: Law | TensionField, seed: int, sliding: bool = False) -> Section:
     """Three elements of a law, with bending moduli and factors."""
     rng = np.random.default_rng(seed)
     thickness, factor = THICK * rng.uniform(0.5, 1, (3, 4)), rng.uniform(0.5, 1.5, (3, 1))
     bending = np.diag(rng.uniform(0, 1e6, 3))
-    return join_sections([Patch(np.arange(3), law, thickness, factor, bending)])
+    return join_sections([Patch(np.arange(3), law, thickness, factor, bending, sliding=sliding)])
 
 
 def strains(seed: int, size: float, count: int = 3) -> Array:
@@ -113,10 +113,12 @@ def errors(ours: Resultants, exact: Resultants) -> list[float]:
 
 
 @compiled
-@given(CURVED, st.integers(0, 99), positive(1e-4, 1))
+@given(CURVED, st.integers(0, 99), positive(1e-4, 1), st.booleans())
 @settings(max_examples=100)
-def test_hyperelastic_laws_answer_as_in_numpy(law: Law, seed: int, size: float) -> None:
-    section, strain = sheet(law, seed), strains(seed, size)
+def test_hyperelastic_laws_answer_as_in_numpy(
+    law: Law, seed: int, size: float, sliding: bool
+) -> None:
+    section, strain = sheet(law, seed, sliding), strains(seed, size)
     ours, exact = section.response(strain), section.respond_in_numpy(strain)
     assert max(errors(ours, exact)) < 1e-12  # examples were found at 1.6e-13
 

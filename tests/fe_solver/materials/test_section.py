@@ -47,6 +47,30 @@ def test_materials_side_by_side_answer_as_each_does_alone() -> None:
             np.testing.assert_allclose(whole[p.elements], own, rtol=1e-14, atol=0)
 
 
+@pytest.mark.parametrize("sliding", [False, True])
+def test_fibres_that_slide_leave_a_bent_tendon_its_force_in_the_middle(sliding: bool) -> None:
+    """Stretched by 5 % beyond its toe and bent round four times its thickness."""
+    h = 1e-3
+    law, strain = replace(TENDON, k=np.inf), np.zeros((1, 4, 8))
+    strain[..., 0] = 0.05
+    straight = sheet(law, 1, sliding=sliding).response(strain).force[0, 0]
+    strain[..., 3] = 1 / (4 * h)
+    force = sheet(law, 1, sliding=sliding).response(strain).force[0, 0]
+    eccentric = force[3] / force[0]
+    if sliding:
+        at_rest = law.response(np.zeros(3)).tangent[0, 0]
+        assert force[0] == pytest.approx(straight[0], rel=1e-12)
+        assert force[3] == pytest.approx(at_rest * h**3 / 12 / (4 * h), rel=1e-12)
+        assert eccentric < 0.06 * h
+    else:
+        assert eccentric > 0.2 * h
+
+
+def test_a_linear_law_has_no_fibres_that_slide() -> None:
+    with pytest.raises(ValueError, match="do not slide"):
+        sheet(Isotropic(1e6, 0.3), 1, sliding=True)
+
+
 def sheet(law: Law, count: int, **changes: float) -> Section:
     return join_sections([Patch(np.arange(count), law, np.full((count, 4), 1e-3), **changes)])
 
