@@ -66,9 +66,12 @@ def compile_as_part(function: Callable[..., Any], makes_arrays: bool) -> Any:
     return _compile(function, **options)
 
 
-def compile_and_keep(function: Callable[..., Any]) -> Any:
-    """numba's dispatcher of a function, whose compiled code is kept on disk where one can."""
+def compile_and_keep(function: Callable[..., Any], keep: bool = True) -> Any:
+    """numba's dispatcher of a function, whose compiled code is kept on disk where one can, and if
+    it is to `keep`."""
     dispatcher = _compile(function)
+    if not keep:
+        return dispatcher
     cache = dispatcher._cache = KernelCache(function)  # as enable_caching() would set numba's own
     compile_signature = dispatcher.compile
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import update_wrapper
 from importlib.util import find_spec
 from pathlib import Path
@@ -27,6 +29,7 @@ class Kernel:
     def __init__(self, function: Callable[..., Any], makes_arrays: bool = True) -> None:
         update_wrapper(self, function)
         self.function, self.makes_arrays = function, makes_arrays
+        self._source = _source_stamp(function)
         self._compiled: Any = None
         self._part: Any = None
         self.made.append(self)
@@ -40,7 +43,9 @@ class Kernel:
             if self._compiled is None:
                 from cosim.kernels.disk_cache import compile_and_keep
 
-                self._compiled = compile_and_keep(self.function)
+                # code of an older text than the file's must not be kept as that of the file
+                keep = self._source == _source_stamp(self.function)
+                self._compiled = compile_and_keep(self.function, keep)
             return self._compiled
 
     @property
@@ -55,6 +60,14 @@ class Kernel:
 
                 self._part = compile_as_part(self.function, self.makes_arrays)
             return Dispatcher(self._part)
+
+
+def _source_stamp(function: Callable[..., Any]) -> tuple[int, int] | None:
+    """When the function's file was changed, ns, and its size; None where it lies in none."""
+    with suppress(OSError):
+        found = os.stat(function.__code__.co_filename)
+        return found.st_mtime_ns, found.st_size
+    return None
 
 
 class CompiledKernel(NamedTuple):

@@ -72,10 +72,17 @@ def call(
 ) -> list[tuple[int, int, str]]:
     """How often a kernel was compiled and loaded in a new process, and where it is kept, each time
     that its module is imported there anew."""
+    return _told(installation, before + CALL.format(times=times), environment)
+
+
+def _told(
+    installation: Path, program: str, environment: Mapping[str, str] = NOWHERE
+) -> list[tuple[int, int, str]]:
+    """What the program says of its kernels in a process of its own."""
     paths = os.pathsep.join([str(installation), str(ROOT)])
     given = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     done = subprocess.run(
-        [sys.executable, "-c", before + CALL.format(times=times)],
+        [sys.executable, "-c", program],
         env={**given, "PYTHONPATH": paths, **environment},
         capture_output=True,
         text=True,
@@ -88,6 +95,16 @@ def call(
 
 def test_a_kernel_is_compiled_once_and_kept_beside_its_module(compiled):
     assert call(compiled) == [(0, 1, str(compiled / "__pycache__"))]
+
+
+def test_what_was_imported_before_its_file_was_changed_is_not_kept_as_the_file_s(installation):
+    """The changed file once got the code of the text before it, in this process and all others."""
+    changed = MODULE.replace("2.0 * x", "4.0 * x")
+    edit = f"import loops\nopen({str(installation / 'loops.py')!r}, 'w').write({changed!r})\n"
+    only = CALL.replace('    Kernel.made.clear()\n    sys.modules.pop("loops", None)\n', "")
+    assert _told(installation, edit + only.format(times=1)) == [(1, 0, "None")]
+    new = CALL.replace("6.0", "24.0").format(times=1)
+    assert _told(installation, new) == [(1, 0, str(installation / "__pycache__"))]
 
 
 def test_a_kernel_that_another_calls_is_kept_as_a_part_of_it(compiled):
