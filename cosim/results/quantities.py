@@ -402,8 +402,11 @@ def _fault(keys: Keys, summaries: Summaries) -> str | None:
         if not names:
             return f"there is nothing {place}"
         if key not in names:
-            nearest = ".".join([*above, nearest_names(key, names, share=1.0)[0], *keys[i + 1 :]])
-            listed = _list_quantities(_present(above, summaries) or names)
+            present = _present(above, summaries)
+            near = nearest_names(key, present, share=0.34)
+            near = near or nearest_names(key, names, share=1.0)
+            nearest = ".".join([*above, near[0], *keys[i + 1 :]])
+            listed = _list_quantities(present or names)
             return f'no "{key}" {place}; did you mean {nearest}? There are {listed}'
     inner = _names(keys, "", summaries)
     return "that is no number" + (f"; it has the parts {_list_quantities(inner)}" if inner else "")
