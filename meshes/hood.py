@@ -488,8 +488,8 @@ def _capsule(
 def _loose_tissue(
     grid: _Grid, chain: Centreline, level: Level, points: Array, scale: float
 ) -> Attachment:
-    """The loose tissue from the extensor tendon's underside over the MCP to the base of the proximal
-    phalanx and the capsule (Arvind et al.), in one."""
+    """The loose tissue from the extensor tendon's underside over the MCP to the capsule and the
+    base of the proximal phalanx (Arvind et al.), in one."""
     nodes, shares = _under_tendon(grid, SAGITTAL_ROWS)
     end = points[nodes] + LOOSE_REACH * 1e-3 * scale * chain.rotation[1][:, 0]
     return replace(on_bone("proximal", nodes, end, level), shares=shares)

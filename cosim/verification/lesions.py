@@ -1,9 +1,10 @@
 """Injuries and repairs of the hood beside what a clinician sees: rows of a verification.
 
 A finger that is free to move is solved with and without the lesion, the shell's under the tone of
-all muscles that its case states, the others under EDC and FDP; what must come out is a sign, by definition of the deformities: a boutonniere finger's PIP lags in flexion and
-its DIP extends, a mallet finger's DIP drops and, as it becomes a swan neck, its PIP extends.  No
-figure of such a change was seen, so none is a target.
+all muscles that its case states, the others under EDC and FDP.  What must come out is a sign, by
+definition of the deformities: a boutonniere finger's PIP lags in flexion and its DIP extends, a
+mallet finger's DIP drops and, as it becomes a swan neck, its PIP extends.  No figure of such a
+change was seen, so none is a target.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def sign_rows() -> Iterator[Row]:
 
 
 def tendon_shift() -> float:
-    """How far (mm) the extensor tendon goes to the radial side as the radial sagittal band is cut."""
+    """How far (mm) the extensor tendon goes to the radial side by a cut of the radial band."""
     sides = both_sides(load_case("lesion_sagittal_band_radial"))
     before, after = (run_case(sides["free", s]).summary["tendon_shift_mm"] for s in SIDES)
     return float(after - before)
