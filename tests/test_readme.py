@@ -205,7 +205,7 @@ def test_the_table_of_lengths_is_the_board_s():
     groups = ("lengths and cuts", "lengths and cuts: other loads and places")
     rows = {row["quantity"]: row["model"] for group in groups for row in board["groups"][group]}
     kinds = ("terminal_1mm", "terminal_4mm", "central_gap_pip", "central_gap_dip")
-    keys = [[f"{kind}_FDP_{n}_N_deg" for n in (1, 3)] for kind in kinds]
+    keys = [[f"{kind}_{load}_deg" for load in ("tone", "stronger_flexors")] for kind in kinds]
     keys += [[f"{cut}_{angle}_at_the_PIP_N" for angle in (0, 45)] for cut in ("bands", "tendon")]
     keys += [[f"glide_{joint}_mm" for joint in ("mcp", "pip", "dip")]]
     keys += [["resistance_most_deg", "resistance_least_deg"], ["oblique_share_percent"]]
@@ -250,7 +250,7 @@ def test_the_table_of_lesions_is_what_the_hoods_say():
             assert rounded([found["PIP"], found["DIP"]], figures(cell), 1), (injury, case)
     for name, words in (
         ("lateral_band", r"band drops the DIP by (\S+) deg"),
-        ("terminal_shortened", r"shorter costs (\S+) deg of DIP flexion"),
+        ("terminal_shortened", r"shorter extends the DIP by (\S+) deg"),
     ):
         said = figures(re.search(words, CATALOGUE)[1])
         assert rounded([abs(changes(load_case(f"lesion_{name}"))["DIP"])], said, 1)

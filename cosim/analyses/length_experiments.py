@@ -23,9 +23,10 @@ from cosim.text_tables import CsvRow, packaged_rows
 
 HOODS = {"shell": "", "net of cables": "base/cable", "network": "base/network"}
 """Case that states each hood; the shell is the experiments' own."""
-LOADS = {"tone": 1.0, "tone x 1.5": 1.5}
-"""Loads of the lags over the tone of all muscles that `base/lesion.toml` states: assumptions under
-which the intact finger is straight."""
+LOADS = {"tone": 1.0, "stronger flexors": 1.5}
+"""Loads of the lags: the tone of all muscles that `base/lesion.toml` states, its flexors so many
+times as strong.  Assumptions, under which the intact finger is straight to 5 deg."""
+FLEXORS = ("FDP", "FDS")
 LAG = "lengths_terminal_1mm"
 """A case of the finger whose lags are measured; intact they are one."""
 FLEXED = {"mcp": ("MCP", 60), "pip": ("PIP", 60), "dip": ("DIP", 45)}
@@ -144,8 +145,8 @@ def lag(name: str, hood: str, settings: Sequence[str], load: str) -> dict[str, f
 
 
 def _tone(times: float) -> list[str]:
-    """Settings of the tone's tensions, times so much."""
-    stated = {n: t.tension for n, t in load_case(LAG).tendons.items() if t.tension is not None}
+    """Settings of the flexors' tensions, times so much."""
+    stated = {name: load_case(LAG).tension(name) for name in FLEXORS}
     return [f'tendons.{name}.tension="{times * tension:.9g} N"' for name, tension in stated.items()]
 
 

@@ -56,7 +56,7 @@ class FeView:
     """m by place, of `meshes.glide`, positive distally."""
     band_height: Mapping[str, float]
     """m by side, of the lateral bands over the PIP's axis (`meshes.bands`), positive dorsally."""
-    tendon_shift: float | None
+    tendon_shift: float | None = None
     """m that the extensor tendon lies radial, over the MCP, of where it was laid; None without."""
     ropes: Mapping[str, Array]
     """(3, 3) m by tendon, of `rope_lines`."""
