@@ -302,7 +302,7 @@ def _sides(anatomy: Anatomy) -> dict[str, tuple[float, ...]]:
 
 
 def _tendons(
-    mesh: HoodMesh, anatomy: Anatomy, retinaculum: RetinaculumConfig | None
+    mesh: HoodMesh, anatomy: Anatomy, retinaculum: RetinaculumConfig | None = None
 ) -> dict[str, TendonEnd]:
     """Each tendon's end nodes, their shares of a pull that is even over them, or over half, and its
     eyelet where the end lies distal of it, or it runs under a retinaculum."""
