@@ -99,6 +99,15 @@ def tendon_over_mcp(station: Array, edges: Ints) -> CarriedPoint | None:
     return None if crossed is None else CarriedPoint("mcp", BODIES.index("metacarpal"), *crossed)
 
 
+def tendon_shift(
+    tendon: CarriedPoint | None,
+    laid: tuple[Array, Array, Array],
+    now: tuple[Array, Array, Array],
+) -> float | None:
+    """How far (m) the tendon of `tendon_over_mcp` has gone radially, from `laid` as in `glide`."""
+    return None if tendon is None else tendon.across(*now) - tendon.across(*laid)
+
+
 def _places(station: Array, edges: Mapping[str, Ints]) -> Iterator[CarriedPoint]:
     """Where lines across the finger cross the edges (m, 2) of each part of a hood whose nodes were
     laid at `station` (n,) mm."""

@@ -19,7 +19,7 @@ from fe_solver.hood.shell_hood import RETRIES
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from fe_solver.solver.newton_step import factorise
 from meshes.bands import HoodLine, band_heights
-from meshes.glide import CarriedPoint, glide
+from meshes.glide import CarriedPoint, glide, tendon_shift
 from meshes.hull import lines_to_joint
 
 MUSCLE = 20e-3
@@ -174,7 +174,7 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
         friction=friction_audit(hood, state),
         unstable_modes=state.solution.factor.negative,
         glide=glide(lines.places, laid, placed),
-        tendon_shift=lines.mcp and lines.mcp.across(*placed) - lines.mcp.across(*laid),
+        tendon_shift=tendon_shift(lines.mcp, laid, placed),
         band_height=band_heights(lines.bands, c.x, c.position, c.rotation, lines.axis),
         ropes=rope_lines(hood, state),
         iterations=state.iterations,

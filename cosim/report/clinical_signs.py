@@ -110,7 +110,7 @@ def _pip_lag(f: Findings) -> Iterator[Sign]:
 
 
 def _elson(f: Findings) -> Iterator[Sign]:
-    if not f.is_tested():
+    if not f.is_tested() or "terminal" not in f.after.get("slip_force_N", ()):
         return
     intact, cut = (float(s["slip_force_N"]["terminal"]) for s in (f.before, f.after))
     is_stiff = cut >= STIFFER * intact and f.turn("DIP") < 0
@@ -145,7 +145,7 @@ def _mcp_lag(f: Findings) -> Iterator[Sign]:
     is_cut = "extensor_tendon_distal" in f.cut
     if is_cut or f.turn("MCP") >= SEEN:
         printed = "9 to 15 deg under 3 kg (Arvind et al., abstract, six hands)" if is_cut else ""
-        yield Sign(f"The MCP loses {f.turn('MCP'):.0f} deg of extension.", printed)
+        yield Sign(f"The MCP loses {max(f.turn('MCP'), 0.0):.0f} deg of extension.", printed)
 
 
 def _lost_flexion(f: Findings) -> Iterator[Sign]:
