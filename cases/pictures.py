@@ -29,7 +29,7 @@ SHOWN = {
     "lumped": "split_edc",
     "cable": "cable_edc",
     "motion": "forward_edc",
-    "lesion": "lesion_boutonniere",
+    "lesion": "lesion_boutonniere_triangular",
     "lengths": "lengths_terminal_4mm",
     "papers": "thesis_strain_average",
     "robot": "robot_cable_extensor",

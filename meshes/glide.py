@@ -55,6 +55,11 @@ class CarriedPoint:
     nodes: Ints
     weight: Array
 
+    def across(self, points: Array, position: Array, rotation: Array) -> float:
+        """The distance, m, radial of the bone's axis; as `along`."""
+        from_origin = self.weight @ points[self.nodes] - position[self.body]
+        return float(from_origin @ rotation[self.body][:, 1])
+
     def along(self, points: Array, position: Array, rotation: Array) -> float:
         """The distance of places, m, distal of the bone's origin along the bone, with nodes at
         `points` (n, 3) m and bodies at `position` (nb, 3) m, `rotation` (nb, 3, 3), all in one
@@ -85,6 +90,22 @@ def sheet_edges(mesh: HoodMesh, regions: Sequence[str]) -> Ints:
 def net_edges(net: CableNet, strands: Sequence[str]) -> Ints:
     """The nodes (m, 2) at the ends of the cells of the named strands."""
     return net.cells[np.isin(np.array(net.strands)[net.strand], strands)]
+
+
+def tendon_over_mcp(station: Array, edges: Ints) -> CarriedPoint | None:
+    """The middle of the extensor tendon, of `edges` (m, 2), over the MCP, against the metacarpal;
+    None where nothing of it is left there."""
+    crossed = crossing(station, edges, 0.0)
+    return None if crossed is None else CarriedPoint("mcp", BODIES.index("metacarpal"), *crossed)
+
+
+def tendon_shift(
+    tendon: CarriedPoint | None,
+    laid: tuple[Array, Array, Array],
+    now: tuple[Array, Array, Array],
+) -> float | None:
+    """How far (m) the tendon of `tendon_over_mcp` has gone radially, from `laid` as in `glide`."""
+    return None if tendon is None else tendon.across(*now) - tendon.across(*laid)
 
 
 def _places(station: Array, edges: Mapping[str, Ints]) -> Iterator[CarriedPoint]:

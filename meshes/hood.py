@@ -92,6 +92,9 @@ STRINGS = {
 hold along themselves alone; m from the sheet to their far ends, distal, sideways (away from the
 finger) and dorsal (assumption)."""
 CAPSULE_REACH = 5.0  # mm from the dorsal capsule's rows to its origin, proximally (assumption)
+LOOSE_REACH = (
+    8.0  # mm from the tendon over the MCP to where its loose tissue ends, distally (assumption)
+)
 SLIP_REACH = 2.5  # mm from the central slip's last row to its insertion, distally (assumption)
 
 
@@ -445,6 +448,7 @@ def _attachments(
     on_middle = on_bone("middle", middle, slip, level, level.offset["middle"])
     out = {"central_slip": replace(on_middle, shares=shares)}
     out["dorsal_capsule"] = _capsule(grid, chain, level, points, scale)
+    out["loose_tissue"] = _loose_tissue(grid, chain, level, points, scale)
     # at either side: adhesion of the band, then ligaments to the proximal phalanx
     for side, sign, edge in (("radial", 1, -1), ("ulnar", -1, 0)):
         band = grid.band[side]
@@ -476,14 +480,29 @@ def _capsule(
 ) -> Attachment:
     """The dorsal capsule of the PIP: what binds the central slip over the joint to the head of the
     proximal phalanx."""
+    nodes, shares = _under_tendon(grid, CAPSULE_ROWS)
+    origin = points[nodes] - CAPSULE_REACH * 1e-3 * scale * chain.rotation[1][:, 0]
+    return replace(on_bone("proximal", nodes, origin, level), shares=shares)
+
+
+def _loose_tissue(
+    grid: _Grid, chain: Centreline, level: Level, points: Array, scale: float
+) -> Attachment:
+    """The loose tissue from the extensor tendon's underside over the MCP to the capsule and the
+    base of the proximal phalanx (Arvind et al.), in one."""
+    nodes, shares = _under_tendon(grid, SAGITTAL_ROWS)
+    end = points[nodes] + LOOSE_REACH * 1e-3 * scale * chain.rotation[1][:, 0]
+    return replace(on_bone("proximal", nodes, end, level), shares=shares)
+
+
+def _under_tendon(grid: _Grid, ends: tuple[float, float]) -> tuple[Ints, Array]:
+    """The nodes (k,) of the tendon's rows between two stations (mm) and their shares (k,)."""
     lines = grid.lines
     columns = np.flatnonzero(_is_tendon(lines.across))
-    rows, along_it = lines.bearing(grid.inner[:, columns[0]], lines.stations, CAPSULE_ROWS)
+    rows, along_it = lines.bearing(grid.inner[:, columns[0]], lines.stations, ends)
     over_it = even_shares(lines.across[columns], (-TENDON, TENDON), lines.quadratic)
-    nodes = grid.inner[np.ix_(rows, columns)].ravel()
-    origin = points[nodes] - CAPSULE_REACH * 1e-3 * scale * chain.rotation[1][:, 0]
     shares = (along_it[:, None] * over_it).ravel()
-    return replace(on_bone("proximal", nodes, origin, level), shares=np.round(shares, 7))
+    return grid.inner[np.ix_(rows, columns)].ravel(), np.round(shares, 7)
 
 
 def on_bone(body: str, nodes: Ints, near: Array, level: Level, height: float = 0.0) -> Attachment:

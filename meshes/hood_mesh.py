@@ -59,6 +59,7 @@ SPRINGS = (
     "oblique_retinacular_radial",
     "oblique_retinacular_ulnar",
     "dorsal_capsule",
+    "loose_tissue",
 )
 ENDS = ("central", "radial", "ulnar")
 MOST_BYTES = 64 * MB

@@ -23,8 +23,12 @@ from cosim.text_tables import CsvRow, packaged_rows
 
 HOODS = {"shell": "", "net of cables": "base/cable", "network": "base/network"}
 """Case that states each hood; the shell is the experiments' own."""
-LOADS = {"FDP 1 N": 'tendons.FDP.tension="1 N"', "FDP 3 N": 'tendons.FDP.tension="3 N"'}
-"""Tones of the flexor against which EDC extends with the case's 5 N: assumptions."""
+LOADS = {"tone": 1.0, "stronger flexors": 1.5}
+"""Loads of the lags: the tone of all muscles that `base/lesion.toml` states, its flexors so many
+times as strong.  Assumptions, under which the intact finger is straight to 5 deg."""
+FLEXORS = ("FDP", "FDS")
+LAG = "lengths_terminal_1mm"
+"""A case of the finger whose lags are measured; intact they are one."""
 FLEXED = {"mcp": ("MCP", 60), "pip": ("PIP", 60), "dip": ("DIP", 45)}
 """Joint and deg of each experiment on glide."""
 PIP_ANGLES = (0, 30, 60, 90)
@@ -92,8 +96,18 @@ def case_with(name: str, hood: str, settings: Sequence[str] = (), *, injured: bo
     """A packaged case with a hood of HOODS in place of its own, without its lesion if asked."""
     case = load_case(name, settings)
     if HOODS[hood]:
-        case = case.model_copy(update={"hood": load_case(HOODS[hood]).hood})
+        case = _hand_over(case.model_copy(update={"hood": load_case(HOODS[hood]).hood}))
     return case if injured else case.model_copy(update={"lesion": None})
+
+
+def _hand_over(case: Case) -> Case:
+    """The case with EI's tension on EDC where its hood has no EI."""
+    tendons = dict(case.tendons)
+    if "EI" in case.hood.tendon_names("index") or tendons["EI"].tension is None:
+        return case
+    both = (tendons["EDC"].tension or 0.0) + (tendons.pop("EI").tension or 0.0)
+    tendons["EDC"] = tendons["EDC"].model_copy(update={"tension": both})
+    return case.model_copy(update={"tendons": tendons})
 
 
 def summary(name: str, hood: str, settings: Sequence[str] = (), *, injured: bool = True) -> Summary:
@@ -108,20 +122,32 @@ def _summary(name: str, hood: str, settings: tuple[str, ...], injured: bool) -> 
 
 def dip_drop(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
     """How far the DIP drops with a longer terminal tendon, under either load."""
-    for load, setting in LOADS.items():
-        asked = [*settings, setting]
-        intact = summary("lengths_terminal_1mm", hood, asked, injured=False)
+    for load in LOADS:
         for name in ("terminal_1mm", "terminal_4mm"):
-            longer = summary(f"lengths_{name}", hood, asked)
-            yield Value(name, load, longer["posture_deg"]["DIP"] - intact["posture_deg"]["DIP"])
+            yield Value(name, load, lag(name, hood, settings, load)["DIP"])
 
 
 def posture_after_repair(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
-    """Posture of the finger whose central slip was mended with a gap, under either load."""
-    for load, setting in LOADS.items():
-        posture = summary("lengths_central_gap", hood, [*settings, setting])["posture_deg"]
+    """How far the finger whose central slip was mended with a gap leaves the straight intact one,
+    under either load."""
+    for load in LOADS:
+        turned = lag("central_gap", hood, settings, load)
         for joint in ("PIP", "DIP"):
-            yield Value(f"central_gap_{joint.lower()}", load, posture[joint])
+            yield Value(f"central_gap_{joint.lower()}", load, turned[joint])
+
+
+def lag(name: str, hood: str, settings: Sequence[str], load: str) -> dict[str, float]:
+    """How far (deg) each joint flexes by the lesion of `lengths_NAME`, under a load of LOADS."""
+    asked = [*settings, *_tone(LOADS[load])]
+    intact = summary(LAG, hood, asked, injured=False)["posture_deg"]
+    longer = summary(f"lengths_{name}", hood, asked)["posture_deg"]
+    return {joint: longer[joint] - intact[joint] for joint in longer}
+
+
+def _tone(times: float) -> list[str]:
+    """Settings of the flexors' tensions, times so much."""
+    stated = {name: load_case(LAG).tension(name) for name in FLEXORS}
+    return [f'tendons.{name}.tension="{times * tension:.9g} N"' for name, tension in stated.items()]
 
 
 def cut(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:

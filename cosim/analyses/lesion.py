@@ -7,20 +7,27 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
+import numpy as np
+
+from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
-from cosim.fingers.common import HeldTipConfig
+from cosim.fingers.common import HeldTipConfig, JointedFingerConfig
 from cosim.fingers.kinds import NativeFinger
 
 Side = Literal["before", "after"]
 Tip = Literal["free", "held"]
+FREE_JOINTS = "base/free_joints"
+"""The case of the index finger whose joints turn freely over their range."""
+NARROW = float(np.radians(30.0))
+"""Half the range of joints that a case holds about its posture."""
 SIDES: tuple[Side, ...] = ("before", "after")
 TIPS: tuple[Tip, ...] = ("free", "held")
 
 
 def both_sides(case: Case) -> dict[tuple[Tip, Side], Case]:
-    """The four runs of a case: free, and held as the case holds the fingertip (at a point, where it
-    leaves it free), each without the lesion and with it.
+    """The four runs of a case: free, with free joints (`free_joints`), and held as the case holds
+    the fingertip (at a point, where it leaves it free), each without the lesion and with it.
 
     Raises InputError for a case without a lesion, and for one that is no equilibrium of a finger
     whose fingertip can be held."""
@@ -53,9 +60,44 @@ def _with_tip(case: Case, tip: Tip) -> NativeFinger:
             f"{case.name}: its fingertip is in a device; write finger.tip.kind = "
             '"free", "point", "clamped" or "posture"'
         )
+    if tip == "free":
+        return free_joints(finger).model_copy(update={"tip": HeldTipConfig(kind="free")})
     held = "point" if stated.kind == "free" else stated.kind
-    kind = "free" if tip == "free" else held
-    return finger.model_copy(update={"tip": HeldTipConfig(kind=kind)})
+    return finger.model_copy(update={"tip": HeldTipConfig(kind=held)})
+
+
+def free_joints(finger: NativeFinger) -> NativeFinger:
+    """The finger with the limits and passive torques of FREE_JOINTS in place of limits within
+    NARROW of its posture and of linear torques about that; passive torques of another rest are
+    kept."""
+    if not is_held_by_limits(finger):
+        return finger
+    free = load_case(FREE_JOINTS).native_finger()
+    stated = {j: p for j, p in finger.passive.items() if p.rest != "posture"}
+    passive = {**free.passive, **stated}
+    return finger.model_copy(update={"limit": free.limit, "passive": passive})
+
+
+def is_held_by_limits(finger: NativeFinger) -> bool:
+    """Whether limits hold a finger with the joints of a human one within NARROW of its posture."""
+    limit = finger.limit
+    return (
+        isinstance(finger, JointedFingerConfig)
+        and limit is not None
+        and (limit.half_range < NARROW)
+    )
+
+
+def freed_text(case: Case) -> Iterator[str]:
+    """What `both_sides` changes of a case's joints, in words."""
+    finger = case.native_finger()
+    if is_held_by_limits(finger) and finger.limit is not None:
+        yield (
+            f"The case holds each joint within {np.degrees(finger.limit.half_range):g} deg of its "
+            "posture. With the fingertip free the joints are freed: no limits, and the passive "
+            "torques of the index finger's joints (base/free_joints.toml) in place of those that "
+            "rest in the posture. For another choice write finger.limit and finger.passive."
+        )
 
 
 def lesion_text(case: Case) -> Iterator[str]:

@@ -10,14 +10,21 @@ from typing import Annotated, Literal
 import typer
 from rich.table import Table as Grid
 
-from cosim.analyses.lesion import TIPS, both_sides, lesion_text, named_parts
+from cosim.analyses.lesion import TIPS, both_sides, freed_text, lesion_text, named_parts
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.commands.options import Settings, Workers
 from cosim.commands.terminal import console, exit_on_error, stages, warn_of_audits
 from cosim.files import check_file, output_file
 from cosim.pipeline import run_cases
-from cosim.report.lesion_page import RunPair, lesion_page, limit_sentences, tables_of_lesion
+from cosim.report.clinical_signs import sign_sentences
+from cosim.report.lesion_page import (
+    RunPair,
+    lesion_page,
+    limit_sentences,
+    signs_of,
+    tables_of_lesion,
+)
 from cosim.report.tables import ReportTable, as_csv, as_json, as_markdown, cell_text
 from cosim.results.audit import describe_misses
 from cosim.results.read import read_run
@@ -51,8 +58,10 @@ def lesion(
         check_file(where)
         pairs = _solve_runs(checked, out, workers)
         tables = _write(checked, pairs, where, form)
-    for text in limit_sentences(pairs):
+    for text in (*freed_text(checked), *limit_sentences(pairs)):
         typer.echo(f"{text}\n")
+    for text in sign_sentences(signs_of(pairs)):
+        typer.echo(text)
     for table in tables:
         _show(table)
     typer.echo(f"report in {where}, runs in {out}")
@@ -86,7 +95,9 @@ def _save(result: Result, out: Path) -> Path:
 def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Format) -> list[ReportTable]:
     tables = tables_of_lesion(pairs)
     if form == "html":
-        text = lesion_page(case.title, list(lesion_text(case)), named_parts(case), pairs)
+        text = lesion_page(
+            case.title, list(lesion_text(case)), named_parts(case), pairs, list(freed_text(case))
+        )
     elif form == "json":
         text = as_json([run for p in pairs for run in (p.before, p.after)], tables)
     else:

@@ -19,7 +19,7 @@ from fe_solver.hood.shell_hood import RETRIES
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from fe_solver.solver.newton_step import factorise
 from meshes.bands import HoodLine, band_heights
-from meshes.glide import CarriedPoint, glide
+from meshes.glide import CarriedPoint, glide, tendon_shift
 from meshes.hull import lines_to_joint
 
 MUSCLE = 20e-3
@@ -56,6 +56,8 @@ class FeView:
     """m by place, of `meshes.glide`, positive distally."""
     band_height: Mapping[str, float]
     """m by side, of the lateral bands over the PIP's axis (`meshes.bands`), positive dorsally."""
+    tendon_shift: float | None = None
+    """m that the extensor tendon lies radial, over the MCP, of where it was laid; None without."""
     ropes: Mapping[str, Array]
     """(3, 3) m by tendon, of `rope_lines`."""
     iterations: int
@@ -114,6 +116,7 @@ class FeView:
         return {
             "glide_mm": {place: 1e3 * glide for place, glide in self.glide.items()},
             **({"lateral_band_height_mm": heights} if heights else {}),
+            **({} if self.tendon_shift is None else {"tendon_shift_mm": 1e3 * self.tendon_shift}),
             "spring_force_N": dict(self.spring_force),
             **self.own_summary(),
             **self.audit(),
@@ -149,11 +152,15 @@ class Lines:
     """The lateral bands' middle lines, by side."""
     axis: Array
     """(3,) unit, the PIP's in the middle phalanx's frame."""
+    mcp: CarriedPoint | None = None
+    """The extensor tendon over the MCP."""
 
 
 def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
     """At a state; `depth` is the hood's `guide_depth`, which no state changes."""
     springs, forces, c = hood.model.springs, hood.group_forces(state), state.configuration
+    laid = (hood.model.reference, hood.rest.position, hood.rest.rotation)
+    placed = (c.x, c.position, c.rotation)
     return FeView(
         points=c.x,
         reference=hood.model.reference,
@@ -166,11 +173,8 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
         guide_depth=depth,
         friction=friction_audit(hood, state),
         unstable_modes=state.solution.factor.negative,
-        glide=glide(
-            lines.places,
-            (hood.model.reference, hood.rest.position, hood.rest.rotation),
-            (c.x, c.position, c.rotation),
-        ),
+        glide=glide(lines.places, laid, placed),
+        tendon_shift=tendon_shift(lines.mcp, laid, placed),
         band_height=band_heights(lines.bands, c.x, c.position, c.rotation, lines.axis),
         ropes=rope_lines(hood, state),
         iterations=state.iterations,

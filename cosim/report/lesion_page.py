@@ -11,6 +11,7 @@ import numpy as np
 
 from cosim.port import Array
 from cosim.report import drawings, words
+from cosim.report.clinical_signs import Sign, clinical_signs
 from cosim.report.figures import new_picture
 from cosim.report.page import cell
 from cosim.report.strengths import NOT_KNOWN, insertion_forces, strength_of
@@ -109,6 +110,8 @@ def _more(pair: RunPair) -> list[tuple[str, str]]:
         s = run.summary
         pulled = [t for t, v in s.get("difference", {}).get("moment_arm_mm", {}).items() if v]
         quantities |= {f"excursion of {t}": f"excursion_mm.{t}" for t in pulled}
+        if "tendon_shift_mm" in s:
+            quantities["shift of the extensor tendon over the MCP, radially"] = "tendon_shift_mm"
         for name in s.get("spring_force_N", ()):
             quantities[f"force of springs: {name.replace('_', ' ')}"] = f"spring_force_N.{name}"
         for name in s.get("region_strain_percent", ()):
@@ -163,7 +166,8 @@ def limit_sentences(pairs: Sequence[RunPair]) -> Iterator[str]:
     """What is to be known first of a free finger whose joints limits hold, before or after."""
     for pair in (pair for pair in pairs if pair.tip == "free"):
         sides = [run.summary.get("joints_at_limit", {}) for run in (pair.before, pair.after)]
-        stopped = [j.replace("_", " ") for j in dict.fromkeys([*sides[0], *sides[1]])]
+        borne = [j for side in sides for j, at in side.items() if at["limit_torque_Nmm"]]
+        stopped = [j.replace("_", " ") for j in dict.fromkeys(borne)]
         if stopped:
             yield (
                 f"The finger with its fingertip free stands at its limits ({', '.join(stopped)}): "
@@ -173,10 +177,20 @@ def limit_sentences(pairs: Sequence[RunPair]) -> Iterator[str]:
             )
 
 
+def signs_of(pairs: Sequence[RunPair]) -> list[Sign]:
+    """What a surgeon would see of the finger with its fingertip free."""
+    return [s for p in pairs if p.tip == "free" for s in clinical_signs(p.before, p.after)]
+
+
 def lesion_page(
-    title: str, lesion: Sequence[str], marked: Sequence[str], pairs: Sequence[RunPair]
+    title: str,
+    lesion: Sequence[str],
+    marked: Sequence[str],
+    pairs: Sequence[RunPair],
+    notes: Sequence[str] = (),
 ) -> str:
-    """The whole page; `lesion` in words, `marked` the names of regions that the maps frame."""
+    """The whole page; `lesion` in words, `marked` the names of regions that the maps frame, `notes`
+    what is said first."""
     seen = [(pair, view_of(pair.before), view_of(pair.after)) for pair in pairs]
     arrows = [arrow for pair in pairs if pair.tip == "held" for arrow in _arrows(pair)]
     return template("cosim.report", "lesion.html.j2", {"cell": cell}).render(
@@ -184,7 +198,8 @@ def lesion_page(
         title=title,
         lesion=lesion,
         pairs=pairs,
-        limits=list(limit_sentences(pairs)),
+        limits=[*notes, *limit_sentences(pairs)],
+        signs=signs_of(pairs),
         changes=lesion_sentences(pairs),
         tables=[fold(table, pairs) for table in tables_of_lesion(pairs)],
         question=words.question(pairs[0].after),

@@ -14,8 +14,9 @@ NEAR = float(np.radians(0.1))
 """A joint nearer than that to a limit, or beyond it, stands at it."""
 BEYOND = float(np.radians(10.0))
 """A joint further beyond its range of motion than this stands where no finger can."""
-HYPEREXTENDED = {"DIP": float(np.radians(25.0))}
-"""The same below a joint's range: a boutonniere finger's DIP stands 15 deg in hyperextension."""
+HYPEREXTENDED = dict.fromkeys(("PIP", "DIP"), float(np.radians(25.0)))
+"""The same below a joint's range: a boutonniere finger's DIP stands 15 deg in hyperextension, and
+so does a swan neck's PIP."""
 Limits = Mapping[str, Sequence[tuple[float, float]]]
 """rad by joint, the lower and the upper end of each kind of limit."""
 

@@ -80,6 +80,7 @@ STATE = (
     Quantity("strip_arm_mm.terminal_slip", "arm of the force about the DIP, terminal slip", True),
     Quantity("glide_mm.<place>", "glide of the <place>", True),
     Quantity("lateral_band_height_mm.<side>", "height of the <side> lateral band at the PIP", True),
+    Quantity("tendon_shift_mm", "shift of the extensor tendon over the MCP, positive radially"),
     Quantity(
         "strain_percent.<direction>.<percentile>",
         "<direction> strain, central region, <percentile>",

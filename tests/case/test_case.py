@@ -94,11 +94,9 @@ def test_packaged_cases_load_and_their_active_tendon_is_in_their_name(name):
     named = ["EDC"] if name.startswith(("strain", "thesis_strain")) else name.upper().split("_")
     if name.startswith("network_contact"):  # figure 4 of its paper: five muscles in turn
         named = ["EDC", "LUM", "FPI", "FDP", "FDS"]
-    if name.startswith(("lesion", "lengths", "cuts")):  # posture under extensor and flexor
-        named = ["EDC", "EI", "FDP"]
     if name == "hood_rest":
         named = ["EDC"]
-    if name == "motion_flexion":  # all of the finger
+    if name.startswith(("motion_flexion", "lesion", "lengths", "cuts")):  # all of the finger
         named = ["E", "L", "F"]
     if name in ("robot_friction_cycle", "robot_motor_flexor"):  # a flexor against the extensor
         named = ["DIP_FLEXOR", "EXTENSOR"]

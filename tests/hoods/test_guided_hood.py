@@ -146,6 +146,23 @@ def test_a_finger_of_any_size_has_its_eyelets_in_proportion():
         assert larger[tendon] == pytest.approx(np.array(place) * [1.2, 1.1, 1.1])
 
 
+def test_under_a_retinaculum_the_extensors_hang_on_ropes_and_pull_as_before():
+    """A straight finger's: the rope runs along the metacarpal, as the line does."""
+    held = [COARSE, "finger.tip.kind=posture", 'tendons.EDC.tension="4 N"', *STRAIGHT]
+    line, rope = (
+        run_case(load_case("isometric_edc", [*held, *more])).summary
+        for more in ((), ('hood.retinaculum={proximal="70 mm"}',))
+    )
+    for slip, force in line["slip_force_N"].items():
+        assert rope["slip_force_N"][slip] == pytest.approx(force, rel=0.05)
+    pulls = [s["joint_torque_Nmm"]["hood"]["MCP"] for s in (line, rope)]
+    assert pulls[1] == pytest.approx(pulls[0], rel=0.02)
+    assert abs(rope["tendon_shift_mm"] - line["tendon_shift_mm"]) < 0.5
+
+
+STRAIGHT = tuple(f'finger.posture.{joint}="0 deg"' for joint in ("MCP", "PIP", "DIP"))
+
+
 def test_an_end_that_is_laid_beside_its_eyelet_slides_along_the_metacarpal():
     case = load_case("hood_rest", [COARSE])
     mesh, anatomy = hood_mesh(case), anatomy_of(case.finger, case.hood.left_to_finger)

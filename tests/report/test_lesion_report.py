@@ -121,24 +121,28 @@ def test_maps_have_one_scale_and_frame_the_parts_of_the_lesion(sheet, monkeypatc
         assert axes.xaxis_inverted()  # distal to the left
 
 
-def test_that_limits_hold_the_free_finger_is_said_first(sheet):
-    """The held index finger may turn by 5 deg, and a lesion then moves next to nothing."""
+def test_that_the_joints_were_freed_and_what_a_surgeon_sees_is_said_first(sheet):
+    """The held index finger may turn by 5 deg, where a lesion would move next to nothing."""
     folder, said = sheet
     run = read(folder / "runs" / f"{SHEET}_after_free")
-    assert set(run.summary["joints_at_limit"]) == {"MCP", "PIP"}
-    first = said[said.index("The finger with its fingertip free stands at its limits (MCP, PIP)") :]
-    assert 'extends = "base/lesion.toml"' in first.partition("\n\n")[0]
-    assert "DIP angle" in first
-    assert "DIP angle" not in said.removesuffix(first)
+    assert "joints_at_limit" not in run.summary
+    first = said.partition("DIP angle")[0]
     page = (folder / "page.html").read_text(encoding="utf-8")
-    assert "stands at its limits" in page.partition("Fingertip free:")[0]
+    for text in (first, page):
+        assert "holds each joint within 5 deg" in text
+        assert "The intact finger stands at MCP" in text
+    assert "What a surgeon would see" in page
 
 
-def test_of_a_finger_that_turns_freely_no_limit_is_said(sheet):
-    folder, _ = sheet
-    runs = [read(folder / "runs" / f"{SHEET}_{side}_free") for side in ("before", "after")]
-    free = [replace(run, summary={**run.summary, "joints_at_limit": {}}) for run in runs]
-    assert list(limit_sentences([RunPair("free", *free), RunPair("held", *runs)])) == []
+@pytest.mark.parametrize(("torque", "is_said"), [(12.0, True), (0.0, False)])
+def test_only_a_limit_that_bears_something_is_said(sheet, torque, is_said):
+    """The end of a range of motion bears nothing of its own."""
+    runs = [read(sheet[0] / "runs" / f"{SHEET}_{side}_free") for side in ("before", "after")]
+    at = {"MCP": {"limit_torque_Nmm": torque}}
+    at_limit = [replace(run, summary={**run.summary, "joints_at_limit": at}) for run in runs]
+    said = list(limit_sentences([RunPair("free", *at_limit)]))
+    assert any("at its limits (MCP)" in text for text in said) == is_said
+    assert list(limit_sentences([RunPair("held", *at_limit)])) == []
 
 
 def test_the_lesion_is_told_in_a_report_of_the_run_alone(sheet):

@@ -18,7 +18,7 @@ from cosim.hoods.shell import table
 from cosim.hoods.shell.fibre_table import FibrousConfig
 from cosim.hoods.shell.fibres import Fibres, fibres_of
 from cosim.hoods.shell.gauges import points_on
-from cosim.hoods.shell.table import ENDS, ShellHoodConfig
+from cosim.hoods.shell.table import ENDS, RetinaculumConfig, ShellHoodConfig
 from cosim.hoods.shell.view import view_of
 from cosim.hoods.view import TrackedPoints
 from cosim.port import Array
@@ -136,7 +136,7 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
         growth=growth,
         lift=0.0 if mesh.lift is None else mesh.lift,
     )
-    tendons, highest = _tendons(mesh, site.anatomy), float(heights(sheet).max())
+    tendons, highest = _tendons(mesh, site.anatomy, hood.retinaculum), float(heights(sheet).max())
     supports = supports_of(hood, site, mesh, points, tendons, highest)
     if not any(s.name == "central_slip" for s in supports.springs) and not any(
         len(nodes) for nodes in mesh.tied.values()
@@ -302,9 +302,11 @@ def _sides(anatomy: Anatomy) -> dict[str, tuple[float, ...]]:
     return {side: tuple(np.mean(each, axis=0).tolist()) for side, each in points.items()}
 
 
-def _tendons(mesh: HoodMesh, anatomy: Anatomy) -> dict[str, TendonEnd]:
+def _tendons(
+    mesh: HoodMesh, anatomy: Anatomy, retinaculum: RetinaculumConfig | None = None
+) -> dict[str, TendonEnd]:
     """Each tendon's end nodes, their shares of a pull that is even over them, or over half, and its
-    eyelet where the end lies distal of it."""
+    eyelet where the end lies distal of it, or it runs under a retinaculum."""
     out = {}
     for tendon, (end, side) in ENDS[anatomy.finger].items():
         nodes = mesh.ends[end]
@@ -315,7 +317,10 @@ def _tendons(mesh: HoodMesh, anatomy: Anatomy) -> dict[str, TendonEnd]:
             first, last = (middle, last) if height[-1] > height[0] else (first, middle)
         share = even_shares(place, (first, last), mesh.quadratic)
         eyelet = None
-        if tendon in anatomy.eyelets:
+        if end == "central" and retinaculum is not None:
+            high = mesh.points[nodes, 2].mean()
+            eyelet = np.array([-retinaculum.proximal, -retinaculum.ulnar, high])
+        elif tendon in anatomy.eyelets:
             distal, dorsal, radial = anatomy.eyelets[tendon]
             if (mesh.points[nodes, 0] >= distal + ROOM).all():
                 eyelet = np.array([distal, radial, dorsal])

@@ -38,7 +38,10 @@ from cosim.schema.types import (
 from meshes.hood_lines import fineness, quads_of
 from meshes.hood_mesh import REGIONS, SPRINGS
 
-SHEET_SUPPORTS = ("oblique_retinacular_radial", "oblique_retinacular_ulnar", "dorsal_capsule")
+SHEET_SUPPORTS = (
+    *("oblique_retinacular_radial", "oblique_retinacular_ulnar"),
+    *("dorsal_capsule", "loose_tissue"),
+)
 """Supports that only a sheet has; a cut lets go of them."""
 ACROSS = (
     *("lateral_band_radial", "lateral_band_ulnar"),
@@ -231,6 +234,16 @@ class ExtraLengthsConfig(Table):
     """Of the terminal slip; negative: shorter."""
 
 
+class RetinaculumConfig(Table):
+    """An eyelet of the metacarpal through which the extensors run, m from the MCP; their end hangs
+    on ropes to there, as high as it was laid."""
+
+    proximal: Annotated[float, quantity(units.LENGTH, least="30 mm", most="150 mm")]
+    """Proximal of the MCP."""
+    ulnar: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")] = 0.0
+    """Ulnar of the metacarpal's axis."""
+
+
 WHOLE, ULNAR = (0.0, 0.0, 0.0), (0.0, -1.0, 0.0)
 PALMAR, DORSAL = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
 ENDS = {
@@ -286,6 +299,9 @@ class ShellHoodConfig(HoodConfig):
     """Contact with the bones."""
     extra_length: ExtraLengthsConfig = ExtraLengthsConfig()
     """How much longer than laid out each slip is."""
+    retinaculum: RetinaculumConfig | None = None
+    """Where the extensors run under the retinaculum; without it their end slides on lines along the
+    metacarpal and cannot slip sideways."""
     points: dict[str, tuple[Coordinate, Coordinate, Coordinate]] = Field(default_factory=dict)
     """Places on the undeformed hood (world axes, as it is laid), such as ink dots."""
     points_file: File | None = None

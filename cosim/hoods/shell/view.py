@@ -36,8 +36,8 @@ from fe_solver.elements.fibres import angle_between
 from fe_solver.hood.fibre_families import fibre_families, fibre_stretch
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from fe_solver.solver.fields import contact_pressure, energy_fields, fields
-from meshes.bands import sheet_bands
-from meshes.glide import sheet_places
+from meshes.bands import OVER_MCP, sheet_bands
+from meshes.glide import sheet_edges, sheet_places, tendon_over_mcp
 from meshes.hood_mesh import REGIONS, HoodMesh, display_quads
 from meshes.markers import Markers
 from meshes.skeleton import JOINTS, Skeleton
@@ -219,7 +219,9 @@ def view_of(
     from meshes.markers import markers
 
     turn = _line_angle(hood, mesh)
-    lines = Lines(sheet_places(mesh), sheet_bands(mesh), skeleton.axis[JOINTS.index("PIP")])
+    over_mcp = tendon_over_mcp(mesh.station, sheet_edges(mesh, OVER_MCP))
+    axis = skeleton.axis[JOINTS.index("PIP")]
+    lines = Lines(sheet_places(mesh), sheet_bands(mesh), axis, over_mcp)
     cuts = middle_crossings(mesh, skeleton), joint_strips(mesh, skeleton)
     depth, placed = guide_depth(hood), markers(mesh, CENTRAL)
     return partial(_view, hood, mesh, depth, lines, placed, turn, cuts, gauges)
