@@ -127,6 +127,17 @@ def test_states_compare_by_content_and_go_on_in_another_loop_of_the_case(name, w
     assert second.step()["time"] == pytest.approx(again[1]["time"])
 
 
+def test_states_differ_by_a_command_that_is_not_felt_yet():
+    states = []
+    for pressure in (2e3, 2e3, 3e3):
+        loop = cosim.Loop("pneumatic_edc_fdp")
+        seen = loop.step({"EDC": pressure})
+        states.append((seen, loop.state))
+    assert states[0] == states[1]
+    assert states[0][0] == states[2][0]
+    assert states[0][1] != states[2][1]
+
+
 def test_states_of_a_sheet_compare_by_content():
     """Also of what its contacts made, which hold their stiffness as a call to come."""
     loop = cosim.Loop("cable_edc")
@@ -199,8 +210,10 @@ def test_a_seed_draws_the_beginning(loop):
     first, again, other = (loop.reset(seed=seed) for seed in (3, np.int64(3), 4))
     assert first == again
     assert all(first[a] != other[a] for a in angles)
-    for seen in (first, other):
-        assert max(abs(seen[a] - case[a]) for a in angles) <= np.radians(5.0)
+    each = [loop.reset(seed=seed) for seed in range(20)]
+    off = np.degrees([[seen[a] - case[a] for a in angles] for seen in each])
+    assert -5.0 <= off.min() < -4.0
+    assert 4.0 < off.max() <= 5.0
     bent = loop.reset({"PIP": 1.0}, seed=3, spread="1 deg")
     assert 0 < abs(bent["angle.PIP"] - 1.0) <= np.radians(1.0)
     low, high = loop.models.ranges["PIP"]
