@@ -6,7 +6,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, cast
+
+import numpy as np
 
 from cosim.case.file import case_of, layers_of, load_case
 from cosim.case.schema import Case, as_stated
@@ -133,3 +135,35 @@ def by_name(place: str, given: object, example: str) -> Mapping[str, Any]:
     if isinstance(given, Mapping) and all(isinstance(name, str) for name in given):
         return given
     raise unexpected(place, f"values by name, for example {example}", given)
+
+
+def by_name_or_in_order(
+    place: str, given: object, names: Sequence[str], example: str
+) -> Mapping[str, Any]:
+    """Values by name; a list or an array of as many as there are names is one for each in order.
+
+    >>> by_name_or_in_order("action", [1.0, 2.0], ("EDC", "FDP"), '{"EDC": 1.0}')
+    {'EDC': 1.0, 'FDP': 2.0}
+
+    Raises InputError."""
+    is_sized = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim)
+    values = cast(Sequence[Any], given if is_sized else ())
+    if is_sized and len(values) == len(names):
+        return dict(zip(names, values, strict=True))
+    return by_name(place, given, f"{example}, or {len(names)} numbers: {', '.join(names)}")
+
+
+def real_number(given: object) -> float:
+    """A number of Python or numpy, also in an array without axes; nan for what is none.
+
+    >>> real_number(np.array(2)), real_number(np.float32(0.5)), real_number(1j), real_number(True)
+    (2.0, 0.5, nan, nan)
+    """
+    value = given[()] if isinstance(given, np.ndarray) and given.shape == () else given
+    is_other = isinstance(value, bool | np.timedelta64)  # which count as whole numbers
+    if is_other or not isinstance(value, int | float | np.integer | np.floating):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf

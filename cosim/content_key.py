@@ -8,9 +8,10 @@ import platform
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -30,8 +31,8 @@ class UnknownContentError(TypeError):
 
 def content_key(value: Any, packages: tuple[str, ...] = ()) -> str:
     """The sha256 of a value: numbers, texts and arrays in tuples, lists, dicts and dataclasses, of
-    their fields only, whose classes are of the `packages`.  Two values that share it are equal to
-    the last bit.
+    their fields only, whose classes are of the `packages`, and partial calls of their functions.
+    Two values that share it are equal to the last bit.
 
     Raises UnknownContentError for anything else, such as a function or a user's own class.
 
@@ -68,6 +69,9 @@ def _add(update: Callable[[Any], None], value: Any, packages: tuple[str, ...]) -
             update(f"{kind} {len(value)}\n".encode())
             for item in value.items():
                 _add(update, item, packages)
+        case partial(func=FunctionType() as called) if _is_named(called, packages):
+            update(f"{kind} {called.__module__}.{called.__qualname__}\n".encode())
+            _add(update, (value.args, value.keywords), packages)
         case _ if is_dataclass(value) and _is_of(value, packages):
             parts = fields(value)
             update(f"{kind} {len(parts)}\n".encode())
@@ -89,7 +93,15 @@ def arrays_key(place: str, arrays: Mapping[str, Any]) -> str:
 
 
 def _is_of(value: Any, packages: tuple[str, ...]) -> bool:
-    module = type(value).__module__
+    return _is_within(type(value).__module__, packages)
+
+
+def _is_named(function: FunctionType, packages: tuple[str, ...]) -> bool:
+    """Whether it is a function of the packages that its name finds: no lambda, no closure."""
+    return "<" not in function.__qualname__ and _is_within(function.__module__, packages)
+
+
+def _is_within(module: str, packages: tuple[str, ...]) -> bool:
     return any(module == package or module.startswith(f"{package}.") for package in packages)
 
 

@@ -13,6 +13,7 @@ EXTRAS = {
     "study": ("pyarrow", "SALib", "dask", "distributed"),
     "surrogate": ("sklearn",),
     "fmu": ("pythonfmu", "pythonfmu3"),
+    "gym": ("gymnasium",),
     "opensim": ("opensim",),
     "mkl": ("pypardiso",),
     "peers": ("KratosMultiphysics",),

@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -89,6 +90,10 @@ def test_the_python_interface_raises_the_same_sentence(
         result.view()
     with pytest.raises(InputError, match=r"^a study needs pyarrow"):
         cosim.run_study("network_saltelli")
+    monkeypatch.delitem(sys.modules, "cosim.gym", raising=False)
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    with pytest.raises(InputError, match=r"gymnasium, which is not .* pip install '\.\[gym\]'"):
+        import_module("cosim.gym")
     (folder / "study.json").write_text(json.dumps({"format": "cosim study 1"}))
     with pytest.raises(InputError, match=r"^reading a study's table needs pyarrow"):
         _ = open_study(folder).table
@@ -120,8 +125,10 @@ for words in (f"run {{shell}}", "report runs/isometric_edc -o a.html", "info"):
 
 
 def test_no_module_imports_a_library_of_an_extra_as_it_is_imported() -> None:
-    """Those that are run by another process or copied into an FMU aside."""
+    """Those that are run by another process or copied into an FMU, and the one that is an extra's
+    own, aside."""
     own = {"cosim/vtu_child.py", "cosim/fmu_export/fmi2.py", "cosim/fmu_export/fmi3.py"}
+    own |= {"cosim/gym.py"}
     found = set()
     for package in ("cosim", "fe_solver", "rigid", "meshes"):
         for path in (ROOT / package).rglob("*.py"):
@@ -141,4 +148,4 @@ def test_the_extras_are_those_of_the_package_and_the_tests_bring_them() -> None:
         brought = {re.match(r"[\w-]+", stated)[0] for stated in extras[name]}
         assert {DISTRIBUTIONS.get(library, library) for library in libraries} <= brought
         assert not brought & {re.match(r"[\w-]+", d)[0] for d in project["dependencies"]}
-    assert "cosim-hand[fmu,package,study,surrogate,ui,view]" in extras["test"]
+    assert "cosim-hand[fmu,gym,package,study,surrogate,ui,view]" in extras["test"]

@@ -120,6 +120,7 @@ FLOORS = (
     {"cosim.arguments"},
     {"cosim.face"},
     {"cosim.loop"},
+    {"cosim.gym"},
     {"cosim.commands"},
     {"cosim.cli"},
     {"cosim.__main__"},

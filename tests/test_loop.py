@@ -1,5 +1,12 @@
 """A step loop of the user's own: the same motion, named numbers, and a state that stays valid."""
 
+import copy
+import pickle
+import subprocess
+import sys
+import threading
+from decimal import Decimal
+
 import numpy as np
 import pytest
 
@@ -12,7 +19,13 @@ from cosim.schema import units
 from cosim.verification.fmu import in_units
 from meshes.skeleton import JOINTS
 from tests.helpers.fmus import NEEDS_FMU
+from tests.helpers.folders import ROOT
 
+COPIES = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda of: pickle.loads(pickle.dumps(of)),
+}
 STEP = 'forward.step="2 ms"'
 
 
@@ -71,11 +84,141 @@ def test_from_a_state_that_was_kept_it_goes_the_same_way_again(loop):
     assert [loop.step({"EDC": 3.0}), loop.step({"LUM": 1.0})] == first
 
 
-def test_a_state_of_another_loop_is_refused(loop):
-    other, before = cosim.Loop("network_edc"), loop.observe()
-    with pytest.raises(InputError, match="of another loop"):
+@pytest.mark.parametrize("other", ["split_edc", {"tendons.FDP.max_force": "80 N"}])
+def test_a_state_of_another_case_is_refused(loop, other):
+    case = cosim.load("network_edc")
+    other, before = cosim.Loop(other if other == "split_edc" else case.replace(other)), loop.state
+    with pytest.raises(InputError, match="of another case"):
         loop.state = other.state
+    assert loop.state == before
+
+
+@pytest.mark.parametrize("way", COPIES)
+def test_a_copy_is_a_loop_of_its_own_in_the_same_state(loop, way):
+    loop.reset(posture={"PIP": 0.7})
+    loop.step({"EDC": 2.0, "LUM": 0.5})
+    loop.remark = "mine"
+    other = COPIES[way](loop)
+    assert (other.state, other.dt, other.remark) == (loop.state, loop.dt, "mine")
+    before = loop.observe()
+    seen = [other.step({"EDC": 6.0}), other.step()]
     assert loop.observe() == before
+    assert [seen[1]["tension.EDC"], seen[1]["tension.LUM"]] == [6.0, 0.5]
+    assert [loop.step({"EDC": 6.0}), loop.step()] == seen
+    assert other.reset() == loop.reset()
+
+
+@pytest.mark.parametrize("way", COPIES)
+@pytest.mark.parametrize("name", ["network_edc", "pneumatic_edc_fdp"])
+def test_states_compare_by_content_and_go_on_in_another_loop_of_the_case(name, way):
+    first, second = (cosim.Loop(name, step) for step in ("2 ms", "4 ms"))
+    first.step()
+    at = COPIES[way](first.state)
+    assert at == first.state
+    assert hash(at) == hash(first.state)
+    assert at != second.state
+    again = first.step(), first.step()
+    assert at != first.state
+    third = cosim.Loop(cosim.load(name).model_copy(update={"name": "mine"}))
+    third.state = at
+    assert (third.step(), third.step()) == again
+    assert third.state == first.state
+    second.state = at
+    assert second.step()["time"] == pytest.approx(again[1]["time"])
+
+
+def test_states_differ_by_a_command_that_is_not_felt_yet():
+    states = []
+    for pressure in (2e3, 2e3, 3e3):
+        loop = cosim.Loop("pneumatic_edc_fdp")
+        seen = loop.step({"EDC": pressure})
+        states.append((seen, loop.state))
+    assert states[0] == states[1]
+    assert states[0][0] == states[2][0]
+    assert states[0][1] != states[2][1]
+
+
+def test_states_of_a_sheet_compare_by_content():
+    """Also of what its contacts made, which hold their stiffness as a call to come."""
+    loop = cosim.Loop("cable_edc")
+    loop.step({"EDC": 2.0})
+    other = pickle.loads(pickle.dumps(loop.state))
+    assert other == loop.state
+    assert type(other._content[0]) is str
+    after = loop.step()
+    loop.state = other
+    assert loop.step() == after
+
+
+def test_a_state_on_disk_goes_on_in_another_process(tmp_path):
+    loop = cosim.Loop("two_band_edc")
+    loop.step({"EDC": 4.0})
+    path = tmp_path / "state"
+    path.write_bytes(pickle.dumps(loop.state))
+    code = f"""
+import cosim, pickle
+loop = cosim.Loop("two_band_edc")
+loop.state = pickle.loads(open({str(path)!r}, "rb").read())
+print(loop.step({{"FDP": 1.0}}))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == str(loop.step({"FDP": 1.0}))
+
+
+def test_a_state_holds_the_length_from_which_a_fibre_shortens():
+    """Gone back to after a beginning in another posture, where the muscle was longer."""
+    loop = cosim.Loop(cosim.load("split_edc", ["tendons.EDC.activation=0.1"]).replace(FIBRE))
+    loop.reset()
+    before, first = loop.state, loop.step({"EDC": 0.3})
+    loop.reset(posture={"MCP": 0.9})
+    loop.state = before
+    assert loop.step({"EDC": 0.3}) == first
+
+
+def test_threads_take_turns(loop):
+    loop.reset()
+    at_work, seen = threading.Barrier(4), []
+
+    def work(tension: float) -> None:
+        at_work.wait()
+        for _ in range(10):
+            seen.append(loop.step({"EDC": tension})["time"])
+
+    threads = [threading.Thread(target=work, args=(t,)) for t in (1.0, 2.0, 3.0, 4.0)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(seen) == pytest.approx(loop.dt * np.arange(1, 41))
+
+
+def test_an_array_is_an_action_in_the_named_order(loop):
+    loop.reset()
+    tensions = np.linspace(0.1, 0.7, len(loop.actions))
+    for action in (tensions, tensions.tolist(), tuple(tensions.astype(object))):
+        seen = loop.step(action)
+        assert [seen[f"tension.{t}"] for t in loop.actions] == pytest.approx(tensions)
+    numbers = [2, np.float32(2), np.int8(2), np.array(2.0), np.array(2), np.longdouble(2)]
+    assert [loop.step({"EDC": number})["tension.EDC"] for number in numbers] == [2.0] * 6
+
+
+def test_a_seed_draws_the_beginning(loop):
+    angles = [f"angle.{joint}" for joint in JOINTS]
+    case = loop.reset()
+    first, again, other = (loop.reset(seed=seed) for seed in (3, np.int64(3), 4))
+    assert first == again
+    assert all(first[a] != other[a] for a in angles)
+    each = [loop.reset(seed=seed) for seed in range(20)]
+    off = np.degrees([[seen[a] - case[a] for a in angles] for seen in each])
+    assert -5.0 <= off.min() < -4.0
+    assert 4.0 < off.max() <= 5.0
+    bent = loop.reset({"PIP": 1.0}, seed=3, spread="1 deg")
+    assert 0 < abs(bent["angle.PIP"] - 1.0) <= np.radians(1.0)
+    low, high = loop.models.ranges["PIP"]
+    assert low <= loop.reset({"PIP": high}, seed=3, spread=1.0)["angle.PIP"] <= high
+    assert loop.reset() == case
 
 
 def test_actions_and_observations_are_read_only(loop):
@@ -99,7 +242,25 @@ def test_it_begins_in_another_posture(loop):
         ({"EDC": float("nan")}, "from 0 to"),
         ({"EDC": "much"}, "from 0 to"),
         ({"EDC": 1e6}, "N; tension of the tendon"),
-        ([1.0], "action"),
+        ([1.0], "values by name, for example .*, or 7 numbers: EDC, "),
+        (np.ones(6), "or 7 numbers: "),
+        (np.array(1.0), "or 7 numbers: "),
+        (1.0, "or 7 numbers: "),
+        ("", "or 7 numbers: "),
+        ({1: 1.0}, "or 7 numbers: "),
+        (np.ones((7, 1)), "action EDC: expected a number from 0 to"),
+        ([1.0] * 6 + [[1.0]], r"expected a number from 0 to .*not \[1\.0\]"),
+        (np.full(7, np.nan), "from 0 to"),
+        (np.ma.masked_all(7), "from 0 to"),
+        (np.ones(7, dtype=complex), "from 0 to"),
+        ({"EDC": 10**400}, "from 0 to"),
+        ({"EDC": np.complex128(2)}, "from 0 to"),
+        ({"EDC": True}, "from 0 to"),
+        ({"EDC": np.bool_(True)}, "from 0 to"),
+        ({"EDC": np.timedelta64(2, "s")}, "from 0 to"),
+        ({"EDC": Decimal(2)}, "from 0 to"),
+        ({"EDC": np.ones(1)}, "from 0 to"),
+        ({"EDC": None}, "from 0 to"),
     ],
 )
 def test_an_action_that_there_is_not_leaves_the_loop_where_it_is(loop, action, words):
@@ -113,7 +274,9 @@ def test_an_action_that_there_is_not_leaves_the_loop_where_it_is(loop, action, w
     assert loop.observe() == before
 
 
-@pytest.mark.parametrize("posture", [{"wrist": 0.1}, {"PIP": 3.0}, {"PIP": "45 N"}])
+@pytest.mark.parametrize(
+    "posture", [{"wrist": 0.1}, {"PIP": 3.0}, {"PIP": "45 N"}, {"PIP": 1j}, np.ones(4), 0, ""]
+)
 def test_a_posture_that_there_is_not_leaves_the_loop_where_it_is(loop, posture):
     loop.reset()
     before = loop.step({"EDC": 2.0})
@@ -122,23 +285,30 @@ def test_a_posture_that_there_is_not_leaves_the_loop_where_it_is(loop, posture):
     assert loop.observe() == before
 
 
-def test_a_step_that_does_not_converge_leaves_the_loop_where_it_was(loop, monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (ConvergenceError("no equilibrium."), r"no equilibrium\. The loop stands where it stood"),
+        (ZeroDivisionError("of a user's hood"), "of a user's hood"),
+    ],
+)
+def test_a_step_that_fails_leaves_the_loop_and_its_commands_as_they_were(
+    loop, monkeypatch, error, words
+):
     def fail(*args: object) -> None:
-        raise ConvergenceError("the hood found no equilibrium.")
+        raise error
 
     loop.reset()
     before, state = loop.step({"EDC": 2.0}), loop.state
     with monkeypatch.context() as patch:
         patch.setattr(type(loop.models.hood), "advance", fail)
-        with pytest.raises(
-            ConvergenceError, match=r"no equilibrium\. The loop stands where it stood"
-        ):
+        with pytest.raises(type(error), match=words):
             loop.step({"EDC": 3.0})
-        with pytest.raises(ConvergenceError):
-            loop.reset(posture={"PIP": 0.6})
+        with pytest.raises(type(error)):
+            loop.reset(posture={"PIP": 0.6}, action={"EDC": 4.0})
     assert loop.observe() == before
-    assert loop.state.motion is state.motion
-    assert loop.step({"EDC": 3.0})["tension.EDC"] == 3.0
+    assert loop.state == state
+    assert loop.step()["tension.EDC"] == 2.0  # the command of the last step that was made
 
 
 def test_an_fmu_or_a_static_finger_or_adaptive_steps_are_refused_in_words():
@@ -179,15 +349,52 @@ def test_commands_of_a_cylinder_arrive_after_its_dead_time():
     assert seen[f"tension.{name}"] == pytest.approx(run.summary["tension_N"][name], rel=1e-3)
 
 
-def test_a_muscle_with_a_fibre_takes_its_activation():
-    case = cosim.load("split_edc", ["tendons.EDC.activation=0.1"])
-    fibre = {
+@pytest.mark.parametrize("delay", [0.0, 0.03, 0.9])
+def test_a_command_is_felt_after_its_dead_time_and_not_before(delay):
+    """Of two that are sent before the first is felt; up to then all is as without them."""
+    case = cosim.load("pneumatic_edc_fdp")
+    name = next(n for n, tendon in case.tendons.items() if tendon.actuation is not None)
+    step, late = delay / 10 or 3e-3, 10 if delay else 0
+    case = case.replace({f"tendons.{name}.actuation.delay": f"{delay} s"})
+    loop = cosim.Loop(case, step, substeps=round(step / 3e-3))
+    start = loop.actions[name].start
+
+    def tensions(*factors: float) -> np.ndarray:
+        loop.reset()
+        each = [*factors] + [factors[-1]] * (late + 6 - len(factors))
+        return np.array([loop.step({name: f * start})[f"tension.{name}"] for f in each])
+
+    still, one, both = tensions(1.0), tensions(1.0, 1.0, 1.2), tensions(1.0, 1.0, 1.2, 1.2, 0.9)
+    for felt, before, first in ((one, still, 2 + late), (both, one, 4 + late)):
+        assert felt[:first].tolist() == before[:first].tolist()
+        assert abs(felt[first] - before[first]) > 1e-3
+    assert both[-1] < one[-1]
+
+
+def test_a_command_is_remembered_for_its_dead_time_whatever_the_step():
+    """A second is no multiple of the long step, nor of the dead time."""
+    case = cosim.load("pneumatic_edc_fdp", ['tendons.EDC.actuation.delay="0.98 s"'])
+    long, short = cosim.Loop(case, 0.08, substeps=20), cosim.Loop(case, 0.004)
+    for k in range(15):
+        action = {"EDC": 5e3 * (k % 3)}
+        seen = long.step(action)
+        for _ in range(20):
+            again = short.step(action)
+        assert seen == pytest.approx(again, rel=1e-9, abs=1e-12)
+
+
+FIBRE = {
+    "tendons.EDC.muscle": {
         "kind": "millard",
         "optimal_fibre_length": "70 mm",
         "tendon_slack_length": "264.68 mm",
         "pennation": "3 deg",
     }
-    loop = cosim.Loop(case.replace({"tendons.EDC.muscle": fibre}))
+}
+
+
+def test_a_muscle_with_a_fibre_takes_its_activation():
+    loop = cosim.Loop(cosim.load("split_edc", ["tendons.EDC.activation=0.1"]).replace(FIBRE))
     assert (loop.actions["EDC"].unit, loop.actions["EDC"].start) == ("1", 0.1)
     weak = loop.reset()["tension.EDC"]
     for _ in range(100):
@@ -261,3 +468,10 @@ def test_units_take_part_and_can_be_taken_back(tmp_path, fmi):
     first = loop.step({"EDC": 1.0})
     loop.state = before
     assert loop.step({"EDC": 1.0}) == first
+    for way in COPIES.values():
+        with pytest.raises(InputError, match=r"has an FMU.* another loop: cosim\.Loop"):
+            way(loop)
+        with pytest.raises(InputError, match="FMU keeps a part of it"):
+            way(before)
+    with pytest.raises(InputError, match="of another loop with an FMU"):
+        cosim.Loop(loop.case).state = before

@@ -26,6 +26,9 @@ NEEDS_FMU = [
 MARKS = {
     **{name: [pytest.mark.slow] for name in LONG},
     **dict.fromkeys(("fmu", "controller"), NEEDS_FMU),
+    "environment": [
+        pytest.mark.skipif(find_spec("gymnasium") is None, reason="the extra gym is missing")
+    ],
 }
 
 

@@ -51,6 +51,7 @@ PURPOSES = {
     "estimates": ("daqp",),
     "your own bones": ("trimesh",),
     "FMUs": ("fmpy", *EXTRAS["fmu"]),
+    "environments of learners": EXTRAS["gym"],
     "checks by OpenSim": EXTRAS["opensim"],
     "packages of a validation": EXTRAS["package"],
     "notebooks": EXTRAS["notebooks"],

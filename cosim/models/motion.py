@@ -209,6 +209,8 @@ class DriveState(NamedTuple):
     """The state of what pulls: of the fibres by group, and of the air in the cylinders."""
 
     fibres: list[MuscleState]
+    begun: Array
+    """(nt,) m, of the paths at the start, from which shortening counts."""
     air: AirState | None
     home: Array
     """(nc,) m, of the paths with which the pistons stand where they started."""
@@ -233,7 +235,6 @@ class CaseTendonDrive:
             for muscles, activation, home in fibres(case.tendons)
         ]
         self._air, self._motors = cylinders(case.tendons, tendons), motors(case.tendons, tendons)
-        self._start = np.zeros(len(tendons))
 
     @property
     def cylinders(self) -> tuple[str, ...]:
@@ -246,18 +247,17 @@ class CaseTendonDrive:
         return () if self._motors is None else self._motors.names
 
     def start(self, length: Array) -> State:
-        """The drive's state where the tendons have lengths (nt,) m, from which shortening then
-        counts."""
+        """The drive's state where the tendons have lengths (nt,) m."""
         from rigid.muscle.dynamics import at_rest
 
-        self._start = length.copy()
         fibres = [at_rest(g.muscles, self._excitation(g, 0.0), g.home) for g in self._groups]
         wound = None
         if self._motors is not None:
             wound = self._motors.initial(length[self._motors.where])
         if self._air is None:
-            return DriveState(fibres, None, np.zeros(0), wound)
-        return DriveState(fibres, initial_air(self._air), length[self._air.where], wound)
+            return DriveState(fibres, length.copy(), None, np.zeros(0), wound)
+        air = initial_air(self._air)
+        return DriveState(fibres, length.copy(), air, length[self._air.where], wound)
 
     def settle_at(self, state: State, length: Array) -> State:
         """The state of the start with pistons and motors where they start at paths of `length`
@@ -302,7 +302,7 @@ class CaseTendonDrive:
         tension = self._stated * [factor(time) for factor in self._factors]
         stiffness, after = np.zeros(len(tension)), []
         for group, at in zip(self._groups, state.fibres, strict=True):
-            path = group.home + (length - self._start)[group.where]
+            path = group.home + (length - state.begun)[group.where]
             excited = self._excitation(group, time)
             if dt == 0.0:
                 rest = equilibrium(group.muscles, excited, path)
@@ -324,7 +324,7 @@ class CaseTendonDrive:
             tension[where], stiffness[where], wound = self._motors.step(
                 wound, time, length[where], dt
             )
-        return DynamicPull(tension, stiffness, DriveState(after, air, state.home, wound))
+        return DynamicPull(tension, stiffness, state._replace(fibres=after, air=air, motors=wound))
 
     def lengths(self, state: State) -> dict[str, float]:
         """Normalised fibre lengths in a state, by muscle."""

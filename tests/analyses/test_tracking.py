@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import cosim
-from cosim.analyses.estimate.joint_motion import read_motion
+from cosim.analyses.estimate import tracking
+from cosim.analyses.estimate.joint_motion import JointMotion, read_motion
 from cosim.analyses.estimate.of_case import setup
-from cosim.analyses.estimate.tracking import Planner, WantedMotion, forward_case
+from cosim.analyses.estimate.tracking import Planner, Tracking, WantedMotion, forward_case
 from cosim.case.file import resolved_toml
 from cosim.cli import app
 from cosim.errors import InputError
@@ -66,8 +67,6 @@ def test_a_plan_is_the_way_of_a_critically_damped_error(error, slope, first, sec
     time = np.linspace(0.0, 0.2, 21)
     still = pd.DataFrame({"time": time, "PIP_deg": 45 + 0 * time})
     s = finger_setup("split_edc")
-    from cosim.analyses.estimate.joint_motion import JointMotion
-
     angle = np.tile(list(s.models.posture.values()), (len(time), 1))
     motion = JointMotion(still.time.to_numpy(), angle, 0 * angle, 0 * angle)
     planner = Planner(s, WantedMotion(motion), 20.0)
@@ -93,6 +92,7 @@ def test_a_motion_is_followed_with_tensions_in_bounds_and_again_by_the_case_alon
     folder = tmp_path / name
     summary = json.loads((folder / "estimate.json").read_text())
     assert max(summary["angle_rms_deg"].values()) < 1.0
+    assert summary["audit"]["strays_alone_deg"] < 1e-3
     bounds = summary["bounds_N"]
     for tendon, most in summary["largest_tension_N"].items():
         assert bounds[tendon][0] <= most <= bounds[tendon][1]
@@ -186,3 +186,46 @@ def test_a_finger_that_strays_under_the_tensions_alone_misses_the_audit(flexion,
     with pytest.warns(UserWarning, match="larger by a millionth they lead a joint") as told:
         cosim.track(case, slow, tmp_path)
     assert len(told) == 1  # it follows where plans correct it
+
+
+@pytest.mark.parametrize(
+    ("off", "astray", "doubts"),
+    [
+        (1.99, 0.49, []),
+        (2.01, 0.49, ["a joint is 2 deg off"]),
+        (1.99, 0.51, ["lead a joint 0.51 deg astray"]),
+        (0.0, np.inf, ["lead a joint inf deg astray"]),
+        (3.0, 2.0, ["a joint is 3 deg off", "lead a joint 2 deg astray"]),
+    ],
+)
+def test_beyond_two_degrees_it_does_not_follow_and_beyond_half_a_degree_it_strays(
+    off, astray, doubts
+):
+    """One of two joints, in degrees."""
+    time, still = np.linspace(0.0, 1.0, 3), np.zeros((3, 2))
+    angle = still + np.radians([0.0, off])
+    motion, tension = JointMotion(time, still, still, still), np.ones((3, 1))
+    seen = Tracking(motion, time, tension, 0.0, time, angle, still, np.radians(astray), 1)
+    faults = seen.faults()
+    assert len(faults) == len(doubts)
+    assert all(doubt in fault for doubt, fault in zip(doubts, faults, strict=True))
+
+
+@pytest.mark.parametrize("states", [101, 100])
+def test_a_way_that_the_tensions_alone_do_not_end_is_infinitely_astray(
+    flexion, states, monkeypatch
+):
+    """The way under the tensions alone is put in place: a straight finger, to the end or nearly."""
+    s = finger_setup("split_edc")
+    motion = read_motion(flexion, s.models.finger.joints, s.models.posture)
+    pulled = []
+
+    def alone(s, times, tension, steps):
+        pulled.append(tension)
+        return np.zeros((states, len(motion.angle[0])))
+
+    monkeypatch.setattr(tracking, "_alone", alone)
+    found = tracking.track(tracking.start_of(s, motion), motion, lambda text: None)
+    assert pulled[0] == pytest.approx((1 + 1e-6) * found.tension, rel=1e-12)
+    assert len(found.angle) == 101
+    assert found.astray == (np.abs(found.angle).max() if states == 101 else np.inf)
