@@ -86,6 +86,11 @@ class RegionConfig(Table):
         """The region as one with fibres; None for a region without."""
         return None
 
+    @property
+    def slides(self) -> bool:
+        """Whether the region has fibres that slide on each other."""
+        return False
+
     @model_validator(mode="after")
     def _one_way(self) -> RegionConfig:
         if self.thickness is not None and self.section is not None:

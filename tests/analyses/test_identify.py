@@ -216,7 +216,7 @@ def test_the_built_in_parameters_keep_fibres_smooth():
     case = load_case(LEE)
     free = free_built_in(case)
     assert [p.name for p in free.parameters] == ["c1", "toe", "c4"]
-    assert [p.start for p in free.parameters] == pytest.approx([0.216975, 0.01, 400.0], rel=1e-5)
+    assert [p.start for p in free.parameters] == pytest.approx([0.507821, 0.01, 400.0], rel=1e-5)
     made = load_case(LEE, free.settings({"c1": 0.5, "toe": 0.01, "c4": 150.0})).hood
     for name, law in made.regions.items():
         old = case.hood.regions[name]

@@ -114,7 +114,7 @@ def test_the_terminal_slip_s_arm_is_the_torque_of_the_dip_over_its_force(pip, di
     now, before = result.summary, result.summary["unloaded"]
     torque, rest = (s["joint_torque_Nmm"]["hood"]["DIP"] for s in (now, before))
     force = now["slip_force_N"]["terminal"] - before["slip_force_N"]["terminal"]
-    assert now["strip_arm_mm"]["terminal_slip"] == pytest.approx((rest - torque) / force, rel=0.03)
+    assert now["strip_arm_mm"]["terminal_slip"] == pytest.approx((rest - torque) / force, rel=0.05)
 
 
 def test_the_bands_stay_extensors_and_sink_under_load():

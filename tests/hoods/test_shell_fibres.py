@@ -185,6 +185,7 @@ def test_a_job_of_the_hood_has_its_fibres_and_its_stretch(on_face: bool):
     bands = ("lateral_band_radial", "lateral_band_ulnar")
     case, hood = hood_with(
         "hood.bending_stiffness=0 N*mm",
+        "hood.regions.terminal_slip.sliding_fibres=false",
         "hood.extra_length.central_slip=0 mm",
         'hood.contact.stiffness="200 N/mm**3"',
         region_setting("central_slip", "in_situ_stretch", "1.03"),

@@ -160,8 +160,7 @@ def _part(
     thickness = stress_free_thickness(laid[cells], each)
     law = _law(REGIONS[i], region, _law_angle(fibres.angle.get(i), grown))
     bending = 12 * hood.bending_stiffness / thickness[0] ** 3 * INCOMPRESSIBLE
-    slides = region.fibrous is not None and region.fibrous.sliding_fibres
-    return ShellPart(REGIONS[i], law, stretch, bending, slides)
+    return ShellPart(REGIONS[i], law, stretch, bending, region.slides)
 
 
 def _law_angle(laid: Array | None, growth: Array) -> Real:

@@ -116,8 +116,7 @@ class SecondFamilyConfig(Table):
 class FibrousConfig(RegionConfig):
     """What every region with fibres may say: their `direction` (without it that of the mesh: along
     the finger, round it in sagittal bands), and `in_situ_stretch`, the stretch along the (first)
-    fibres of the sheet as laid out, before anything moves or pulls; and `sliding_fibres`, with
-    which a thick tendon bends as a bundle of fascicles and not as a solid."""
+    fibres of the sheet as laid out, before anything moves or pulls."""
 
     direction: DirectionConfig | None = None
     """Direction of the (first) fibres; without it that of the mesh."""
@@ -125,14 +124,25 @@ class FibrousConfig(RegionConfig):
     """A second family of fibres; without it there is one."""
     in_situ_stretch: InSituStretch = 1.0
     """Stretch along the (first) fibres of the sheet as laid out, before anything pulls."""
-    sliding_fibres: Switch = False
-    """The fibres slide on each other as the sheet bends: its law acts on the middle of its
-    thickness, and it bends as it does at rest."""
 
     @property
     def fibrous(self) -> FibrousConfig:
         """The region itself, which has fibres."""
         return self
+
+
+class CurvedFibresConfig(FibrousConfig):
+    """What a region says besides whose fibres stiffen as they are stretched: `sliding_fibres`, with
+    which a thick tendon bends as a bundle of fascicles and not as a solid."""
+
+    sliding_fibres: Switch = False
+    """The fibres slide on each other as the sheet bends: its law acts on the middle of its
+    thickness, and it bends as it does at rest."""
+
+    @property
+    def slides(self) -> bool:
+        """Whether the fibres slide on each other."""
+        return self.sliding_fibres
 
 
 class SecondLinearConfig(SecondFamilyConfig):

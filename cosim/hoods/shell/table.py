@@ -14,6 +14,7 @@ from cosim.fingers.common import PostureConfig, stamps
 from cosim.hoods.kind import HoodConfig, kind_of
 from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts, LesionConfig
 from cosim.hoods.shell.fibre_table import (
+    CurvedFibresConfig,
     FibrousConfig,
     SecondGasserConfig,
     SecondLinearConfig,
@@ -122,15 +123,6 @@ class TransverselyIsotropicConfig(FibrousConfig):
     second: SecondLinearConfig | None = None
     """A second family, which adds its own modulus; without it there is one."""
 
-    @model_validator(mode="after")
-    def _solid(self) -> TransverselyIsotropicConfig:
-        if self.sliding_fibres:
-            raise fault(
-                "has sliding_fibres, and a linear law bends as a solid; write one of the kinds "
-                "trans_iso_mooney_rivlin and holzapfel_gasser_ogden, or leave it out"
-            )
-        return self
-
 
 class NeoHookeanConfig(RegionConfig):
     """Compressible, by its moduli at small strain."""
@@ -142,7 +134,7 @@ class NeoHookeanConfig(RegionConfig):
     """Poisson's ratio at small strain."""
 
 
-class FibreMooneyRivlinConfig(FibrousConfig):
+class FibreMooneyRivlinConfig(CurvedFibresConfig):
     """FEBio's `trans iso Mooney-Rivlin`: matrix c1, c2, fibres with an exponential toe c3 (exp(c4
     (l - 1)) - 1) up to the stretch lam_max, linear with c5 beyond; incompressible without a bulk
     modulus.  A `second` family has such numbers of its own."""
@@ -166,7 +158,7 @@ class FibreMooneyRivlinConfig(FibrousConfig):
     """A second family with numbers of its own; without it there is one."""
 
 
-class FibreGasserConfig(FibrousConfig):
+class FibreGasserConfig(CurvedFibresConfig):
     """Holzapfel, Gasser and Ogden: matrix c, fibres k1, k2 dispersed by `dispersion` (0 aligned,
     1/3 isotropic) about the two directions at `angle` from the region's own; incompressible
     without a bulk modulus.  With a `second` family there is no `angle`: the first one lies in the
@@ -210,7 +202,7 @@ MaterialConfig = Annotated[
 
 LAWS = {kind_of(table): table for table in get_args(get_args(MaterialConfig)[0])}
 FIBRE_KEYS = tuple(
-    key for key in FibrousConfig.model_fields if key not in RegionConfig.model_fields
+    key for key in CurvedFibresConfig.model_fields if key not in RegionConfig.model_fields
 )
 
 
@@ -222,7 +214,7 @@ def region_keys(kind: object) -> list[str]:
     ['thickness', 'section', 'tension_field']
     """
     keys = LAWS[str(kind)].model_fields if str(kind) in LAWS else ()
-    return [key for key in FibrousConfig.model_fields if key in keys and key != "second"]
+    return [key for key in CurvedFibresConfig.model_fields if key in keys and key != "second"]
 
 
 class ExtraLengthsConfig(Table):

@@ -167,6 +167,10 @@ def test_heads_covered_by_less_than_the_back_are_refused_with_what_to_write(tmp_
     penalty = ("--set", 'hood.contact.stiffness="200 N/mm**3"')
     told = run(*words, "--set", head[0], "--set", head[1], *penalty)
     assert told.exit_code == 2
+    assert "hood.regions.*.sliding_fibres" in told.output
+    solid = (*penalty, "--set", "hood.regions.terminal_slip.sliding_fibres=false")
+    told = run(*words, "--set", head[0], "--set", head[1], *solid)
+    assert told.exit_code == 2
     assert "hood.bending_stiffness" in told.output
 
 
