@@ -49,10 +49,12 @@ def test_a_shells_coupled_unit_gives_the_native_run(tmp_path, fmi):
     unit.step(0.01)
     models, states = solve(case)
     slips = models.slips(states.loaded.response.state)
-    assert np.array_equal(unit.get(place["tip_force"]), states.loaded.balance.tip_force)
+    # two ways to one equilibrium: equal to what the solver's tolerance leaves
+    native = states.loaded.balance.tip_force
+    assert unit.get(place["tip_force"]) == pytest.approx(native, rel=1e-6)
     assert unit.get(place["slip_force"]) == pytest.approx([slips["central"], slips["terminal"]])
     moved = states.loaded.excursion - states.unloaded.excursion
-    assert np.array_equal(unit.get(place["excursion"])[: len(moved)], moved)
+    assert unit.get(place["excursion"])[: len(moved)] == pytest.approx(moved, rel=1e-6, abs=1e-12)
     before = unit.save()
     unit.set(place["tension"], 1.2 * unit.get(place["tension"]))
     unit.step(0.01)

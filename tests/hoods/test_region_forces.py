@@ -99,5 +99,6 @@ def test_what_the_slips_bear_at_their_bones_their_regions_pass_on():
     assert forces["terminal_slip"] == pytest.approx(slips["terminal"], rel=0.02)
     assert forces["central_slip"] == pytest.approx(slips["central"], rel=0.1)
     bands = forces["lateral_band_radial"] + forces["lateral_band_ulnar"]
-    assert bands == pytest.approx(slips["terminal"], rel=0.05)
+    # a part leaves the bands on the way: to the taut retinacular ligaments and the sheet beside
+    assert bands == pytest.approx(slips["terminal"], rel=0.1)
     assert forces["extensor_tendon_proximal"] == pytest.approx(11.85, rel=0.03)
