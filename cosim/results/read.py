@@ -62,9 +62,10 @@ def _read_run(folder: Path) -> Result:
 
 
 def read_arrays(folder: Path) -> Arrays:
-    """The arrays of the run in a folder.  Raises InputError where it is none, or where they are not
-    what a run leaves."""
-    _check_has(folder, "results.nc")
+    """The arrays of the run in a folder.  Raises InputError where it is none, where they are not
+    what a run leaves, and where it did not converge."""
+    _check_has(folder, "summary.json", "results.nc")
+    check_converged(_read(folder / "summary.json", _table), str(folder))
     return _read(folder / "results.nc", _arrays)
 
 
@@ -136,10 +137,15 @@ def _case(path: Path) -> str:
     return text
 
 
-def _summary(path: Path) -> Mapping[str, Any]:
+def _table(path: Path) -> dict[str, Any]:
     content = read_json_file(path)
     if not isinstance(content, dict):
         raise ValueError("it is no table of numbers")
+    return content
+
+
+def _summary(path: Path) -> Mapping[str, Any]:
+    content = _table(path)
     if isinstance(content.get("fingertip_force_N"), list):
         raise ValueError(
             "an earlier version wrote it, with forces by place as distal, palmar, radial; now they "
