@@ -75,9 +75,7 @@ def _case_text(name: str, given: UserAnatomy, built: Built) -> str:
         "EDC = { activation = 0.1 }.",
     ]
     if any("muscle" in table for table in built.tendons.values()):
-        remarks.append(
-            "A tendon with a muscle pulls by an activation; without it, by a tension."
-        )
+        remarks.append("A tendon with a muscle pulls by an activation; without it, by a tension.")
     finger: dict[str, Any] = {}
     if built.model is not None:
         finger["path"] = "finger.xml"

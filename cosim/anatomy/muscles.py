@@ -31,10 +31,10 @@ def imported_muscles(
 
     Raises InputError where the file is there and cannot be read."""
     beside = finger.with_suffix(".json")
-    content = read_json_file(beside) if beside.is_file() else {}
-    stated = content.get("muscles") if isinstance(content, dict) else None
-    if not isinstance(stated, dict):
-        return {}, []
+    stated: dict[str, Any] = {}
+    match read_json_file(beside) if beside.is_file() else {}:
+        case {"muscles": dict(muscles)}:
+            stated = muscles
     tables: dict[str, dict[str, Any]] = {}
     told: list[str] = []
     for tendon in tendons:
@@ -59,9 +59,11 @@ def imported_muscles(
 
 def _table(place: str, muscle: Any) -> dict[str, Any]:
     """A tendon's table.  Raises InputError where it is none that the import writes."""
-    numbers = muscle.get("properties") if isinstance(muscle, dict) else None
-    if not isinstance(numbers, dict):
-        raise InputError(f"{place}: is no muscle; import the model again")
+    match muscle:
+        case {"properties": dict(numbers)}:
+            pass
+        case _:
+            raise InputError(f"{place}: is no muscle; import the model again")
     wanted = [FORCE, *(key for key, _, _ in FIBRE.values())]
     if wrong := [key for key in wanted if key in numbers and not is_number(numbers[key])]:
         raise InputError(f"{place}: {wrong[0]} is {numbers[wrong[0]]!r}, no number")
