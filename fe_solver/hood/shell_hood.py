@@ -316,8 +316,10 @@ class ShellHood:
             return False
         course, free = state.course, self.model.free
         if course is not None and course.miss is not None:
-            shapes = (course.step.shape, course.miss.x.shape, course.miss.d.shape)
-            if shapes != (free.shape, c.x.shape, c.d.shape):
+            parts = (course.step, course.miss.x, course.miss.d)
+            if [part.shape for part in parts] != [free.shape, c.x.shape, c.d.shape]:
+                return False
+            if not all(np.isfinite(part).all() for part in parts):
                 return False
         return is_equilibrium(s, self.options.tolerance)
 
