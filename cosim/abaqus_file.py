@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.file_size import MB, read_bytes
+from cosim.number_text import RANGE, read_number, read_whole_number
 
 if TYPE_CHECKING:
     from meshio import Mesh
@@ -50,6 +51,8 @@ READ = {
     *("END ASSEMBLY", "INSTANCE", "END INSTANCE", "PREPRINT"),
 }
 """Cards that are read, or say nothing of a mesh."""
+TURNED = ("B3", "PIPE3", "FRAME3D")
+"""How types begin whose elements may name a node more, which turns their section."""
 SECTIONS = ("SHELL SECTION", "MEMBRANE SECTION")
 MAKERS = {
     *("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "PARAMETER"),
@@ -223,18 +226,26 @@ def _key(name: str) -> str:
 
 
 def _placing(card: Card) -> tuple[Array, Array, Array]:
-    """How an instance lies: it is shifted, then turned about an axis.  Shift (3,), rotation (3, 3)
-    and a point (3,) on the axis."""
+    """How an instance lies: its first line, which may be blank, shifts it, the second then turns it
+    about an axis.  Shift (3,), rotation (3, 3) and a point (3,) on the axis."""
     from scipy.spatial.transform import Rotation
 
-    rows = [_numbers(*line) for line in card.lines if line[1].strip(" ,")]
     shift, axis = np.zeros(3), np.array([0.0, 0, 0, 1, 0, 0, 0])
-    if rows:
-        shift[: len(rows[0])] = rows[0][:3]
-    if len(rows) > 1:
-        if len(rows[1]) != 7:
-            raise InputError(f"{card.lines[1][0]}: expected two points of an axis and an angle")
-        axis = np.array(rows[1])
+    for i, (place, line) in enumerate(card.lines):
+        row = _numbers(place, line) if line.strip(" ,") else []
+        if row and i > 1:
+            raise InputError(f"{place}: *INSTANCE has two lines, its shift and its turn")
+        if i == 0 and len(row) > 3:
+            raise InputError(
+                f"{place}: the first line of *INSTANCE is its shift, three numbers, found "
+                f"{len(row)}; where it is turned alone, write 0, 0, 0 before"
+            )
+        if i == 1 and row and len(row) != 7:
+            raise InputError(f"{place}: expected two points of an axis and an angle")
+        if i == 0:
+            shift[: len(row)] = row
+        elif row:
+            axis = np.array(row)
     along = axis[3:6] - axis[:3]
     if not np.linalg.norm(along):
         raise InputError(f"{card.place}: the two points of the axis of *INSTANCE are one")
@@ -247,13 +258,26 @@ def _fields(line: str) -> list[str]:
 
 
 def _numbers(place: str, line: str) -> list[float]:
-    try:
-        values = [float(t.upper().replace("D", "E")) if t else 0.0 for t in _fields(line)]
-    except ValueError:
-        raise InputError(f"{place}: expected numbers, found {line[:40]!r}") from None
-    if not np.isfinite(values).all():
-        raise InputError(f"{place}: {line[:40]!r} holds a number that is not finite")
+    values = []
+    for text in _fields(line):
+        value = read_number(text.upper().replace("D", "E")) if text else 0.0
+        if value is None:
+            raise InputError(f"{place}: expected numbers ({RANGE}), found {line[:40]!r}")
+        values.append(value)
     return values
+
+
+def _index(text: str) -> int:
+    """The number of a node or an element, -1 where a text is a name."""
+    number = read_whole_number(text)
+    return -1 if number is None else number
+
+
+def _whole_numbers(place: str, line: str) -> list[int]:
+    found = [read_whole_number(text) for text in _fields(line)]
+    if None in found:
+        raise InputError(f"{place}: expected whole numbers, found {line[:40]!r}")
+    return [number for number in found if number is not None]
 
 
 def _take_nodes(card: Card, scope: _Scope, model: _Model) -> None:
@@ -263,8 +287,15 @@ def _take_nodes(card: Card, scope: _Scope, model: _Model) -> None:
         )
     numbers = []
     for place, line in card.lines:
-        values = _numbers(place, line)
-        number, three = int(values[0]), (*values[1:4], 0.0, 0.0, 0.0)
+        if not line:
+            continue
+        first, _, rest = line.partition(",")
+        number, values = read_whole_number(first.strip()), _numbers(place, rest)
+        if number is None:
+            raise InputError(f"{place}: expected the node's number, found {first[:40]!r}")
+        if len(values) > 6:
+            raise InputError(f"{place}: a node has at most 6 numbers, found {len(values)}")
+        three = (*values[:3], 0.0, 0.0, 0.0)
         x = (three[0], three[1], three[2])
         if scope.nodes.setdefault(number, x) != x:
             raise InputError(f"{place}: node {number} is stated twice, at different places")
@@ -285,17 +316,20 @@ def _take_elements(card: Card, scope: _Scope, model: _Model) -> None:
         return
     numbers: list[str] = []
     waiting: list[str] = []
-    for place, line in card.lines:
+    needed = 1 + CORNERS[kind]
+    most = needed + stated.startswith(TURNED)
+    lines = [(place, line) for place, line in card.lines if line]
+    for i, (place, line) in enumerate(lines, 1):
         waiting += _fields(line)
-        if len(waiting) < 1 + CORNERS[kind] and line.endswith(","):
+        if len(waiting) < needed and line.endswith(",") and i < len(lines):
             continue
-        if len(waiting) < 1 + CORNERS[kind]:
+        if not needed <= len(waiting) <= most:
             raise InputError(
                 f"{place}: an element of type {stated} has {CORNERS[kind]} nodes, found "
                 f"{len(waiting) - 1}"
             )
-        nodes = tuple(waiting[1 : 1 + CORNERS[kind]])
-        if not waiting[0].isdigit():
+        nodes = tuple(waiting[1:needed])
+        if read_whole_number(waiting[0]) is None:
             raise InputError(f"{place}: expected the element's number, found {waiting[0][:40]!r}")
         if scope.elements.setdefault(int(waiting[0]), (kind, nodes, place))[:2] != (kind, nodes):
             raise InputError(f"{place}: element {waiting[0]} is stated twice, with other nodes")
@@ -317,10 +351,14 @@ def _take_set(card: Card, scope: _Scope, model: _Model) -> None:
         raise InputError(f"{card.place}: *{card.word} without a name, {card.word}=NAME")
     entries = scope.sets.setdefault((card.word, name), [])
     for place, line in card.lines:
+        if not line:
+            continue
         steps = None
         if "GENERATE" in card.options:
-            first, last, *step = map(int, _numbers(place, line))
-            steps = (first, last, step[0] if step and step[0] else 1)
+            numbers = _whole_numbers(place, line)
+            if not 2 <= len(numbers) <= 3:
+                raise InputError(f"{place}: GENERATE takes a first, a last and a step")
+            steps = (numbers[0], numbers[1], (*numbers, 0)[2] or 1)
         entries.append(_Entry(() if steps else tuple(_fields(line)), steps, instance, place))
 
 
@@ -408,7 +446,7 @@ class _Flat:
 
     def _node(self, key: str, name: str, place: str) -> int:
         instance, dot, number = name.rpartition(".")
-        where = (_key(instance) if dot else key, int(number) if number.isdigit() else -1)
+        where = (_key(instance) if dot else key, _index(number))
         if where not in self.node:
             raise InputError(f"{place}: names node {name}, which is not there")
         return self.node[where]
@@ -524,10 +562,10 @@ class _Flat:
         absent = 0
         for name in filter(None, entry.names):
             instance, dot, number = name.rpartition(".")
-            where = (_key(instance) if dot else home, int(number) if number.isdigit() else -1)
+            where = (_key(instance) if dot else home, _index(number))
             if where in known:
                 out.append(np.array([known[where]], dtype=np.int64))
-            elif number.isdigit():
+            elif where[1] >= 0:
                 absent += 1
             else:
                 out.append(self._members(kind, where[0], number if dot else name, within))

@@ -1,14 +1,17 @@
 """Arrays that took long to compute, kept in the user's cache folder for later processes.
 
 Each entry is an .npz file of plain arrays under a key that names all that determines them
-(`cosim.content_key`), with a digest of the arrays.  A file that is cut off, damaged or another
-one's is not used, and the next writer replaces it.  No failure of the disk fails a run.
+(`cosim.content_key`), with a digest of the arrays.  A file that is cut off, damaged, packed, or of
+another place or user is not used, and the next writer replaces it.  The digest tells of accidents,
+not of intent: whoever uses an entry checks that it is an answer, and drops it where it is none.  No
+failure of the disk fails a run.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -62,15 +65,18 @@ class ArrayCache:
         can be used.  They are marked as used last."""
         file = self._file(kind, key)
         with suppress(Exception):  # whatever zipfile, zlib and numpy raise of a spoilt file
-            if not file.is_file():  # a pipe would be waited for
+            if not _is_own(file.stat()):
                 return None
-            with np.load(file, allow_pickle=False) as stored:
-                arrays = {name: stored[name] for name in stored.files}
-            if str(arrays.pop(DIGEST)) == arrays_key(f"{kind} {key}", arrays):
-                with suppress(OSError):
-                    os.utime(file)
-                return arrays
+            arrays = read_arrays(file, f"{kind} {key}", self.most_bytes)
+            with suppress(OSError):
+                os.utime(file)
+            return arrays
         return None
+
+    def drop(self, kind: Kind, key: str) -> None:
+        """Remove what is kept under a key, where it proved to be wrong."""
+        with suppress(OSError):
+            self._file(kind, key).unlink()
 
     def write(self, kind: Kind, key: str, arrays: Mapping[str, Any]) -> None:
         """Keep arrays under a key, and remove what was used longest ago where there is too much.  A
@@ -122,6 +128,32 @@ class ArrayCache:
                 size -= stat.st_size
                 with suppress(OSError):
                     path.unlink()
+
+
+def read_arrays(path: Path, place: str, most_bytes: int) -> dict[str, Any]:
+    """The arrays by name of an .npz file that was written for `place`, without their digest.
+
+    Raises ValueError for a file that was changed, is packed, or is or says that it is larger than
+    `most_bytes` or than itself, of which no array is read; and whatever zipfile and numpy raise of
+    one that is none."""
+    if path.exists() and not path.is_file():  # a pipe would be waited for
+        raise ValueError("it is no file")
+    size = path.stat().st_size
+    with zipfile.ZipFile(path) as archive:
+        if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
+            raise ValueError("it is packed, and none is")
+        if sum(entry.file_size for entry in archive.infolist()) > min(size, most_bytes):
+            raise ValueError("it says that it is larger than it is")
+    with np.load(path, allow_pickle=False) as stored:
+        arrays: dict[str, Any] = {name: stored[name] for name in stored.files}
+    if str(arrays.pop(DIGEST, "")) != arrays_key(place, arrays):
+        raise ValueError("it was changed after it was written: its digest differs")
+    return arrays
+
+
+def _is_own(status: os.stat_result) -> bool:
+    """Whether a file is of the user who asks; where files have no owner, yes."""
+    return not hasattr(os, "geteuid") or status.st_uid == os.geteuid()
 
 
 def user_cache() -> ArrayCache | None:

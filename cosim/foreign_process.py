@@ -26,6 +26,12 @@ PATIENCE = 2.0
 """Seconds for a process that has nothing to do to end."""
 HEARTBEAT = 0.5
 """Seconds between two looks at whether the parent is there."""
+LOOK = 0.25
+"""Seconds between two looks at what a call has spent of its limit."""
+BUSY = 0.01
+"""Share of the time between two looks, in which a process that got less of a processor sleeps."""
+HANG = 10.0
+"""Times its limit that a call may take where the system does not say what it has of a processor."""
 TAIL = 50
 """Last pieces of what the process printed that are kept, for the reason of its end."""
 
@@ -36,9 +42,10 @@ class ForeignError(InputError):
 
 
 class ForeignProcess:
-    """A process that does one call after the other, each within a time limit.  It ends with this
-    process, however that ends, and what its libraries print goes nowhere but into the reason of its
-    end.
+    """A process that does one call after the other, each within a limit of its own time: that in
+    which it computes or sleeps, but not that in which it waits for a processor, so that a slow or
+    crowded machine is no fault of a call.  It ends with this process, however that ends, and what
+    its libraries print goes nowhere but into the reason of its end.
 
     >>> process = ForeignProcess()
     >>> process.call("math:sqrt", 4.0, limit=60.0)
@@ -75,7 +82,7 @@ class ForeignProcess:
         return self._parent == os.getpid() and self._process.poll() is None
 
     def call(self, function: str, *args: Any, limit: float) -> Any:
-        """What `function` (module:name) returns there, within `limit` s.
+        """What `function` (module:name) returns there, within `limit` s of its own time.
 
         Raises ForeignError."""
         with self._lock:
@@ -93,11 +100,14 @@ class ForeignProcess:
 
     def _answer(self, number: int, limit: float) -> Any:
         """The answer to a call.  A call that Ctrl-C interrupted is answered too, before it."""
-        end = time.monotonic() + limit
+        time_spent = OwnTime(self._process.pid)
         while True:
             try:
-                answer = self._answers.get(timeout=max(end - time.monotonic(), 0.0))
+                left = limit - time_spent.seconds()
+                answer = self._answers.get(timeout=max(min(left, LOOK), 0.0))
             except Empty:
+                if time_spent.seconds() < limit:
+                    continue
                 self.kill()
                 raise ForeignError(f"it did not answer within {limit:g} s") from None
             if answer is None:
@@ -147,6 +157,39 @@ class ForeignProcess:
         with suppress(OSError, ValueError):
             assert self._process.stdin is not None
             self._process.stdin.close()
+
+
+class OwnTime:
+    """What a process has spent of its own time since this was made."""
+
+    def __init__(self, pid: int) -> None:
+        self._pid, self._spent = pid, 0.0
+        self._at, self._of_processor = time.monotonic(), processor_time(pid)
+
+    def seconds(self) -> float:
+        """What it computed, in spans in which it did; and of others how long they were, without
+        the wait for a processor."""
+        now, of_processor = time.monotonic(), processor_time(self._pid)
+        span = now - self._at
+        if of_processor is None or self._of_processor is None:
+            spent = span / HANG
+        else:
+            computed = of_processor[0] - self._of_processor[0]
+            waited = of_processor[1] - self._of_processor[1]
+            spent = computed if computed >= BUSY * span else span - waited
+        self._spent += min(max(spent, 0.0), span)
+        self._at, self._of_processor = now, of_processor
+        return self._spent
+
+
+def processor_time(pid: int) -> tuple[float, float] | None:
+    """The seconds that a process's first thread computed, and waited for a processor; None where
+    the system does not say it."""
+    try:
+        words = Path(f"/proc/{pid}/schedstat").read_text(encoding="ascii").split()
+        return float(words[0]) / 1e9, float(words[1]) / 1e9
+    except (OSError, ValueError, IndexError):
+        return None
 
 
 def _read_answers(stream: IO[bytes], answers: SimpleQueue[Any]) -> None:

@@ -296,6 +296,11 @@ class StorableHood(Hood, Protocol):
         """The state of `to_arrays`.  Raises InputError where the arrays are another hood's."""
         ...
 
+    def is_solved(self, state: State, motion: Motion, tension: Array) -> bool:
+        """Whether a state of `from_arrays` is an equilibrium at `motion` under `tension` (nt,) N,
+        as `advance` would leave it."""
+        ...
+
     def response(self, state: State) -> Response:
         """What a state that `advance` returned does to the bodies."""
         ...

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from contextlib import suppress
+
 import numpy as np
 
 from cosim.array_cache import user_cache
@@ -24,16 +27,30 @@ def static_response(hood: Hood, state: State, motion: Motion, tension: Array) ->
 def _read_or_solve(
     hood: StorableHood, key: str, start: State, motion: Motion, tension: Array
 ) -> Response:
-    """The response of the state whose arrays are kept under the key.
+    """The response of the state whose arrays are kept under the key, if they are an equilibrium.
 
     It is made of these arrays also where they have just been computed: what follows has the same
     bits with a cache that is warm, cold, spoilt or off.  The counts of iterations and solves are
     among them, and so are those of the solve that was kept."""
     cache = user_cache()
     arrays = None if cache is None else cache.read("equilibria", key)
-    if arrays is None:
-        state = hood.advance(start, motion, tension, STATIC).state
-        arrays = {name: np.array(a, order="C") for name, a in hood.to_arrays(state).items()}
-        if cache is not None:
-            cache.write("equilibria", key, arrays)
+    if cache is not None and arrays is not None:
+        state = _kept_state(hood, arrays, motion, tension)
+        if state is not None:
+            return hood.response(state)
+        cache.drop("equilibria", key)
+    state = hood.advance(start, motion, tension, STATIC).state
+    arrays = {name: np.array(a, order="C") for name, a in hood.to_arrays(state).items()}
+    if cache is not None:
+        cache.write("equilibria", key, arrays)
     return hood.response(hood.from_arrays(arrays))
+
+
+def _kept_state(
+    hood: StorableHood, arrays: Mapping[str, Array], motion: Motion, tension: Array
+) -> State | None:
+    """The state of arrays that were kept, None where they are no equilibrium of the hood."""
+    with suppress(Exception), np.errstate(all="ignore"):  # whatever arrays of nobody's raise
+        state = hood.from_arrays(arrays)
+        return state if hood.is_solved(state, motion, tension) else None
+    return None

@@ -9,7 +9,6 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
-from math import isfinite
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -20,6 +19,7 @@ import tomlkit
 from cosim.errors import InputError, first_twice
 from cosim.file_size import MB, read_bytes
 from cosim.files import shown_path
+from cosim.number_text import read_number
 from cosim.port import Array
 
 MOST_TOML, MOST_TEXT = 4 * MB, 32 * MB
@@ -220,11 +220,7 @@ class CsvRow:
             text = text.replace(",", ".")
         if not text:
             return None
-        try:
-            value = float(text)
-        except ValueError:
-            value = np.nan
-        if not isfinite(value):
+        if (value := read_number(text)) is None:
             raise InputError(f"{self.place}: {column} is {text!r}; expected a finite number")
         return value
 

@@ -15,6 +15,7 @@ from typing import ClassVar, Generic, Self, TypeVar
 from xml.parsers import expat
 
 from cosim.errors import InputError
+from cosim.number_text import RANGE, read_numbers
 
 CHUNK = 1 << 16
 MOST_NAME = 100
@@ -23,9 +24,6 @@ MOST_VALUE = 4096
 MOST_TEXT = 4 << 20
 MOST_TEXTS = 32 << 20
 MOST_IN_ROW = 4096
-MOST_NUMBER = 1e30
-"""A magnitude beyond which squares and their products leave the range of floating point."""
-RANGE = f"finite, at most {MOST_NUMBER:g}"
 MOST_MARKUP = 1 << 20
 
 
@@ -106,17 +104,11 @@ class Tag:
         return values
 
     def split(self, text: str) -> list[float] | None:
-        """The finite numbers of a text; None where something else stands there, numbers beyond
-        MOST_NUMBER included."""
-        if "_" in text:
-            return None
+        """The numbers of a text; None where something else stands there than
+        `read_numbers` takes."""
         for separator in self.SEPARATORS:
             text = text.replace(separator, " ")
-        try:
-            values = [float(v) for v in text.split()]
-        except ValueError:
-            return None
-        return values if all(-MOST_NUMBER <= v <= MOST_NUMBER for v in values) else None
+        return read_numbers(text)
 
     def word(self, kind: str, default: str) -> str:
         """The text of the child of that kind, or else `default`.  Raises InputError where there

@@ -15,7 +15,8 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array, Ints
 from fe_solver.elements.kinds import kind_of
-from fe_solver.elements.mesh_geometry import node_directors, node_means
+from fe_solver.elements.mesh_geometry import check_middles, node_directors, node_means
+from fe_solver.elements.mitc9 import FROM_VTK
 from fe_solver.elements.shell import shell_tables
 from fe_solver.forces.loads import node_volumes
 from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
@@ -53,7 +54,9 @@ class Sheet:
     points: Array
     """(n, 3) m, the nodes."""
     quads: Ints
-    """(ne, 4), a triangle as (a, b, c, c), or (ne, 9): nodes of the elements."""
+    """(ne, 4), a triangle as (a, b, c, c), or (ne, 9): nodes of the elements.  Of nine: the four
+    corners 1 to 4, the middles of the edges 1-4, 2-3, 1-2 and 4-3, the centre; `quads_from_vtk`
+    takes those of other programs."""
     parts: tuple[ShellPart, ...]
     """The materials."""
     part: Ints
@@ -165,7 +168,10 @@ class Sheet:
 
     def model(self, **more: Any) -> ShellModel:
         """Return the solver's model of the sheet, with `more` of `ShellModel`'s fields: what holds,
-        touches and pulls it."""
+        touches and pulls it.
+
+        Raises InputError where the middles of nine-node quads do not lie between their corners."""
+        check_middles(self.points, self.quads, self.element)
         X, D = self.points[self.quads], self.directors[self.quads]
         return ShellModel(
             self.quads,
@@ -177,6 +183,19 @@ class Sheet:
             node_ids=self.node_ids,
             **more,
         )
+
+
+def quads_from_vtk(quads: Ints) -> Ints:
+    """Return nine-node quads (ne, 9) whose nodes are in the order of VTK, FEBio, Abaqus and gmsh
+    (corners, the middles of the edges in turn from the first edge on, the centre) in the order of a
+    `Sheet`.  Raises InputError for quads of another number of nodes.
+
+    >>> quads_from_vtk(np.arange(9)[None])
+    array([[0, 1, 2, 3, 7, 5, 4, 6, 8]])
+    """
+    if np.ndim(quads) != 2 or np.shape(quads)[1] != 9:
+        raise InputError(f"expected quads of nine nodes (ne, 9), got {np.shape(quads)}")
+    return np.asarray(quads)[:, FROM_VTK]
 
 
 def grid(nx: int, ny: int) -> tuple[Array, Ints]:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import meshio
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from cosim.abaqus_file import CORNERS, KINDS, MAKERS, read_inp
 from cosim.errors import InputError
@@ -68,6 +71,36 @@ def test_instances_are_shifted_then_turned(tmp_path: Path) -> None:
     assert cells(mesh, "a") == [0]
 
 
+@given(
+    shift=st.tuples(*3 * [st.floats(-9, 9)]),
+    written=st.sampled_from(["{0!r}, {1!r}, {2!r}", "{0!r}, {1!r}, {2!r},", "{0!r}", "", ","]),
+    axis=st.tuples(*3 * [st.floats(0.1, 2)]),
+    angle=st.floats(-180, 180),
+)
+def test_an_instance_without_a_shift_is_turned_all_the_same(
+    shift: tuple[float, ...], written: str, axis: tuple[float, ...], angle: float
+) -> None:
+    """Rodrigues' formula about an axis that is no axis of the mesh and misses the origin; what is
+    blank of the first line is zero."""
+    first = written.format(*shift)
+    x, about, k = np.array([1.0, 1, 0]), np.array([1.0, 2, 3]), np.array(axis)
+    moved = np.array([shift[i] if f"{{{i}" in written else 0.0 for i in range(3)]) + x - about
+    k /= np.linalg.norm(k)
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    expected = c * moved + s * np.cross(k, moved) + (1 - c) * (k @ moved) * k + about
+    line = ", ".join(map(repr, [*about.tolist(), *(about + axis).tolist(), angle]))
+    text = f"*PART, NAME=P\n{SQUARE}{TWO}*END PART\n*INSTANCE, NAME=I, PART=P\n{first}\n{line}\n"
+    with TemporaryDirectory() as folder:
+        assert read(Path(folder), text).points[2] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_beam_may_name_the_node_that_turns_its_section(tmp_path: Path) -> None:
+    mesh = read(tmp_path, SQUARE + TWO + "*ELEMENT, TYPE=B31\n1, 1, 2, 6\n")
+    assert mesh.cells_dict["line"].tolist() == [[0, 1]]
+    with pytest.raises(InputError, match="has 2 nodes, found 3"):
+        read(tmp_path, SQUARE + TWO + "*ELEMENT, TYPE=T3D2\n1, 1, 2, 6\n")
+
+
 def test_sets_of_two_instances_have_their_names_before_them(tmp_path: Path) -> None:
     places = ("*INSTANCE, NAME=L, PART=P\n", "*INSTANCE, NAME=R, PART=P\n10, 0, 0\n")
     text = f"*PART, NAME=P\n{SQUARE}{TWO}*ELSET, ELSET=a\n11\n*END PART\n"
@@ -114,10 +147,21 @@ def test_every_kind_has_its_nodes_over_several_lines_too(tmp_path: Path, kind: s
     ("text", "line", "words"),
     [
         ("*NODE\n1, a, 0\n", 2, "expected numbers"),
-        ("*NODE\n1, nan, 0\n", 2, "not finite"),
+        ("*NODE\n1, nan, 0\n", 2, "finite, at most"),
+        ("*NODE\n1.5, 0, 0\n", 2, "the node's number, found '1.5'"),
+        ("*NODE\n\u00b2, 0, 0\n", 2, "the node's number"),
+        ("*NODE\n1, 0, 0, 0, 0, 0, 1, 9\n", 2, "at most 6 numbers, found 7"),
         ("*NODE\n1, 0, 0\n*NODE\n1, 1, 0\n", 4, "node 1 is stated twice"),
         (SQUARE + "*ELEMENT, TYPE=S4\n1, 1, 2, 3\n", 9, "has 4 nodes, found 3"),
         (SQUARE + "*ELEMENT, TYPE=S4\n1, 1, 2, 3, 99\n", 9, "names node 99"),
+        (SQUARE + "*ELEMENT, TYPE=S4\n1, 1, 2, 3, 4, 5\n", 9, "has 4 nodes, found 5"),
+        (SQUARE + "*ELEMENT, TYPE=S4\n1, 1, 2,\n3, 4, 5\n", 10, "has 4 nodes, found 5"),
+        (SQUARE + "*ELEMENT, TYPE=S4\n1, 1, 2, 3,\n", 9, "has 4 nodes, found 3"),
+        (SQUARE + TWO + "*ELSET, ELSET=a, GENERATE\n1.5, 2\n", 12, "whole numbers"),
+        (SQUARE + TWO + "*ELSET, ELSET=a, GENERATE\n11\n", 12, "a first, a last"),
+        ("*INSTANCE, NAME=I, PART=P\n0, 0, 0, 0, 0, 1, 90\n", 2, "write 0, 0, 0 before"),
+        ("*INSTANCE, NAME=I, PART=P\n\n0, 0, 0, 0, 0, 1\n", 3, "two points of an axis"),
+        ("*INSTANCE, NAME=I, PART=P\n\n0, 0, 0, 0, 0, 1, 9\n1\n", 4, "has two lines"),
         (SQUARE + TWO + "*ELEMENT, TYPE=S4\n11, 2, 5, 6, 3\n", 12, "element 11 is stated twice"),
         (SQUARE + "*ELEMENT, TYPE=S4\nx, 1, 2, 3, 4\n", 9, "the element's number"),
         ("1, 2, 3\n", 1, "before any keyword"),

@@ -6,12 +6,14 @@ import os
 import shutil
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cosim import array_cache
 from cosim.array_cache import FOLDERS, VARIABLE, ArrayCache, Contents, user_cache
 from cosim.cli import app
 from tests.helpers.folders import ROOT
@@ -102,6 +104,31 @@ def test_a_head_that_lies_is_not_used(cache, head):
     start = whole.index(b"(3,)")
     file.write_bytes(whole[:start] + head + whole[start + len(head) :])
     assert cache.read("equilibria", KEY) is None
+
+
+def test_what_unpacks_to_more_than_it_is_is_not_read(cache):
+    """A megabyte that holds a gigabyte of zeros costs neither time nor memory."""
+    cache.write("equilibria", KEY, {"x": np.zeros(3)})
+    bomb = {"x": np.zeros(4_000_000), "digest": np.array(64 * "0")}
+    np.savez_compressed(only_file(cache), **bomb)
+    tracemalloc.start()
+    assert cache.read("equilibria", KEY) is None
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()
+    cache.write("equilibria", KEY, {"x": np.zeros(3)})
+    assert ArrayCache(cache.folder, most_bytes=500).read("equilibria", KEY) is None
+    assert cache.read("equilibria", KEY) is not None
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="files have no owner here")
+def test_what_another_user_wrote_is_not_read_and_written_over(cache, monkeypatch):
+    cache.write("equilibria", KEY, ARRAYS)
+    another = os.geteuid() + 1
+    monkeypatch.setattr(array_cache.os, "geteuid", lambda: another)
+    assert cache.read("equilibria", KEY) is None
+    cache.write("equilibria", KEY, ARRAYS)
+    monkeypatch.undo()
+    assert cache.read("equilibria", KEY) is not None
 
 
 def test_what_was_used_longest_ago_goes_first(tmp_path):

@@ -8,11 +8,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 
-from cosim.foreign_process import ForeignError, ForeignProcess
+from cosim import foreign_process
+from cosim.foreign_process import ForeignError, ForeignProcess, OwnTime
 from tests.helpers.folders import ROOT
+from tests.helpers.hang import HANG
 
 FAULTS = "tests.helpers.faults"
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ends processes by signals")
@@ -101,7 +104,7 @@ def test_it_ends_with_its_parent_and_removes_what_that_left(tmp_path, function):
         child = int(parent.stdout.readline())
         os.kill(child, 0)
         parent.kill()
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + HANG
     while _is_there(child) and time.monotonic() < end:
         time.sleep(0.05)
     assert not _is_there(child)
@@ -114,3 +117,58 @@ def _is_there(pid: int) -> bool:
     except ProcessLookupError:
         return False
     return True
+
+
+Reading = tuple[float, float] | None
+
+
+def own_time(monkeypatch, clock: list[float], readings: list[Reading]) -> float:
+    """The own time (s) at the last of the clock's times, of a process of these readings."""
+    moments = iter([(t, of) for t, of in zip(clock, readings, strict=True)])
+    now: list[tuple[float, Reading]] = []
+
+    def tick() -> float:
+        now[:] = [next(moments)]
+        return now[0][0]
+
+    monkeypatch.setattr(foreign_process, "time", SimpleNamespace(monotonic=tick))
+    monkeypatch.setattr(foreign_process, "processor_time", lambda _: now[0][1])
+    spent = OwnTime(0)
+    return [spent.seconds() for _ in clock[1:]][-1]
+
+
+def test_own_time_is_what_a_process_computes_or_sleeps(monkeypatch):
+    """Not the wait for a processor that others have."""
+    alone = own_time(monkeypatch, [0, 1, 2], [(5, 1), (6, 1), (7, 1)])
+    crowded = own_time(monkeypatch, [0, 50, 100], [(0, 0), (1, 49), (2, 98)])
+    starved = own_time(monkeypatch, [0, 50, 100], [(0, 0), (0, 50), (0.01, 99.99)])
+    asleep = own_time(monkeypatch, [0, 3, 10], [(2, 1), (2, 1), (2.001, 1)])
+    unknown = own_time(monkeypatch, [0, 100], [None, None])
+    many_threads = own_time(monkeypatch, [0, 1], [(0, 0), (8, 4)])
+    found = [alone, crowded, starved, asleep, unknown, many_threads]
+    assert found == pytest.approx([2, 2, 0, 10, 10, 1], abs=0.02)
+
+
+def test_a_process_that_gets_no_processor_is_waited_for(process, monkeypatch):
+    """A call that takes three times its limit, since it waits for its turn."""
+    process.call("math:sqrt", 4.0, limit=60.0)
+    begun = time.monotonic()
+    monkeypatch.setattr(
+        foreign_process, "processor_time", lambda _: (0.0, time.monotonic() - begun)
+    )
+    assert process.call("time:sleep", 0.9, limit=0.3) is None
+
+
+@pytest.mark.parametrize("call", [("builtins:sum", (range(10**12),)), (f"{FAULTS}:hang", ())])
+def test_what_computes_or_sleeps_without_end_is_ended(process, call):
+    process.call("math:sqrt", 4.0, limit=60.0)
+    with pytest.raises(ForeignError, match=r"did not answer within 0\.3 s"):
+        process.call(call[0], *call[1], limit=0.3)
+    assert not process.is_alive
+
+
+def test_a_system_that_does_not_say_it_ends_what_hangs_too(process, monkeypatch):
+    process.call("math:sqrt", 4.0, limit=60.0)
+    monkeypatch.setattr(foreign_process, "processor_time", lambda _: None)
+    with pytest.raises(ForeignError, match=r"did not answer within 0\.03 s"):
+        process.call(f"{FAULTS}:hang", limit=0.03)

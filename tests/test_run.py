@@ -22,7 +22,7 @@ from cosim.models.build import build
 from cosim.pipeline import run_case
 from cosim.results.conventions import by_axis, vector_of
 from cosim.results.result import Result
-from cosim.results.write import DIGEST
+from cosim.results.write import DIGEST, LEDGER_DIGEST, SUMMARY_DIGEST, summary_digest
 from cosim.solve.session import Session
 from meshes.skeleton import BODIES
 from tests import golden
@@ -326,8 +326,10 @@ def test_results_of_a_run_read_back(tmp_path: Path):
     result = run("isometric_edc")
     folder = result.save(tmp_path)
     written = json.loads((folder / "summary.json").read_text())
-    digest = hashlib.sha256((folder / "results.nc").read_bytes()).hexdigest()
-    assert written == result.summary | {DIGEST: digest}
+    assert written.pop(SUMMARY_DIGEST) == summary_digest(written)
+    for name, key in (("results.nc", DIGEST), ("ledger.csv", LEDGER_DIGEST)):
+        assert written.pop(key) == hashlib.sha256((folder / name).read_bytes()).hexdigest()
+    assert written == result.summary
     with xarray.open_dataset(folder / "results.nc", engine="h5netcdf") as data:
         xarray.testing.assert_identical(data.load(), result.data)
         assert float(data.tension.sel(state="loaded", tendon="EDC")) == pytest.approx(3.469)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import resources
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +85,14 @@ def _read(key: str) -> Errors:
             return {path: (value, index) for path, (value, index) in entry["numbers"].items()}
     cache = user_cache()
     arrays = None if cache is None else cache.read(KIND, key)
-    if arrays is None:
+    if cache is None or arrays is None:
         return {}
-    pairs = zip(arrays["paths"], arrays["numbers"], strict=True)
-    return {str(path): (float(value), float(index)) for path, (value, index) in pairs}
+    try:
+        pairs = zip(arrays["paths"].tolist(), arrays["numbers"].tolist(), strict=True)
+        found = {str(path): (float(value), float(index)) for path, (value, index) in pairs}
+    except (KeyError, TypeError, ValueError):
+        found = {"": (nan, nan)}
+    if all(isfinite(value) and isfinite(index) for value, index in found.values()):
+        return found
+    cache.drop(KIND, key)
+    return {}

@@ -74,6 +74,8 @@ def _case_text(name: str, given: UserAnatomy, built: Built) -> str:
         "Tendons pull by a tension, or by an activation of the greatest force: "
         "EDC = { activation = 0.1 }.",
     ]
+    if any("muscle" in table for table in built.tendons.values()):
+        remarks.append("A tendon with a muscle pulls by an activation; without it, by a tension.")
     finger: dict[str, Any] = {}
     if built.model is not None:
         finger["path"] = "finger.xml"
@@ -89,9 +91,7 @@ def _case_text(name: str, given: UserAnatomy, built: Built) -> str:
         "extends": BASE if built.hood is not None else BARE,
         "title": f"{name}: own anatomy",
         "finger": finger,
-        "tendons": {
-            tendon: {"max_force": f"{force:.6g} N"} for tendon, force in built.max_force.items()
-        },
+        "tendons": built.tendons,
     }
     if built.hood is not None:
         values["hood"] = {

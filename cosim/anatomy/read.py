@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cosim.anatomy.bones import BoneFrame, Bones, read_bones
 from cosim.anatomy.feb import read_feb_mesh
+from cosim.anatomy.muscles import imported_muscles
 from cosim.errors import InputError
 from cosim.hoods.fe_supports import contact_levels, head_arcs, pose_surfaces
 from cosim.hoods.supports import ContactConfig
@@ -68,7 +70,8 @@ class Built:
     """What a case is written from."""
 
     model: FingerModel | None
-    max_force: Mapping[str, float]
+    tendons: Mapping[str, Mapping[str, Any]]
+    """Of each tendon what its table of the case says."""
     bones: Bones | None
     hood: HoodMesh | None
     offset: Mapping[str, float]
@@ -91,23 +94,23 @@ def read_anatomy(given: UserAnatomy, defaults: Defaults) -> Built:
         raise InputError("give a hood's mesh (--hood), a finger (--finger), or both")
     check_names(given.names, FINGER_NAMES)
     report: list[str] = []
-    model, force, skeleton = _finger(given, report)
+    model, tendons, skeleton = _finger(given, report)
     if given.bones and len(given.bones) != len(BODIES):
         raise InputError(f"--bones: expected four surfaces, {', '.join(BODIES)}, in this order")
     if given.hood is None:
         bones = _bones(given, skeleton, report) if given.bones else None
-        return Built(model, force, bones, None, {}, tuple(report))
+        return Built(model, tendons, bones, None, {}, tuple(report))
     if given.finger is not None and not given.bones:
         raise InputError(
             "--finger: a hood lies on bones, and ours do not fit a finger of your own; give its "
             "surfaces too: --bones metacarpal.stl proximal.stl middle.stl distal.stl"
         )
-    return _with_hood(given, defaults, model, force, skeleton, report)
+    return _with_hood(given, defaults, model, tendons, skeleton, report)
 
 
 def _finger(
     given: UserAnatomy, report: list[str]
-) -> tuple[FingerModel | None, Mapping[str, float], Skeleton]:
+) -> tuple[FingerModel | None, Mapping[str, Mapping[str, Any]], Skeleton]:
     if given.finger is None:
         skeleton = index_finger().scale(given.length_scale)
         lengths = ", ".join(f"{1e3 * part:.1f}" for part in skeleton.length[1:])
@@ -123,13 +126,17 @@ def _finger(
         f"{', '.join(read.model.muscles) or 'none'}"
     )
     report += [f"finger: {loss}" for loss in read.losses]
+    tables, told = imported_muscles(given.finger, names, read.model.muscles)
+    report += [f"finger: {line}" for line in told]
     force = {tendon: most for tendon, most in read.max_force.items() if most <= MOST_FORCE}
     for tendon in sorted(set(read.max_force) - set(force)):
         report.append(
             f"finger: dropped: greatest force of {tendon}, {read.max_force[tendon]:.4g} N: a case "
             f"takes {MOST_FORCE:g} N at most"
         )
-    return read.model, force, skeleton
+    stated = {tendon: {"max_force": f"{most:.6g} N"} for tendon, most in force.items()}
+    tendons = {key: {**tables.get(key, {}), **stated.get(key, {})} for key in {**tables, **stated}}
+    return read.model, tendons, skeleton
 
 
 def _bones(given: UserAnatomy, skeleton: Skeleton, report: list[str]) -> Bones:
@@ -148,7 +155,7 @@ def _with_hood(
     given: UserAnatomy,
     defaults: Defaults,
     model: FingerModel | None,
-    force: Mapping[str, float],
+    tendons: Mapping[str, Mapping[str, Any]],
     skeleton: Skeleton,
     report: list[str],
 ) -> Built:
@@ -182,7 +189,7 @@ def _with_hood(
     offset = _clearance(mesh, level, replace(level, surfaces=touched), wanted, report)
     over = head_arcs(defaults.contact, surfaces, skeleton, mesh.thickness / 2)
     report += [str(rows) for rows in coarse_rows(mesh, skeleton, over)]
-    return Built(model, force, bones, mesh, offset, tuple(report))
+    return Built(model, tendons, bones, mesh, offset, tuple(report))
 
 
 def read_hood(path: Path) -> RawMesh:

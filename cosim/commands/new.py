@@ -40,7 +40,10 @@ def new(
     ] = None,
     finger: Annotated[
         Path | None,
-        typer.Option(help="A MuJoCo model (.xml) of the finger; our index finger if not given."),
+        typer.Option(
+            help="A MuJoCo model (.xml) of the finger, with the .json that `cosim import` wrote "
+            "beside it; our index finger if not given."
+        ),
     ] = None,
     unit: Annotated[Unit, typer.Option(help="Unit of the hood's file.")] = "mm",
     bone_unit: Annotated[

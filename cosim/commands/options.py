@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 
 from cosim.errors import InputError
+from cosim.number_text import read_numbers
 from cosim.schema import units
 
 CaseName = Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")]
@@ -35,11 +35,8 @@ def pairs_of(option: str, texts: Sequence[str] | None, example: str) -> list[tup
 
 def three_numbers(option: str, text: str, example: str) -> list[float]:
     """The three numbers of an option.  Raises InputError for another text."""
-    try:
-        numbers = [float(word) for word in text.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) == 3 and all(map(math.isfinite, numbers)):
+    numbers = read_numbers(text)
+    if numbers is not None and len(numbers) == 3:
         return numbers
     raise InputError(f'{option} {text!r}: write three numbers, for example "{example}"')
 

@@ -6,7 +6,6 @@ nothing in it can build anything but the state of that case.
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.array_cache import DIGEST, read_arrays
 from cosim.content_key import arrays_key
 from cosim.coupling.motion import MotionFrame, MotionState
 from cosim.coupling.state_arrays import Special, flatten, rebuild
@@ -22,7 +22,7 @@ from cosim.files import output_file
 from cosim.port import Array
 
 NAME = "checkpoint.npz"
-DIGEST = "digest"
+MOST_BYTES = 64 << 30
 FRAMES, SHAPES = "frames", "shapes"
 
 
@@ -63,7 +63,7 @@ def read_checkpoint(
     program does not have, or that belongs to another case."""
     path = folder / NAME
     try:
-        arrays = _read_arrays(path)
+        arrays = read_arrays(path, NAME, MOST_BYTES)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no checkpoint to go on from") from None
     except Exception as error:  # whatever zipfile, lzma, zlib and numpy raise of a spoilt file
@@ -80,23 +80,6 @@ def read_checkpoint(
     except (KeyError, ValueError, TypeError, IndexError) as error:
         raise InputError(f"{path}: is no whole checkpoint ({error}); run the case anew") from error
     return MotionHistory(moment, frames, tips, shapes), code
-
-
-def _read_arrays(path: Path) -> dict[str, Any]:
-    """The arrays of a checkpoint without their digest.  Raises any error of a file that is none,
-    and ValueError for one that was changed or that would take more room than its size."""
-    if path.exists() and not path.is_file():
-        raise ValueError("it is no file")
-    with zipfile.ZipFile(path) as archive:
-        if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
-            raise ValueError("it is packed, and none is")
-        if sum(entry.file_size for entry in archive.infolist()) > path.stat().st_size:
-            raise ValueError("it says that it is larger than it is")
-    with np.load(path, allow_pickle=False) as file:
-        arrays: dict[str, Any] = {name: file[name] for name in file.files}
-    if str(arrays.pop(DIGEST, "")) != arrays_key(NAME, arrays):
-        raise ValueError("it was changed after it was written: its digest differs")
-    return arrays
 
 
 def _under(arrays: dict[str, Any], start: str) -> dict[str, Any]:

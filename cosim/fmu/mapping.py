@@ -13,6 +13,7 @@ import numpy as np
 from cosim.errors import InputError, nearest_names
 from cosim.fmu.archive import UnpackedFmu
 from cosim.fmu.quantity import OPEN_AXES, UNITS, Quantity
+from cosim.number_text import MOST_NUMBER, RANGE, read_number
 from cosim.port import Array
 from cosim.schema.units import Kind, parse
 
@@ -164,12 +165,18 @@ def _scale(
         factor = _factor_by_name(name, q.unit)
         fault = f"{variable.name}: is in {name!r}, expected {q.unit}"
         return fault if factor is None else (factor, 0.0)
+    factor, offset = read_number(str(base.factor)), read_number(str(base.offset))
+    if offset is None or factor is None or not abs(factor) >= 1 / MOST_NUMBER:
+        return (
+            f"{variable.name}: its unit {name!r} has the factor {base.factor} and the offset "
+            f"{base.offset}; expected numbers ({RANGE}), the factor not zero"
+        )
     powers = {b: int(getattr(base, b)) for b in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")}
     stated = {b: power for b, power in powers.items() if power}
     without_rad = {b: power for b, power in UNITS[q.unit].items() if b != "rad"}
     if stated == UNITS[q.unit] or ("rad" not in stated and stated == without_rad):
-        return float(base.factor), float(base.offset)
-    scale = "" if float(base.factor) == 1.0 else f" ({base.factor} SI units)"
+        return factor, offset
+    scale = "" if factor == 1.0 else f" ({base.factor} SI units)"
     return f"{variable.name}: is in {name}{scale}, expected {q.unit}"
 
 

@@ -24,7 +24,13 @@ from cosim.results.load_and_rest import describe_rest
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.quantities import check_quantities, misfit
 from cosim.results.result import Result
-from cosim.results.write import DIGEST, with_nan
+from cosim.results.write import (
+    DIGEST,
+    LEDGER_DIGEST,
+    SUMMARY_DIGEST,
+    summary_digest,
+    with_nan,
+)
 from cosim.text_tables import read_json_file
 
 T = TypeVar("T")
@@ -62,9 +68,10 @@ def _read_run(folder: Path) -> Result:
 
 
 def read_arrays(folder: Path) -> Arrays:
-    """The arrays of the run in a folder.  Raises InputError where it is none, or where they are not
-    what a run leaves."""
-    _check_has(folder, "results.nc")
+    """The arrays of the run in a folder.  Raises InputError where it is none, where they are not
+    what a run leaves, and where it did not converge."""
+    _check_has(folder, "summary.json", "results.nc")
+    check_converged(_read(folder / "summary.json", _table), str(folder))
     return _read(folder / "results.nc", _arrays)
 
 
@@ -136,10 +143,17 @@ def _case(path: Path) -> str:
     return text
 
 
-def _summary(path: Path) -> Mapping[str, Any]:
+def _table(path: Path) -> dict[str, Any]:
     content = read_json_file(path)
     if not isinstance(content, dict):
         raise ValueError("it is no table of numbers")
+    if (stated := content.get(SUMMARY_DIGEST)) is not None and stated != summary_digest(content):
+        raise ValueError("its numbers are not those that the run wrote, by its own digest")
+    return content
+
+
+def _summary(path: Path) -> Mapping[str, Any]:
+    content = _table(path)
     if isinstance(content.get("fingertip_force_N"), list):
         raise ValueError(
             "an earlier version wrote it, with forces by place as distal, palmar, radial; now they "
@@ -154,12 +168,12 @@ def _summary(path: Path) -> Mapping[str, Any]:
     return summary
 
 
-def _check_digest(path: Path) -> None:
+def _check_digest(path: Path, key: str) -> None:
     """Of a spoilt file HDF5 may read other numbers, or never end.  Raises ValueError where its
-    bytes are not those whose digest the summary beside it holds, and InputError."""
+    bytes are not those whose digest the summary beside it holds under `key`, and InputError."""
     summary = path.with_name("summary.json")
     content = read_json_file(summary) if summary.is_file() else None
-    stated = content.get(DIGEST) if isinstance(content, dict) else None
+    stated = content.get(key) if isinstance(content, dict) else None
     if stated is not None and stated != hashlib.sha256(path.read_bytes()).hexdigest():
         raise ValueError(
             "its bytes are not those that the run wrote, by the digest in summary.json"
@@ -170,7 +184,7 @@ def _arrays(path: Path) -> Arrays:
     import h5py
     import xarray
 
-    _check_digest(path)
+    _check_digest(path, DIGEST)
     with h5py.File(path, "r") as file:  # h5netcdf prints a traceback where this fails
         dict(file.attrs)
     data = xarray.load_dataset(path, engine="h5netcdf")
@@ -224,6 +238,7 @@ def _hood(path: Path, arrays: Arrays) -> HoodField:
 
 
 def _ledger(path: Path) -> tuple[LedgerRow, ...]:
+    _check_digest(path, LEDGER_DIGEST)
     with path.open(newline="", encoding="utf-8") as file:
         header, *rows = csv.reader(file)
     if tuple(header) != LEDGER_HEADER:

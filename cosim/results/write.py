@@ -8,6 +8,7 @@ import itertools
 import logging
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,8 +32,10 @@ BONE_TRIANGLES = 600
 OTHER = "choose another folder with --out"
 NOT_FINITE = "not_finite"
 """The key of a written summary under which the keys stand whose numbers are none."""
-DIGEST = "results_sha256"
-"""The key of a written summary under which the sha256 of results.nc stands, as hexadecimal text."""
+DIGEST, LEDGER_DIGEST, SUMMARY_DIGEST = "results_sha256", "ledger_sha256", "summary_sha256"
+"""The keys of a written summary under which the sha256 of results.nc, of ledger.csv and of itself
+stand, as hexadecimal text."""
+OF_ITS_FILE = (NOT_FINITE, DIGEST, LEDGER_DIGEST, SUMMARY_DIGEST)
 
 
 def write_run(folder: str | Path, run: CaseParts) -> tuple[Path, tuple[str, ...]]:
@@ -96,7 +99,12 @@ def write_files(folder: Path, run: CaseParts, target: Path | None = None) -> tup
 
     Raises InputError where the folder cannot be written, NoRoomError on a full disk."""
     case, arrays = moved_toml(run.case_text, folder), run.arrays.content()
-    summary = without_nan(run.summary) | {DIGEST: hashlib.sha256(arrays).hexdigest()}
+    ledger = _ledger_text(run.rows).encode()
+    summary = without_nan(run.summary) | {
+        DIGEST: hashlib.sha256(arrays).hexdigest(),
+        LEDGER_DIGEST: hashlib.sha256(ledger).hexdigest(),
+    }
+    summary[SUMMARY_DIGEST] = summary_digest(summary)
     contents = {
         "case.toml": case.encode(),
         "summary.json": f"{json_text(summary, 2, ensure_ascii=True)}\n".encode(),
@@ -128,7 +136,7 @@ def write_files(folder: Path, run: CaseParts, target: Path | None = None) -> tup
 
 def _further_files(run: CaseParts) -> Iterator[tuple[str, Callable[[Path], object]]]:
     """What shows a run's numbers, by the file's name, and what writes it."""
-    yield "ledger.csv", lambda path: _write_ledger(path, run.rows)
+    yield "ledger.csv", lambda path: path.write_bytes(_ledger_text(run.rows).encode())
     if (hood := run.hood) is not None:
         yield "hood.vtu", lambda path: _write_hood(path, hood)
     if run.scene.frames:
@@ -177,7 +185,7 @@ def without_nan(summary: Mapping[str, Any]) -> dict[str, Any]:
 
 def with_nan(summary: Mapping[str, Any]) -> dict[str, Any]:
     """The summary of which `without_nan` made one for JSON, without what is of its file alone."""
-    out = {key: value for key, value in summary.items() if key not in (NOT_FINITE, DIGEST)}
+    out = {key: value for key, value in summary.items() if key not in OF_ITS_FILE}
     for *way, last, value in summary.get(NOT_FINITE, ()):
         place: Any = out
         for key in way:
@@ -186,15 +194,20 @@ def with_nan(summary: Mapping[str, Any]) -> dict[str, Any]:
     return out
 
 
-def _write_ledger(path: Path, ledger: tuple[LedgerRow, ...]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(LEDGER_HEADER)
-        for row in ledger:
-            numbers = [*row.force, *(1e3 * np.asarray(row.moment))]
-            writer.writerow(
-                [row.state, row.body, row.source, *(f"{x:.9g}" for x in numbers), "world"]
-            )
+def summary_digest(summary: Mapping[str, Any]) -> str:
+    """The sha256 of a summary as its file has it, without its own and the seconds of the run."""
+    others = {key: value for key, value in summary.items() if key not in (SUMMARY_DIGEST, "wall_s")}
+    return hashlib.sha256(json_text(others, 2, ensure_ascii=True).encode()).hexdigest()
+
+
+def _ledger_text(ledger: tuple[LedgerRow, ...]) -> str:
+    text = StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(LEDGER_HEADER)
+    for row in ledger:
+        numbers = [*row.force, *(1e3 * np.asarray(row.moment))]
+        writer.writerow([row.state, row.body, row.source, *(f"{x:.9g}" for x in numbers), "world"])
+    return text.getvalue()
 
 
 def _scenes_over_time(run: CaseParts) -> list[tuple[float, Scene]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import floor, isfinite, log10
+from math import floor, log10
 from typing import Any, Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -16,6 +16,7 @@ from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fingers.kinds import native_tendons
 from cosim.hoods.kinds import KINDS
+from cosim.number_text import read_number
 from cosim.schema import units
 from cosim.schema.fields import Text
 
@@ -183,11 +184,8 @@ def _is_special(key: str) -> bool:
 
 
 def _scaled(case: Case, text: str) -> Sequence[str]:
-    try:
-        factor = float(text)
-    except ValueError:
-        factor = float("nan")
-    if not (isfinite(factor) and factor > 0):
+    factor = read_number(text)
+    if factor is None or factor <= 0:
         raise InputError(f"{MODULI}: write a factor above 0, for example 1.5, not {text[:30]!r}")
     return KINDS[case.hood.kind].scaled_moduli(case.hood, factor) if factor != 1.0 else ()
 
@@ -429,7 +427,4 @@ def _lesion_table(texts: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _number(text: str) -> float | None:
-    try:
-        return float(text.split(" ")[0])
-    except ValueError:
-        return None
+    return read_number(text.split(" ")[0])

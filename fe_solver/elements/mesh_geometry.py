@@ -2,11 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.errors import InputError
 from cosim.port import Array, Ints
 from fe_solver.elements.kinds import display_quads, kind_of
+from fe_solver.elements.mitc9 import LINES
+
+
+def check_middles(points: Array, quads: Ints, element: Callable[[int], str]) -> None:
+    """Check that the middles of nine-node quads (ne, 9) lie between their corners: each nearer to
+    the middle of its line than the line's ends are, and any two on the sides on which a flat quad
+    has them.  `element` names an element by its index; elements of four nodes have no middles.
+
+    Raises InputError for the first that does not."""
+    if quads.shape[1] != 9:
+        return
+    X = points[quads]
+    first, last, middle = np.moveaxis(X[:, LINES], 2, 0)
+    square, off = ((last - first) ** 2).sum(axis=2), middle - (first + last) / 2
+    wrong = (4 * (off**2).sum(axis=2) >= square) & (square > 0)
+    flat = np.concatenate([X[:, LINES[:4, :2]].mean(axis=2), X[:, None, :4].mean(axis=2)], axis=1)
+    i, j = np.triu_indices(5, 1)
+    turned = ((X[:, 4 + i] - X[:, 4 + j]) * (flat[:, i] - flat[:, j])).sum(axis=2) < 0
+    wrong[:, :5] |= (turned[:, :, None] & (i[:, None] == np.arange(5))).any(axis=1)
+    bad = np.argwhere(wrong)
+    if len(bad):
+        a, b, m = LINES[bad[0, 1]] + 1
+        raise InputError(
+            f"{element(int(bad[0, 0]))}: its node {m} does not lie between its nodes {a} and {b}. "
+            "The order of a nine-node quad is: four corners, the middles of the edges 1-4, 2-3, 1-2"
+            " and 4-3, the centre; quads in the order of VTK, FEBio, Abaqus or gmsh are taken by "
+            "fe_solver.sheet.quads_from_vtk"
+        )
 
 
 def is_triangle(quads: Ints) -> NDArray[np.bool_]:

@@ -38,6 +38,10 @@ NODES = np.vstack([CORNERS, MIDDLES])
 IN_TURN = [0, 1, 2, 3, 6, 5, 7, 4, 8]
 """The nodes in the order of VTK and FEBio: corners, then the edges' middles from the first edge on,
 then the centre."""
+FROM_VTK = [IN_TURN.index(i) for i in range(9)]
+"""The nodes of VTK, FEBio, Abaqus and gmsh in this order."""
+LINES = np.array([[0, 3, 4], [1, 2, 5], [0, 1, 6], [3, 2, 7], [4, 5, 8], [6, 7, 8]])
+"""The two ends and the middle of each edge, and of the two lines through the centre."""
 TYING = np.array(list(itertools.product(LINEAR, LINEAR)))
 ALONG_R = np.array(list(itertools.product(LINEAR, QUADRATIC)))
 ALONG_S = np.array(list(itertools.product(QUADRATIC, LINEAR)))

@@ -18,7 +18,6 @@ it (FEBioMech/FEResidualVector.cpp subtracts that).
 from __future__ import annotations
 
 import itertools
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,16 +27,15 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.file_size import MB, read_bytes
+from cosim.number_text import MOST_NUMBER, read_number
 from cosim.port import Array
 
 FORCE, MOMENT = ("Fx", "Fy", "Fz"), ("Mx", "My", "Mz")
 MOST_BYTES = 256 * MB
-MOST_NUMBER = 1e30  # beyond, squares and their products leave the range of floating point
 MOST_WORD = 40
 KEYS = ("Step", "Time", "Data", "File")
 RECORD = "Data Record #"
 SEPARATOR = re.compile(r"[\s,;]+")
-NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 TITLE = "*Title"
 SOLVING = "beginning time step"
 NORMAL = "NORMALTERMINATION"
@@ -269,9 +267,8 @@ def _add_row(path: Path, line: int, section: _Section, text: str) -> None:
 
 def _number(path: Path, line: int, place: int, word: str) -> float:
     """A finite number; `place`: of the value in its row, 0 for a time."""
-    is_number = len(word) <= MOST_WORD and NUMBER.fullmatch(word)
-    value = float(word) if is_number else math.nan
-    if not abs(value) <= MOST_NUMBER:
+    value = read_number(word) if len(word) <= MOST_WORD else None
+    if value is None:
         what = f"value {place}" if place else "Time"
         raise InputError(
             f"{path}, line {line}, {what}: {word[:20]!r}, expected a finite number of at most "

@@ -10,7 +10,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from cosim.port import Array, Ints
-from fe_solver.elements.mitc9 import IN_TURN
 from fe_solver.febio.xml import FebTag
 
 SHELLS = {
@@ -30,10 +29,6 @@ FACES = {
 the flat faces through all of them, a triangle repeating its last node."""
 MIDDLE = np.array([-1.0] * 4 + [2.0] * 4) / 4
 """(8,) shape functions of an eight-node quadrilateral at its middle."""
-
-
-NINE = [IN_TURN.index(i) for i in range(9)]
-"""FEBio's nine nodes in the solver's order."""
 
 
 def corners_of(nodes: Ints) -> Ints:

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.port import Array, Ints
+from fe_solver.elements.mitc9 import FROM_VTK
 from fe_solver.febio.materials import Material, fibre_directions, find_material, shell_material
-from fe_solver.febio.mesh import FACES, MIDDLE, NINE, SHELLS, Block, FebMesh
+from fe_solver.febio.mesh import FACES, MIDDLE, SHELLS, Block, FebMesh
 from fe_solver.febio.units import Units
 from fe_solver.febio.values import ElementData, Place
 from fe_solver.febio.xml import FebTag
@@ -156,7 +157,7 @@ def _parts(
     for t, block, m in shells:
         _check_domain(t, block, notes)
         _tell_kind(block, nine, mesh, units.length, notes)
-        pick = np.array([NINE] if nine else FACES[block.nodes.shape[1]])
+        pick = np.array([FROM_VTK] if nine else FACES[block.nodes.shape[1]])
         nodes = block.nodes[:, pick].reshape(-1, pick.shape[1])
         ids = np.repeat(block.ids, len(pick))
         place = Place.of(mesh, ids, nodes, maps)

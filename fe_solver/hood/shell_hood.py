@@ -20,7 +20,7 @@ from fe_solver.solver.body_coupling import rope_travel, wrenches
 from fe_solver.solver.continuation import Attempt, first_success
 from fe_solver.solver.mixed_steps import Prediction, predict_motion
 from fe_solver.solver.model import Configuration, ShellModel
-from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from fe_solver.solver.newton import NewtonOptions, Solution, is_equilibrium, solve
 from fe_solver.solver.relaxation import relax
 from fe_solver.solver.residual import residual_norm
 from fe_solver.supports import SpringSet
@@ -306,6 +306,22 @@ class ShellHood:
             miss = _Drift(arrays["course/x"], arrays["course/d"])
             course = _Course(arrays["course/step"], c, miss, bool(arrays["course/steady"]))
         return HoodState(motion, c, solution, spent, attempt, course)
+
+    def is_solved(self, state: HoodState, motion: Motion, tension: Array) -> bool:
+        """Whether a state of `from_arrays` is at rest at `motion` under `tension` (nt,) N."""
+        s, c = state.solution, state.configuration
+        poses = (state.motion.position, state.motion.rotation, c.position, c.rotation)
+        asked = (motion.position, motion.rotation) * 2
+        if s is None or not all(map(np.array_equal, (*poses, s.tension), (*asked, tension))):
+            return False
+        course, free = state.course, self.model.free
+        if course is not None and course.miss is not None:
+            parts = (course.step, course.miss.x, course.miss.d)
+            if [part.shape for part in parts] != [free.shape, c.x.shape, c.d.shape]:
+                return False
+            if not all(np.isfinite(part).all() for part in parts):
+                return False
+        return is_equilibrium(s, self.options.tolerance)
 
     def with_tolerance(self, tolerance: float) -> ShellHood:
         """Return the same shell, its Newton stopped at a relative residual of `tolerance`."""

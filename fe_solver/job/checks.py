@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from cosim.errors import InputError
 from cosim.port import Array, Ints
+from fe_solver.elements.mesh_geometry import check_middles
 from fe_solver.job.job import Job
 
 Name = Callable[[int], str]
@@ -63,7 +64,8 @@ def check_mesh(points: Array, quads: Ints, node: Name, element: Name) -> None:
 
     Raises InputError for values that are not finite, node indices out of range, elements without
     area, reflex or crossing corners, a node named twice, two elements with the same nodes,
-    neighbours wound against each other, and two nodes at one place."""
+    neighbours wound against each other, two nodes at one place, and middles of nine-node quads that
+    are not between their corners."""
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         raise InputError(f"{node(bad[0])} has coordinates that are not finite numbers")
@@ -79,6 +81,7 @@ def check_mesh(points: Array, quads: Ints, node: Name, element: Name) -> None:
     _check_names(quads, node, element)
     _check_corners(points, quads, element)
     _check_winding(quads, element)
+    check_middles(points, quads, element)
 
 
 def _check_names(quads: Ints, node: Name, element: Name) -> None:

@@ -115,6 +115,22 @@ class Solution:
         return out
 
 
+def is_equilibrium(solution: Solution, tolerance: float) -> bool:
+    """Whether a solution that was written elsewhere is one: its directors are of length one, tied
+    and guided nodes lie where the bodies have them, and its residual, computed anew, is what it
+    says and at most what `solve` leaves at that `tolerance`."""
+    model, c, e = solution.model, solution.configuration, solution.evaluation
+    assert e.data is not None
+    residual, force = residual_norm(model, e)
+    noise = rounding(c, stiffest_entry(model, e.data))
+    held = model.move_bodies(c, c.position, c.rotation)
+    straight = np.abs(np.linalg.norm(c.d, axis=1) - 1.0).max(initial=0.0) <= 1e-9
+    is_held = np.abs(held.d - c.d).max() <= 1e-9 and np.abs(held.x - c.x).max() <= 1e-12
+    is_stated = abs(residual - solution.residual) <= 1e-3 * solution.residual + noise
+    is_balanced = residual <= STUCK * (tolerance * force + noise)
+    return bool(straight and is_held and is_stated and is_balanced)
+
+
 class _StuckError(ConvergenceError):
     """No step lowers the energy, or too many were taken; `share` of the largest force is left."""
 

@@ -27,6 +27,8 @@ __all__ = ["Sphere", "SplineDistance", "Surface"]
 VERSION = 3
 """Part of the cache key: raise it when the same surface would bake to other coefficients."""
 MOST_NODES = 20_000_000
+SAMPLES = 4
+"""Vertices beside which a distance that was kept is computed anew."""
 SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Where xx, xy, xz, yy, yz, zz stand in a Hessian."""
 
@@ -131,8 +133,11 @@ class SplineDistance:
         origin, shape = _grid(vertices, spacing, margin)
         key = _key(vertices, faces, spacing, margin) if cache else ""
         kept = cache.read("distances", key) if cache else None
-        if kept is not None:
-            return cls(origin, spacing, kept["coefficients"], margin)
+        if cache and kept is not None:
+            found = cls(origin, spacing, kept.get("coefficients", np.zeros(0)), margin)
+            if _is_distance_of(found, vertices, faces, shape):
+                return found
+            cache.drop("distances", key)
         values = distances_on_grid(vertices, faces, origin, spacing, shape)
         baked = cls.from_grid(origin, spacing, values, margin)
         if cache:
@@ -160,6 +165,27 @@ class SplineDistance:
         for axis in range(3):
             values = np.moveaxis(_coefficients(np.moveaxis(values, axis, 0)), 0, axis)
         return cls(origin, spacing, np.ascontiguousarray(values), outside)
+
+
+def _is_distance_of(
+    kept: SplineDistance, vertices: Array, faces: NDArray[np.integer], shape: tuple[int, ...]
+) -> bool:
+    """Whether a distance that was written elsewhere is of the surface: positive at the grid's first
+    node, and exact at nodes beside some of the vertices."""
+    values, h = kept.coefficients, kept.spacing
+    if values.shape != tuple(n + 2 for n in shape) or not np.isfinite(values).all():
+        return False
+    middle = vertices[faces].mean(axis=1)
+    radius = np.linalg.norm(vertices[faces] - middle[:, None], axis=2).max(axis=1)
+    cube = np.stack(np.meshgrid(*3 * [[0, 1]], indexing="ij"), axis=-1).reshape(-1, 3)
+    for vertex in vertices[np.linspace(0, len(vertices) - 1, SAMPLES).astype(int)]:
+        corner = kept.origin + h * np.floor((vertex - kept.origin) / h)
+        near = faces[np.linalg.norm(middle - vertex, axis=1) <= radius + 4 * h]
+        exact = np.abs(distances_on_grid(vertices, near, corner, h, (2, 2, 2)))
+        off = np.abs(kept.distance(corner + h * cube).value) - exact.ravel()
+        if np.abs(off).max() > 1e-6 * h:
+            return False
+    return bool(kept.distance(kept.origin[None]).value[0] > 0)
 
 
 def _grid(vertices: Array, spacing: float, margin: float) -> tuple[Array, tuple[int, ...]]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import unescape
 from pathlib import Path
 
 import mujoco
@@ -40,7 +41,8 @@ NUMBERS = re.compile(
 """Attributes of numbers in a text of MJCF."""
 READ = (
     *("body_pos", "body_quat", "body_mass", "body_inertia", "jnt_axis", "jnt_pos", "jnt_range"),
-    *("site_pos", "geom_pos", "geom_size"),
+    *("site_pos", "geom_pos", "geom_size", "jnt_stiffness", "qpos_spring", "dof_damping"),
+    *("dof_armature", "dof_frictionloss", "tendon_stiffness", "actuator_gear"),
 )
 """Arrays of a compiled model."""
 
@@ -251,7 +253,7 @@ def _check_numbers(path: Path) -> None:
     text = path.read_bytes().decode("utf-8", "replace")
     text = COMMENT.sub(lambda found: "\n" * found[0].count("\n"), text)
     for found in NUMBERS.finditer(text):
-        wrong = next((word for word in found[3].split() if _is_no_number(word)), None)
+        wrong = next((word for word in unescape(found[3]).split() if _is_no_number(word)), None)
         if wrong is not None:
             line = text.count("\n", 0, found.start()) + 1
             element = text[text.rfind("<", 0, found.start()) + 1 : found.start()].split()[0]

@@ -9,10 +9,24 @@ from typing import TypeVar
 
 from cosim.errors import InputError
 from rigid.chain.joint_torques import LIMIT_STIFFNESS, LIMIT_TRANSITION, JointLaw, joint_law
+from rigid.opensim.losses import Loss, change_of
 from rigid.opensim.xml import OsimTag
 
 DEGREES = math.degrees(1.0)
 PATH = "GeometryPath"
+MUSCLE = {
+    "max_isometric_force": (0.0, 1e5, "N"),
+    "optimal_force": (-1e5, 1e5, "N"),
+    "optimal_fiber_length": (1e-4, 10.0, "m"),
+    "tendon_slack_length": (0.0, 10.0, "m"),
+    "pennation_angle_at_optimal": (0.0, 1.5, "rad"),
+}
+"""Between what a muscle's numbers lie; no animal's lie beyond."""
+OPENSIM: Mapping[str, float] = {
+    **{"max_isometric_force": 1000.0, "optimal_fiber_length": 0.1, "tendon_slack_length": 0.2},
+    "pennation_angle_at_optimal": 0.0,
+}
+"""Numbers of a muscle whose file states none."""
 Property = float | bool | str
 UNBOUNDED = ("min_control", "max_control")
 """What OpenSim writes as infinite where there is no bound."""
@@ -70,6 +84,23 @@ def read_spring(tag: OsimTag) -> Spring:
         tag.value("rest_length", 0.0),
         tag.value("viscosity", 0.0),
     )
+
+
+def muscle_properties(tag: OsimTag) -> tuple[dict[str, Property], list[Loss]]:
+    """The `properties` of a muscle or actuator, of a muscle also the numbers that OpenSim takes
+    where none is stated, as it writes none; and what is to be told of them.
+
+    Raises InputError, with the line, for a number that no muscle has."""
+    for kind, (least, most, unit) in MUSCLE.items():
+        child = tag.one(kind)
+        if child is not None and not least <= (value := child.numbers(1)[0]) <= most:
+            raise child.fault(f"expected {least:g} to {most:g} {unit}, got {value:g}")
+    stated = dict(properties(tag))
+    made_up = {key: value for key, value in OPENSIM.items() if key not in stated}
+    if "Muscle" not in tag.kind or not made_up:
+        return stated, []
+    own = ", ".join(f"{key} {value:g} {MUSCLE[key][2]}" for key, value in made_up.items())
+    return {**made_up, **stated}, [change_of(tag, f"states no {own}, which is OpenSim's own then")]
 
 
 def properties(tag: OsimTag, way: str = "") -> Iterator[tuple[str, Property]]:

@@ -22,7 +22,7 @@ from rigid.opensim.forces import (
     Property,
     Spring,
     law_of,
-    properties,
+    muscle_properties,
     read_limit,
     read_spring,
 )
@@ -122,9 +122,9 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
         for name, tendon in tendons.items()
         for slide in tendon.slides(name)
     }
-    muscles = {
-        name: Muscle(taken[name].tag.kind, dict(properties(taken[name].tag))) for name in tendons
-    }
+    numbers = {name: muscle_properties(taken[name].tag) for name in tendons}
+    muscles = {name: Muscle(taken[name].tag.kind, of) for name, (of, _) in numbers.items()}
+    losses += [loss for _, made_up in numbers.values() for loss in made_up]
     limits, springs, more = _passive(parts, skeleton)
     markers, lost = _markers(parts, skeleton)
     made_up = [change_of(*pair) for pair in parts.made_up]

@@ -19,12 +19,12 @@ import numpy as np
 from cosim.errors import InputError, ReadingWarning
 from cosim.file_size import MB, read_bytes
 from cosim.files import output_file
+from cosim.number_text import MOST_NUMBER, is_plain
 from cosim.port import Array
 
 MOST_BYTES = 64 * MB
 MOST_HEADER = 1 << 16
 """Characters."""
-MOST_NUMBER = 1e30
 OPENSIM = "4.6"
 """OpenSim's version whose layout version 3 is written in."""
 STATES = ("value", "speed")
@@ -173,7 +173,7 @@ def _numbers(lines: list[str], at: int, columns: int, path: Path) -> Array:
     rows, places = [], []
     for k, line in enumerate(lines[at:], at + 1):
         row = line.split()
-        if "_" in line:
+        if not is_plain(line):
             raise InputError(f"{path}, line {k}: expected numbers, got {line[:40]!r}")
         if row and len(row) != columns:
             raise InputError(f"{path}, line {k}: {len(row)} values, expected {columns} as labels")

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.number_text import RANGE, read_number
 from cosim.port import Array
 from rigid.opensim.sto import read_lines
 
@@ -78,9 +79,8 @@ def _row(place: str, line: str, markers: int) -> list[float]:
 
 def _number(place: str, cell: str) -> float:
     """The number in a cell, NaN in an empty one."""
-    try:
-        if "_" not in cell:
-            return float(cell or "nan")
-    except ValueError:
-        pass
-    raise InputError(f"{place}: {cell[:20]!r} is no number")
+    if not cell or cell.lower() == "nan":
+        return np.nan
+    if (number := read_number(cell)) is None:
+        raise InputError(f"{place}: {cell[:20]!r} is no number, {RANGE}")
+    return number

@@ -16,6 +16,7 @@ import xarray
 from cosim.case.file import load_case
 from cosim.pipeline import run_case
 from tests.helpers.folders import ROOT
+from tests.helpers.hang import HANG
 from tests.helpers.motions import RAMP
 
 SHORT = RAMP.replace('duration = "0.3 s"', 'duration = "0.1 s"')
@@ -34,7 +35,7 @@ def cosim(folder: Path, *words: str, stage: str = "") -> subprocess.Popen[bytes]
 
 
 def wait_for(process: subprocess.Popen[bytes]) -> None:
-    told = process.communicate(timeout=120)[1].decode()
+    told = process.communicate(timeout=2 * HANG)[1].decode()
     assert process.returncode == 3, told  # without damping of its own the finger strikes its limits
 
 
@@ -89,7 +90,7 @@ def test_a_signal_keeps_a_motion_that_asked_for_nothing(
     process = cosim(tmp_path, "run", "ramp.toml", stage=": t = ")
     for _ in range(1 if how == "SIGINT" else 2):  # shell and kernel both send SIGHUP
         process.send_signal(getattr(signal, how))
-    said = process.communicate(timeout=60)[1].decode()
+    said = process.communicate(timeout=2 * HANG)[1].decode()
     assert process.returncode == code, said
     assert "Traceback" not in said
     assert "s of 30 s; all up to there is kept. Go on with: cosim resume" in said

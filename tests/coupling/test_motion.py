@@ -277,9 +277,12 @@ def test_what_a_motion_reached_before_a_step_failed_is_kept(tmp_path: Path, monk
     assert summary["converged"] is False
     data = xarray.load_dataset(folder / "results.nc", engine="h5netcdf")
     assert float(data.time[-1]) == pytest.approx(0.039)
-    refused = CliRunner().invoke(app, ["report", str(folder)])
-    assert refused.exit_code == 2, refused.output
-    assert "is no result, only what a motion had reached" in " ".join(refused.stderr.split())
+    before = sorted(folder.rglob("*"))
+    for command in ("report", "film", "sto"):
+        refused = CliRunner().invoke(app, [command, str(folder)])
+        assert refused.exit_code == 2, refused.output
+        assert "is no result, only what a motion had reached" in " ".join(refused.stderr.split())
+    assert sorted(folder.rglob("*")) == before
     with pytest.raises(InputError, match="is no result"):
         cosim.open_run(folder)
     with monkeypatch.context() as broken:

@@ -371,6 +371,23 @@ def test_a_unit_of_another_scale_is_read_by_the_files_own_factor(
 
 
 @pytest.mark.parametrize(
+    ("fmi", "stated"),
+    [
+        *((2, f'factor="{value}"') for value in ("0", "-0.0", "NaN", "INF", "1e31", "1e-320")),
+        *((2, 'offset="NaN"'), (3, 'factor="0"'), (3, 'offset="-INF"')),
+    ],
+)
+def test_a_unit_of_no_scale_is_refused(hood, hood3, tmp_path, fmi, stated):
+    """With it every value would be zero, infinite or none."""
+    path = change_description(
+        *((hood, hood3)[fmi - 2], tmp_path / "u.fmu", '<BaseUnit m="1" />'),
+        f'<BaseUnit m="1" {stated} />',
+    )
+    with pytest.raises(InputError, match=r"its unit 'm' has the factor .* not zero"):
+        map_unit(path, {})
+
+
+@pytest.mark.parametrize(
     ("old", "new", "name", "factor"),
     [
         ('<BaseUnit kg="1" m="2" s="-2" />', "", "moment", 1.0),

@@ -25,6 +25,7 @@ from cosim.solve.session import Session
 from tests.fmu.test_fmu_foreign import BODIES, NAMES, SOURCES, TENDONS, pose, write_spring
 from tests.helpers.fmus import NEEDS_FMU, change_archive
 from tests.helpers.folders import TEST_DATA
+from tests.helpers.hang import HANG
 
 pytestmark = [
     *NEEDS_FMU,
@@ -41,7 +42,7 @@ ENDS = {
     "exit(3)": "its process ended with exit code 3",
     "abort()": "its process ended by SIGABRT",
     "raise(SIGSEGV)": "its process ended by SIGSEGV",
-    "sleep(60)": r"it did not answer within 2 s",
+    "sleep(600)": r"it did not answer within 2 s",
 }
 
 
@@ -82,7 +83,7 @@ def test_a_library_that_ends_its_process_or_hangs_is_one_message(tmp_path, where
     with pytest.raises(InputError, match=rf"faulty\.fmu: {what}: {ENDS[fault]}") as error:
         step_once(path, SHORT if "sleep" in fault else Loading())
     assert len(str(error.value).splitlines()) == 1
-    assert time.monotonic() - started < 40.0
+    assert time.monotonic() - started < HANG
 
 
 def test_a_token_that_the_library_refuses_is_one_message(tmp_path):

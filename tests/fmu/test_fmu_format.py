@@ -18,6 +18,7 @@ from cosim.fmu.unit import Unit
 from cosim.fmu_export.write import write_fmu
 from cosim.version import FMU_FORMAT, __version__
 from tests.helpers.fmus import NEEDS_FMU, change_archive
+from tests.helpers.hang import HANG
 
 pytestmark = NEEDS_FMU
 BOTH = pytest.mark.parametrize("fmi", [2, 3])
@@ -89,7 +90,7 @@ def test_another_simulator_is_told_so_too(tmp_path, written, fmi):
             capture_output=True,
             text=True,
             check=False,
-            timeout=60,
+            timeout=HANG,
         )
         assert done.returncode != 0
         assert words in done.stdout + done.stderr

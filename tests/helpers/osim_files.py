@@ -52,7 +52,14 @@ def point(name: str, frame: str, at: str, kind: str = "PathPoint", inside: str =
     )
 
 
-def muscle(name: str, points: str, wraps: str = "", inside: str = "") -> str:
+NUMBERS = {
+    **{"max_isometric_force": "10", "optimal_fiber_length": "0.05"},
+    **{"tendon_slack_length": "0.3", "pennation_angle_at_optimal": "0.1"},
+}
+STATED = "".join(f"<{key}>{value}</{key}>" for key, value in NUMBERS.items())
+
+
+def muscle(name: str, points: str, wraps: str = "", inside: str = STATED) -> str:
     return (
         f'<Millard2012EquilibriumMuscle name="{name}"><GeometryPath name="path"><PathPointSet>'
         f"<objects>{points}</objects></PathPointSet><PathWrapSet><objects>{wraps}</objects>"

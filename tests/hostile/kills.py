@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import NamedTuple
 from uuid import uuid4
 
+from cosim.foreign_process import OwnTime
 from tests.helpers.folders import ROOT
 from tests.helpers.motions import RAMP
 
@@ -35,7 +36,7 @@ SEED, MARK = 63, "COSIM_TESTS_MARK"
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")
 CODES = {"SIGKILL": -9, "SIGTERM": 143, "SIGINT": 130, "SIGHUP": 129}
 ORPHANS, END = 3.0, 20.0
-"""Seconds in which processes end after their parent, and in which that ends at a signal."""
+"""Seconds of their own time in which processes end after their parent, and that at a signal."""
 LOADED = 0.6
 """Seconds in which Python itself begins, whose end by a signal is its own."""
 SAME = ("results.nc", "ledger.csv", "table.csv", "table.parquet", "ladder.csv")
@@ -161,18 +162,17 @@ def interrupt(job: Job, seconds: float, name: str, whole_group: bool) -> Kill:
     was_running = process.poll() is None
     if was_running:
         (os.killpg if whole_group else os.kill)(process.pid, number)
-    try:
-        code = process.wait(END)
-    except subprocess.TimeoutExpired:
-        code = None
+    spent = OwnTime(process.pid)
+    while (code := process.poll()) is None and spent.seconds() < END:
+        time.sleep(0.05)
     allowed = [0, 3] + [CODES[name]] * was_running
     is_early = seconds < LOADED and _is_before(job.said())
     if is_early:
         allowed += [-number, 1]
     if code not in allowed:
         faults.append(f"exit code {code}: {job.said()}")
-    end = time.monotonic() + ORPHANS
-    while job.processes() and time.monotonic() < end:
+    left_behind = {number: OwnTime(number) for number in job.processes()}
+    while any(left_behind[n].seconds() < ORPHANS for n in job.processes() if n in left_behind):
         time.sleep(0.05)
     for left in job.processes():
         faults.append(f"a process is left: {Path(f'/proc/{left}/cmdline').read_bytes()!r}")

@@ -55,6 +55,17 @@ def test_numbers_of_an_included_file_that_are_not_finite_are_refused(tmp_path: P
         read_mjcf(path)
 
 
+@pytest.mark.parametrize("word", ["&#105;nf", "&#x6e;an", "1&#101;300", "-&#x69;nf"])
+@pytest.mark.parametrize("key", OF_MJCF[:3])
+def test_a_number_by_character_references_is_the_same_number(
+    word: str, key: str, tmp_path: Path
+) -> None:
+    path, text = tmp_path / "finger.xml", mjcf_of(load_case("split_edc"))
+    path.write_text(re.sub(rf'\b{key}="\S+', f'{key}="{word}', text, count=1))
+    with pytest.raises(InputError, match=rf"finger\.xml, line \d+, <\w+>: {key} has"):
+        read_mjcf(path)
+
+
 def test_what_a_comment_says_is_no_number(tmp_path: Path) -> None:
     path, text = tmp_path / "finger.xml", mjcf_of(load_case("split_edc"))
     path.write_text(text.replace("<worldbody>", '<!-- pos="inf 0 0" -->\n<worldbody>', 1))

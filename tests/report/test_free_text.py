@@ -18,6 +18,7 @@ from cosim.validation.page import write_page
 from cosim.validation.run import Board
 from cosim.validation.scoreboard import join_uncertainty
 from tests.helpers.fixed_posture import HELD
+from tests.helpers.folders import forget_digest
 from tests.helpers.report_runs import run_into
 
 TAG = "x-evil"
@@ -71,6 +72,7 @@ def run(tmp_path: Path) -> Path:
     (folder / "case.toml").write_text(text, encoding="utf-8")
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     (folder / "summary.json").write_text(json.dumps(spoilt(summary)), encoding="utf-8")
+    forget_digest(folder)
     ledger = (folder / "ledger.csv").read_text(encoding="utf-8").splitlines()
     quoted = EVIL.replace('"', '""')
     rows = [re.sub("(FDP|network)", lambda m: f'"{m[0]}{quoted}"', row) for row in ledger]

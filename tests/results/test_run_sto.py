@@ -41,6 +41,7 @@ def test_what_is_no_run_is_one_message(tmp_path: Path, run: tuple[Path, dict]) -
     assert done.exit_code == 2
     assert "is not the folder of a run" in done.stderr
     (tmp_path / "results.nc").write_text("not netCDF")
+    (tmp_path / "summary.json").write_text("{}")
     done = CliRunner().invoke(app, ["sto", str(tmp_path)])
     assert done.exit_code == 2
     assert "cannot be read as a part of a run" in done.stderr

@@ -97,6 +97,43 @@ def test_results_have_the_same_bytes_whatever_the_cache_holds(runs, monkeypatch)
         assert len(runs.solves) == times
 
 
+def _spoil(name: str, change: Callable[[np.ndarray], Any]) -> Callable[[dict], dict]:
+    return lambda arrays: {**arrays, name: np.asarray(change(arrays[name]))}
+
+
+FORGED: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    "zeros": _spoil("x", lambda x: 0 * x),
+    "no numbers": _spoil("x", lambda x: np.nan * x),
+    **{
+        f"node {node} a micrometre away": _spoil(
+            "x", lambda x, node=node: x + 1e-6 * (np.arange(len(x)) == node)[:, None]
+        )
+        for node in (3, 50, 101)
+    },
+    "longer directors": _spoil("d", lambda d: 1.01 * d),
+    "other tensions": _spoil("tension", lambda t: t + 0.1),
+    "other poses": _spoil("position", lambda p: p + 1e-4),
+    "poses that it was not asked for": _spoil("motion/position", lambda p: p + 1e-4),
+    "fewer tensions": _spoil("tension", lambda t: t[:-1]),
+    "words": _spoil("x", lambda x: x.astype(str)),
+    "one number": _spoil("counts", lambda _: 3),
+    "no solution": lambda arrays: {k: v for k, v in arrays.items() if k != "tension"},
+    "nothing": lambda _: {},
+}
+
+
+def test_an_entry_that_is_no_equilibrium_is_dropped_and_solved_anew(runs):
+    """Whoever can write into the folder can make a digest too: its numbers must solve."""
+    cold, file = runs.run("cold"), runs.kept()
+    whole, arrays = file.read_bytes(), runs.cache.read("equilibria", file.stem)
+    assert arrays is not None
+    for times, (what, forge) in enumerate(FORGED.items(), 2):
+        runs.cache.write("equilibria", file.stem, forge(arrays))
+        assert runs.run(what) == cold, what
+        assert len(runs.solves) == times, what
+        assert file.read_bytes() == whole
+
+
 def test_of_another_version_of_the_solver_nothing_is_used(runs, monkeypatch):
     first = runs.run("one")
     monkeypatch.setattr(version, "_code", lambda: "another")

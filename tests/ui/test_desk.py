@@ -17,6 +17,7 @@ from cosim.processes import ProcessEndedError
 from cosim.results.read import read_run
 from cosim.ui import desk as desk_module
 from cosim.ui.desk import Desk
+from tests.helpers.hang import HANG
 
 FLEXION = "finger.posture.PIP"
 
@@ -74,7 +75,7 @@ def desk(held: HeldProcess, tmp_path: Path) -> Iterator[Desk]:
 
 def settled(desk: Desk, checked: bool = True) -> dict[str, Any]:
     """The state once nothing is solved any more."""
-    end = time.monotonic() + 30
+    end = time.monotonic() + HANG
     while time.monotonic() < end:
         state = desk.state()
         answer = state["answer"]

@@ -22,6 +22,7 @@ from cosim.errors import InputError
 from cosim.ui.desk import Desk
 from cosim.ui.server import ACTIONS, _states, application, listening
 from tests.helpers.folders import ROOT
+from tests.helpers.hang import HANG
 
 pytest.importorskip("starlette")
 pytest.importorskip("httpx2")
@@ -161,8 +162,8 @@ def test_the_program_serves_its_page_and_leaves_nothing_behind(tmp_path: Path):
         address = re.search(r"http://\S+", program.stderr.readline())[0]
         port, token = re.search(r":(\d+)/\?token=(\S+)", address).groups()
         asked = Request(f"http://127.0.0.1:{port}/state", headers={"X-Cosim-Token": token})
-        end = time.monotonic() + 60
-        while (state := json.load(urlopen(asked, timeout=10)))["status"] != "done":
+        end = time.monotonic() + HANG
+        while (state := json.load(urlopen(asked, timeout=HANG)))["status"] != "done":
             assert time.monotonic() < end, state
             time.sleep(0.05)
         children = psutil.Process(program.pid).children(recursive=True)
@@ -175,8 +176,8 @@ def test_the_program_serves_its_page_and_leaves_nothing_behind(tmp_path: Path):
             )
             assert b"200 OK" in tab.recv(1000)
             program.send_signal(signal.SIGINT if sys.platform != "win32" else signal.SIGTERM)
-            assert program.wait(20) == 0
-        _, alive = psutil.wait_procs(children, timeout=5)
+            assert program.wait(HANG) == 0
+        _, alive = psutil.wait_procs(children, timeout=HANG)
         assert not [process for process in alive if process.status() != psutil.STATUS_ZOMBIE]
         with pytest.raises(ConnectionError):
             socket.create_connection(("127.0.0.1", port), timeout=1).close()

@@ -41,6 +41,7 @@ from cosim.hoods.lumped.build import (
     stack,
 )
 from cosim.models.build import Models, build
+from cosim.number_text import read_number
 from cosim.port import Array, Load, OpenFinger
 
 BATCH = 20_000
@@ -84,13 +85,10 @@ def read_grid(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
 
 def _axis(text: str) -> tuple[str, tuple[float, ...]]:
     joint, _, values = text.partition("=")
-    try:
-        angles = tuple(sorted({float(value) for value in values.split(",")}))
-    except ValueError:
-        angles = ()
-    if not angles or not np.isfinite(angles).all():
+    angles = {read_number(value) for value in values.split(",")}
+    if None in angles:
         raise InputError(f"--grid {text!r}: write JOINT=DEG,DEG, for example PIP=10,35,60")
-    return joint.strip(), angles
+    return joint.strip(), tuple(sorted(angle for angle in angles if angle is not None))
 
 
 def greatest_loads(case: Case, tendons: Sequence[str]) -> dict[str, float]:

@@ -11,7 +11,6 @@ from scipy.spatial import ConvexHull
 from cosim.array_cache import ArrayCache
 from cosim.errors import InputError
 from fe_solver.elements import kernels
-from fe_solver.surfaces import spline_distance as surfaces
 from fe_solver.surfaces.spline_distance import SplineDistance
 from fe_solver.surfaces.triangle_distance import (
     check_surface,
@@ -169,7 +168,7 @@ def test_cache_gives_the_same_bits_and_keeps_cases_apart(tmp_path):
 
 def test_a_whole_cache_is_read_and_nothing_is_baked(tmp_path, monkeypatch):
     first = bake_cube(tmp_path)
-    monkeypatch.setattr(surfaces, "distances_on_grid", None)
+    monkeypatch.setattr(SplineDistance, "from_grid", None)
     assert np.array_equal(bake_cube(tmp_path).coefficients, first.coefficients)
 
 
@@ -196,6 +195,29 @@ def test_a_cached_grid_that_is_not_what_was_written_is_baked_again(tmp_path, cha
     assert np.array_equal(bake_cube(tmp_path).coefficients, first.coefficients)
     with np.load(file) as stored:
         assert np.array_equal(stored["coefficients"], first.coefficients)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda c: 0 * c,
+        lambda c: c * np.nan,
+        lambda c: -c,
+        lambda c: 1.001 * c,
+        lambda c: np.roll(c, 1, axis=0),
+        lambda c: c[:-1],
+        lambda c: np.array("words"),
+    ],
+)
+def test_a_cached_grid_with_a_digest_made_anew_is_no_distance_and_baked_again(tmp_path, change):
+    first = bake_cube(tmp_path)
+    (file,) = baked(tmp_path)
+    whole = file.read_bytes()
+    ArrayCache(tmp_path).write("distances", file.stem, {"coefficients": change(first.coefficients)})
+    assert np.array_equal(bake_cube(tmp_path).coefficients, first.coefficients)
+    assert file.read_bytes() == whole
+    ArrayCache(tmp_path).write("distances", file.stem, {"others": first.coefficients})
+    assert np.array_equal(bake_cube(tmp_path).coefficients, first.coefficients)
 
 
 def test_a_cached_grid_under_the_name_of_another_is_baked_again(tmp_path):

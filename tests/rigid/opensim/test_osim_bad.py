@@ -73,6 +73,19 @@ CASES = {
         model(body("b", "<mass>1</mass><mass_center>0 0</mass_center>")),
         ("mass_center", "3 numbers", "'0 0'"),
     ),
+    **{
+        f"{key} {value or 'nothing'}": (
+            model(forces=muscle("m", TWO_POINTS, "", f"<{key}>{value}</{key}>")),
+            ('"m"', f"> {key}: expected"),
+        )
+        for key, values in {
+            "max_isometric_force": ("-30", "1e29", "", "1_0"),
+            "optimal_fiber_length": ("-0.1", "0", "1e3"),
+            "tendon_slack_length": ("-1", "11"),
+            "pennation_angle_at_optimal": ("-0.1", "5", "\u0661"),
+        }.items()
+        for value in values
+    },
     "huge number": (model(rest="<gravity>0 1e300 0</gravity>"), ("gravity", "1e+30")),
     "impossible inertia": (
         model(body("b", "<mass>1</mass><inertia>1 1 9 0 0 0</inertia>")),

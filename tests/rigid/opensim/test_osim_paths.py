@@ -11,6 +11,7 @@ import typer
 from typer.testing import CliRunner
 
 from cosim.commands.opensim import import_model
+from rigid.opensim.forces import OPENSIM
 from tests.helpers.osim_files import TWO_POINTS, import_text, model, muscle, point, reasons
 
 MUSCLES = (
@@ -55,9 +56,11 @@ def test_whatever_pulls_along_a_path_is_taken(tmp_path: Path, kind: str, path: s
     if path == "wrapped":
         path = '<path><GeometryPath name="g">{}</GeometryPath></path>'
     made = import_text(tmp_path, model(forces=force(kind, "<stiffness>3</stiffness>", path)))
-    assert made.losses == ()
+    own = OPENSIM if "Muscle" in kind else {}
+    assert [loss.what for loss in made.losses] == ["changed"] * bool(own)
+    assert all(key in loss.reason for key in own for loss in made.losses)
     assert made.muscles["x"].kind == kind
-    assert made.muscles["x"].properties == {"optimal_force": 2.0, "stiffness": 3.0}
+    assert made.muscles["x"].properties == {"optimal_force": 2.0, "stiffness": 3.0, **own}
     assert made.path_actuators == 1
     built = mujoco.MjModel.from_xml_string(made.xml)
     assert built.tendon_num[built.tendon("x").id] == 2
@@ -146,4 +149,13 @@ def test_a_kind_as_opensim_writes_it_is_taken(
     written.printToXML("m.osim")
     read = import_text(tmp_path, (tmp_path / "m.osim").read_text())
     assert read.muscles["x"].kind == kind
-    assert [loss for loss in read.losses if kind in loss.place and not loss.group] == []
+    of_it = [loss for loss in read.losses if kind in loss.place and not loss.group]
+    assert all("OpenSim's own" in loss.reason for loss in of_it)
+    if (muscle := opensim.Muscle.safeDownCast(made)) is not None:
+        stated = read.muscles["x"].properties
+        assert stated["max_isometric_force"] == muscle.getMaxIsometricForce()
+        assert stated["optimal_fiber_length"] == muscle.getOptimalFiberLength()
+        assert stated["tendon_slack_length"] == muscle.getTendonSlackLength()
+        assert (
+            stated["pennation_angle_at_optimal"] == muscle.getPennationAngleAtOptimalFiberLength()
+        )
