@@ -119,6 +119,9 @@ def test_the_figures_of_uncertainty_are_those_that_were_found():
     text = " ".join(TOP.split())
     known = read_committed().rows
     series = {row.key: row.meshes for row in known if row.meshes is not None}
+    if not any(r.name.startswith("strain average ti") for r in known):  # of a hood before
+        assert "is owed anew" in text
+        return
     touched = [one for _, one in distinct(series)]
     observed = sum(one.convergence.order is not None for one in touched)
     assert f"{observed} of the {len(touched)} numbers that the mesh touches" in text
