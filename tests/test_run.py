@@ -360,8 +360,8 @@ def test_a_run_that_does_not_converge_is_an_error_and_the_batch_goes_on(tmp_path
     words = ["run", str(frail), "pulley_edc", "--out", str(out), "--set", "output.picture=false"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 1
-    (line,) = [x for x in done.stderr.splitlines() if x.startswith("cosim: ")]
-    assert line.startswith("cosim: frail: hood and finger did not agree in 1 round")
+    told = [x for x in done.stderr.splitlines() if x.startswith("cosim: frail: ")]
+    assert told[-1].startswith("cosim: frail: hood and finger did not agree in 1 round")
     assert [path.name for path in out.iterdir()] == ["pulley_edc"]
     check_audit(json.loads((out / "pulley_edc" / "summary.json").read_text()))
 

@@ -244,12 +244,12 @@ def test_a_hood_through_the_bones_is_counted_and_measured(
     assert code == 2
     assert "nodes of the hood lie in the bone" in told
     assert "mm deep" in told
-    write_inp(move_points(low, low.points - [0, 0, 0.3]), tmp_path / "hood.inp")
+    write_inp(move_points(low, low.points - [0, 0, 0.15]), tmp_path / "hood.inp")
     code, told = new(tmp_path, "--hood", str(tmp_path / "hood.inp"), *LAID)
     assert code == 0
     assert "nodes are nearer than the base case's" in told
     hood = load_case(tmp_path / "out" / "mine.toml").hood
-    assert 1.6e-3 < hood.contact.offset.proximal < 2.0e-3  # type: ignore[union-attr]
+    assert 0.05e-3 < hood.contact.offset.middle < 0.2e-3  # type: ignore[union-attr]
 
 
 def test_a_larger_hand_keeps_its_bones_size(surfaces: Surfaces, tmp_path: Path):

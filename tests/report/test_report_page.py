@@ -169,7 +169,7 @@ def unpack(text: str, name: str) -> Any:
 def test_a_page_of_one_run_is_small(runs, tmp_path):
     out = tmp_path / "report.html"
     write_report(runs[:1], out, "html")
-    assert out.stat().st_size < 2_400_000  # of 120 quads; 2.5 MB with the default mesh
+    assert out.stat().st_size < 2_430_000  # of 120 quads; 2.5 MB with the default mesh
 
 
 def test_numbers_come_back_from_the_page_to_four_digits():

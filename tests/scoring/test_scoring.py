@@ -357,4 +357,4 @@ def test_a_middle_finger_is_judged_by_its_hands() -> None:
     assert not any("_" in text or "hood" in text for text in every)
     assert "a perfect model expects a skill of" in forces.floor
     assert forces.rank is not None
-    assert "middle_minorflex_edc" in forces.rank.same
+    assert forces.rank.skills["middle_minorflex_edc"] == pytest.approx(forces.skill.value, rel=1e-3)
