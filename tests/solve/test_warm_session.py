@@ -40,7 +40,7 @@ def test_a_warm_answer_is_that_of_a_run(warm, change):
 
 @pytest.mark.slow
 def test_a_mesh_of_another_size_begins_as_laid(warm):
-    case = CASE.replace({"hood.mesh.quads": 200})
+    case = CASE.replace({"hood.mesh.quads": 400})
     assert numbers(cosim.run(case, warm)) == numbers(cosim.run(case))
 
 
