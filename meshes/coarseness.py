@@ -31,9 +31,9 @@ rows lie on the heads 1.6, 0.1 and 0.6 mm further proximal than the arcs reach."
 SHARE = 0.2
 """Of the tissue's thickness that a chord's sag may be."""
 LEAST = 0.14
-"""mm that a chord's sag may be over any tissue: with half of it over 0.2 mm on the head of the
-middle phalanx, slips under EDC change by less than 0.6 % and their arms by less than 0.05 mm, at
-DIP 15 and 45 deg."""
+"""mm that a chord's sag may be over any tissue: with rows half as far apart over 0.2 mm on the head
+of the middle phalanx, no slip changes by more than 0.6 % of EDC's tension and no arm by more than
+0.05 mm, at DIP 15 and 45 deg (measured on the index finger's shell)."""
 WORDS = {"metacarpal": "metacarpal", "proximal": "proximal phalanx", "middle": "middle phalanx"}
 FARTHEST = 20.0
 """mm from a joint's axis within which its head's surface is looked for."""
