@@ -1,4 +1,4 @@
-"""Computed numbers beside their targets: the verification table's rows, and printed numbers.
+"""Computed numbers beside their targets: the rows of proofs, and printed numbers.
 
 Like the port, it imports nothing of ours but the port.
 """
@@ -6,13 +6,11 @@ Like the port, it imports nothing of ours but the port.
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from math import isfinite
 from typing import Literal, cast, get_args
-
-from cosim.errors import ConvergenceError, InputError
 
 
 @dataclass(frozen=True)
@@ -66,43 +64,6 @@ class Row:
         if self.measure == "shown" and self.passed:
             return "shown"
         return "pass" if self.passed else "FAIL"
-
-
-@dataclass(frozen=True)
-class Study:
-    """A named maker of rows; a slow one takes more than some twenty seconds."""
-
-    name: str
-    make: Callable[[], Iterator[Row]]
-    slow: bool = False
-
-    def rows(self) -> Iterator[Row]:
-        """The rows; a solve that does not converge ends them with a failed one that says why."""
-        try:
-            yield from self.make()
-        except ConvergenceError as error:
-            nan = float("nan")
-            yield Row(self.name, "did not converge", nan, nan, 0.0, str(error), "absolute")
-
-
-def select_studies(only: str | None, slow: bool, studies: Sequence[Study]) -> list[Study]:
-    """The studies whose name contains `only`, or all of them: the slow ones where `slow` asks for
-    them or `only` names them.
-
-    >>> studies = [Study("beam", lambda: iter(())), Study("hood", lambda: iter(()), slow=True)]
-    >>> [study.name for study in select_studies(None, False, studies)]
-    ['beam']
-    >>> [study.name for study in select_studies("hood", False, studies)]
-    ['hood']
-
-    Raises InputError where no name contains `only`."""
-    if only is None:
-        return [s for s in studies if slow or not s.slow]
-    selected = [s for s in studies if only.lower() in s.name.lower()]
-    if not selected:
-        names = "; ".join(s.name for s in studies)
-        raise InputError(f"no study is named {only!r}; expected one of: {names}")
-    return selected
 
 
 Relation = Literal["input", "number", "at_most", "between", "other", "text"]

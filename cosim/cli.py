@@ -200,15 +200,12 @@ COMMANDS = {
             "Compute a paper's figures and tables anew.",
             "cosim reproduce networks",
         ),
-        "bench": Command(
-            "bench.bench", "Time the solvers, as ratios.", "cosim bench isometric_edc"
-        ),
         "glossary": Command(
             "glossary.glossary",
             "The words and axes of cases and results.",
             "cosim glossary excursion",
         ),
-        "info": Command("verify.info", "What is installed and in use.", "cosim info"),
+        "info": Command("info.info", "What is installed and in use.", "cosim info"),
         "warm": Command("warm.warm", "Compile and bake ahead of the first run.", "cosim warm"),
     },
 }

@@ -1,4 +1,4 @@
-"""One description of a sheet, from which a job, a hood and a verification make the solver's model.
+"""One description of a sheet, from which a job, a hood and a proof make the solver's model.
 
 Lengths in m, stresses in Pa; an element's normal is right-handed about its corners.
 """

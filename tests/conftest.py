@@ -12,11 +12,27 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
+from tests.helpers.rows import Judge, add_options, judge_of, show
+
 settings.register_profile("no deadlines", deadline=None)
 settings.load_profile("no deadlines")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+pytest_addoption = add_options
+
+
+@pytest.fixture
+def judge(request: pytest.FixtureRequest) -> Judge:
+    """What judges rows of a proof, and leaves them for `--table` and `--rows`."""
+    return judge_of(request)
+
+
+def pytest_terminal_summary(terminalreporter, config) -> None:
+    reports = [r for kind in ("passed", "failed") for r in terminalreporter.stats.get(kind, ())]
+    show(reports, config)
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -42,10 +42,8 @@ NEEDS = [
     ("sklearn", "surrogate", "study network_saltelli --surrogate a.csv", "a surrogate"),
     ("SALib", "study", "check network_saltelli", "sampling.kind = 'saltelli'"),
     ("distributed", "study", "study network_saltelli --scheduler tcp://h:1", "--scheduler"),
-    ("pyarrow", "study", "bench studies", "a study"),
     ("pythonfmu", "fmu", "fmu pulley_edc --part hood --fmi 2", "writing an FMU of FMI 2"),
     ("pythonfmu3", "fmu", "fmu pulley_edc --part hood --fmi 3", "writing an FMU of FMI 3"),
-    ("opensim", "opensim", "bench opensim", "the bench beside OpenSim"),
 ]
 
 

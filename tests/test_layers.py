@@ -118,7 +118,7 @@ FLOORS = (
     {"cosim.pipeline"},
     {"cosim.fmu_export", "cosim.report"},
     {"cosim.anatomy", "cosim.analyses", "cosim.study"},
-    {"cosim.validation", "cosim.verification", "cosim.ui"},
+    {"cosim.validation", "cosim.ui"},
     {"cosim.scoring"},
     {"cosim.arguments"},
     {"cosim.face"},
@@ -128,10 +128,8 @@ FLOORS = (
     {"cosim.cli"},
     {"cosim.__main__"},
 )
-# The papers' scripts and models, and what may use them: proofs.
+# The papers' scripts and models, which proofs use, and no case.
 PAPERS = ("cases.papers", "rigid.papers")
-PROOFS = ("cosim.verification", "fe_solver.verification", "rigid.verification")
-USE_THE_PAPERS = ("cosim.verification", "rigid.verification")
 # A kind of finger or hood is built on a solver.
 ROOMS_OF_SOLVERS = ("cosim.fingers", "cosim.hoods")
 # They ask live hoods behind the port, which have no tables: for their states, and for FEBio.
@@ -142,12 +140,10 @@ KNOW_THE_SOLVERS = {
     "cosim.analyses.estimate.of_case",
     "cosim.analyses.estimate.tensions",
     "cosim.analyses.estimate.tracking",
-    "cosim.analyses.growth",
     "cosim.analyses.hood.literature",
     "cosim.analyses.mjcf_hood",
     "cosim.analyses.opensim.loads",
     "cosim.analyses.opensim.tensions",
-    "cosim.analyses.pulls",
     "cosim.analyses.trials.by_tangent",
     "cosim.anatomy.case_folder",
     "cosim.anatomy.feb",
@@ -158,7 +154,7 @@ KNOW_THE_SOLVERS = {
     "cosim.commands.febio",
     "cosim.commands.finger",
     "cosim.commands.opensim",
-    "cosim.commands.verify",
+    "cosim.commands.info",
     "cosim.commands.warm",
     "cosim.results.sto",
     "cosim.scoring.model",
@@ -169,7 +165,6 @@ KNOW_THE_SOLVERS = {
     "cosim.tendons.signals",
     "cosim.tendons.muscles",
     "cosim.validation.published_hood",
-    "cosim.verification.pairs",
 }
 
 
@@ -251,25 +246,23 @@ def test_imports_lead_downwards():
     assert not against
 
 
-def test_only_proofs_use_the_papers():
+def test_nothing_uses_the_papers():
     using = {
         module
         for module in MODULES
         for name in imports(module, top_only=False)
         if any(_is_within(name, papers) for papers in PAPERS)
-        if not any(_is_within(module, room) for room in (*PAPERS, *USE_THE_PAPERS))
+        if not any(_is_within(module, room) for room in PAPERS)
     }
     assert not using
 
 
-def test_only_commands_use_the_proofs():
-    """Verifications, benchmarks and twins of other programs."""
+def test_nothing_installed_uses_the_tests():
+    """Proofs, benches and helpers."""
     using = {
         module
-        for module in MODULES
-        for name in imports(module, top_only=False)
-        if any(_is_within(name, room) for room in PROOFS)
-        if not any(_is_within(module, room) for room in (*PROOFS, "cosim.commands"))
+        for module, path in MODULES.items()
+        if re.search(r"^\s*(?:from|import) tests\b", path.read_text(encoding="utf-8"), re.M)
     }
     assert not using
 

@@ -16,10 +16,10 @@ from cosim.errors import ConvergenceError, InputError
 from cosim.fmu_export.write import write_fmu
 from cosim.models.build import build
 from cosim.schema import units
-from cosim.verification.fmu import in_units
 from meshes.skeleton import JOINTS
 from tests.helpers.fmus import NEEDS_FMU
 from tests.helpers.folders import ROOT
+from tests.proofs.coupling.fmu_rows import in_units
 
 COPIES = {
     "copy": copy.copy,

@@ -26,8 +26,8 @@ from cosim.processes import ProcessEndedError, WorkerProcess, peak_mb
 from cosim.study.plan import read_plan
 from cosim.validation.plan import groups
 from cosim.validation.run import folder_name
-from fe_solver.verification import json_command
 from tests.helpers.folders import ROOT
+from tests.proofs.fe import json_command
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
 SOURCES = [path for name in PACKAGES for path in sorted((ROOT / name).rglob("*.py"))]

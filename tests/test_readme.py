@@ -20,12 +20,12 @@ from cosim.results.conventions import vector_of
 from cosim.study.plan import read_plan
 from cosim.validation.mesh import distinct, tally
 from cosim.validation.uncertainty import read_committed
-from cosim.verification.lesions import CUTS, HOODS, changes, cut_case
 from rigid.papers.networks.testbed_study import REPORTED_ERRORS, errors, trials
-from rigid.verification.network_study_rows import SEEDS
 from tests.golden import read_golden
 from tests.helpers.board import ANSWERS, in_each_hand, read_board, trust_rows
 from tests.helpers.folders import ROOT
+from tests.proofs.hoods.network_study_rows import SEEDS
+from tests.proofs.studies.lesion_rows import CUTS, HOODS, changes, cut_case
 
 READMES = (
     "",

@@ -31,7 +31,6 @@ def test_the_wheel_holds_every_package_whole():
     assert set(targets["wheel"]["packages"]) == packages
     assert {f"/{name}" for name in (*packages, "tests")} <= set(targets["sdist"]["include"])
     assert set(WHOLE["tool"]["mypy"]["packages"]) == packages - {"cases"}
-    assert targets["wheel"]["exclude"] == ["/cases/bench.csv"]
 
 
 def test_the_citation_is_of_this_version_and_licence():

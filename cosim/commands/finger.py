@@ -1,4 +1,4 @@
-"""The commands about fingers: `cosim moment-arms`, `mjcf`, benches of fingers and OpenSim's."""
+"""The commands about fingers: `cosim moment-arms` and `mjcf`."""
 
 from __future__ import annotations
 
@@ -22,18 +22,14 @@ from cosim.case.schema import Case
 from cosim.commands.options import CaseName, Settings
 from cosim.commands.terminal import exit_on_error, print_table, stages
 from cosim.errors import InputError
-from cosim.extras import require
 from cosim.files import check_file, output_file
 from cosim.fingers.kinds import joint_ranges
 from cosim.models.build import build, mjcf_of, tensions
 from cosim.results.picture import write_figure
 from cosim.scoring.names import FingerName, check_present, match_names, read_names
 from rigid.mjcf.attach import write_attached
-from rigid.mjcf.hood import STEP, steps_per_second
+from rigid.mjcf.hood import STEP
 from rigid.mjcf.read import part_names
-from rigid.verification.bench import PAPER_LOOP, PAPER_QP, bench_robot
-from rigid.verification.bench import bench_opensim as measure
-from rigid.verification.dynamics_rows import time_static_solve
 
 ATTACHED = "network_edc"
 """The case whose hood is attached where none is named."""
@@ -231,51 +227,3 @@ def show_hood_errors(made: HoodFile) -> None:
         f"the case's finger with its hood, alone in plain MuJoCo: {made.rate:.3g} steps a second "
         f"of one core, measured in steps of {1e3 * STEP:g} ms, whatever timestep the file states"
     )
-
-
-def bench_mjcf() -> dict[str, float]:
-    """Print how many steps of 2 ms plain MuJoCo makes in a second, without and with a hood; what a
-    step with it takes over one without."""
-    case = load_case(ATTACHED)
-    with stages("bench") as shown:
-        shown.say("stepping the finger in plain MuJoCo")
-        bare = steps_per_second(mjcf_of(case))
-        hooded = hood_file(case, "network", states=3).rate
-    figures = {"steps_per_s_bare": bare, "steps_per_s_hood": hooded, "ratio": bare / hooded}
-    return _print_figures(figures, "step with the hood / without")
-
-
-def bench_fingers() -> dict[str, float]:
-    """Print what the static solve of the finger alone costs; its ratio."""
-    with stages("bench") as shown:
-        shown.say("solving the finger many times")
-        return _print_figures(time_static_solve(), "static solve / mj_forward")
-
-
-def bench_opensim() -> dict[str, float]:
-    """Print what the finger's motion costs here and in OpenSim; their ratio.  Raises InputError
-    where OpenSim is not installed."""
-    require("the bench beside OpenSim", "opensim")
-    with stages("bench") as shown:
-        shown.say("moving the finger here and in OpenSim")
-        return _print_figures(measure(), "OpenSim / ours")
-
-
-def bench_robotic_finger() -> dict[str, float]:
-    """Print what the robotic finger's control loop costs, beside the paper's figures; its parts
-    over the loop."""
-    paper = {"loop_s": PAPER_LOOP, "qp_s": PAPER_QP}
-    with stages("bench") as shown:
-        shown.say("running the control loop many times")
-        figures = bench_robot()
-    for name, value in figures.items():
-        beside = f"   (paper: {paper[name]:.4g})" if name in paper else ""
-        typer.echo(f"{name:<20} {value:.4g}{beside}")
-    return {f"{name} / loop_s": value / figures["loop_s"] for name, value in figures.items()}
-
-
-def _print_figures(figures: dict[str, float], ratio: str) -> dict[str, float]:
-    """Print figures; the ratio among them, by the name of what it is."""
-    for name, value in figures.items():
-        typer.echo(f"{name:<20} {value:.4g}")
-    return {ratio: figures["ratio"]}

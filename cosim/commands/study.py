@@ -18,7 +18,6 @@ from cosim.extras import require
 from cosim.files import output_file
 from cosim.results.compare import number
 from cosim.study import engine
-from cosim.study.bench import PER_HOUR, PLAN, RUNS, SECONDS, figures, load_figures
 from cosim.study.engine import Solve
 from cosim.study.execute import StudyOutcome, check_libraries, execute_study
 from cosim.study.files import write_study
@@ -211,23 +210,3 @@ def status(
             counts = (f"{n.done}/{n.total}", str(n.failed), str(n.handed_out), str(waiting))
             table.add_row(n.name, *counts, rate, left, state_text(n, time.time()))
         console().print(table)
-
-
-def bench_studies(runs: int | None = None) -> dict[str, float]:
-    """Print what it costs to hand out runs, what a second worker gains and how many runs an hour
-    more would solve; the ratios by name."""
-    measured = dict(figures(lambda text: typer.echo(text, err=True), runs or RUNS))
-    for name, value in measured.items():
-        typer.echo(f"{name:<58} {value:.4g}")
-    typer.echo(PLAN)
-    times = (SECONDS, PER_HOUR)
-    return {name: value for name, value in measured.items() if not name.startswith(times)}
-
-
-def bench_loads() -> dict[str, float]:
-    """Print what the packaged study of combined loads costs by one and by two workers; the ratios
-    by name.  Raises CosimError where the two tables differ."""
-    measured = dict(load_figures(lambda text: typer.echo(text, err=True)))
-    for name, value in measured.items():
-        typer.echo(f"{name:<58} {value:.4g}")
-    return {name: value for name, value in measured.items() if not name.startswith(SECONDS)}

@@ -144,7 +144,7 @@ def _requirements() -> list[str]:
 def inputs_here() -> dict[str, Path]:
     """The cases, their bases, studies and tables, by their place in a package."""
     cases = Path(str(resources.files("cases")))
-    files = (p for p in sorted(cases.rglob("*")) if p.suffix in INPUTS and p.name != "bench.csv")
+    files = (p for p in sorted(cases.rglob("*")) if p.suffix in INPUTS)
     return {f"inputs/cases/{p.relative_to(cases).as_posix()}": p for p in files}
 
 

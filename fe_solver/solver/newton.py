@@ -205,7 +205,7 @@ def solve(
 
     >>> import numpy as np
     >>> from fe_solver.solver.newton import NewtonOptions, solve
-    >>> from fe_solver.verification.sheets import at_rest, clamp, guide, plate, sheet
+    >>> from tests.proofs.fe.sheets import at_rest, clamp, guide, plate, sheet
     >>> points, quads = plate(20e-3, 5e-3, 4, 1)  # m: x from 0 to 20 mm
     >>> strip = clamp(sheet(points, quads, 100e6, 0.0, 0.5e-3), np.array([0, 1]))
     >>> model = guide(strip, [np.array([8, 9])], [(1.0, 0.0, 0.0)])  # one tendon, along x

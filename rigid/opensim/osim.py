@@ -103,7 +103,7 @@ def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = 
 
     >>> from importlib.resources import as_file, files
     >>> from rigid.opensim.osim import import_osim
-    >>> with as_file(files("rigid.verification") / "data" / "finger.osim") as path:
+    >>> with as_file(files("cases") / "data" / "finger.osim") as path:
     ...     finger = import_osim(path)
     >>> list(finger.coordinates)
     ['MCP_abduction', 'MCP', 'PIP', 'DIP']

@@ -424,7 +424,7 @@ def test_a_force_reporters_table_of_opensim_is_taken(tmp_path, monkeypatch):
 
 
 def test_a_model_gives_the_centres_of_mass(tmp_path):
-    model = ROOT / "rigid/verification/data/finger.osim"
+    model = ROOT / "cases/data/finger.osim"
     log, out = write_log(tmp_path, DATA), tmp_path / "l.mot"
     code, said = run("loads", log, "--body", "2=proximal", "--model", model, "-o", out)
     assert code == 0, said

@@ -17,7 +17,7 @@ from cosim.errors import InputError
 from rigid.opensim.osim import import_osim, write_import
 from tests.helpers.folders import ROOT
 
-OSIM = (ROOT / "rigid" / "verification" / "data" / "finger.osim").read_text(encoding="utf-8")
+OSIM = (ROOT / "cases" / "data" / "finger.osim").read_text(encoding="utf-8")
 TENDONS = ("FDP", "FDS", "LUM", "FPI", "EI", "EDC")
 RANGES = {
     "max_isometric_force": (5.0, 200.0),

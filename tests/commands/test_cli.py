@@ -22,7 +22,6 @@ from cosim.results.arrays import Arrays
 from cosim.results.audit import ADVICE, BOUNDS, missed_bounds
 from cosim.results.parts import LedgerRow, Scene
 from cosim.results.result import Result
-from cosim.solve import session
 from cosim.version import __version__
 from tests.helpers.folders import ROOT
 
@@ -71,7 +70,7 @@ def cosim(*words: str):
 def test_version_and_help():
     assert cosim("--version").stdout == f"cosim {__version__}\n"
     commands = cosim("--help").stdout
-    assert all(word in commands for word in ("run", "check", "schema", "view", "bench", "mesh"))
+    assert all(word in commands for word in ("run", "check", "schema", "view", "mesh"))
 
 
 def test_run_writes_and_shows_each_case(solver, tmp_path):
@@ -231,54 +230,6 @@ def test_two_cases_of_one_name_are_refused(solver, tmp_path):
 
 def test_schema_is_json():
     assert json.loads(cosim("schema").stdout)["title"] == "CaseFile"
-
-
-def test_bench_prints_its_figures(monkeypatch):
-    monkeypatch.setattr(
-        "cosim.commands.bench.bench_case",
-        lambda case, _: {"warm_run_s": 1.5, "ratio": case.hood.mesh.quads / 100},
-    )
-    assert cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=250").stdout.split() == [
-        *("warm_run_s", "1.5", "ratio", "2.5")
-    ]
-
-
-def test_bench_needs_a_shell():
-    done = cosim("bench", "pulley_edc")
-    assert done.exit_code == 2
-    assert "bench needs a hood of finite elements" in done.stderr
-
-
-@pytest.mark.slow
-def test_bench_times_a_real_run(monkeypatch):
-    built, build = [], session.build_any
-    monkeypatch.setattr(session, "build_any", lambda case: built.append(case) or build(case))
-    monkeypatch.setattr("cosim.commands.bench_case.REPEATS", 2)
-    done = cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=120")
-    assert len(built) == 1 + 2, "warm runs share their models, the two cold ones do not"
-    figures = dict(line.split() for line in done.stdout.splitlines())
-    seconds = {name: float(value) for name, value in figures.items()}
-    assert all(value > 0 for value in seconds.values())
-    linear = seconds["assembly_s"] + seconds["factorisation_s"]
-    assert seconds["ratio"] == pytest.approx(seconds["warm_run_s"] / linear, rel=0.01)
-
-
-@pytest.mark.slow
-def test_bench_times_the_steps_of_a_motion():
-    short = ("hood.mesh.quads=120", "forward.duration='3 ms'")
-    done = cosim("bench", "motion_edc_fdp", *(word for s in short for word in ("--set", s)))
-    figures = dict(line.split() for line in done.stdout.splitlines())
-    values = {name: float(value) for name, value in figures.items()}
-    assert values["steps"] == 3
-    linear = values["assembly_s"] + values["factorisation_s"]
-    assert values["ratio"] == pytest.approx(values["step_s"] / linear, rel=0.01)
-    assert values["ratio"] > 1
-
-
-def test_bench_of_a_motion_needs_a_shell():
-    done = cosim("bench", "forward_edc")
-    assert done.exit_code == 2
-    assert "bench needs a hood of finite elements" in done.stderr
 
 
 def test_mesh_writes_a_file_that_a_case_can_take(tmp_path, monkeypatch):

@@ -8,8 +8,8 @@ import pytest
 from cosim.coupling.adaptive import Control, adaptive_step
 from cosim.coupling.schemes import Explicit, Linear, Newton, Scheme, begin, step
 from cosim.errors import ConvergenceError, InputError
-from cosim.verification.pairs import REST, pulls_on_cables, soft_pair, soft_truth, stiff_pair
 from tests.helpers.recording_hood import recording_pair
+from tests.proofs.coupling.pairs import REST, pulls_on_cables, soft_pair, soft_truth, stiff_pair
 
 
 def steps_of(control: Control, until: float, scheme: Scheme | None = None) -> list:

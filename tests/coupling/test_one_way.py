@@ -17,11 +17,10 @@ from cosim.port import STATIC, Load, Response
 from cosim.results.conventions import vector_of
 from cosim.results.result import Result
 from cosim.tendons.muscles import live_muscles
-from cosim.verification import schemes_at_rest as verification_rest
-from cosim.verification import thesis as verification_thesis
 from meshes.skeleton import BODIES
 from rigid.chain.support import HELD
 from tests.helpers.fingers import POSTURE, mujoco_finger
+from tests.proofs.coupling import thesis_rows as verification_thesis
 
 ONE_WAY = 'coupling.scheme="one_way"'
 ALLOWED = "coupling.allow_double_counting=true"
@@ -220,17 +219,3 @@ def test_the_thesis_pass_exceeds_what_a_tendon_can_do_and_each_force_once_does_n
     assert excess.computed > 3.469, "more than the tendon pulls with"
     assert exceeded.target > 5 * exceeded.computed
     assert max(plain.computed, both.computed) < 0.2 * exceeded.target
-
-
-@pytest.mark.slow
-def test_newton_a_fixed_point_and_a_motion_run_to_rest_agree():
-    rows = list(verification_rest.first_rows())
-    assert len(rows) == 4
-    assert all(row.passed for row in rows)
-    assert max(row.computed for row in rows) < 1e-5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("study", [*verification_thesis.STUDIES, *verification_rest.STUDIES])
-def test_all_rows_pass(study):
-    assert [row.name for row in study.rows() if not row.passed] == []

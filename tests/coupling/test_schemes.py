@@ -29,16 +29,9 @@ from cosim.coupling.state import (
 )
 from cosim.errors import ConvergenceError
 from cosim.port import STATIC, Array
-from cosim.verification.coupling import (
-    SCHEMES,
-    STUDIES,
-    TIGHT,
-    angles_of,
-    drive,
-    limit_row,
-    order_row,
-)
-from cosim.verification.pairs import (
+from rigid.chain.moving_hinge import MovingHinge
+from tests.helpers.recording_hood import recording_pair
+from tests.proofs.coupling.pairs import (
     DAMPING,
     FULL,
     INERTIA,
@@ -51,25 +44,17 @@ from cosim.verification.pairs import (
     stability_limit,
     stiff_pair,
 )
-from rigid.chain.moving_hinge import MovingHinge
-from tests.helpers.recording_hood import recording_pair
+from tests.proofs.coupling.scheme_rows import (
+    SCHEMES,
+    TIGHT,
+    angles_of,
+    drive,
+    limit_row,
+    order_row,
+)
 
-QUICK = {"partitioned = monolithic"}
 EACH = [pytest.param(scheme, id=name) for name, scheme in SCHEMES.items()]
 TOGETHER = [Implicit(Aitken(), TIGHT), Implicit(QuasiNewton(), TIGHT), Newton(TIGHT), Linear()]
-
-
-def study(name: str) -> object:
-    return pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow])
-
-
-@pytest.mark.parametrize("name", [study(s.name) for s in STUDIES])
-def test_every_row_passes(name):
-    rows = [row for s in STUDIES if s.name == name for row in s.rows()]
-    assert rows
-    failed = [f"{r.name}, {r.quantity}: {r.computed:g} for {r.target:g}" for r in rows
-              if not r.passed]  # fmt: skip
-    assert not failed
 
 
 def cables(scheme: Scheme, steps: int = 20, dt: float = 1e-3) -> list[CoupledState]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from importlib.resources import files
 from pathlib import Path
 
 import mujoco
@@ -27,6 +26,7 @@ from meshes.skeleton import BODIES, JOINTS
 from rigid.mjcf.read import read_mjcf
 from rigid.mujoco.finger import MujocoFinger
 from rigid.opensim.osim import import_osim, write_import
+from tests.helpers.folders import CASE_DATA, TEST_DATA
 
 RIGHT = np.eye(3)
 LIKE_MYOHAND = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
@@ -103,14 +103,13 @@ def test_what_mjcf_writes_is_read_back_as_the_same_finger(exported: Path):
 
 def test_a_finger_imported_from_opensim_is_one_for_new_and_runs(tmp_path: Path):
     """Its metacarpal is the ground, its abduction turns before its flexion."""
-    data = files("rigid.verification") / "data"
-    written = write_import(import_osim(Path(str(data / "finger.osim"))), tmp_path / "finger.xml")
+    written = write_import(import_osim(CASE_DATA / "finger.osim"), tmp_path / "finger.xml")
     made, told = new_case("imported", UserAnatomy(finger=written[0]), tmp_path / "out")
     assert "finger: changed: no body is the metacarpal; the world is" in "\n".join(told)
     case = load_case(made, ['tendons.EDC.tension="3 N"', "output.picture=false"])
     finger = live_finger(case.finger, case.hood.left_to_finger)
     assert finger.joints == ("MCP_abduction", "MCP", "PIP", "DIP")
-    known = json.loads((data / "finger_opensim.json").read_text())
+    known = json.loads((TEST_DATA / "opensim" / "finger_opensim.json").read_text())
     assert tuple(known["coordinates"]) == finger.joints
     columns = [known["paths"].index(name) for name in finger.tendons]
     for angles, arms in zip(known["postures"], known["moment_arms"], strict=True):
@@ -227,7 +226,7 @@ def test_the_first_of_several_names_that_is_there_is_taken(tmp_path: Path):
 
 
 def test_the_packaged_names_are_parts_that_a_finger_has():
-    named = read_toml(Path(str(files("cases"))) / "data" / "names_myohand.toml")
+    named = read_toml(CASE_DATA / "names_myohand.toml")
     assert set(named) >= {*BODIES, *JOINTS, "tip", "EDC", "FDP"}
     assert set(named) <= {*BODIES, *JOINTS, "tip", *TENDONS}
     assert all(re.fullmatch(r"[\w|-]+", theirs) for theirs in named.values())

@@ -12,7 +12,6 @@ from cosim.commands.fmu import fmu
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.write import write_fmu
 from cosim.solve.solvers import solve
-from cosim.verification import fmu as verification
 from tests.helpers.fmus import NEEDS_FMU, places_of
 
 pytestmark = NEEDS_FMU
@@ -63,11 +62,3 @@ def test_a_shells_coupled_unit_gives_the_native_run(tmp_path, fmi):
     unit.set(place["tension"], 1.2 * unit.get(place["tension"]))
     unit.step(0.01)
     assert np.array_equal(unit.get(place["tip_force"]), more)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("study", verification.STUDIES, ids=lambda study: study.name)
-def test_the_rows_pass(study):
-    rows = list(study.rows())
-    assert len(rows) == (20 if study.name == "FMU, motion" else 26)
-    assert [row.quantity for row in rows if not row.passed] == []

@@ -20,8 +20,8 @@ from cosim.models.build import Models, build
 from cosim.models.fit import check_fit
 from cosim.pipeline import run_case
 from cosim.results.result import Result
-from cosim.verification.fmu import in_units
 from tests.helpers.fmus import NEEDS_FMU, change_description
+from tests.proofs.coupling.fmu_rows import in_units
 
 pytestmark = NEEDS_FMU
 BOTH = pytest.mark.parametrize("fmi", [2, 3])

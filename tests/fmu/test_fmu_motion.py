@@ -19,7 +19,6 @@ from cosim.pipeline import run_case
 from cosim.port import AffineLoad, Motion
 from cosim.results.conventions import vector_of
 from cosim.results.result import Result
-from cosim.verification.fmu import MOTION_OF_UNITS, in_units
 from tests.helpers.fmus import (
     FREE,
     NEEDS_FMU,
@@ -30,6 +29,7 @@ from tests.helpers.fmus import (
     places_of,
     run_in_fmpy,
 )
+from tests.proofs.coupling.fmu_rows import MOTION_OF_UNITS, in_units
 
 pytestmark = NEEDS_FMU
 BOTH = pytest.mark.parametrize("fmi", [2, 3])

@@ -19,9 +19,9 @@ from cosim.fmu_export.state import Snapshot
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.solve.session import Session
-from cosim.verification.fmu import MOTION, MOTION_OF_UNITS, in_units
 from tests.helpers.fmus import NEEDS_FMU, change_description, moving_case, places_of
 from tests.helpers.motions import identical
+from tests.proofs.coupling.fmu_rows import MOTION, MOTION_OF_UNITS, in_units
 
 pytestmark = NEEDS_FMU
 BOTH = pytest.mark.parametrize("fmi", [2, 3])

@@ -33,12 +33,12 @@ from rigid.mjcf.read import read_mjcf
 from rigid.opensim.osim import import_osim
 from rigid.opensim.sto import read_sto
 from rigid.opensim.trc import read_trc
-from rigid.verification.osim_rows import shipped_models
 from tests.helpers.feb_files import feb_text
 from tests.helpers.feb_strips import quadratic_text
 from tests.helpers.folders import ROOT
 from tests.helpers.osim_files import OLD_MODEL
 from tests.helpers.own_anatomy import user_hood
+from tests.proofs.fingers.osim_rows import shipped_models
 
 FILES, SLOW_FILES = 2000, 150
 MOST_SECONDS = 10
@@ -123,7 +123,7 @@ def an_stl(folder: Path) -> bytes:
 
 
 def an_osim(folder: Path) -> bytes:
-    return (ROOT / "rigid" / "verification" / "data" / "finger.osim").read_bytes()
+    return (ROOT / "cases" / "data" / "finger.osim").read_bytes()
 
 
 def an_old_osim(folder: Path) -> bytes:

@@ -19,7 +19,7 @@ from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.table import Loading
 from cosim.fmu.unit import Command, Unit
 from cosim.fmu_export.run import part_of
-from cosim.verification.fmu import MOTION
+from tests.proofs.coupling.fmu_rows import MOTION
 
 NEEDS_FMU = [
     pytest.mark.fmu,

@@ -20,7 +20,7 @@ from fe_solver.sheet import even_sheet, plate
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.supports import Body, ContactPair, SpringLaw, SpringSet, Tied
 from fe_solver.surfaces.shapes import Capsule
-from fe_solver.verification.sheets import map_grid
+from tests.proofs.fe.sheets import map_grid
 
 LENGTH, WIDTH, THICK, E = 20e-3, 5e-3, 0.5e-3, 100e6
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))

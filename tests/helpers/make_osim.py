@@ -2,7 +2,7 @@
 
 Run by a Python that has the package `opensim`:
 
-    python -m tests.helpers.make_osim rigid/verification/data
+    python -m tests.helpers.make_osim tests/data/opensim
 
 It writes finger.osim, and finger_opensim.json with lengths and moment arms at 20 random postures.
 

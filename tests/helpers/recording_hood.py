@@ -8,8 +8,8 @@ import numpy as np
 
 from cosim.errors import ConvergenceError
 from cosim.port import Array, HoodJacobian, Motion, Response
-from cosim.verification.pairs import Drum, stiff_pair
 from rigid.chain.moving_hinge import MovingHinge
+from tests.proofs.coupling.pairs import Drum, stiff_pair
 
 
 @dataclass

@@ -14,9 +14,9 @@ from cosim.hoods.lumped.build import slip_forces
 from cosim.hoods.lumped.table import NetworkHoodConfig
 from cosim.models.build import Models, build
 from cosim.port import STATIC
-from cosim.verification.reduction import SOFT
 from rigid.hoods.reduced import ReducedPotential
 from rigid.hoods.reduction import Order, Sample, reduce_hood, stack
+from tests.proofs.hoods.reduction_rows import SOFT
 
 JOINTS, MUSCLES = ("MCP", "MCP_abduction", "PIP", "DIP"), ("EDC", "LUM", "FPI")
 STRAIGHT = Order(angle=4, toe=None)

@@ -12,8 +12,8 @@ from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.supports import SpringLaw, SpringSet, springs_of
 from fe_solver.surfaces.spline_distance import Sphere
-from fe_solver.verification import sheets
-from fe_solver.verification.sheets import clamp, guide, sheet
+from tests.proofs.fe import sheets
+from tests.proofs.fe.sheets import clamp, guide, sheet
 
 TIGHT = NewtonOptions(tolerance=1e-12)
 TENSION = np.array([3.0, 1.5])

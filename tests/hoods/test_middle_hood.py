@@ -21,8 +21,8 @@ from meshes.hood_mesh import HoodMesh
 from meshes.hull import DIP, PIP, Centreline, Hull, Level, along
 from meshes.skeleton import BODIES, index_finger
 from rigid.fingers import middle as middle_finger
-from rigid.verification.finger_rows import SINGLE_TENDON
 from tests.helpers.folders import CASE_DATA
+from tests.proofs.fingers.finger_rows import SINGLE_TENDON
 
 WIDER = 23.63 / 20
 POSTURES = {"minorflex": (40, 55, 35), "majorflex": (55, 57, 25)}

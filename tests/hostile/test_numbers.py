@@ -75,7 +75,7 @@ def test_what_a_comment_says_is_no_number(tmp_path: Path) -> None:
 @pytest.mark.parametrize("key", OF_MUSCLES)
 def test_numbers_of_muscles_that_are_not_finite_are_refused(key: str, tmp_path: Path) -> None:
     path = tmp_path / "model.osim"
-    text = (ROOT / "rigid" / "verification" / "data" / "finger.osim").read_text()
+    text = (ROOT / "cases" / "data" / "finger.osim").read_text()
     assert f"<{key}>" in text
     for changed, line in with_words(text, rf"<{key}>([^<]*)</{key}>", 1):
         path.write_text(changed)

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from rigid.verification import dynamics_rows
-from rigid.verification.thesis_twin import LENGTHS, POSTURE, TENSIONS, twin_law, twin_model
+from tests.proofs.fingers import dynamics_rows
+from tests.proofs.fingers.thesis_twin import LENGTHS, POSTURE, TENSIONS, twin_law, twin_model
 
 
 def test_the_twin_is_the_thesis_s_finger() -> None:

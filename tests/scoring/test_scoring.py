@@ -285,7 +285,7 @@ def test_without_a_fingertip_no_force_is_judged(tmp_path: Path) -> None:
 
 def test_an_opensim_hand_goes_through_the_importer(tmp_path: Path) -> None:
     """Its strengths and fibres come from the file, and what the importer lost is told first."""
-    path = ROOT / "rigid" / "verification" / "data" / "finger.osim"
+    path = ROOT / "cases" / "data" / "finger.osim"
     model = read_hand(path, tmp_path)
     assert model.source == "OpenSim"
     assert model.matched is not None

@@ -8,8 +8,8 @@ from cosim.analyses.length_experiments import HOODS, case_with, experiments, lev
 from cosim.case.file import load_case
 from cosim.report.strengths import NOT_KNOWN, insertion_forces, strength_of
 from cosim.results.quantities import is_known
-from cosim.verification.lengths import STUDIES, rows
 from meshes.hood_mesh import REGIONS
+from tests.proofs.studies.length_rows import rows
 
 CASES = (
     *("lengths_terminal_1mm", "lengths_terminal_4mm", "lengths_central_gap"),
@@ -48,11 +48,6 @@ def test_the_levers_are_those_of_the_straight_finger():
     at = levers(load_case("cuts_sagittal_bands"))
     assert at["PIP"] == pytest.approx(42.6, abs=0.1)
     assert at["fingertip"] == pytest.approx(85.8, abs=0.2)
-
-
-def test_every_study_can_be_asked_for_alone():
-    assert len({s.name for s in STUDIES}) == len(STUDIES) == 8
-    assert not [s for s in STUDIES if "shell" in s.name]  # a group of the validations
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 from fe_solver.elements.fibres import at_nodes, follow_mesh, smooth_fibres
 from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.mitc4 import GAUSS, shape
-from fe_solver.verification import sheets
+from tests.proofs.fe import sheets
 
 
 def ring(around: int):

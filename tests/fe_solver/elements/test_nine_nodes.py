@@ -17,7 +17,7 @@ from fe_solver.job.solve import solve_job
 from fe_solver.materials.linear import Isotropic
 from fe_solver.sheet import even_sheet, quads_from_vtk
 from fe_solver.supports import WALL, Tied
-from fe_solver.verification.sheets import elements
+from tests.proofs.fe.sheets import elements
 
 ORDERS = list(permutations(range(4, 9)))[1:]
 

@@ -1,5 +1,5 @@
 """The shell element: invariance, derivatives, growth and fields; the rest of it is verified by
-`fe_solver.verification` (`test_verification`)."""
+`tests/proofs/fe`."""
 
 from __future__ import annotations
 
@@ -29,8 +29,9 @@ from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.fields import energy_fields, fields
 from fe_solver.solver.model import Configuration
 from fe_solver.solver.newton import solve
-from fe_solver.verification import sheets
-from fe_solver.verification.sheets import (
+from tests.helpers import shells
+from tests.proofs.fe import sheets
+from tests.proofs.fe.sheets import (
     BENCHMARK,
     NO_TENSION,
     at_rest,
@@ -41,7 +42,6 @@ from fe_solver.verification.sheets import (
     plate,
     sheet,
 )
-from tests.helpers import shells
 
 VECTORS = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
 SHAPES = {

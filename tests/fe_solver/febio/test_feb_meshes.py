@@ -19,9 +19,9 @@ from fe_solver.job.solve import solve_job
 from fe_solver.materials.linear import Isotropic
 from fe_solver.q4ans.model import obstacles
 from fe_solver.sheet import even_sheet, grid
-from fe_solver.verification.sheets import with_nine_nodes
 from tests.helpers.feb_strips import LENGTH, THICK, WIDTH, E, end_nodes, read_strip, strip_text
 from tests.helpers.febio_schema import faults
+from tests.proofs.fe.sheets import with_nine_nodes
 
 PRESSED = '<surface_load surface="{}" type="pressure"><pressure lc="1">{}</pressure></surface_load>'
 SIZE = 1e-5

@@ -17,7 +17,8 @@ from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import worst_place
 from fe_solver.surfaces.shapes import HalfSpace, Sphere
-from fe_solver.verification.sheets import (
+from tests.helpers.poses import POSITION, ROTATION
+from tests.proofs.fe.sheets import (
     NO_TENSION,
     at_rest,
     clamp,
@@ -26,7 +27,6 @@ from fe_solver.verification.sheets import (
     sheet,
     with_nine_nodes,
 )
-from tests.helpers.poses import POSITION, ROTATION
 
 SIDE = 2e-3
 RADIUS, DEPTH = 5e-3, 0.4e-3

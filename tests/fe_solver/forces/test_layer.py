@@ -19,7 +19,9 @@ from fe_solver.forces.layer import TOE, USED_UP, Layer, layer_response, pressure
 from fe_solver.solver.augmented_contact import solve_augmented
 from fe_solver.solver.newton import solve
 from fe_solver.surfaces.shapes import Distance
-from fe_solver.verification.contact_rows import (
+from tests.fe_solver.forces.test_contact import by_node, touching
+from tests.helpers.poses import POSITION, ROTATION
+from tests.proofs.fe.contact_rows import (
     ANGLE,
     NEWTON,
     RADIUS,
@@ -27,9 +29,7 @@ from fe_solver.verification.contact_rows import (
     far_tension,
     strip,
 )
-from fe_solver.verification.sheets import at_rest
-from tests.fe_solver.forces.test_contact import by_node, touching
-from tests.helpers.poses import POSITION, ROTATION
+from tests.proofs.fe.sheets import at_rest
 
 SHARES = st.floats(-0.5, 1.5)
 THICKNESS, MODULUS = 0.5e-3, 2e6

@@ -20,7 +20,7 @@ from fe_solver.forces.springs import (
     spring_forces,
     spring_state,
 )
-from fe_solver.verification.sheets import GROUND
+from tests.proofs.fe.sheets import GROUND
 
 ONE = Springs(*(np.array([v]) for v in (0, 0, [0.0, 0, 0], 100.0, 2e-3, True, 0)))
 BOTH = replace(ONE, tension_only=np.array([False]))

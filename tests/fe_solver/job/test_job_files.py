@@ -18,7 +18,6 @@ from fe_solver.job.job import NodalForce
 from fe_solver.job.model import move_to_mid_surface
 from fe_solver.job.solve import solve_job
 from fe_solver.supports import Body, SpringLaw, SpringSet, Tied
-from fe_solver.verification.febio.compare import quantities
 from tests.helpers.febio_schema import faults
 from tests.helpers.folders import TEST_DATA
 from tests.helpers.jobs import (
@@ -36,6 +35,7 @@ from tests.helpers.jobs import (
     strip,
     total,
 )
+from tests.proofs.fe.febio_models import quantities
 
 
 def test_a_hood_and_its_job_agree_and_so_does_the_file(tmp_path):

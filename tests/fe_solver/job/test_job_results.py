@@ -20,8 +20,6 @@ from fe_solver.job.results import write_job
 from fe_solver.job.solve import _advice, solve_job
 from fe_solver.q4ans.solve import alternatives, solve_solid
 from fe_solver.supports import SpringLaw
-from fe_solver.verification.febio.compare import Formulation, quantities, rows
-from fe_solver.verification.febio.figures import PUBLISHED
 from tests.helpers.jobs import (
     PLAIN,
     bending_job,
@@ -30,6 +28,8 @@ from tests.helpers.jobs import (
     spring_job,
     strip,
 )
+from tests.proofs.fe.febio_figures import PUBLISHED
+from tests.proofs.fe.febio_models import Formulation, quantities, rows
 
 
 def test_results_are_whole_and_can_be_read(tmp_path):

@@ -20,8 +20,8 @@ from fe_solver.materials.in_situ import in_situ_growth
 from fe_solver.materials.linear import Law
 from fe_solver.materials.section import Patch, join_sections, one_law
 from fe_solver.materials.tension_field import TensionField
-from fe_solver.verification.material_points import axes, differences, least_energy, rotate, strains
-from fe_solver.verification.material_rows import ARTERY, ISOTROPIC, ORTHOTROPIC, SOFT_TENDON, TENDON
+from tests.proofs.fe.material_points import axes, differences, least_energy, rotate, strains
+from tests.proofs.fe.material_rows import ARTERY, ISOTROPIC, ORTHOTROPIC, SOFT_TENDON, TENDON
 
 MPA = 1e6
 TOE = ExponentialFamily(0.3 * MPA, 40.0, 400 * MPA, 1.04)

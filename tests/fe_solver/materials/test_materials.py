@@ -18,8 +18,8 @@ from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, 
 from fe_solver.materials.hyperelastic import NeoHookean, volume_ratio
 from fe_solver.materials.linear import Isotropic, Law, LinearLaw, Orthotropic
 from fe_solver.materials.tension_field import RESIDUAL, State, TensionField
-from fe_solver.verification import material_rows
-from fe_solver.verification.material_points import (
+from tests.proofs.fe import material_rows
+from tests.proofs.fe.material_points import (
     axes,
     differences,
     fibre_tension,
@@ -29,7 +29,7 @@ from fe_solver.verification.material_points import (
     strains,
     uniaxial,
 )
-from fe_solver.verification.material_rows import LAWS, ORTHOTROPIC, SMOOTH, TENDON
+from tests.proofs.fe.material_rows import LAWS, ORTHOTROPIC, SMOOTH, TENDON
 
 CURVED = {n: law for n, law in LAWS.items() if not isinstance(law, LinearLaw | TensionField)}
 MORE = {

@@ -12,7 +12,7 @@ from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law
 from fe_solver.materials.section import Patch, Section, join_sections
 from fe_solver.materials.tension_field import TensionField
-from fe_solver.verification.material_rows import TENDON
+from tests.proofs.fe.material_rows import TENDON
 
 LAWS: tuple[Law | TensionField, ...] = (
     TENDON,

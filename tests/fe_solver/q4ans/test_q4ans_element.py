@@ -28,9 +28,9 @@ from fe_solver.q4ans.element import (
 )
 from fe_solver.q4ans.facets import Facets, cut, find_triangles, pressures
 from fe_solver.q4ans.laws import in_situ_strain, normal_modulus, solid_stress
-from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
-from fe_solver.verification.sheets import map_grid
 from tests.helpers.jobs import COARSE, LENGTH, THICK, WIDTH, E, strip
+from tests.proofs.fe.febio_rows import FEBIO_STRESS, MPA, febio_law
+from tests.proofs.fe.sheets import map_grid
 
 RNG = np.random.default_rng(5)
 RUBBER = Isotropic(E, 0.4)

@@ -29,9 +29,6 @@ from fe_solver.q4ans.model import obstacles, solid_model
 from fe_solver.q4ans.solve import solve_solid
 from fe_solver.sheet import ShellPart
 from fe_solver.supports import SpringLaw, SpringSet, Tied
-from fe_solver.verification.febio.compare import ComparedQuantity, Formulation, quantities, rows
-from fe_solver.verification.febio.figures import PUBLISHED
-from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
 from tests.helpers.folders import TEST_DATA
 from tests.helpers.jobs import (
     COARSE,
@@ -48,6 +45,9 @@ from tests.helpers.jobs import (
     spring_job,
     strip,
 )
+from tests.proofs.fe.febio_figures import PUBLISHED
+from tests.proofs.fe.febio_models import ComparedQuantity, Formulation, quantities, rows
+from tests.proofs.fe.febio_rows import FEBIO_STRESS, MPA, febio_law
 
 RUBBER = Isotropic(E, 0.4)
 PENALTY = replace(COARSE, penetration=None)

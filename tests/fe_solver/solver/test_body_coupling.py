@@ -12,8 +12,8 @@ from fe_solver.forces.guides import Guides, Ropes
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import Solution, solve
-from fe_solver.verification.sheets import at_rest
 from tests.helpers.straps import TENSION, TIGHT, perturb, strap
+from tests.proofs.fe.sheets import at_rest
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,8 @@ from fe_solver.solver import dynamics
 from fe_solver.solver.dynamics import Substance, Viscous, advance, kinetic_energy, masses
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions
-from fe_solver.verification.sheets import NO_TENSION, at_rest, clamp, plate, sheet
 from tests.helpers import shells
+from tests.proofs.fe.sheets import NO_TENSION, at_rest, clamp, plate, sheet
 
 MODULUS, THICKNESS, LENGTH = 1e6, 0.01, 1.0
 STUFF = Substance(density=1000.0)

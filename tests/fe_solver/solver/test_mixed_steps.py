@@ -17,7 +17,8 @@ from fe_solver.solver.model import Configuration, Forces, ShellModel
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.solver.residual import is_folded, residual_norm
 from fe_solver.supports import springs_of
-from fe_solver.verification.sheets import (
+from tests.helpers.straps import TENSION, TIGHT, perturb, springs, strap
+from tests.proofs.fe.sheets import (
     NO_TENSION,
     at_rest,
     clamp,
@@ -26,7 +27,6 @@ from fe_solver.verification.sheets import (
     sheet,
     with_nine_nodes,
 )
-from tests.helpers.straps import TENSION, TIGHT, perturb, springs, strap
 
 LONGEST = 3e-3, 0.6
 """m and rad, the longest step."""

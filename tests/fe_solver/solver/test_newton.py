@@ -20,9 +20,9 @@ from fe_solver.solver.newton_step import LONG, descent_step, factorise, limit_st
 from fe_solver.solver.residual import residual_norm
 from fe_solver.supports import springs_of
 from fe_solver.surfaces.spline_distance import Sphere
-from fe_solver.verification import sheets
-from fe_solver.verification.sheets import NO_TENSION, at_rest, clamp, guide, plate, sheet
 from tests.helpers.straps import TENSION, TIGHT, perturb, springs, strap
+from tests.proofs.fe import sheets
+from tests.proofs.fe.sheets import NO_TENSION, at_rest, clamp, guide, plate, sheet
 
 
 @pytest.fixture(scope="module")

@@ -28,15 +28,9 @@ from rigid.air.plant import (
     step,
     tension,
 )
-from rigid.verification.air_rows import chamber_rows
 
 AIR = Pneumatics()
 VOLUME = np.full(3, 6e-6)
-
-
-def test_the_chamber_agrees_with_its_closed_forms() -> None:
-    missed = [f"{r.name}: {r.quantity}" for r in chamber_rows() if not r.passed]
-    assert missed == []
 
 
 def test_the_flow_function_is_iso_6358_s() -> None:

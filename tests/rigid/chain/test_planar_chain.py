@@ -14,7 +14,6 @@ from cosim.fingers.planar import planar_chain
 from cosim.pipeline import run_case
 from rigid.chain.planar_chain import BUCHNER, PlanarChain
 from rigid.chain.support import HELD
-from rigid.verification.finger_rows import planar_rows
 from tests.helpers.fingers import loaded_state, mujoco_finger
 
 NONE = np.zeros(2)
@@ -70,11 +69,6 @@ def test_table_2_gives_uniform_rods() -> None:
     """The paper's inertias are m L^2 / 12, to its three digits."""
     rods = BUCHNER.mass * BUCHNER.length**2 / 12
     assert BUCHNER.inertia == pytest.approx(rods, rel=0.006)
-
-
-def test_mujoco_accelerates_alike() -> None:
-    (row,) = planar_rows()
-    assert row.passed
 
 
 def test_a_chain_that_does_not_fit_is_refused() -> None:

@@ -19,14 +19,14 @@ from rigid.model import FingerModel, Hinge, Segment
 from rigid.mujoco.dynamics import ConstantTension, DynamicPull, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage, Device, Shell, TipContact
-from rigid.verification.forward import (
+from tests.helpers.fingers import POSTURE, straight_skeleton
+from tests.proofs.fingers.forward import (
     RestCriterion,
     Simulation,
     limit_energy,
     require_rest,
     simulate,
 )
-from tests.helpers.fingers import POSTURE, straight_skeleton
 
 LENGTH, MASS, GRAVITY = 0.05, 0.02, 9.81
 STIFF = dict.fromkeys(JOINTS, 0.04)

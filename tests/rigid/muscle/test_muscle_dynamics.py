@@ -24,7 +24,7 @@ from rigid.muscle.dynamics import (
 )
 from rigid.muscle.millard import equilibrium, path_length
 from rigid.muscle.parameters import DAMPED, Muscles, curves_without_damping
-from rigid.verification.index_muscles import index_muscles
+from tests.proofs.fingers.index_muscles import index_muscles
 
 INDEX = index_muscles()
 RIGID = index_muscles(rigid_tendon=True)

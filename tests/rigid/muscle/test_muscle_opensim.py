@@ -12,8 +12,8 @@ from rigid.muscle.curves import Curve
 from rigid.muscle.dynamics import activation_rate, fibre_velocity, rigid_force
 from rigid.muscle.millard import equilibrium
 from rigid.muscle.parameters import DAMPED, Muscles, curves_without_damping
-from rigid.verification import opensim_reference as reference
-from rigid.verification.index_muscles import index_muscles
+from tests.proofs.fingers import opensim_reference as reference
+from tests.proofs.fingers.index_muscles import index_muscles
 
 opensim = pytest.importorskip("opensim")
 pytestmark = pytest.mark.opensim

@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 
 from cosim.commands.opensim import import_model
 from rigid.opensim.osim import write_import
-from rigid.verification.osim_rows import at_postures, rows, shipped_models
 from tests.helpers.osim_files import (
     PLAIN,
     axis,
@@ -28,6 +27,7 @@ from tests.helpers.osim_files import (
     muscle,
     point,
 )
+from tests.proofs.fingers.osim_rows import at_postures, shipped_models
 
 F_PLACE, F_TURN = (0.1, -0.2, 0.3), (0.4, -0.3, 0.2)
 M_PLACE, M_TURN = (-0.05, 0.02, 0.07), (0.3, 0.5, -0.2)
@@ -60,12 +60,6 @@ def place(data: mujoco.MjData, name: str = "b") -> np.ndarray:
     out = np.eye(4)
     out[:3, :3], out[:3, 3] = data.body(name).xmat.reshape(3, 3), data.body(name).xpos
     return out
-
-
-def test_the_finger_that_opensim_wrote_has_opensims_lengths_arms_and_masses() -> None:
-    made = list(rows())
-    assert len(made) == 18
-    assert [r.quantity for r in made if not r.passed] == []
 
 
 def test_the_rows_notice_a_point_that_is_a_hundredth_of_a_micrometre_off() -> None:

@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rigid.opensim.osim import import_osim
-from rigid.verification.osim_rows import at_postures, shipped_models
+from tests.proofs.fingers.osim_rows import at_postures, shipped_models
 
 F_PLACE, F_TURN = (0.1, -0.2, 0.3), (0.4, -0.3, 0.2)
 M_PLACE, M_TURN = (-0.05, 0.02, 0.07), (0.3, 0.5, -0.2)

@@ -12,7 +12,6 @@ from numpy.testing import assert_allclose
 
 from cosim.errors import InputError
 from rigid.opensim.osim import import_osim
-from rigid.verification.osim_rows import shipped_models
 from tests.helpers.osim_files import (
     PIN,
     PLAIN,
@@ -26,6 +25,7 @@ from tests.helpers.osim_files import (
     point,
     reasons,
 )
+from tests.proofs.fingers.osim_rows import shipped_models
 
 CONTACT = """<HuntCrossleyForce name="contact">
 <HuntCrossleyForce::ContactParametersSet name="contact_parameters"><objects>

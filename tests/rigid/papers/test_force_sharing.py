@@ -18,29 +18,11 @@ from rigid.papers.buchner1988.flexion import DURATION, FULL, cosine, curve_motio
 from rigid.papers.buchner1988.force_sharing import linear, quadratic
 from rigid.papers.networks.human_network import MUSCLES, human_finger
 from rigid.papers.networks.point_contact import best_share, distal_torque, settle, tip_jacobian
-from rigid.verification import contact_rows, sharing_rows
-from rigid.verification.table import HOOD_STUDIES
+from tests.proofs.hoods import contact_rows, sharing_rows
 
 EQUAL = np.ones(5)
 HALF = np.zeros((2, 5))
 HALF[:, 0] = 0.5
-
-
-LONG = {"virtual testbed", "force sharing", "point contact"}
-"""Studies that the default run of the tests leaves out."""
-
-
-@pytest.mark.parametrize(
-    "study",
-    [
-        pytest.param(s, id=s.name, marks=[pytest.mark.slow] if s.name in LONG else [])
-        for s in HOOD_STUDIES
-    ],
-)
-def test_every_row_passes(study):
-    rows = list(study.rows())
-    assert rows
-    assert not [row for row in rows if not row.passed]
 
 
 def test_every_row_on_the_programmes_passes(monkeypatch):

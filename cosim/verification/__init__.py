@@ -1,1 +1,0 @@
-"""The model beside known answers: rows of `cosim verify`."""

@@ -1,1 +1,0 @@
-"""The verification of the shell solver: closed forms, published benchmarks and FEBio's figures."""

@@ -1,1 +1,0 @@
-"""Our answers and costs beside FEBio's."""

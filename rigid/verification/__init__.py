@@ -1,1 +1,0 @@
-"""The verification of the finger's parts: closed forms, published curves and OpenSim's figures."""
