@@ -17,7 +17,8 @@ from cosim.extras import is_installed
 from cosim.files import check_file
 
 ROOT = Path(cosim.__file__).parents[1]
-CLONE = "git clone https://github.com/cosim-hand/cosim"
+NOTHING_FOUND = 5
+"""pytest's exit code where no test has the name."""
 
 
 class Area(StrEnum):
@@ -54,8 +55,8 @@ def verify(
         folder = ROOT / "tests" / "proofs" / area.value
         if not folder.is_dir():
             raise InputError(
-                f"cosim verify: the proofs are tests of a checkout, and not of an installation: "
-                f"{CLONE}, then pip install -e '.[test]' in it"
+                "cosim verify: the proofs are tests, which an installation does not hold: clone "
+                "the repository, and in it pip install -e '.[test]'"
             )
         if not is_installed("pytest"):
             raise InputError("cosim verify needs pytest: pip install -e '.[test]' in the checkout")
@@ -65,5 +66,9 @@ def verify(
         if rows is not None:
             check_file(rows)
             words += ["--rows", str(rows.absolute())]
-    done = subprocess.run([sys.executable, "-m", "pytest", str(folder), *words], cwd=ROOT)
+        call = [sys.executable, "-m", "pytest", str(folder), *words]
+        done = subprocess.run(call, cwd=ROOT, check=False)
+        if done.returncode == NOTHING_FOUND:
+            hint = "" if slow else ", or it is slow: --slow"
+            raise InputError(f"--only {only}: no proof of {area.value} has this name{hint}")
     raise typer.Exit(done.returncode)

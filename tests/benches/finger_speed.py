@@ -8,12 +8,14 @@ from functools import partial
 from statistics import median
 from time import perf_counter, process_time
 
+import mujoco
 import numpy as np
 import typer
 
 from cosim.analyses.mjcf_hood import hood_file
 from cosim.case.file import load_case
 from cosim.commands.terminal import stages
+from cosim.coupling.finger_equilibrium import at_rest
 from cosim.extras import require
 from cosim.models.build import mjcf_of
 from cosim.port import Array
@@ -25,12 +27,14 @@ from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage
 from rigid.papers.xu2012.control import JOINT_GAINS, forces_for_torques, joint_forces, remember
 from rigid.papers.xu2012.tracking import MARKERS, NOISE, poses
-from tests.proofs.fingers.dynamics_rows import time_static_solve
+from tests.proofs.fingers.dynamics_rows import ALONE, pull_of, settling_index_finger
+from tests.proofs.fingers.dynamics_rows import POSTURE as HELD
 from tests.proofs.fingers.forward import simulate
 from tests.proofs.fingers.thesis_twin import POSTURE, TENSIONS, tensions, twin_law, twin_model
 
 HOODED = "network_edc"
 REPEATS = 5
+SOLVES = 1000
 PAPER_LOOP, PAPER_QP = 2e-3, 2e-5
 """s: section VII, "around 2 msec" and "about 0.02 msec"."""
 COUNT = 400
@@ -78,6 +82,20 @@ def cpu_seconds(work: Callable[[], object], repeats: int) -> list[float]:
         work()
         out.append(process_time() - begin)
     return out
+
+
+def time_static_solve() -> dict[str, float]:
+    """CPU milliseconds in this process, medians: a static solve, of 1000 over the seven single
+    muscles, MuJoCo's forward dynamics of the same model alone, and their ratio."""
+    finger = settling_index_finger()
+    start, data = finger.start(HELD), mujoco.MjData(finger.model)
+    spent: list[float] = []
+    for muscles in ALONE.values():
+        solve = partial(at_rest, finger, start, pull_of(finger, muscles))
+        spent += cpu_seconds(solve, -(-SOLVES // len(ALONE)))
+    floor = cpu_seconds(lambda: mujoco.mj_forward(finger.model, data), SOLVES)
+    solve_ms, floor_ms = 1e3 * median(spent), 1e3 * median(floor)
+    return {"static_solve_ms": solve_ms, "mj_forward_ms": floor_ms, "ratio": solve_ms / floor_ms}
 
 
 def _forward_cpu(muscle: str, repeats: int) -> float:

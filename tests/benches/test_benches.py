@@ -87,7 +87,7 @@ def test_a_file_that_the_command_did_not_write_is_refused(tmp_path, content):
     file.write_text(content)
     done = run("files", "--against", str(file))
     assert done.exit_code == 2
-    assert "is no file that cosim bench --json wrote" in done.stderr
+    assert "is no file that --json of the benches wrote" in done.stderr
 
 
 def test_files_to_compare_must_be_named_and_be_there(tmp_path):
@@ -143,15 +143,21 @@ def test_the_files_of_a_commit_are_there_until_the_end():
 
 
 def test_a_version_that_fails_is_an_error_with_its_last_words(tmp_path):
-    package = tmp_path / "cosim"
-    package.mkdir()
-    for name in ("__init__.py", "cli.py"):
-        (package / name).touch()
-    (package / "__main__.py").write_text("raise SystemExit('no such bench here')")
+    for name in (
+        "cosim/__init__.py",
+        "cosim/cli.py",
+        "tests/__init__.py",
+        "tests/benches/__init__.py",
+    ):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / "tests" / "benches" / "__main__.py").write_text(
+        "raise SystemExit('no such bench here')"
+    )
     done = run("fingers", "--against", str(tmp_path))
     assert done.exit_code == 2
     assert done.stderr.endswith(
-        "cosim bench fingers --spacing 0.25 mm --most 2400: no such bench here\n"
+        "python -m tests.benches fingers --spacing 0.25 mm --most 2400: no such bench here\n"
     )
 
 

@@ -5,13 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from importlib.util import find_spec
 from math import pi
-from statistics import median
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from cosim.checks import Row
@@ -23,7 +20,6 @@ from rigid.fingers.index import finger_model
 from rigid.mujoco.dynamics import ConstantTension, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage, Device, Shell, TipContact, wrench
-from tests.benches.finger_speed import cpu_seconds
 from tests.helpers.folders import TEST_DATA
 from tests.proofs.fingers.forward import Simulation, simulate
 from tests.proofs.fingers.thesis_twin import LIMIT_DAMPING, POSTURE, TENSIONS, twin_law, twin_model
@@ -39,7 +35,6 @@ ALONE = {"EDC": ("EDC",), "EI": ("EI",), "LUM": ("LUM",), "FPI": ("FPI",)} | {
 }
 PULL = {**TENSIONS, "FDIm": 3.64, "FDIl": 3.64}
 """N, of each muscle that pulls (thesis, table 2: 10 %, of the first dorsal interosseous 5 %)."""
-SOLVES = 1000
 
 
 def rows() -> Iterator[Row]:
@@ -141,25 +136,11 @@ def rest_rows() -> Iterator[Row]:
     finger = settling_index_finger()
     start = finger.start(POSTURE)
     for name, muscles in ALONE.items():
-        _, balance = at_rest(finger, start, _pull(finger, muscles))
+        _, balance = at_rest(finger, start, pull_of(finger, muscles))
         apart = np.abs(_simulate(finger, muscles, None).force[-1] - balance.tip_force).max()
         source = "2 s of steps of 1 ms"
         quantity = "reaction of the static solve apart N"
         yield Row(f"static, {name}", quantity, 1e-4, float(apart), 0.0, source, "bound")
-
-
-def time_static_solve() -> dict[str, float]:
-    """CPU milliseconds in this process, medians: a static solve, of 1000 over the seven single
-    muscles, MuJoCo's forward dynamics of the same model alone, and their ratio."""
-    finger = settling_index_finger()
-    start, data = finger.start(POSTURE), mujoco.MjData(finger.model)
-    spent: list[float] = []
-    for muscles in ALONE.values():
-        solve = partial(at_rest, finger, start, _pull(finger, muscles))
-        spent += cpu_seconds(solve, -(-SOLVES // len(ALONE)))
-    floor = cpu_seconds(lambda: mujoco.mj_forward(finger.model, data), SOLVES)
-    solve_ms, floor_ms = 1e3 * median(spent), 1e3 * median(floor)
-    return {"static_solve_ms": solve_ms, "mj_forward_ms": floor_ms, "ratio": solve_ms / floor_ms}
 
 
 def settling_index_finger() -> MujocoFinger:
@@ -171,10 +152,10 @@ def settling_index_finger() -> MujocoFinger:
     return MujocoFinger(model, law=replace(law, limit_damping=LIMIT_DAMPING))
 
 
-def _pull(finger: MujocoFinger, muscles: tuple[str, ...]) -> Array:
+def pull_of(finger: MujocoFinger, muscles: tuple[str, ...]) -> Array:
     return np.array([PULL[t] if t in muscles else 0.0 for t in finger.tendons])
 
 
 def _simulate(finger: MujocoFinger, muscles: tuple[str, ...], device: Device | None) -> Simulation:
-    pull = ConstantTension(_pull(finger, muscles))
+    pull = ConstantTension(pull_of(finger, muscles))
     return simulate(FingerDynamics(finger, finger.start(POSTURE), pull, device))
