@@ -129,7 +129,7 @@ FLOORS = (
     {"cosim.__main__"},
 )
 # The papers' scripts and models, which proofs use, and no case.
-PAPERS = ("cases.papers", "rigid.papers")
+PAPERS = ("cases.papers",)
 # A kind of finger or hood is built on a solver.
 ROOMS_OF_SOLVERS = ("cosim.fingers", "cosim.hoods")
 # They ask live hoods behind the port, which have no tables: for their states, and for FEBio.

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from cases.papers.models.networks.testbed_study import REPORTED_ERRORS, errors, trials
 from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
 from cosim.models.build import hood_mesh
@@ -20,7 +21,6 @@ from cosim.results.conventions import vector_of
 from cosim.study.plan import read_plan
 from cosim.validation.mesh import distinct, tally
 from cosim.validation.uncertainty import read_committed
-from rigid.papers.networks.testbed_study import REPORTED_ERRORS, errors, trials
 from tests.golden import read_golden
 from tests.helpers.board import ANSWERS, in_each_hand, read_board, trust_rows
 from tests.helpers.folders import ROOT

@@ -30,7 +30,8 @@ def test_the_wheel_holds_every_package_whole():
     targets = WHOLE["tool"]["hatch"]["build"]["targets"]
     assert set(targets["wheel"]["packages"]) == packages
     assert {f"/{name}" for name in (*packages, "tests")} <= set(targets["sdist"]["include"])
-    assert set(WHOLE["tool"]["mypy"]["packages"]) == packages - {"cases"}
+    assert set(WHOLE["tool"]["mypy"]["packages"]) == {*packages, "cases.papers.models"} - {"cases"}
+    assert targets["wheel"]["exclude"] == ["/cases/papers/*.py", "/cases/papers/models"]
 
 
 def test_the_citation_is_of_this_version_and_licence():

@@ -56,7 +56,7 @@ CEILINGS = {
     "rigid/mujoco": 2089,
     "rigid/muscle": 1135,
     "rigid/opensim": 3783,
-    "rigid/papers": 3272,
+    "cases/papers/models": 3272,
     "rigid/verification": 2686,
     "tests": 57353,
 }

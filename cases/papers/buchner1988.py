@@ -18,18 +18,18 @@ from functools import cache
 import numpy as np
 import pandas as pd
 
-from cosim.checks import printed_values, read_printed
-from cosim.report.figures import legend_below, line_chart, new_picture, show, style_axes
-from rigid.hoods.two_band import JOINTS, LONG_NAMES, MUSCLES, TABLE_1, coupled_dip, excursions
-from rigid.papers.buchner1988.coordination import ControlLoop, deviation, flex
-from rigid.papers.buchner1988.coordination_findings import (
+from cases.papers.models.buchner1988.coordination import ControlLoop, deviation, flex
+from cases.papers.models.buchner1988.coordination_findings import (
     CHANGE,
     feasible,
     findings,
     flexion,
     table_sensitivity,
 )
-from rigid.papers.buchner1988.flexion import cosine
+from cases.papers.models.buchner1988.flexion import cosine
+from cosim.checks import printed_values, read_printed
+from cosim.report.figures import legend_below, line_chart, new_picture, show, style_axes
+from rigid.hoods.two_band import JOINTS, LONG_NAMES, MUSCLES, TABLE_1, coupled_dip, excursions
 
 MUSCLE_COLOURS = ("#0b5394", "#b45309", "#2e7d4f", "#8e3b8a", "0.45")
 ANGLE = np.radians(np.linspace(0.0, 110.0, 111))

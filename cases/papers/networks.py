@@ -20,28 +20,18 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 
-from cosim.case.file import load_case
-from cosim.checks import printed_values
-from cosim.hoods.lumped.table import JOINTS
-from cosim.models.build import build
-from cosim.pipeline import run_case
-from cosim.port import STATIC
-from cosim.report.figures import legend_below, new_picture, show, style_axes
-from rigid.chain.kinematics import body_jacobian, tip_jacobian
-from rigid.chain.planar_chain import BUCHNER
-from rigid.hoods.two_band import coupled_dip, lateral_band, middle_band
-from rigid.papers.networks import human_network, robotic_finger
-from rigid.papers.networks.arm_switch import switch
-from rigid.papers.networks.excursion_fit import EXTENSOR, dip_of_pip, identify
-from rigid.papers.networks.excursion_fit_check import (
+from cases.papers.models.networks import human_network, robotic_finger
+from cases.papers.models.networks.arm_switch import switch
+from cases.papers.models.networks.excursion_fit import EXTENSOR, dip_of_pip, identify
+from cases.papers.models.networks.excursion_fit_check import (
     NORMAL_95,
     draw_samples,
     repeat,
     true_parameters,
 )
-from rigid.papers.networks.human_network import OPERATING_FORCE, human_finger
-from rigid.papers.networks.point_contact import best_share, settle
-from rigid.papers.networks.testbed_runs import (
+from cases.papers.models.networks.human_network import OPERATING_FORCE, human_finger
+from cases.papers.models.networks.point_contact import best_share, settle
+from cases.papers.models.networks.testbed_runs import (
     EDC,
     ELSEWHERE,
     FRICTION,
@@ -54,7 +44,17 @@ from rigid.papers.networks.testbed_runs import (
     hysteresis,
     virtual_bed,
 )
-from rigid.papers.networks.testbed_study import errors, trials
+from cases.papers.models.networks.testbed_study import errors, trials
+from cosim.case.file import load_case
+from cosim.checks import printed_values
+from cosim.hoods.lumped.table import JOINTS
+from cosim.models.build import build
+from cosim.pipeline import run_case
+from cosim.port import STATIC
+from cosim.report.figures import legend_below, new_picture, show, style_axes
+from rigid.chain.kinematics import body_jacobian, tip_jacobian
+from rigid.chain.planar_chain import BUCHNER
+from rigid.hoods.two_band import coupled_dip, lateral_band, middle_band
 
 SEEDS, FEWER, OTHER_FRICTIONS = 10, 4, (0.04, 0.08, FRICTION, 0.25)
 DRAWS = 200
@@ -371,7 +371,7 @@ show(figure, **ends)
 # %% [markdown]
 # Section IV-C: the share that minimises |tau_dist| in a settled posture is the one that the
 # simulation settled at (largest difference {worst:.0e}; the paper: identical). The planar run ends
-# within {apart:.0e} rad of `rigid/papers/networks/point_contact.py`, the same finger without
+# within {apart:.0e} rad of `cases/papers/models/networks/point_contact.py`, the same finger without
 # inertia and orchestrator; the index finger differs from both by its flexors' paths, its lengths
 # and its abduction (0.1 deg).
 

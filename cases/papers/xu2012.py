@@ -19,6 +19,9 @@ import numpy as np
 import pandas as pd
 from matplotlib import colormaps
 
+from cases.papers.models.xu2012 import checks
+from cases.papers.models.xu2012.excursions import MOST_RESIDUAL
+from cases.papers.models.xu2012.fan import fan
 from cosim.checks import read_printed
 from cosim.report.figures import legend_below, new_picture, show, style_axes
 from rigid.air.model import (
@@ -43,9 +46,6 @@ from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, SMALLEST, TABLE_III, TENDONS
 from rigid.mujoco.finger import MujocoFinger
-from rigid.papers.xu2012 import checks
-from rigid.papers.xu2012.excursions import MOST_RESIDUAL
-from rigid.papers.xu2012.fan import fan
 
 COLOURS = ("#0b5394", "#b45309", "#7a9cc6", "#3f7d3f", "#8e4585", "0.25")
 PLANT, MODEL, WITHOUT = "#0b5394", "#b45309", "0.55"

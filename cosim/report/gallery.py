@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import pandas as pd
 
+from cosim.errors import InputError
 from cosim.report.figures import Figure, FigurePage, FigureStudy, Shown
 
 if TYPE_CHECKING:
@@ -144,8 +145,14 @@ def _fill(text: str, names: dict[str, Any]) -> str:
 
 
 def open_paper(name: str, values: Mapping[str, object] | None = None) -> Script:
-    """The script of this name that ships."""
-    return Script(Path(str(files("cases"))) / "papers" / f"{name}.py", values)
+    """The script of this name in a checkout.  Raises InputError where there is none."""
+    path = Path(str(files("cases"))) / "papers" / f"{name}.py"
+    if not path.is_file():
+        raise InputError(
+            "cosim reproduce: the scripts of papers are not in an installation: clone the "
+            "repository, and in it pip install -e ."
+        )
+    return Script(path, values)
 
 
 def _cells(text: str) -> Iterator[Cell]:

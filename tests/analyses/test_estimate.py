@@ -12,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from cases.papers.models.buchner1988.flexion import curve_motion, torques
+from cases.papers.models.buchner1988.force_sharing import linear
 from cosim.analyses.estimate.capacity import capacity
 from cosim.analyses.estimate.demand import force_demand, torque_demand
 from cosim.analyses.estimate.feasible import force_set
@@ -27,8 +29,6 @@ from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import two_band
 from rigid.mujoco.finger import needed_torque
 from rigid.muscle.least_cost import least
-from rigid.papers.buchner1988.flexion import curve_motion, torques
-from rigid.papers.buchner1988.force_sharing import linear
 
 CLAMPED = 'finger.tip.kind="clamped"'
 NO_SPRINGS = [f'finger.passive.{j}.stiffness="0 N*m/rad"' for j in ("MCP", "PIP", "DIP")]

@@ -12,6 +12,13 @@ import mujoco
 import numpy as np
 import typer
 
+from cases.papers.models.xu2012.control import (
+    JOINT_GAINS,
+    forces_for_torques,
+    joint_forces,
+    remember,
+)
+from cases.papers.models.xu2012.tracking import MARKERS, NOISE, poses
 from cosim.analyses.mjcf_hood import hood_file
 from cosim.case.file import load_case
 from cosim.commands.terminal import stages
@@ -25,8 +32,6 @@ from rigid.mjcf.hood import steps_per_second
 from rigid.mujoco.dynamics import ConstantTension, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage
-from rigid.papers.xu2012.control import JOINT_GAINS, forces_for_torques, joint_forces, remember
-from rigid.papers.xu2012.tracking import MARKERS, NOISE, poses
 from tests.proofs.fingers.dynamics_rows import ALONE, pull_of, settling_index_finger
 from tests.proofs.fingers.dynamics_rows import POSTURE as HELD
 from tests.proofs.fingers.forward import simulate

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cases.papers.models.networks.human_network import OPERATING_FORCE, human_finger
 from cosim.port import Array, Hood, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.fingers.index import finger_model
@@ -12,7 +13,6 @@ from rigid.hoods.joint_angles import flexion_joints
 from rigid.hoods.network import Network
 from rigid.hoods.network_hood import NetworkHood
 from rigid.hoods.two_band import two_band
-from rigid.papers.networks.human_network import OPERATING_FORCE, human_finger
 
 Subject = tuple[Hood, list[Motion], Array, float]
 POSTURES = (

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cases.papers.models.networks.human_network import human_finger
 from cosim.case.file import load_case, resolved_toml
 from cosim.errors import InputError
 from cosim.models.build import build
@@ -16,7 +17,6 @@ from cosim.results.result import Result
 from rigid.hoods.network import Network
 from rigid.hoods.network_hood import NetworkHood
 from rigid.hoods.two_band import coupled_dip, two_band
-from rigid.papers.networks.human_network import human_finger
 
 
 @cache

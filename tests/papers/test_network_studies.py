@@ -5,28 +5,28 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.report.gallery import open_paper
-from rigid.hoods.network import Arms
-from rigid.papers.networks.arm_switch import predict, switch
-from rigid.papers.networks.excursion_fit import (
+from cases.papers.models.networks.arm_switch import predict, switch
+from cases.papers.models.networks.excursion_fit import (
     EXTENSOR,
     curve_distance,
     curve_distance_slopes,
     dip_of_pip,
     identify,
 )
-from rigid.papers.networks.excursion_fit_check import draw_samples, true_parameters
-from rigid.papers.networks.human_network import human_finger
-from rigid.papers.networks.point_contact import distal_torque, tip_jacobian
-from rigid.papers.networks.robotic_finger import LENGTH, robotic_finger
-from rigid.papers.networks.share_models import (
+from cases.papers.models.networks.excursion_fit_check import draw_samples, true_parameters
+from cases.papers.models.networks.human_network import human_finger
+from cases.papers.models.networks.point_contact import distal_torque, tip_jacobian
+from cases.papers.models.networks.robotic_finger import LENGTH, robotic_finger
+from cases.papers.models.networks.share_models import (
     ShareFinger,
     best_share,
     forward,
     inverse,
     with_shares,
 )
-from rigid.papers.networks.testbed_runs import FRICTION
+from cases.papers.models.networks.testbed_runs import FRICTION
+from cosim.report.gallery import open_paper
+from rigid.hoods.network import Arms
 
 SCRIPT = open_paper("networks")
 COARSE = ('forward.step="10 ms"', "output.picture=false")

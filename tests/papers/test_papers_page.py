@@ -23,6 +23,7 @@ from cosim.report.figures import (
     new_picture,
     write_figures,
 )
+from cosim.report import gallery
 from cosim.report.gallery import Script, open_paper
 from tests.helpers.folders import ROOT
 
@@ -234,4 +235,13 @@ def test_an_unknown_name_is_refused(words, said, tmp_path):
     done = CliRunner().invoke(app, ["reproduce", *words, "-o", str(tmp_path / "out")])
     assert done.exit_code == 2
     assert said in done.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_installation_is_told_to_clone(monkeypatch, tmp_path):
+    """A wheel holds no script of a paper."""
+    monkeypatch.setattr(gallery, "files", lambda package: tmp_path)
+    done = CliRunner().invoke(app, ["reproduce", "networks", "--out", str(tmp_path / "out")])
+    assert done.exit_code == 2
+    assert "clone the repository" in done.stderr
     assert not (tmp_path / "out").exists()

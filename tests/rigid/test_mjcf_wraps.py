@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from cases.papers.models.xu2012.paths import tendon_lengths, wrap_length
 from meshes.skeleton import JOINTS
 from rigid.mjcf.read import ReadFinger, read_mjcf
 from rigid.mjcf.write import mjcf_xml
 from rigid.model import WrapCylinder, WrapSphere
-from rigid.papers.xu2012.paths import tendon_lengths, wrap_length
 
 OVER = '<site site="e0"/><site site="e1"/><geom geom="drum"{}/><site site="e2"/><site site="e3"/>'
 

@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 from scipy.optimize import brentq
 
+from cases.papers.models.networks.human_network import OPERATING_FORCE, TENDONS, human_finger
 from cosim.checks import Row
 from cosim.port import STATIC, Array, Motion
 from meshes.skeleton import BODIES, index_finger
@@ -24,7 +25,6 @@ from rigid.hoods.two_band import (
     shift_difference,
     two_band,
 )
-from rigid.papers.networks.human_network import OPERATING_FORCE, TENDONS, human_finger
 
 NETWORKS = (
     "Development and Validation of Modeling Framework for Interconnected Tendon Networks in "

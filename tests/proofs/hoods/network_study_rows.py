@@ -1,7 +1,7 @@
 """The studies of the network paper: switch, identification, inverse prediction, virtual testbed.
 
 The testbed is virtual throughout: its measurements are not published
-(`rigid/papers/networks/testbed_runs.py` says what was taken instead).
+(`cases/papers/models/networks/testbed_runs.py` says what was taken instead).
 """
 
 from __future__ import annotations
@@ -12,14 +12,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize
 
-from cosim.checks import Row
-from cosim.port import Array
-from rigid.papers.networks.arm_switch import predict, switch
-from rigid.papers.networks.excursion_fit import identify
-from rigid.papers.networks.excursion_fit_check import draw_samples, repeat
-from rigid.papers.networks.human_network import MUSCLES, OPERATING_FORCE, human_finger
-from rigid.papers.networks.robotic_finger import LENGTH
-from rigid.papers.networks.share_models import (
+from cases.papers.models.networks.arm_switch import predict, switch
+from cases.papers.models.networks.excursion_fit import identify
+from cases.papers.models.networks.excursion_fit_check import draw_samples, repeat
+from cases.papers.models.networks.human_network import MUSCLES, OPERATING_FORCE, human_finger
+from cases.papers.models.networks.robotic_finger import LENGTH
+from cases.papers.models.networks.share_models import (
     MOMENT_ARM,
     Inverse,
     ShareFinger,
@@ -27,7 +25,7 @@ from rigid.papers.networks.share_models import (
     inverse,
     with_shares,
 )
-from rigid.papers.networks.testbed_runs import (
+from cases.papers.models.networks.testbed_runs import (
     ELSEWHERE,
     FRICTION_ELSEWHERE,
     POSTURE,
@@ -35,13 +33,15 @@ from rigid.papers.networks.testbed_runs import (
     hysteresis,
     virtual_bed,
 )
-from rigid.papers.networks.testbed_study import (
+from cases.papers.models.networks.testbed_study import (
     REPORTED_ERRORS,
     SeedTrial,
     constrain_to_curve,
     errors,
     trials,
 )
+from cosim.checks import Row
+from cosim.port import Array
 
 PAPER = (
     "Development and Validation of Modeling Framework for Interconnected Tendon Networks in "

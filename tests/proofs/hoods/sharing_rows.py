@@ -13,14 +13,9 @@ from functools import partial
 import numpy as np
 from scipy.optimize import brentq
 
-from cosim.checks import Row, read_printed
-from cosim.port import Array
-from rigid.chain.planar_chain import BUCHNER
-from rigid.hoods.two_band import ELASTICITY, MUSCLES, TABLE_1, Entry, coupled_dip, two_band
-from rigid.muscle.least_cost import ACCURATE, Power, Programme, least
-from rigid.papers.buchner1988.coordination import ControlLoop, deviation, flex
-from rigid.papers.buchner1988.coordination_findings import feasible, findings, flexion
-from rigid.papers.buchner1988.flexion import (
+from cases.papers.models.buchner1988.coordination import ControlLoop, deviation, flex
+from cases.papers.models.buchner1988.coordination_findings import feasible, findings, flexion
+from cases.papers.models.buchner1988.flexion import (
     DURATION,
     FULL,
     Course,
@@ -29,7 +24,12 @@ from rigid.papers.buchner1988.flexion import (
     quintic,
     torques,
 )
-from rigid.papers.buchner1988.force_sharing import Sharing, linear, quadratic
+from cases.papers.models.buchner1988.force_sharing import Sharing, linear, quadratic
+from cosim.checks import Row, read_printed
+from cosim.port import Array
+from rigid.chain.planar_chain import BUCHNER
+from rigid.hoods.two_band import ELASTICITY, MUSCLES, TABLE_1, Entry, coupled_dip, two_band
+from rigid.muscle.least_cost import ACCURATE, Power, Programme, least
 
 PAPER = "Buchner, Hines and Hemami 1988, J Biomech 21, section III, figures 8-14"
 ABOUT = 0.5
@@ -104,7 +104,7 @@ def rows() -> Iterator[Row]:
 
 def _loop_rows() -> Iterator[Row]:
     """The flexion that closes the loop over a linear reference, as
-    `rigid.papers.buchner1988.coordination` has it."""
+    `cases.papers.models.buchner1988.coordination` has it."""
     f = flexion(samples=101)
     row = partial(Row, "flexion in closed loop", source=PAPER)
     ours = findings(f)

@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
+from cases.papers.models.xu2012 import checks
+from cases.papers.models.xu2012.tracking import SETTLED, STEP_SECONDS, StepResponse
 from cosim.checks import Row
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, TABLE_III, TENDONS
-from rigid.papers.xu2012 import checks
-from rigid.papers.xu2012.tracking import SETTLED, STEP_SECONDS, StepResponse
 
 PAPER = "Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints"
 POSTURES = 40
@@ -50,9 +50,9 @@ def _path_rows(name: str, six: bool) -> Iterator[Row]:
               source="central differences, 1e-5 rad")  # fmt: skip
     length, arms = checks.closed_form_errors(model, some)
     yield row("length less closed forms, m", computed=length, tolerance=1e-12,
-              source="rigid.papers.xu2012.paths: cylinders unrolled, great circles")  # fmt: skip
+              source="xu2012.paths: cylinders unrolled, great circles")  # fmt: skip
     yield row("arms less differences of closed forms, m/rad", computed=arms, tolerance=1e-9,
-              source="rigid.papers.xu2012.paths, central differences")  # fmt: skip
+              source="xu2012.paths, central differences")  # fmt: skip
 
 
 def fan_rows() -> Iterator[Row]:

@@ -9,6 +9,13 @@ import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
+from cases.papers.models.networks.human_network import (
+    MUSCLES,
+    OPERATING_FORCE,
+    STIFFNESS,
+    TENDONS,
+    human_finger,
+)
 from cosim.errors import InputError
 from cosim.port import STATIC, Array, Motion
 from meshes.skeleton import BODIES, index_finger
@@ -18,13 +25,6 @@ from rigid.hoods.joint_angles import Joint, JointChain, flexion_joints, hinges_b
 from rigid.hoods.network import Arms, Network, junction
 from rigid.hoods.network_hood import NetworkHood
 from rigid.hoods.two_band import JOINTS
-from rigid.papers.networks.human_network import (
-    MUSCLES,
-    OPERATING_FORCE,
-    STIFFNESS,
-    TENDONS,
-    human_finger,
-)
 from tests.helpers import conformance, networks
 
 EDC, LUM, UI = range(3)

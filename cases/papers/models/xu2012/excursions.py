@@ -19,13 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cases.papers.models.xu2012.calibration import Calibration, Seen, Spread, calibrate
 from cosim.port import Array
 from rigid.chain.pose import BodyMarkers, estimate
 from rigid.fingers import robot_tables as tables
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger
 from rigid.mujoco.finger import MujocoFinger
-from rigid.papers.xu2012.calibration import Calibration, Seen, Spread, calibrate
 
 POSES = 460
 BALL = 0.002

@@ -8,16 +8,28 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cases.papers.models.buchner1988.flexion import (
+    DURATION,
+    FULL,
+    cosine,
+    curve_motion,
+    quintic,
+    torques,
+)
+from cases.papers.models.buchner1988.force_sharing import linear, quadratic
+from cases.papers.models.networks.human_network import MUSCLES, human_finger
+from cases.papers.models.networks.point_contact import (
+    best_share,
+    distal_torque,
+    settle,
+    tip_jacobian,
+)
 from cosim.cli import app
 from cosim.errors import ConvergenceError
 from rigid.chain.hinge import HingeFinger
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.network import Arms, Network
 from rigid.hoods.two_band import coupled_dip, two_band
-from rigid.papers.buchner1988.flexion import DURATION, FULL, cosine, curve_motion, quintic, torques
-from rigid.papers.buchner1988.force_sharing import linear, quadratic
-from rigid.papers.networks.human_network import MUSCLES, human_finger
-from rigid.papers.networks.point_contact import best_share, distal_torque, settle, tip_jacobian
 from tests.proofs.hoods import contact_rows, sharing_rows
 
 EQUAL = np.ones(5)

@@ -20,11 +20,11 @@ from dataclasses import dataclass
 import daqp
 import numpy as np
 
+from cases.papers.models.xu2012.actuators import PERIOD
+from cases.papers.models.xu2012.plant import RELAXATION, STIFFNESS
 from cosim.errors import ConvergenceError
 from cosim.port import Array
 from rigid.fingers.robot_tables import MOST_FORCE
-from rigid.papers.xu2012.actuators import PERIOD
-from rigid.papers.xu2012.plant import RELAXATION, STIFFNESS
 
 ARM = 0.01
 """m: torques are taken in units of this arm times 1 N."""

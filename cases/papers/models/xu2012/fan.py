@@ -15,12 +15,12 @@ import mujoco
 import numpy as np
 from scipy.optimize import linprog
 
+from cases.papers.models.xu2012.control import forces_for_torques
+from cases.papers.models.xu2012.plant import Plant
 from cosim.port import Array
 from rigid.chain.kinematics import tip_jacobian
 from rigid.model import FingerModel
 from rigid.mujoco.finger import MujocoFinger
-from rigid.papers.xu2012.control import forces_for_torques
-from rigid.papers.xu2012.plant import Plant
 
 UNBOUNDED = 1e3
 """N."""

@@ -23,6 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cases.papers.models.xu2012.actuators import PERIOD
+from cases.papers.models.xu2012.plant import STEP
 from cosim.port import Array
 from rigid.air.model import TRAINING, AirModel, identify, sines
 from rigid.air.plant import (
@@ -34,8 +36,6 @@ from rigid.air.plant import (
     step,
     tension,
 )
-from rigid.papers.xu2012.actuators import PERIOD
-from rigid.papers.xu2012.plant import STEP
 
 CLOSING = 0.03
 """s, of the pressure loop: three samples; the model's rates are right to some tenths."""

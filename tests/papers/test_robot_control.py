@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear, nnls
 
-from rigid.fingers.robot import robot_finger
-from rigid.mujoco.finger import MujocoFinger
-from rigid.papers.xu2012 import checks
-from rigid.papers.xu2012.actuators import PERIOD, Lag
-from rigid.papers.xu2012.control import (
+from cases.papers.models.xu2012 import checks
+from cases.papers.models.xu2012.actuators import PERIOD, Lag
+from cases.papers.models.xu2012.control import (
     ARM,
     JOINT_GAINS,
     WEIGHT,
@@ -22,9 +20,11 @@ from rigid.papers.xu2012.control import (
     remember,
     tendon_forces,
 )
-from rigid.papers.xu2012.fan import fan, least_share
-from rigid.papers.xu2012.plant import Plant
-from rigid.papers.xu2012.tracking import Bench, StepResponse, poses
+from cases.papers.models.xu2012.fan import fan, least_share
+from cases.papers.models.xu2012.plant import Plant
+from cases.papers.models.xu2012.tracking import Bench, StepResponse, poses
+from rigid.fingers.robot import robot_finger
+from rigid.mujoco.finger import MujocoFinger
 
 POSE = np.radians([30.0, 10.0, 45.0, 20.0])
 

@@ -19,12 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cases.papers.models.networks.point_contact import VISCOSITY
+from cases.papers.models.networks.share_models import tip_jacobians
 from cosim.errors import ConvergenceError
 from cosim.port import Array
 from rigid.chain.capstan import free_grip, grip_after, rounded_grip, tension_ratio
 from rigid.hoods.network import Network
-from rigid.papers.networks.point_contact import VISCOSITY
-from rigid.papers.networks.share_models import tip_jacobians
 
 BALANCED = 1e-7
 """N, of a step's residual; torques over ARM."""

@@ -8,10 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cosim.errors import ConvergenceError
-from rigid.papers.networks.point_contact import settle
-from rigid.papers.networks.robotic_finger import LENGTH, robotic_finger
-from rigid.papers.networks.testbed_runs import (
+from cases.papers.models.networks.point_contact import settle
+from cases.papers.models.networks.robotic_finger import LENGTH, robotic_finger
+from cases.papers.models.networks.testbed_runs import (
     ELSEWHERE,
     FRICTION_ELSEWHERE,
     HAND,
@@ -21,8 +20,9 @@ from rigid.papers.networks.testbed_runs import (
     hysteresis,
     virtual_bed,
 )
-from rigid.papers.networks.testbed_study import constrain_to_curve, errors, trials
-from rigid.papers.networks.virtual_testbed import Course, hold_posture, simulate
+from cases.papers.models.networks.testbed_study import constrain_to_curve, errors, trials
+from cases.papers.models.networks.virtual_testbed import Course, hold_posture, simulate
+from cosim.errors import ConvergenceError
 
 PULL = np.array([1.0, 1.0, 5.0, 4.0])
 

@@ -7,9 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.errors import ConvergenceError
-from rigid.hoods.two_band import MUSCLES, Entry
-from rigid.papers.buchner1988.coordination import (
+from cases.papers.models.buchner1988.coordination import (
     ControlLoop,
     CoordinatedMotion,
     Forces,
@@ -18,6 +16,8 @@ from rigid.papers.buchner1988.coordination import (
     share_forces,
     share_forces_at,
 )
+from cosim.errors import ConvergenceError
+from rigid.hoods.two_band import MUSCLES, Entry
 
 ED, FDP, FDS, INT, LUM = range(len(MUSCLES))
 CHANGE = 0.2

@@ -13,14 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.port import Array
-from rigid.chain.pose import BodyMarkers, estimate
-from rigid.fingers.anatomy import RANGES
-from rigid.fingers.robot_tables import JOINTS
-from rigid.model import FingerModel
-from rigid.mujoco.finger import MujocoFinger
-from rigid.papers.xu2012.actuators import PERIOD, Actuator
-from rigid.papers.xu2012.control import (
+from cases.papers.models.xu2012.actuators import PERIOD, Actuator
+from cases.papers.models.xu2012.control import (
     PRELOAD,
     Gains,
     Memory,
@@ -28,7 +22,13 @@ from rigid.papers.xu2012.control import (
     remember,
     tendon_forces,
 )
-from rigid.papers.xu2012.plant import STEP, Plant
+from cases.papers.models.xu2012.plant import STEP, Plant
+from cosim.port import Array
+from rigid.chain.pose import BodyMarkers, estimate
+from rigid.fingers.anatomy import RANGES
+from rigid.fingers.robot_tables import JOINTS
+from rigid.model import FingerModel
+from rigid.mujoco.finger import MujocoFinger
 
 NOISE = 1e-4
 """m, standard deviation of a marker's coordinate and of a tendon's length (assumption)."""

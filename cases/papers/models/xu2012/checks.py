@@ -9,17 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from cosim.port import Array
-from rigid.fingers.anatomy import RANGES
-from rigid.fingers.robot import robot_finger
-from rigid.fingers.robot_tables import JOINTS, SMALLEST, TABLE_III
-from rigid.model import FingerModel
-from rigid.mujoco.finger import MujocoFinger
-from rigid.papers.xu2012 import paths
-from rigid.papers.xu2012.actuators import Actuator, Lag
-from rigid.papers.xu2012.air import Air
-from rigid.papers.xu2012.control import AIR_GAINS, JOINT_GAINS, Gains
-from rigid.papers.xu2012.excursions import (
+from cases.papers.models.xu2012 import paths
+from cases.papers.models.xu2012.actuators import Actuator, Lag
+from cases.papers.models.xu2012.air import Air
+from cases.papers.models.xu2012.control import AIR_GAINS, JOINT_GAINS, Gains
+from cases.papers.models.xu2012.excursions import (
     Found,
     Truth,
     World,
@@ -27,8 +21,14 @@ from rigid.papers.xu2012.excursions import (
     recalibrate,
     record_excursions,
 )
-from rigid.papers.xu2012.fan import Reach, reach
-from rigid.papers.xu2012.tracking import Bench, StepResponse, poses
+from cases.papers.models.xu2012.fan import Reach, reach
+from cases.papers.models.xu2012.tracking import Bench, StepResponse, poses
+from cosim.port import Array
+from rigid.fingers.anatomy import RANGES
+from rigid.fingers.robot import robot_finger
+from rigid.fingers.robot_tables import JOINTS, SMALLEST, TABLE_III
+from rigid.model import FingerModel
+from rigid.mujoco.finger import MujocoFinger
 
 COUNTS = (13, 8, 12, 8)
 """Postures of each joint over table II."""

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cases.papers.models.xu2012 import checks, excursions, paths
+from cases.papers.models.xu2012.calibration import Seen, Spread, calibrate
+from cases.papers.models.xu2012.tracking import MARKERS, poses
 from cosim.errors import ConvergenceError, InputError
 from rigid.chain.pose import BodyMarkers, cubic_minimum, estimate
 from rigid.fingers.anatomy import RANGES
@@ -15,9 +18,6 @@ from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, LENGTHS, LONG, MASSES, SHORT, TABLE_III
 from rigid.model import Strand, Tendon, Via, WrapCylinder, WrapSphere
 from rigid.mujoco.finger import MujocoFinger
-from rigid.papers.xu2012 import checks, excursions, paths
-from rigid.papers.xu2012.calibration import Seen, Spread, calibrate
-from rigid.papers.xu2012.tracking import MARKERS, poses
 
 POSE = np.radians([30.0, 10.0, 45.0, 20.0])
 

@@ -16,11 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.checks import printed_values
-from cosim.port import Array
-from rigid.papers.networks.excursion_fit import Identified, JointCoupling, identify
-from rigid.papers.networks.robotic_finger import LENGTH, MUSCLES
-from rigid.papers.networks.share_models import (
+from cases.papers.models.networks.excursion_fit import Identified, JointCoupling, identify
+from cases.papers.models.networks.robotic_finger import LENGTH, MUSCLES
+from cases.papers.models.networks.share_models import (
     ForcePrediction,
     Inverse,
     ShareFinger,
@@ -29,7 +27,7 @@ from rigid.papers.networks.share_models import (
     inverse,
     with_shares,
 )
-from rigid.papers.networks.testbed_runs import (
+from cases.papers.models.networks.testbed_runs import (
     ANGLE_SPREAD,
     EDC,
     FRICTION,
@@ -45,6 +43,8 @@ from rigid.papers.networks.testbed_runs import (
     poses,
     virtual_bed,
 )
+from cosim.checks import printed_values
+from cosim.port import Array
 
 RAMP_STEPS, CIRCLE_STEPS = 20, 100
 STRAYED = np.radians(10.0)

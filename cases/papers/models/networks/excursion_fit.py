@@ -24,9 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from cases.papers.models.networks.share_models import ShareFinger
 from cosim.port import Array
 from rigid.hoods.network import Arms
-from rigid.papers.networks.share_models import ShareFinger
 
 EXTENSOR = ("slip PIP", "lateral PIP", "lateral PIP slope", "terminal DIP", "slack")
 """What both extensors share: m, m, m/rad, m, and m by which the lateral band is longer than the

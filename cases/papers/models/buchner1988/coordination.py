@@ -27,6 +27,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from cases.papers.models.buchner1988.flexion import DURATION, Course, quintic, torques
+from cases.papers.models.buchner1988.force_sharing import Sharing, linear, quadratic
 from cosim.errors import ConvergenceError
 from cosim.port import Array
 from rigid.chain.planar_chain import BUCHNER, PlanarChain
@@ -39,8 +41,6 @@ from rigid.hoods.two_band import (
     shift_difference,
     two_band,
 )
-from rigid.papers.buchner1988.flexion import DURATION, Course, quintic, torques
-from rigid.papers.buchner1988.force_sharing import Sharing, linear, quadratic
 
 Programme = Literal["linear", "quadratic"]
 BANDWIDTH = 10.0

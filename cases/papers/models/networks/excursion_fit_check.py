@@ -6,17 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import Array
-from rigid.hoods.network import Network
-from rigid.hoods.two_band import JOINTS, coupled_dip
-from rigid.papers.networks.excursion_fit import (
+from cases.papers.models.networks.excursion_fit import (
     EXTENSOR,
     Identified,
     JointCoupling,
     MeasuredKinematics,
     identify,
 )
-from rigid.papers.networks.robotic_finger import MUSCLES, SLIP_OF, robotic_finger
+from cases.papers.models.networks.robotic_finger import MUSCLES, SLIP_OF, robotic_finger
+from cosim.port import Array
+from rigid.hoods.network import Network
+from rigid.hoods.two_band import JOINTS, coupled_dip
 
 POSES, NOISE = 700, 1.5e-3
 """As many and as noisy (m) as the paper's."""

@@ -8,10 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cosim.checks import printed_values
-from cosim.errors import ConvergenceError
-from rigid.hoods.two_band import TABLE_1, Entry, coupled_dip, excursions, two_band
-from rigid.papers.buchner1988.coordination import (
+from cases.papers.models.buchner1988.coordination import (
     ControlLoop,
     band_torque,
     crossing,
@@ -23,13 +20,16 @@ from rigid.papers.buchner1988.coordination import (
     required_torque,
     share_forces,
 )
-from rigid.papers.buchner1988.coordination_findings import (
+from cases.papers.models.buchner1988.coordination_findings import (
     feasible,
     findings,
     flexion,
     table_sensitivity,
 )
-from rigid.papers.buchner1988.flexion import DURATION, FULL
+from cases.papers.models.buchner1988.flexion import DURATION, FULL
+from cosim.checks import printed_values
+from cosim.errors import ConvergenceError
+from rigid.hoods.two_band import TABLE_1, Entry, coupled_dip, excursions, two_band
 
 
 @cache

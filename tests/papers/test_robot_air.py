@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cases.papers.models.xu2012 import checks
+from cases.papers.models.xu2012.actuators import PERIOD
+from cases.papers.models.xu2012.air import Air, Driven, PressureLoop, identify_air
+from cases.papers.models.xu2012.control import AIR_GAINS
+from cases.papers.models.xu2012.plant import STEP
+from cases.papers.models.xu2012.tracking import poses
 from cosim.port import Array
 from rigid.air.plant import ATMOSPHERE, GAMMA
-from rigid.papers.xu2012 import checks
-from rigid.papers.xu2012.actuators import PERIOD
-from rigid.papers.xu2012.air import Air, Driven, PressureLoop, identify_air
-from rigid.papers.xu2012.control import AIR_GAINS
-from rigid.papers.xu2012.plant import STEP
-from rigid.papers.xu2012.tracking import poses
 
 LONGEST, LENGTH = np.full(4, 0.12), np.full(4, 0.10)
 WANTED = np.array([1.0, 3.0, 6.0, 12.0])

@@ -1,0 +1,1 @@
+"""Models of published work, for the scripts beside them and for proofs."""
