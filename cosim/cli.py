@@ -81,11 +81,6 @@ COMMANDS = {
             "A case with every hood, from a fixed split to a shell.",
             "cosim ladder pulley_edc -o ladder",
         ),
-        "hood": Command(
-            "hood.show_hood",
-            "A hood over postures, beside literature.",
-            "cosim hood hood_rest --only slips",
-        ),
         "moment-arms": Command(
             "finger.moment_arms",
             "Moment arms over each joint's range.",

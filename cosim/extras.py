@@ -17,7 +17,6 @@ EXTRAS = {
     "opensim": ("opensim",),
     "mkl": ("pypardiso",),
     "peers": ("KratosMultiphysics",),
-    "package": ("rocrate",),
     "notebooks": ("jupytext", "nbconvert"),
     "docs": ("sphinx", "myst_parser", "furo"),
 }

@@ -36,7 +36,6 @@ NEEDS = [
         "new mine --hood a.vtu",
         "a.vtu: reading a file of VTK that another program wrote",
     ),
-    ("rocrate", "package", "validate --package a.zip", "a package of a validation"),
     ("pyarrow", "study", "study network_saltelli", "a study"),
     ("SALib", "study", "study network_saltelli --workers 0", "a study"),
     ("sklearn", "surrogate", "study network_saltelli --surrogate a.csv", "a surrogate"),
@@ -146,4 +145,4 @@ def test_the_extras_are_those_of_the_package_and_the_tests_bring_them() -> None:
         brought = {re.match(r"[\w-]+", stated)[0] for stated in extras[name]}
         assert {DISTRIBUTIONS.get(library, library) for library in libraries} <= brought
         assert not brought & {re.match(r"[\w-]+", d)[0] for d in project["dependencies"]}
-    assert "cosim-hand[fmu,gym,package,study,surrogate,ui,view]" in extras["test"]
+    assert "cosim-hand[fmu,gym,study,surrogate,ui,view]" in extras["test"]

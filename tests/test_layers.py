@@ -140,7 +140,6 @@ KNOW_THE_SOLVERS = {
     "cosim.analyses.estimate.of_case",
     "cosim.analyses.estimate.tensions",
     "cosim.analyses.estimate.tracking",
-    "cosim.analyses.hood.literature",
     "cosim.analyses.mjcf_hood",
     "cosim.analyses.opensim.loads",
     "cosim.analyses.opensim.tensions",

@@ -20,11 +20,7 @@ import pandas as pd
 from matplotlib import colormaps
 
 from cases.papers.models.xu2012 import checks
-from cases.papers.models.xu2012.excursions import MOST_RESIDUAL
-from cases.papers.models.xu2012.fan import fan
-from cosim.checks import read_printed
-from cosim.report.figures import legend_below, new_picture, show, style_axes
-from rigid.air.model import (
+from cases.papers.models.xu2012.air_model import (
     AMPLITUDE,
     AT,
     FULL_TERMS,
@@ -41,6 +37,10 @@ from rigid.air.model import (
     r_squared,
     steps,
 )
+from cases.papers.models.xu2012.excursions import MOST_RESIDUAL
+from cases.papers.models.xu2012.fan import fan
+from cosim.checks import read_printed
+from cosim.report.figures import legend_below, new_picture, show, style_axes
 from rigid.air.plant import Pneumatics, Valve
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger

@@ -31,7 +31,6 @@ PURPOSES = {
     "FMUs": ("fmpy", *EXTRAS["fmu"]),
     "environments of learners": EXTRAS["gym"],
     "checks by OpenSim": EXTRAS["opensim"],
-    "packages of a validation": EXTRAS["package"],
     "notebooks": EXTRAS["notebooks"],
     "documentation": EXTRAS["docs"],
 }

@@ -15,6 +15,7 @@ from cosim.commands.validate_curves import validate_curves
 from cosim.errors import InputError
 from cosim.files import check_file
 from cosim.results.compare import marks, misses_first, number, reference_text
+from cosim.validation.against import differences, read_rows
 from cosim.validation.forms import form_values, form_versions
 from cosim.validation.inputs import input_spreads, input_versions, read_inputs
 from cosim.validation.mesh import (
@@ -25,10 +26,8 @@ from cosim.validation.mesh import (
     mesh_versions,
     tally,
 )
-from cosim.validation.package import check_package, request_of, write_package
 from cosim.validation.page import write_page
 from cosim.validation.records import write_record
-from cosim.validation.repeat import Differences, differences, read_package, sentences
 from cosim.validation.run import Board, by_kind, choose_groups, run_validation
 from cosim.validation.scoreboard import JudgedBoard, join_uncertainty, write_scoreboard
 from cosim.validation.sweeps import read_sweeps
@@ -119,33 +118,16 @@ def validate(
             help=f"Write {PLACE}, the committed scoreboard, as well, with --curves the curves'.",
         ),
     ] = False,
-    package: Annotated[
+    against: Annotated[
         Path | None,
         typer.Option(
-            metavar="OUT.ZIP",
-            help="Pack inputs, versions, hashes and results, for others to repeat (RO-Crate).",
-        ),
-    ] = None,
-    repeat: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="IN.ZIP",
-            help="Run what a package was made by, and say which numbers, versions and inputs "
-            "differ; exit code 1 where numbers do.",
+            metavar="SCOREBOARD.JSON",
+            help="Say what differs from an earlier board; exit code 1 where anything does.",
         ),
     ] = None,
 ) -> None:
     """Run the validations; print the tally by kind of reference, the skill over null models, and
     every compared number, misses first."""
-    if repeat is not None:
-        with exit_on_error():
-            others = (meshes, samples, forms, curves, full, listed, update, package)
-            if any((only, settings, published, *others)):
-                raise InputError("--repeat takes what the package says: only --out and --workers")
-            found = _repeat(repeat, out, workers)
-        for line in sentences(found):
-            typer.echo(line)
-        raise typer.Exit(1 if found.numbers else 0)
     with exit_on_error():
         if full and (update or not curves):
             raise InputError("--full: only with --curves and without --update; leave it out")
@@ -155,7 +137,7 @@ def validate(
         if update and not PLACE.parent.is_dir():
             raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
         if curves:
-            if any((meshes, samples, forms, package, published, hoods)):
+            if any((meshes, samples, forms, against, published, hoods)):
                 raise InputError("--curves takes --only, --set, --full, --list, --out and --update")
             sweeps = read_sweeps(full, other_settings, only or "")
             if listed:
@@ -164,35 +146,33 @@ def validate(
                 return
             whole = validate_curves(sweeps, out, workers, update, _progress)
             raise typer.Exit(0 if whole else 1)
-        request = None
-        if package is not None:
-            if hoods or published:
-                raise InputError("--package: the published hood is not ours to pack; leave it out")
-            check_package(package)
-            counts = {"meshes": meshes or 0, "samples": samples or 0, "forms": forms}
-            request = request_of(only=only, settings=tuple(other_settings), **counts)
         groups = choose_groups(only, hoods[-1] if hoods else published)
         if listed:
             _list(groups)
             return
+        before = None if against is None else read_rows(against)
         asked = _Asked(meshes or 0, samples or 0, forms, tuple(other_settings), workers)
         places = [out / PLACE.name, *([PLACE] if update else [])]
         boards, known = _judge(groups, asked, out, places)
         judged_boards = join_uncertainty(boards, known.by_key())
-        if package is not None and request is not None:
-            write_package(package, request, out, judged_boards)
+        changed = []
+        if before is not None:
+            changed = differences(before, read_rows(places[0]), part=only is not None)
     _print(judged_boards)
     if meshes:
         _print_meshes({row.key: row.meshes for row in known.rows if row.meshes is not None})
     for name, why in known.failed.items() if asked.anything else ():
         console().print(f"no result: {name}: {why}")
     typer.echo(f"scoreboard in {out / 'scoreboard.html'} and {' and '.join(map(str, places))}")
-    if package is not None:
-        typer.echo(f"{package}: repeat it with `cosim validate --repeat {package}`")
+    if before is not None:
+        typer.echo(f"{len(changed) or 'no'} differences from {against}")
+        for line in changed:
+            typer.echo(f"  {line}")
     missed = warn_of_audits(
         {name: why for board in boards for name, why in board.audit_misses.items()}
     )
-    raise typer.Exit(1 if any(board.failures for board in boards) else missed)
+    failed = any(board.failures for board in boards)
+    raise typer.Exit(1 if failed or changed else missed)
 
 
 class _Asked(NamedTuple):
@@ -265,16 +245,6 @@ def _judge(
         write_record(place.with_name(FILE), known)
     write_page(out / "scoreboard.html", judged_boards)
     return boards, known
-
-
-def _repeat(path: Path, out: Path, workers: int) -> Differences:
-    """Run what a package was made by, and say what differs.  Raises InputError."""
-    theirs = read_package(path)
-    asked = theirs.request
-    wanted = _Asked(asked.meshes, asked.samples, asked.forms, asked.settings, workers)
-    place = out / PLACE.name
-    _judge(choose_groups(asked.only), wanted, out, [place])
-    return differences(theirs, place.read_text(encoding="utf-8"))
 
 
 def _hoods(settings: list[str]) -> tuple[list[Path], list[str]]:

@@ -71,7 +71,7 @@ class Valve:
     delay: Numbers = 0.03
     """s, dead time from the command on: output, valve and tube together.  A FIT: the one number
     that is sized, to the paper's 50 ms between a step and its largest effect in the 100 Hz signal
-    (`rigid.air.model.latency`)."""
+    (`cases.papers.models.xu2012.air_model.latency`)."""
     supply: Numbers = ATMOSPHERE + 90.0 * PSI
     """Pa, 90 psi above the atmosphere (paper 003, section III)."""
 

@@ -9,15 +9,15 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from cosim.analyses.hood.literature import (
+from cases.hood_gallery.literature import (
     COUPLINGS,
     buchner_dip,
     buchner_height,
     dip_on_coupling,
     fitted_postures,
 )
-from cosim.analyses.hood.poses import CONVERGED, HoodPoses, SolvedPose, pull_name
-from cosim.analyses.hood.studies import (
+from cases.hood_gallery.poses import CONVERGED, HoodPoses, SolvedPose, pull_name
+from cases.hood_gallery.studies import (
     STRAIGHT,
     HoodStudies,
     arm_table,

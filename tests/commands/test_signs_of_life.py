@@ -93,7 +93,6 @@ def test_on_a_terminal_the_stages_stand_in_a_line_that_moves():
         ("estimate", "split_edc", "--force", "-1 N free -2 N", "--out"),
         ("validate", "--only", "lengths", "--out"),
         ("reproduce", "networks", "--out"),
-        ("hood", "--only", "slips", "--out"),
         ("run", "split_edc", "--out"),
     ],
     ids=lambda words: words[0],

@@ -29,7 +29,7 @@ from cosim.coupling.state import (
 )
 from cosim.errors import ConvergenceError
 from cosim.port import STATIC, Array
-from rigid.chain.moving_hinge import MovingHinge
+from tests.helpers.moving_hinge import MovingHinge
 from tests.helpers.recording_hood import recording_pair
 from tests.proofs.coupling.pairs import (
     DAMPING,

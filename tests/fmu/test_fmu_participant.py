@@ -23,8 +23,8 @@ from cosim.fmu_export.write import write_fmu
 from cosim.models.build import Models, build, tensions
 from cosim.port import STATIC, Hood, Motion, Pair, PairState, Tensions
 from rigid.chain.joint_torques import joint_law
-from rigid.chain.moving_hinge import MovingHinge
 from tests.helpers.fmus import IN_PROCESS, NEEDS_FMU, change_description
+from tests.helpers.moving_hinge import MovingHinge
 
 pytestmark = NEEDS_FMU
 BOTH = pytest.mark.parametrize("fmi", [2, 3])

@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.errors import ConvergenceError
 from cosim.port import Array, HoodJacobian, Motion, Response
-from rigid.chain.moving_hinge import MovingHinge
+from tests.helpers.moving_hinge import MovingHinge
 from tests.proofs.coupling.pairs import Drum, stiff_pair
 
 

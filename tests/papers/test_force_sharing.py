@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from cases.papers.models.buchner1988.flexion import (
     DURATION,
@@ -24,7 +21,6 @@ from cases.papers.models.networks.point_contact import (
     settle,
     tip_jacobian,
 )
-from cosim.cli import app
 from cosim.errors import ConvergenceError
 from rigid.chain.hinge import HingeFinger
 from rigid.chain.planar_chain import BUCHNER
@@ -50,14 +46,6 @@ def test_every_row_on_the_contact_passes_with_most_muscles(monkeypatch):
     rows = list(contact_rows.rows())
     assert rows
     assert not [row for row in rows if not row.passed]
-
-
-def test_the_command_prints_the_rows():
-    done = CliRunner().invoke(app, ["verify", "hoods", "--json", "--only", "two bands"])
-    assert done.exit_code == 0
-    rows = json.loads(done.stdout)
-    assert {row["verdict"] for row in rows} == {"pass"}
-    assert "reciprocity" in {row["quantity"] for row in rows}
 
 
 def test_the_torques_of_a_motion_make_it():

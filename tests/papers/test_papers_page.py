@@ -15,6 +15,7 @@ from cosim.cli import app
 from cosim.commands.reproduce import PaperName
 from cosim.errors import ConvergenceError, InputError
 from cosim.files import output_folder
+from cosim.report import gallery
 from cosim.report.figures import (
     Figure,
     FigurePage,
@@ -23,7 +24,6 @@ from cosim.report.figures import (
     new_picture,
     write_figures,
 )
-from cosim.report import gallery
 from cosim.report.gallery import Script, open_paper
 from tests.helpers.folders import ROOT
 

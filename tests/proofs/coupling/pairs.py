@@ -17,9 +17,9 @@ from scipy.optimize import root
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
 from rigid.chain.hinge import BODIES, JOINTS
 from rigid.chain.joint_torques import joint_law
-from rigid.chain.moving_hinge import MovingHinge
 from rigid.chain.planar_chain import BUCHNER, PlanarChain
 from rigid.hoods.pulley import Cable, PulleyHood
+from tests.helpers.moving_hinge import MovingHinge
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cosim.checks import Row
-from cosim.port import Array
-from rigid.air.model import (
+from cases.papers.models.xu2012.air_model import (
     STEPPED_DOWN,
     STEPPED_UP,
     TRAINING,
@@ -19,6 +17,8 @@ from rigid.air.model import (
     r_squared,
     steps,
 )
+from cosim.checks import Row
+from cosim.port import Array
 from rigid.air.plant import (
     GAMMA,
     GAS_CONSTANT,

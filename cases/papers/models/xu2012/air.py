@@ -24,9 +24,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cases.papers.models.xu2012.actuators import PERIOD
+from cases.papers.models.xu2012.air_model import TRAINING, AirModel, identify, sines
 from cases.papers.models.xu2012.plant import STEP
 from cosim.port import Array
-from rigid.air.model import TRAINING, AirModel, identify, sines
 from rigid.air.plant import (
     ATMOSPHERE,
     AirState,

@@ -1,4 +1,4 @@
-"""`cosim hood`: a hood over postures, as tables and pictures on one page."""
+"""`python -m cases.hood_gallery`: a hood over postures, as tables and pictures on one page."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cosim.analyses.hood.studies import HoodStudies
+from cases.hood_gallery.studies import HoodStudies
 from cosim.case.file import load_case
 from cosim.commands.options import Settings
 from cosim.commands.terminal import exit_on_error
@@ -56,10 +56,14 @@ def show_hood(
         options = [f"--set '{text}'" for text in settings or ()]
         options += [] if moduli is None else [f"--moduli {moduli:g}"]
         studies = HoodStudies(checked, say := lambda text: typer.echo(text, err=True))
-        paper = studies.paper(" ".join(["cosim hood", case, *options]))
+        paper = studies.paper(" ".join(["python -m cases.hood_gallery", case, *options]))
         wanted = choose_studies(paper, only or ())
         folder = Path("hood_postures") / checked.name if out is None else out
         count = write_figures(paper, wanted, folder, say)
         for pose in studies.unsolved_poses():
             typer.echo(f"{pose.name}: {pose.status}", err=True)
         typer.echo(f"{count} {'figure' if count == 1 else 'figures'} in {folder / 'index.html'}")
+
+
+if __name__ == "__main__":
+    typer.run(show_hood)

@@ -8,12 +8,12 @@ from scipy.integrate import quad, solve_ivp
 
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import AffineLoad, Array, Motion
-from rigid.chain import moving_hinge
 from rigid.chain.hinge import JOINTS, HingeFinger
 from rigid.chain.joint_torques import JointLaw, TorqueCurve, joint_law, limit_torque
-from rigid.chain.moving_hinge import HingeMoment, MovingHinge, inverse_dynamics
 from rigid.chain.planar_chain import BUCHNER, PlanarChain
+from tests.helpers import moving_hinge
 from tests.helpers.fingers import LENGTHS
+from tests.helpers.moving_hinge import HingeMoment, MovingHinge, inverse_dynamics
 
 NONE = np.zeros(0)
 

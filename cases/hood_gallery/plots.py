@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.analyses.hood.literature import (
+from cases.hood_gallery.literature import (
     COUPLINGS,
     LEAST_SHARE,
     LEE_BAND,
@@ -18,7 +18,7 @@ from cosim.analyses.hood.literature import (
     buchner_height,
     dip_on_coupling,
 )
-from cosim.analyses.hood.poses import JOINTS, Posture, SolvedPose, posture_name
+from cases.hood_gallery.poses import JOINTS, Posture, SolvedPose, posture_name
 from cosim.report.figures import legend_below, new_picture, style_axes
 from cosim.results.looks import look
 

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.errors import InputError
-from cosim.port import Array
-from cosim.report.gallery import open_paper
-from rigid.air.model import (
+from cases.papers.models.xu2012.air_model import (
     AT,
     FULL_TERMS,
     PRINTED_TERMS,
@@ -26,6 +23,9 @@ from rigid.air.model import (
     spread,
     steps,
 )
+from cosim.errors import InputError
+from cosim.port import Array
+from cosim.report.gallery import open_paper
 from rigid.air.plant import Pneumatics, Valve
 
 TRUE = np.array([2e5, -5e4, 9e3, -2.0, 1.0, -0.3, 0.02])

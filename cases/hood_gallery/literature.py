@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.analyses.hood.poses import JOINTS, Posture
+from cases.hood_gallery.poses import JOINTS, Posture
 from cosim.analyses.identify.cases import stated_cases
 from cosim.case.file import find_case
 from cosim.measured import measured_at, measured_of_kind

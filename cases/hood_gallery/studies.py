@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from cosim.analyses.hood import plots as pictures
-from cosim.analyses.hood.literature import (
+from cases.hood_gallery import plots as pictures
+from cases.hood_gallery.literature import (
     AN_HEIGHT,
     COUPLINGS,
     LEAST_SHARE,
@@ -23,8 +23,8 @@ from cosim.analyses.hood.literature import (
     dip_on_coupling,
     fitted_postures,
 )
-from cosim.analyses.hood.plots import SAGITTAL_LINES
-from cosim.analyses.hood.poses import (
+from cases.hood_gallery.plots import SAGITTAL_LINES
+from cases.hood_gallery.poses import (
     CONVERGED,
     JOINTS,
     REST,
