@@ -9,14 +9,41 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import Any, Self
 
 Progress = Callable[[str], None]
 """A function that is called with a line of text at each stage of what takes long."""
 
 
+class ResidualText(str):
+    """A line of progress that tells the residual of a state, unloaded or loaded."""
+
+    residual: float
+    state: str
+
+    def __new__(cls, text: str, residual: float, state: str = "") -> Self:
+        line = super().__new__(cls, text)
+        line.residual, line.state = residual, state
+        return line
+
+    def __reduce__(self) -> tuple[type[ResidualText], tuple[str, float, str]]:
+        return ResidualText, (str(self), self.residual, self.state)
+
+
 def quiet(text: str) -> None:
     """The progress of a caller who asks for none."""
+
+
+def named_progress(progress: Progress, state: str) -> Progress:
+    """`progress` with the name of a state before each line."""
+
+    def tell(text: str) -> None:
+        line = f"{state}: {text}"
+        if isinstance(text, ResidualText):
+            line = ResidualText(line, text.residual, state)
+        progress(line)
+
+    return tell
 
 
 SILENCE = 10.0

@@ -269,8 +269,8 @@ def couple(
     most = whole_number("max_iterations", max_iterations, 1, 10_000)
     options = CouplingOptions(fraction("tolerance", tolerance), most)
     solved = equilibrium(pair, initial, Tensions(*asked), options, progress)
-    forces = {} if slips is None else dict(slips(solved.response.state))
-    return CoupledResult(**vars(solved), pair=pair, slips=forces)
+    forces = None if slips is None else slips(solved)
+    return CoupledResult(**vars(solved), pair=pair, slips=dict(forces or {}))
 
 
 def _pair_from(finger: object, hood: object) -> tuple[Pair, Mapping[str, float], Any]:
@@ -281,13 +281,15 @@ def _pair_from(finger: object, hood: object) -> tuple[Pair, Mapping[str, float],
     if of_finger is not None and of_hood is not None:
         tables = {"hood": of_hood.hood, "lesion": of_hood.lesion}
         models = build(of_finger.model_copy(update=tables))
-        return models.pair, models.posture, models.slips
+        return models.pair, models.posture, models.slips_of
     if of_finger is not None:
         models = build(of_finger)
         return Pair(models.finger, cast(Hood, hood)), models.posture, None
     if of_hood is not None:
         models = build(of_hood)
-        return Pair(cast(Finger, finger), models.hood), {}, models.slips
+        of_state = models.slips
+        slips = None if of_state is None else lambda solved: of_state(solved.response.state)
+        return Pair(cast(Finger, finger), models.hood), {}, slips
     return Pair(cast(Finger, finger), cast(Hood, hood)), {}, None
 
 

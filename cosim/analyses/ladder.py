@@ -115,18 +115,8 @@ def climb(source: Path, settings: tuple[str, ...], name: str) -> Rung:
         return Rung(name, is_own, status, outcome.reason, outcome.seconds, {}, {}, {})
     models, states = outcome.value
     summary = observe_static(case_on_rung(case, name), (models, states), outcome.seconds).summary
-    slips, excursions = _slips(models, states.loaded), _excursions(models, states)
+    slips, excursions = models.slips_of(states.loaded) or {}, _excursions(models, states)
     return Rung(name, is_own, "converged", "", outcome.seconds, summary, slips, excursions)
-
-
-def _slips(models: Models, e: Equilibrium) -> Mapping[str, float]:
-    """Forces (N) in the central and the terminal slip, where the hood has slips."""
-    if models.slips is not None:
-        return models.slips(e.response.state)
-    if models.own_slips is not None:
-        tension = zip(models.finger.tendons, map(float, e.finger_tension), strict=True)
-        return models.own_slips(dict(tension))
-    return {}
 
 
 def _excursions(models: Models, states: States) -> dict[str, float]:

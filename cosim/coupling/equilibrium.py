@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.coupling.finger_equilibrium import free_stiffness
-from cosim.errors import ConvergenceError, Progress, pulse, quiet
+from cosim.errors import ConvergenceError, Progress, ResidualText, pulse, quiet
 from cosim.port import (
     STATIC,
     Array,
@@ -128,7 +128,8 @@ def equilibrium(
         jacobian = solver.jacobian(response.state)
         balance = finger.balance(finger_state, response.load, tensions.finger)
         interface = np.nan if balance is None else balance.relative
-        progress(f"coupling round {iteration}: {_progress_text(interface, turn)}")
+        line = f"coupling round {iteration}: {_progress_text(interface, turn)}"
+        progress(line if np.isnan(interface) else ResidualText(line, interface))
         is_late = iteration > PATIENCE and part > LEAST_PART
         if is_late and way is not None and interface > max(way.interface, options.tolerance):
             part, state = 0.5 * part, way.state

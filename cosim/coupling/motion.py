@@ -20,7 +20,7 @@ from cosim.coupling.excursion import (
 )
 from cosim.coupling.schemes import Scheme, begin, step
 from cosim.coupling.state import CoupledState
-from cosim.errors import ConvergenceError, Progress, pulse
+from cosim.errors import ConvergenceError, Progress, ResidualText, pulse
 from cosim.port import Array, Hood, MovingFinger, State
 
 EVERY = 50
@@ -300,10 +300,11 @@ def motion_states(
         c = at.coupled
         if k % EVERY == 0 or k == steps:
             left = (time.perf_counter() - begun) / k * (steps - k)
-            progress(
+            line = (
                 f"t = {c.time:.4g} s, residual {c.residual:.1e}, {c.solves} hood solves, some "
                 f"{left:.0f} s left"
             )
+            progress(ResidualText(line, c.residual))
         yield at
         if k < steps:
             pulse("t = {:.4g} s, step {} of {}, residual {:.1e}", c.time, k, steps, c.residual)

@@ -22,6 +22,7 @@ from cosim.tendons.table import Sliding
 from meshes.hood_mesh import HoodMesh
 
 if TYPE_CHECKING:
+    from cosim.coupling.equilibrium import Equilibrium
     from rigid.mjcf.hood import HoodParts
 
 
@@ -63,6 +64,15 @@ class Models:
     def is_alive(self) -> bool:
         """Whether they can be asked: not once the process of an FMU among them has ended."""
         return all(getattr(part, "is_alive", True) for part in (self.finger, self.hood))
+
+    def slips_of(self, e: Equilibrium) -> Slips | None:
+        """N in the slips in an equilibrium, whoever makes them; None for a hood without."""
+        if self.slips is not None:
+            return self.slips(e.response.state)
+        if self.own_slips is not None:
+            pulls = map(float, e.finger_tension)
+            return self.own_slips(dict(zip(self.finger.tendons, pulls, strict=True)))
+        return None
 
     def start(self) -> PairState:
         """The finger in its posture, and the hood on it."""

@@ -93,8 +93,8 @@ def _neighbour(
 
 def _slips(models: Models, e: Equilibrium, motion: Motion) -> dict[str, float]:
     """The slips' forces at poses nearby: of a hood of finite elements to first order."""
-    if models.slips is None:
-        return {}
+    if models.slips is None:  # tendons of the finger make them, whose tensions are held
+        return dict(models.slips_of(e) or {})
     if models.nearby is None:
         moved = models.hood.advance(e.response.state, motion, e.hood_tension, STATIC).state
     else:

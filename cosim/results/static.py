@@ -247,8 +247,7 @@ def _state(
         borne = e.balance.torque.get("limit", np.zeros(len(finger.joints)))
         if at_limit := joints_at_limit(limits, angles, _by_joint(models, borne)):
             out["joints_at_limit"] = at_limit
-    if models.slips is not None:
-        slips = models.slips(e.response.state)
+    if (slips := models.slips_of(e)) is not None:
         out["slip_force_N"] = dict(slips)
         if not is_slack(slips, "central"):
             out["slip_ratio"] = slips["terminal"] / slips["central"]

@@ -21,6 +21,7 @@ from cosim.scoring.names import FINGERS, TIP, FingerName, Matched, match_names
 from cosim.tendons.table import TendonConfig
 from cosim.text_tables import read_toml, toml_text
 from meshes.skeleton import JOINTS
+from rigid.mjcf.frames import UlnarAbductionError
 from rigid.mjcf.read import PartNames, part_names
 from rigid.opensim.losses import report
 from rigid.opensim.osim import Imported, import_osim, write_import
@@ -182,9 +183,9 @@ def _new_case(name: str, anatomy: UserAnatomy, folder: Path) -> tuple[Path, tupl
     text = re.sub(r"[^\w-]", "_", name)[:60].lstrip("_-") or "model"
     try:
         return new_case(text, anatomy, folder / text)
-    except InputError as error:
+    except UlnarAbductionError:
         side = anatomy.names.get("MCP_abduction", "")
-        if "turns to the ulnar side" not in str(error) or side.startswith("-"):
+        if side.startswith("-"):
             raise
     turned = {**anatomy.names, "MCP_abduction": f"-{side}"}
     other = UserAnatomy(finger=anatomy.finger, names=turned, assumed_tip=anatomy.assumed_tip)

@@ -14,7 +14,7 @@ import numpy as np
 
 from cosim.case.schema import Case, as_stated
 from cosim.coupling.equilibrium import Equilibrium, first_answer
-from cosim.errors import ConvergenceError, InputError, Progress, unexpected
+from cosim.errors import ConvergenceError, InputError, Progress, named_progress, unexpected
 from cosim.files import path_from
 from cosim.models.build import Models, build_any, with_own_finger
 from cosim.port import Array, Motion, PairState, Response, State, StorableHood, Tensions
@@ -180,9 +180,7 @@ def _unloaded_equilibrium(
         np.full(len(models.finger.tendons), models.resting),
     )
 
-    def say(text: str) -> None:
-        progress(f"unloaded: {text}")
-
+    say = named_progress(progress, "unloaded")
     if near is not None:
         with suppress(ConvergenceError):
             return solve_equilibrium(case, models, near, idle, say)

@@ -15,7 +15,7 @@ from cosim.coupling.excursion import (
     initial_excursions,
     solve_excursions,
 )
-from cosim.errors import ConvergenceError, Progress, quiet
+from cosim.errors import ConvergenceError, Progress, named_progress, quiet
 from cosim.models.build import Models, case_finger, tensions
 from cosim.port import Array, PairState, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
@@ -134,7 +134,7 @@ def _loaded_equilibrium(
                 models,
                 at,
                 Tensions(tension[:split].copy(), tension[split:].copy()),
-                lambda text: progress(f"loaded: {text}"),
+                named_progress(progress, "loaded"),
             )
             at = PairState(loaded.finger_state, loaded.response.state)
             if not len(of_muscles) and not len(index):

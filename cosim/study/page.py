@@ -31,7 +31,7 @@ def page(study: StudyResults, plan: StudyPlan) -> str:
         runs=len(study.table),
         converged=counts.get("converged", 0),
         waiting=counts.get("waiting", 0),
-        audit=sum(study.table.reason.str.startswith("audit missed")),
+        audit=int(((study.table.status == "converged") & (study.table.reason != "")).sum()),
         failures=list(_failures(study)),
         parameters=list(_parameters(plan)),
         sampled=_sampling_text(plan),

@@ -6,7 +6,6 @@ of its own.  What is older is dropped, and a solve that nobody waits for any mor
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections import deque
 from collections.abc import Callable
@@ -20,7 +19,7 @@ from cosim.analyses.ladder import case_on_rung, rungs_of
 from cosim.case.file import base_name, case_of, load_case, packaged_cases, resolved_toml
 from cosim.case.schema import Case, check_name
 from cosim.case.usual import unusual_values
-from cosim.errors import ConvergenceError, CosimError, InputError, StoppedError
+from cosim.errors import ConvergenceError, CosimError, InputError, ResidualText, StoppedError
 from cosim.files import shown_path, temporary_folder
 from cosim.models.fit import check_fit
 from cosim.outcome import one_line
@@ -53,7 +52,6 @@ MOST_TEXT = 2_000_000
 """Characters of a case that a tab may send."""
 WAIT = 600.0
 """s that saving waits for the solve to end."""
-_RESIDUAL = re.compile(r"^(?:(unloaded|loaded): )?.*?residual ([0-9.]+e[-+][0-9]+)")
 ADVICE = "Go back to the last value, or take smaller steps towards this one."
 
 
@@ -264,9 +262,9 @@ class Desk:
                     self._so_far = view
                     self._picture += 1
                 case str():
-                    self._stage = message
-                    if found := _RESIDUAL.match(message):
-                        self._residuals.append((found[1] or "", float(found[2])))
+                    self._stage = str(message)
+                    if isinstance(message, ResidualText):
+                        self._residuals.append((message.state, message.residual))
             self._publish()
 
     def show_motion(self, case: Case, so_far: SolvedMotion) -> None:

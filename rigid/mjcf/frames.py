@@ -64,6 +64,10 @@ def _some(names: Sequence[str], most: int = 12) -> str:
     return (", ".join(names[:most]) or "none with a name") + more
 
 
+class UlnarAbductionError(InputError):
+    """The joint of the abduction turns to the other side than a right hand's."""
+
+
 @dataclass(frozen=True)
 class Frames:
     """Our frames of the four bodies in the model's world at zero angles."""
@@ -150,9 +154,9 @@ def _check_senses(where: Where, joint: Sequence[int], built: Array, axis: Array)
                 "same of the MCP"
             )
     if axis[1] @ built[0][:, 2] < 0:
-        raise where.fault(
-            f"the joint {theirs[1]!r} (MCP_abduction) turns to the ulnar side of a right hand when "
-            f"MCP, PIP and DIP flex: write --set-name MCP_abduction=-{theirs[1]}, or, if those "
-            "three extend where they are positive, a minus before each of them; a left hand has to "
-            "be mirrored"
+        raise UlnarAbductionError(
+            f"{where.path}: the joint {theirs[1]!r} (MCP_abduction) turns to the ulnar side of a "
+            f"right hand when MCP, PIP and DIP flex: write --set-name MCP_abduction=-{theirs[1]}, "
+            "or, if those three extend where they are positive, a minus before each of them; a "
+            "left hand has to be mirrored"
         )

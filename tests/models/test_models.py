@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import cosim
+from cosim.analyses.ladder import climb
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.hoods.shell.view import strain_summary
@@ -344,3 +346,20 @@ def test_a_material_that_is_none_names_its_region():
     text = text.replace('across="5', 'across="90')
     with pytest.raises(InputError, match=r"hood\.regions\.central_band: .*nu12"):
         build_with(f'hood.regions.central_band={{kind="transversely_isotropic", {text}}}')
+
+
+@pytest.mark.parametrize("name", ["split_edc", "network_edc", "two_band_edc", "pulley_edc"])
+def test_a_run_and_the_ladder_have_the_same_forces_in_the_slips(name):
+    """Whether the hood makes them or the finger's own tendons; none where there are no slips."""
+    case = load_case(name, ["output.picture=false"])
+    result = cosim.run(case)
+    rung = climb(case.source, ("output.picture=false",), case.hood.rung())
+    assert result.slips == pytest.approx(dict(rung.slips), rel=1e-9)
+    assert bool(result.slips) == (name != "pulley_edc")
+
+
+def test_a_finger_whose_own_tendons_make_the_slips_tells_their_forces():
+    pull = cosim.load("split_edc")
+    solved = cosim.couple(pull, pull, {"EDC": 3.0})
+    assert solved.slips == pytest.approx({"central": 1.5, "terminal": 1.5}, rel=0.05)
+    assert sum(solved.slips.values()) == pytest.approx(3.0, rel=1e-9)

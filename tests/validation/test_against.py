@@ -32,7 +32,7 @@ def board(**changes: object) -> Rows:
     [
         ({"model": 1.0009}, None),
         ({"model": 1.002}, "force: distal, N: 1 before, 1.002 now"),
-        ({"model": None}, "force: distal, N: 1 before, - now"),
+        ({"model": None}, "force: distal, N: 1 before, – now"),
         ({"verdict": "outside"}, "force: distal, N: inside before, outside now"),
         ({"u_num": 0.104, "u_input": 0.2}, None),
         ({"u_num": 0.106}, "force: distal, N: u_num 0.1 before, 0.106 now"),

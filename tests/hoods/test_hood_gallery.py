@@ -7,8 +7,10 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+import typer
 from typer.testing import CliRunner
 
+from cases.hood_gallery.__main__ import show_hood
 from cases.hood_gallery.literature import (
     COUPLINGS,
     buchner_dip,
@@ -30,7 +32,6 @@ from cases.hood_gallery.studies import (
     sweep_postures,
 )
 from cosim.case.file import load_case
-from cosim.cli import app
 from cosim.errors import ConvergenceError
 from cosim.fingers.middle import MiddleFingerConfig
 from cosim.hoods.shell.variation import scale_moduli
@@ -241,7 +242,9 @@ def test_a_page_of_poses_with_pictures_and_tables(tmp_path, monkeypatch):
     ],
 )
 def test_what_cannot_be_shown_is_refused(words, said, tmp_path):
-    done = CliRunner().invoke(app, ["hood", *words, "-o", str(tmp_path / "out")])
+    app = typer.Typer(rich_markup_mode=None)
+    app.command()(show_hood)
+    done = CliRunner().invoke(app, [*words, "-o", str(tmp_path / "out")])
     assert done.exit_code == 2
     assert said in done.output
     assert not (tmp_path / "out").exists()
