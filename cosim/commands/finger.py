@@ -37,7 +37,7 @@ from cosim.errors import InputError
 from cosim.extras import require
 from cosim.files import check_file, output_file
 from cosim.fingers.kinds import joint_ranges
-from cosim.models.build import build, mjcf_of, tensions
+from cosim.models.build import OPENING, build, mjcf_of, narrow_limits, tensions
 from cosim.results.picture import write_figure
 from cosim.scoring.names import FingerName, check_present, match_names, read_names
 from cosim.scoring.plausible import against_published
@@ -204,6 +204,8 @@ def mjcf(
             f"finger in {out}, without the tip's support{'' if made else ' and the hood'}; begin "
             'in its keyframe "posture"; its first lines say what differs from ours'
         )
+        for words in narrow_limits(checked):
+            typer.echo(f"{words}; to open them: --set '{OPENING}'")
 
 
 def _attach(
