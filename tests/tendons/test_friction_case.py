@@ -59,6 +59,26 @@ def test_the_interval_is_what_either_course_gives_alone() -> None:
     assert is_known("friction.sliding.unloading.joint_torque_Nmm.FDP.PIP")
 
 
+def test_the_reach_is_that_of_tendons_without_friction() -> None:
+    """The force of a finger on one tendon grows with the tension at the end; the reach does not."""
+    over, pushed, told = {}, {}, {}
+    for mu in (0.0, 0.2, 0.5):
+        settings = (f"tendons.FDP.friction={mu}", "tendons.FDP.sliding='unloading'")
+        found = run("split_fdp", *settings).summary
+        over[mu] = found["audit"]["tip_force_over_reach"]
+        pushed[mu] = found["fingertip_magnitude_N"]
+        told[mu] = [line for line in found["warnings"] if "friction of" in line]
+        if mu == 0.5:
+            assert found["audit_missed"] == ["tip_force_over_reach"]
+            tendon = found["friction"]["tendon"]["FDP"]
+            factor = tendon["tension_at_insertion_N"] / found["tension_N"]["FDP"]
+    for mu in (0.2, 0.5):
+        assert over[mu] / over[0.0] == pytest.approx(pushed[mu] / pushed[0.0], rel=1e-9)
+    assert factor > 2.0
+    assert told[0.0] == []
+    assert f"1/{factor:.3g} of its muscle's" in told[0.5][0]
+
+
 def test_friction_of_zero_changes_nothing() -> None:
     none, zero = run("split_fdp").summary, run("split_fdp", "tendons.FDP.friction=0").summary
     assert forces(zero) == pytest.approx(forces(none), abs=1e-12)
