@@ -124,6 +124,31 @@ def test_a_motion_that_only_loads_comes_to_rest_as_the_equilibrium_does() -> Non
         assert np.abs(total).max() < 1e-9
 
 
+def test_a_clamped_finger_spends_on_friction_what_the_stretch_of_its_tendon_brings() -> None:
+    """No joint turns, so a tendon's guides slide by its stretch c_k dT alone, and each takes
+    c_k (T_before - T_beyond) dT, which nothing but the muscle can bring."""
+    ramp = 'tendons.FDP.signal={kind="points",at=[["0 s",0.1],["0.1 s",1.0]]}'
+    case = load_case(
+        "split_fdp",
+        [
+            *(PLAIN, RUBS, ramp, "finger.tip.kind='clamped'"),
+            "tendons.FDP.elastic.stiffness='50 N/mm'",
+            "forward={duration='0.1 s',step='2 ms',must_rest=false}",
+        ],
+    )
+    found = run_case(case)
+    finger = build(case).finger
+    readings = finger.guides.read(finger.at_angles(finger.start(build(case).posture).angles))
+    before, beyond = readings.factors(np.ones(len(readings.give)))
+    tension = found.data.own_tension.sel(muscle="FDP").values
+    lost = readings.give @ (before - beyond) * (tension[1:] @ np.diff(tension))
+    energy = found.summary["energy_mJ"]
+    assert 1e3 * lost > 0.05
+    assert energy["guides_dissipated"] == pytest.approx(1e3 * lost, rel=1e-9)
+    assert energy["own_tendons"] == pytest.approx(1e3 * lost, rel=1e-9)
+    assert energy["artificial"] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_what_knows_no_friction_keeps_its_arms_or_says_so() -> None:
     rubs, plain = (load_case("split_fdp", s) for s in ([RUBS], []))
     posture = build(plain).posture
