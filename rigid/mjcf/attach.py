@@ -34,7 +34,7 @@ from rigid.mjcf.hood import (
     section,
     slides_at_rest,
 )
-from rigid.mjcf.tendons import greatest_force
+from rigid.mjcf.tendons import actuators_of, greatest_force
 from rigid.model import vector
 
 REACH = 0.045
@@ -117,6 +117,12 @@ def attach_hood(path: Path, parts: HoodParts, target: Target) -> Attached:
     told += _kept(old, set(there.values()), target)
     add_parts(root, ours, places)
     _end(root, old, ours, there, target)
+    pulls = [actuators_of(old, t) for t in there.values()]
+    told.append(
+        f"kept: the actuators {', '.join(name for name in pulls if name)} with their names; they "
+        "pull tendons, so that a bridge that asks for an actuator by its joint's name (ROS 2's "
+        "mujoco_ros2_control) finds none of them: command them by their own"
+    )
     most = {m: greatest_force(old, old.tendon(t).id) for m, t in there.items()}
     return Attached(
         root,

@@ -153,6 +153,7 @@ def test_muscles_keep_their_arms_in_abduction_in_size_and_sign(tmp_path):
             arm = pulled_alone(out, muscle, "MCP_abduction", bend)
             assert sign * arm > 4e-3
             assert arm == pytest.approx(np.mean(paths), rel=1e-5)
+    assert any("kept: the actuators EDC, LUM, FPI with their names" in line for line in done.told)
     words = next(line for line in done.told if "abduction" in line)
     assert "LUM +6" in words
     assert "FPI -8" in words
