@@ -22,7 +22,7 @@ from meshes.skeleton import index_finger
 from rigid.fingers.index import finger_model
 from rigid.mjcf.attach import Attached, hand_arms, write_attached
 from rigid.mjcf.defaults import state_defaults
-from rigid.mjcf.hood import compile_model
+from rigid.mjcf.hood import FOLLOWER, compile_model
 from rigid.mjcf.read import part_names
 from rigid.mjcf.write import mjcf_xml
 
@@ -216,3 +216,36 @@ def test_a_name_that_is_no_xml_is_refused(tmp_path):
     done = CliRunner().invoke(app, ["mjcf", "--attach", str(hand), "-o", str(tmp_path / "o.xml")])
     assert done.exit_code == 2
     assert "control character" in " ".join(done.output.split())
+
+
+def test_the_range_of_a_muscles_length_goes_with_its_tendon(tmp_path):
+    """A muscle is as long in its range with the hood as without."""
+    muscle = '<general name="EDC" tendon="EDC" lengthrange="0.05 0.3" gainprm="-1"'
+    hand = a_hand(tmp_path, ('<general name="EDC" tendon="EDC" gainprm="-1"', muscle))
+    before, after = mujoco.MjModel.from_xml_path(str(hand)), compile_model(attached(hand).root)
+    away = []
+    for model in (before, after):
+        data = mujoco.MjData(model)
+        if model is after:  # the junction where the hood is about to bear
+            model.opt.timestep = 0.002
+        mujoco.mj_forward(model, data)
+        length = data.tendon("EDC").length[0]
+        away.append(model.actuator("EDC").lengthrange - length)
+    assert abs(after.actuator("EDC").lengthrange[0] - 0.05) > 0.01
+    assert away[1] == pytest.approx(away[0], abs=2e-4)
+
+
+@pytest.mark.parametrize("least", [0.0, 1e-4])
+def test_a_follower_resists_no_more_where_no_body_may_be_light(tmp_path, least):
+    """A hand whose bodies weigh at least so much: the follower y = c x^2 of mass m adds m (2 c x)^2
+    to its joint's inertia, and c goes with the root of the mass."""
+    hand = a_hand(tmp_path, ("<compiler", f'<compiler boundmass="{least}"'))
+    model = compile_model(attached(hand).root)
+    mass = float(model.body("index_hood_PIP_square").mass[0])
+    assert mass == max(least, FOLLOWER)
+    slide = model.joint("index_hood_PIP_square").id
+    c = next(model.eq_data[e][2] for e in range(model.neq) if model.eq_obj1id[e] == slide)
+    assert mass * c**2 == pytest.approx(FOLLOWER, rel=1e-9)
+    out = tmp_path / "out.xml"
+    out.write_text(write_attached(attached(hand).root, out), encoding="utf-8")
+    assert pulled_alone(out, "EDC", "PIP", 0.3) == pytest.approx(-5e-3, rel=1e-5)
