@@ -19,6 +19,7 @@ thrust.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from time import process_time
@@ -378,7 +379,9 @@ class HeldHand(HeldModel):
         return out
 
     def tensions(self) -> dict[str, float]:
-        return {name.removeprefix(self.prefix): t for name, t in super().tensions().items()}
+        """What the bands bear, N; nothing in those of muscles that the hand has not."""
+        there = {name.removeprefix(self.prefix): t for name, t in super().tensions().items()}
+        return defaultdict(float, there)
 
     def excursion(self) -> Array:
         out: Array = -np.array([self.data.tendon(t).length[0] for t in self.tendons.values()])

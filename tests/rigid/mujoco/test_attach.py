@@ -249,3 +249,29 @@ def test_a_follower_resists_no_more_where_no_body_may_be_light(tmp_path, least):
     out = tmp_path / "out.xml"
     out.write_text(write_attached(attached(hand).root, out), encoding="utf-8")
     assert pulled_alone(out, "EDC", "PIP", 0.3) == pytest.approx(-5e-3, rel=1e-5)
+
+
+def test_a_joint_that_turns_the_other_way_and_a_muscle_that_lacks_change_no_arm(tmp_path):
+    """The table and the arms of a hand whose PIP turns the other way, and without a lumbrical."""
+    root = ET.fromstring(a_hand(tmp_path).read_text(encoding="utf-8"))
+    joint = next(tag for tag in root.iter("joint") if tag.get("name") == "PIP")
+    axis, (low, high) = joint.attrib["axis"].split(), joint.attrib["range"].split()
+    joint.set("axis", " ".join(repr(-float(x)) for x in axis))
+    joint.set("range", f"{-float(high)!r} {-float(low)!r}")
+    for tag in [*root.iter("spatial"), *root.iter("general")]:
+        for name in ("name", "tendon"):
+            if tag.get(name) == "LUM":
+                tag.set(name, "another")
+    hand, out = tmp_path / "other.xml", tmp_path / "out.xml"
+    hand.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+    done = attached(hand)
+    assert done.target.joints["PIP"] == "-PIP"
+    out.write_text(write_attached(done.root, out), encoding="utf-8")
+    errors, arms = judge_attached(load_case("network_edc"), "network", hand, out, done)
+    assert max(e.most for e in errors) < 1e-3
+    by = {(a.muscle, a.joint): a for a in arms}
+    assert {a.muscle for a in arms} == {"EDC", "FPI"}
+    assert by["EDC", "PIP"].path == pytest.approx(-2.9e-3, abs=1e-4)
+    assert by["EDC", "PIP"].hood == pytest.approx(-3.1e-3, abs=1e-4)
+    assert any("left out: the hood's LUM" in line for line in done.told)
+    assert any("kept: " in line and "another" in line for line in done.told)
