@@ -45,7 +45,9 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
+    from cosim.analyses.estimate.joint_motion import JointMotion
     from cosim.analyses.identify.fit import Fit
+    from cosim.models.build import Models
     from cosim.scoring.names import FingerName
     from cosim.scoring.scores import Scores
     from cosim.study.results import StudyResults
@@ -394,18 +396,18 @@ def track(
     Raises InputError, also for a fingertip that is held, and ConvergenceError."""
     from cosim.analyses.estimate.files import forward_path, write_tracking
     from cosim.analyses.estimate.markers import read_any_motion
-    from cosim.analyses.estimate.of_case import setup
-    from cosim.analyses.estimate.tracking import start_of, track
+    from cosim.analyses.estimate.tracking import setup_to_follow, track
 
     started = perf_counter()
     highest = None if cutoff is None else quantity_in_si("cutoff", cutoff, units.FREQUENCY)
     marked = None if markers is None else path_from("markers", markers)
-    problem = setup(case_from(case), "pcsa", 2, {}, {})
-    finger, target = problem.models.finger, path_from("folder", folder) / problem.case.name
-    asked = read_any_motion(
-        path_from("motion", motion), marked, finger, problem.models.posture, None, highest, progress
-    )
-    problem = start_of(problem, asked)
+    checked, path = case_from(case), path_from("motion", motion)
+    target = path_from("folder", folder) / checked.name
+
+    def read(models: Models) -> JointMotion:
+        return read_any_motion(path, marked, models.finger, models.posture, None, highest, progress)
+
+    problem, asked = setup_to_follow(checked, "pcsa", 2, {}, {}, read)
     tracking = track(problem, asked, progress)
     write_tracking(target, problem, tracking, perf_counter() - started)
     for fault in tracking.faults():

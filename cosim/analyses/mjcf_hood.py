@@ -8,12 +8,13 @@ hood behind the port.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
 
+import mujoco
 import numpy as np
 
 from cosim.analyses.reduction.reduce import state_in_words, tip_maps
@@ -25,9 +26,10 @@ from cosim.hoods.kind import MujocoHood
 from cosim.hoods.kinds import KINDS
 from cosim.models.build import Models, build, mjcf_of
 from cosim.port import Array
+from meshes.skeleton import JOINTS
 from rigid.hoods.joint_hood import JointState
-from rigid.mjcf.attach import Attached, Target, add_note, attach_hood, note_of
-from rigid.mjcf.hood import HeldModel, HoodParts, steps_per_second
+from rigid.mjcf.attach import BENT, Attached, Target, add_note, attach_hood, hand_arms, note_of
+from rigid.mjcf.hood import PULL, HeldHand, HeldModel, HoodParts, steps_per_second
 
 HoodName = Literal["network", "reduced"]
 MARK = 0.02
@@ -124,14 +126,16 @@ def _advice(case: Case, made: MujocoHood | None) -> str:
 def hood_file(
     case: Case, which: HoodName, tell: Progress = quiet, states: int = STATES
 ) -> HoodFile:
-    """A case's finger with its hood.  Raises InputError where the hood is of another kind."""
+    """A case's finger with its hood, compared with the case's in so many states; with none its
+    errors are empty.  Raises InputError where the hood is of another kind."""
     hood, models = hood_in_mujoco(case, which), build(case)
     parts = _parts(case, models, hood, tell)
     xml = mjcf_of(case, parts)
-    tell("comparing the file with the hood")
-    errors = tuple(
-        compare(case, models, hood, HeldModel.of(xml, models.finger.joints, parts), states)
-    )
+    errors = tuple[Error, ...]()
+    if states:
+        tell("comparing the file with the hood")
+        held = HeldModel.of(xml, models.finger.joints, parts)
+        errors = tuple(compare(case, models, hood, held, states))
     return HoodFile(xml, parts, errors, tuple(_notes(case, hood, parts)), steps_per_second(xml))
 
 
@@ -145,14 +149,13 @@ def _parts(case: Case, models: Models, hood: MujocoHood, tell: Progress) -> Hood
 
 
 def attach(
-    case: Case, which: HoodName, path: Path, finger: str, names: Mapping[str, str], made: HoodFile
+    case: Case, finger: str, path: Path, names: Mapping[str, str], made: HoodFile
 ) -> Attached:
     """A hand model with the hood of a case's file `made` on one finger; names: from ours to the
     model's.  Raises InputError where no muscle of the hood is there."""
-    hood = hood_in_mujoco(case, which)
-    ours = {muscle: _known(muscle, names) for muscle in made.parts.muscles}
+    ours = dict(zip(made.parts.muscles, hood_muscles(made, names), strict=True))
     of = {muscle: names[known] for muscle, known in ours.items() if known in names}
-    joints = {joint: names[joint] for joint in hood.joints}
+    joints = {joint: names[joint] for joint in JOINTS if joint in names}
     target = Target(joints, of, names["metacarpal"], names["proximal"], f"{finger}_hood_")
     attached = attach_hood(path, made.parts, target)
     table = json.dumps(case.hood.model_dump(mode="json", exclude_none=True))
@@ -161,10 +164,59 @@ def attach(
     strengths = {ours[muscle]: force for muscle, force in attached.strengths.items()}
     note = {"hood": json.loads(table), "strengths": strengths, "case": case.name}
     add_note(attached.root, f"{NOTE}{finger}", json.dumps(note))
-    told = [f"hood of {case.name} on the {finger} finger, its lengths as they are there"]
-    if "MCP_abduction" not in hood.joints:
-        told.append("lost: its muscles' arms in abduction, which a network has not")
-    return replace(attached, told=(*told, *attached.told))
+    told = (f"hood of {case.name} on the {finger} finger, its lengths as they are there",)
+    return replace(attached, told=told + attached.told)
+
+
+def path_arms(
+    hand: Path, names: Mapping[str, str], muscles: Iterable[str]
+) -> dict[tuple[str, str], list[tuple[float, float]]]:
+    """The arms of muscles of a hand model on their own paths, by muscle and joint: the joint's
+    angle (deg) as it bends with the others straight, and the arm (mm) there.  `names`: from ours to
+    the model's."""
+    model = mujoco.MjModel.from_xml_path(str(hand))
+    joints = {joint: names[joint] for joint in JOINTS if joint in names}
+    tendons = {m: names[m] for m in muscles if m in names}
+    out: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    for joint in joints:
+        for bend in (0.0,) if joint == "MCP_abduction" else BENT:
+            for muscle, arm in hand_arms(
+                model, joints, tendons, {joint: float(bend)}, joint
+            ).items():
+                out.setdefault((muscle, joint), []).append((float(np.degrees(bend)), 1e3 * arm))
+    return out
+
+
+class Arm(NamedTuple):
+    """A muscle's arm (m) about a joint on a hand, on its own path and through the hood."""
+
+    muscle: str
+    joint: str
+    path: float
+    hood: float
+
+
+def judge_attached(
+    case: Case, which: HoodName, hand: Path, out: Path, attached: Attached
+) -> tuple[tuple[Error, ...], tuple[Arm, ...]]:
+    """How far the hood in the file `out` that was written, run in MuJoCo, is off the case's; and
+    the arms of its muscles in the case's posture, each alone at PULL, before (`hand`) and now."""
+    hood, models, at = hood_in_mujoco(case, which), build(case), attached.target
+    tendons = {m: at.muscles[m] for m in models.hood.tendons if m in at.muscles}
+
+    def held(joints: tuple[str, ...]) -> HeldHand:
+        model, names = mujoco.MjModel.from_xml_path(str(out)), tuple(at.joints[j] for j in joints)
+        return HeldHand(model, names, attached.parts, tendons, at.prefix)
+
+    errors = tuple(compare(case, models, hood, held(hood.joints)))
+    posture = {joint: models.posture.get(joint, 0.0) for joint in JOINTS if joint in at.joints}
+    old, now, arms = mujoco.MjModel.from_xml_path(str(hand)), held(tuple(posture)), list[Arm]()
+    for muscle in tendons:
+        now.settle(np.array(list(posture.values())), {m: PULL * (m == muscle) for m in tendons})
+        for joint, torque in zip(posture, now.torque(), strict=True):
+            path = hand_arms(old, at.joints, {muscle: tendons[muscle]}, posture, joint)
+            arms.append(Arm(muscle, joint, path[muscle], float(torque) / PULL))
+    return errors, tuple(arms)
 
 
 def check_names(
@@ -178,6 +230,11 @@ def check_names(
             f"{path}: no part is named like {lacking[0]} of the {finger} finger. Say which is "
             'which: a file of lines like PIP = "2pm_flexion", and --names FILE'
         )
+
+
+def hood_muscles(made: HoodFile, names: Mapping[str, str]) -> tuple[str, ...]:
+    """What a finger with these names, from ours to the model's, calls a hood's muscles."""
+    return tuple(_known(muscle, names) for muscle in made.parts.muscles)
 
 
 def _known(muscle: str, names: Mapping[str, str]) -> str:
@@ -252,21 +309,38 @@ def compare(
     case: Case, models: Models, hood: MujocoHood, held: HeldModel, states: int = STATES
 ) -> Iterator[Error]:
     """The errors of arms (each muscle alone), joint torques, the force of a clamped fingertip, the
-    slips and excursions, in states at random."""
+    slips and excursions, in states at random.  On a hand: about the hood's joints, without what the
+    hand has not; its bones, and with them the fingertip, are others."""
     angles, loads = sample_states(case, models, hood, states, SEED)
-    rows = [_both(models, hood, held, a, t) for a, t in zip(angles, loads, strict=True)]
+    alone, asked, there = _alone(states), models.finger.joints, models.hood.tendons
+    hand = held if isinstance(held, HeldHand) else None
+    if hand is not None:
+        asked, there = hood.joints, tuple(hand.tendons)
+        loads = loads * np.array([muscle in there for muscle in models.hood.tendons])
+        angles = angles * np.array([joint in asked for joint in models.finger.joints])
+        pulled = loads.any(axis=1)
+        angles, loads, alone = angles[pulled], loads[pulled], alone[pulled]
+    columns = [models.finger.joints.index(joint) for joint in asked]
+    muscles = [models.hood.tendons.index(muscle) for muscle in there]
+    rows = [_both(models, hood, held, a, t, columns) for a, t in zip(angles, loads, strict=True)]
     torque, slip, moved, ours, our_slip, we_moved = (np.array(x) for x in zip(*rows, strict=True))
+    we_moved = we_moved[:, muscles]
     moved = moved - (moved - we_moved).mean(axis=0)  # each counts from a place of its own
-    maps = tip_maps(case, angles)
-    tip, our_tip = (np.einsum("sij,sj->si", maps, x) for x in (torque, ours))
-    size, off = np.linalg.norm(our_tip, axis=1), np.linalg.norm(tip - our_tip, axis=1)
     of_torque = np.linalg.norm(torque - ours, axis=1) / np.linalg.norm(ours, axis=1)
     found = {
-        "arms of a muscle alone": np.where(_alone(states), of_torque, np.nan),
+        "arms of a muscle alone": np.where(alone, of_torque, np.nan),
         "joint torques": of_torque,
-        "tip force": off / size,
-        "tip force, of the mean": off / np.sqrt((size**2).mean()),
-        "tip force, of all tensions": off / loads.sum(axis=1),
+    }
+    if hand is None:
+        maps = tip_maps(case, angles)
+        tip, our_tip = (np.einsum("sij,sj->si", maps, x) for x in (torque, ours))
+        size, off = np.linalg.norm(our_tip, axis=1), np.linalg.norm(tip - our_tip, axis=1)
+        found |= {
+            "tip force": off / size,
+            "tip force, of the mean": off / np.sqrt((size**2).mean()),
+            "tip force, of all tensions": off / loads.sum(axis=1),
+        }
+    found |= {
         "slip forces": np.abs(slip - our_slip).max(axis=1) / our_slip.max(axis=1),
         "excursion, of its range": np.abs(moved - we_moved).max(axis=1)
         / np.ptp(we_moved, axis=0).max(),
@@ -315,11 +389,17 @@ def _greatest(case: Case, muscle: str) -> float:
 
 
 def _both(
-    models: Models, hood: MujocoHood, held: HeldModel, angle: Array, load: Array
+    models: Models,
+    hood: MujocoHood,
+    held: HeldModel,
+    angle: Array,
+    load: Array,
+    columns: list[int],
 ) -> list[Array]:
-    """Torques (n,) N m, slips (2,) N and excursions (m,) m of the file, and those of the hood."""
+    """Torques (k,) N m about the joints of these columns, slips (2,) N and excursions (m,) m of the
+    file, and those of the hood."""
     joints, live = models.finger.joints, models.hood
-    held.settle(angle, dict(zip(live.tendons, map(float, load), strict=True)))
+    held.settle(angle[columns], dict(zip(live.tendons, map(float, load), strict=True)))
     posture = dict(zip(joints, map(float, angle), strict=True))
     motion = models.finger.motion(models.finger.start(posture))
     state = cast(JointState, live.advance(live.start(motion), motion, load, np.inf).state)
@@ -329,7 +409,7 @@ def _both(
     torque = held.torque()
     slips = _pair(hood.slips(held.tensions(), angle, torque))
     theirs = [torque, slips, held.excursion()]
-    return [*theirs, ours, _pair(models.slips(state)), state.derived.excursion]
+    return [*theirs, ours[columns], _pair(models.slips(state)), state.derived.excursion]
 
 
 def _pair(slips: Mapping[str, float]) -> Array:

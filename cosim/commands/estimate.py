@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -18,6 +19,7 @@ from cosim.analyses.estimate.files import (
     write_motion,
     write_tracking,
 )
+from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.markers import read_any_motion
 from cosim.analyses.estimate.of_case import (
     EstimateAnswer,
@@ -31,12 +33,13 @@ from cosim.analyses.estimate.of_case import (
     parse_force,
     setup,
 )
-from cosim.analyses.estimate.tracking import Tracking, start_of, track
+from cosim.analyses.estimate.tracking import Tracking, setup_to_follow, track
 from cosim.case.file import load_case
 from cosim.commands.options import CaseName, Settings, quantities, quantity
 from cosim.commands.terminal import exit_on_error, print_table, warn_of_audits
 from cosim.errors import InputError
 from cosim.files import check_folder, shown_path
+from cosim.models.build import Models
 from cosim.port import Array
 from cosim.schema import units
 
@@ -157,39 +160,37 @@ def estimate(
         folder = out / checked.name
         check_folder(folder, "estimate.json")
         _say("building the models")
-        problem = setup(
-            checked,
-            weights.value,
-            POWER[cost],
+        areas, forces = (
             quantities("--area", area, units.AREA),
             quantities("--most", most, units.FORCE),
         )
-        if motion is not None:
-            highest = None if cutoff is None else quantity("--cutoff", cutoff, units.FREQUENCY)
-            asked = read_any_motion(
-                motion,
-                markers,
-                problem.models.finger,
-                problem.models.posture,
-                samples,
-                highest,
-                _say,
+        highest = None if cutoff is None else quantity("--cutoff", cutoff, units.FREQUENCY)
+
+        def read(path: Path, models: Models) -> JointMotion:
+            return read_any_motion(
+                path, markers, models.finger, models.posture, samples, highest, _say
             )
-            if forward:
-                problem = start_of(problem, asked)
-                tracking = track(problem, asked, _say)
-                write_tracking(folder, problem, tracking, time.perf_counter() - started)
-                _show_tracking(problem, tracking, folder)
-                faults = tracking.faults()
-            else:
-                lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
-                estimated = for_motion(problem, asked, _say, lacking)
-                write_motion(folder, problem, estimated, time.perf_counter() - started)
-                _show_motion(problem, estimated)
+
+        if motion is not None and forward:
+            problem, asked = setup_to_follow(
+                checked, weights.value, POWER[cost], areas, forces, partial(read, motion)
+            )
+            tracking = track(problem, asked, _say)
+            write_tracking(folder, problem, tracking, time.perf_counter() - started)
+            _show_tracking(problem, tracking, folder)
+            faults = tracking.faults()
         else:
+            problem = setup(checked, weights.value, POWER[cost], areas, forces)
+        if motion is not None and not forward:
+            asked = read(motion, problem.models)
+            lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
+            estimated = for_motion(problem, asked, _say, lacking)
+            write_motion(folder, problem, estimated, time.perf_counter() - started)
+            _show_motion(problem, estimated)
+        elif motion is None:
             answer = _answer(problem, force, torque)
-            forces = _forces(problem, answer)
-            write_answer(folder, problem, answer, forces, time.perf_counter() - started)
+            feasible = _forces(problem, answer)
+            write_answer(folder, problem, answer, feasible, time.perf_counter() - started)
             if answer is not None:
                 _show(problem, answer)
         typer.echo(f"results in {folder}")

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.analyses.mjcf_hood import HoodFile, HoodName, attach, check_names, hood_file
+from cosim.analyses.mjcf_hood import (
+    Arm,
+    HoodFile,
+    HoodName,
+    attach,
+    check_names,
+    hood_file,
+    hood_muscles,
+    judge_attached,
+    path_arms,
+)
 from cosim.analyses.moment_arms import (
     ACTION,
     by_posture,
@@ -24,9 +36,10 @@ from cosim.commands.terminal import exit_on_error, print_table, stages
 from cosim.errors import InputError
 from cosim.files import check_file, output_file
 from cosim.fingers.kinds import joint_ranges
-from cosim.models.build import build, mjcf_of, tensions
+from cosim.models.build import OPENING, build, mjcf_of, narrow_limits, tensions
 from cosim.results.picture import write_figure
 from cosim.scoring.names import FingerName, check_present, match_names, read_names
+from cosim.scoring.plausible import against_published
 from rigid.mjcf.attach import write_attached
 from rigid.mjcf.hood import STEP
 from rigid.mjcf.read import part_names
@@ -187,6 +200,8 @@ def mjcf(
             f"finger in {out}, without the tip's support{'' if made else ' and the hood'}; begin "
             'in its keyframe "posture"; its first lines say what differs from ours'
         )
+        for words in narrow_limits(checked):
+            typer.echo(f"{words}; to open them: --set '{OPENING}'")
 
 
 def _attach(
@@ -206,15 +221,46 @@ def _attach(
     matched = match_names(parts, finger, given).names
     check_names(case, hood, hand, finger, matched)
     with stages(case.name) as progress:
-        made = hood_file(case, hood, progress.say)
+        made = hood_file(case, hood, progress.say, states=0)
         progress.say("putting the hood in place of the model's paths")
-        attached = attach(case, hood, hand, finger, matched, made)
-    with output_file(out) as path:
-        path.write_text(write_attached(attached.root, out) + "\n", encoding="utf-8")
-    show_hood_errors(made)
-    for line in attached.told:
+        attached = attach(case, finger, hand, matched, made)
+        doubts = _signs(hand, finger, matched, made)
+        with output_file(out) as path:
+            path.write_text(write_attached(attached.root, out) + "\n", encoding="utf-8")
+        progress.say("running the written file beside the hood")
+        errors, arms = judge_attached(case, hood, hand, out, attached)
+    show_hood_errors(replace(made, errors=errors))
+    _show_arms(case, arms)
+    for line in (*attached.told, *(f"doubt: {doubt}" for doubt in doubts)):
         typer.echo(line)
     typer.echo(f"hand in {out}; its meshes stay where they are. Judge it: cosim score {out}")
+
+
+def _signs(hand: Path, finger: FingerName, names: Mapping[str, str], made: HoodFile) -> list[str]:
+    """What to doubt of the muscles that get the hood, as `cosim score` does.  Raises InputError for
+    one that everywhere bends a joint the wrong way."""
+    found = list(against_published(finger, path_arms(hand, names, hood_muscles(made, names))))
+    wrong = [d for d in found if d.always and d.joint != "MCP_abduction"]
+    if wrong:
+        raise InputError(
+            f"{hand}: {'; '.join(d.words for d in wrong)}. A hood on such a path is on another "
+            "muscle: say which is which, --names FILE"
+        )
+    return [d.words for d in found]
+
+
+def _show_arms(case: Case, arms: Sequence[Arm]) -> None:
+    """A line for each muscle: its arms on its own path, and through the hood."""
+    joints = tuple(dict.fromkeys(arm.joint for arm in arms))
+    rows: dict[str, list[str]] = {}
+    for arm in arms:
+        cell = f"{1e3 * arm.path:.1f} > {1e3 * arm.hood:.1f}"
+        rows.setdefault(arm.muscle, [arm.muscle]).append(cell)
+    print_table(
+        f"Arms in the posture of {case.name}, mm, before > with the hood, each muscle alone at 1 N",
+        ("", *(joint.replace("_", " ") for joint in joints)),
+        [tuple(row) for row in rows.values()],
+    )
 
 
 def show_hood_errors(made: HoodFile) -> None:

@@ -55,6 +55,11 @@ class TendonDrive(Protocol):
 class RecordedFinger(MovingFinger, Protocol):
     """A moving finger that also reports what is recorded of a motion."""
 
+    def with_tension(self, state: State, tension: Array) -> State:
+        """The state at the start with its tendons under tensions (nt,) N already: they stretch by
+        what changes from then on."""
+        ...
+
     def dissipation(self, state: State) -> float:
         """W, dissipated by the damping of joints and limits."""
         ...
@@ -194,6 +199,7 @@ class CoupledMotion:
     def begin(self, state: State) -> MotionState:
         """The motion at rest in the finger's `state`, the hood in equilibrium on it."""
         split, (pulls, tension) = len(self.hood.tendons), self.first_pull(state)
+        state = self.finger.with_tension(state, tension[split:])
         coupled = begin(
             self.scheme,
             self.finger,

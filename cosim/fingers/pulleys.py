@@ -23,7 +23,9 @@ class PulleysConfig(Table):
     """Radii of the pulleys that a tendon runs over, each the tendon's moment arm over the joint's
     range: positive where the tendon flexes the joint (it runs palmar of the axis), negative where
     it extends it (dorsal).  The tendon ends on the bone beyond its last pulley, and crosses a joint
-    without one through the axis."""
+    without one through the axis.  A pulley turns with the bone beyond it: in abduction, which
+    planar and hinge fingers have not, that of the MCP is off its flexion axis, and the arm off the
+    radius by up to 1.6 % at 10, 6.4 % at 20, 14 % at 30 and 19 % at 35 degrees."""
 
     MCP: Radius | None = None
     """Radius of the pulley at the MCP."""

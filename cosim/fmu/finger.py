@@ -240,6 +240,10 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
         """Zero: an FMU reports none."""
         return 0.0
 
+    def with_tension(self, state: FmuMovingState, tension: Array) -> FmuMovingState:
+        """The state as it is: an FMU reports no tendon's stretch."""
+        return state
+
     def friction_work(self, state: FmuMovingState) -> Array:
         """Zeros (3,): an FMU reports none."""
         return np.zeros(3)

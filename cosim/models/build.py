@@ -26,6 +26,11 @@ if TYPE_CHECKING:
     from rigid.mjcf.hood import HoodParts
 
 
+OPEN = np.radians(90.0)
+"""rad, the widest half range of a finger's limit: no joint stops before its anatomical range."""
+OPENING = 'finger.limit.half_range="90 deg"'
+
+
 @dataclass(frozen=True)
 class Models:
     """What a case builds: a finger and a hood behind the port, and what pictures need."""
@@ -184,10 +189,23 @@ PULLERS = {"pneumatic": "pneumatic cylinder", "motor": "motor"}
 """The kinds of actuation in words."""
 
 
+def narrow_limits(case: Case) -> list[str]:
+    """In words that the joints of a case's finger stop about the posture, where they do so before
+    OPEN; else nothing."""
+    limit = case.native_finger().limit
+    if limit is None or limit.half_range >= OPEN:
+        return []
+    return [
+        f"limits: the joints turn {np.degrees(limit.half_range):.3g} deg to either side of the "
+        "posture, as the case's finger.limit says, and not over their anatomical range"
+    ]
+
+
 def mjcf_of(case: Case, hood: HoodParts | None = None) -> str:
     """The finger of a case as MJCF, with these parts of a hood, at the resting tensions.  Raises
     InputError for one that has none."""
-    lost = [
+    lost = [f"{words}; the setting {OPENING} opens them" for words in narrow_limits(case)]
+    lost += [
         f"{name}: its friction of {tendon.friction:g} at guides is left out; along a tendon MuJoCo "
         "has one tension"
         for name, tendon in case.rubbing_tendons().items()

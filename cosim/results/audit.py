@@ -42,7 +42,8 @@ BOUNDS = {
         2.0,
         "the fingertip force is more than the tendons can make: the hood pushes by stress that it "
         "has at rest (unloaded.joint_torque_Nmm.hood); write moduli of tendon, or lay the hood "
-        "nearer to the posture (hood.mesh.rest_posture)",
+        "nearer to the posture (hood.mesh.rest_posture); or tendons that slide back hold more by "
+        "friction than their muscles pull (tendons.NAME.friction)",
     ),
     "torque_balance_at_rest": Bound(1e-3, "write a longer forward.duration"),
     "largest_interface_residual": Bound(0.05, STEP),

@@ -35,6 +35,8 @@ from meshes.skeleton import BODIES
 
 Books = Mapping[str, Array]
 """(nb, 6) wrenches on the bodies by source, as of `Finger.ledger`."""
+STRONG = 2.0
+"""The tension before a tendon's guides over that behind them from which friction is told."""
 
 
 def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Result:
@@ -115,11 +117,13 @@ def summary(
     newton = views["loaded"].iterations if "loaded" in views else 0
     iterations = {"coupling": loaded.iterations, "newton": newton}
     rest = rest_block(at_load, at_rest, models.hood.tendons)
+    friction = _friction(case, models, states)
     beside = {
         "unloaded": at_rest,
         "rest": rest,
         "warnings": [
             *rest_warnings(rest, at_rest, is_laid=case.hood.lies_on_bones),
+            *_strong_friction(friction),
             *models.warnings,
         ],
         "difference": _difference(models, unloaded, loaded, at_rest, at_load, views)
@@ -131,7 +135,7 @@ def summary(
         **_muscles(case, models, states),
         **_one_way(case, models, states),
         **second_start_block(models, states, at_load, describe),
-        **_friction(case, models, states),
+        **friction,
         **half_degree(case, models, states),
         "iterations": iterations,
     }
@@ -172,6 +176,19 @@ def _friction(case: Case, models: Models, states: States) -> dict[str, Any]:
     if len(forces) == 2:
         out["half_interval_N"] = float(0.5 * np.linalg.norm(forces[1] - forces[0]))
     return {"friction": out}
+
+
+def _strong_friction(friction: Mapping[str, Any]) -> list[str]:
+    """In words the tendons on which friction takes or adds more than the muscle pulls with."""
+    tendons = friction.get("friction", {}).get("tendon", {})
+    factors = {t: np.exp(f["coefficient"] * np.radians(f["turn_deg"])) for t, f in tendons.items()}
+    return [
+        f"{t}: friction of {tendons[t]['coefficient']:g} over {tendons[t]['turn_deg']:.0f} deg of "
+        f"turn makes the tension at its end 1/{factor:.3g} of its muscle's while it slides there, "
+        f"and {factor:.3g} times as much while it slides back"
+        for t, factor in factors.items()
+        if factor > STRONG
+    ]
 
 
 def _is_in_range(models: Models, e: Equilibrium) -> bool:

@@ -21,6 +21,7 @@ from cosim.port import Array, Load, OpenFinger, State
 from cosim.results.load_and_rest import LEAST_TENSION
 from cosim.solve.motion import SolvedMotion
 from cosim.solve.states import States
+from cosim.tendons.friction import without_friction
 
 NOT_ACTIVE = ("hood", "fingertip", "holder")
 """Sources of torque that are not counted: the hood's tendons are, by their arms."""
@@ -40,8 +41,8 @@ COUNTED_TWICE = (
 
 def tip_force_over_reach(case: Case, models: Models, states: States) -> float | str:
     """The loaded fingertip force over the reach, which the tensions of all tendons make with their
-    arms, each alone, with gravity and what passive joints bear in the posture; or why that is not
-    judged.
+    arms, each alone and without friction, with gravity and what passive joints bear in the posture;
+    or why that is not judged.
 
     Arms are the larger of those at rest and under load; of a hood with friction, whose arms at a
     fixed state are of what sticks, the change of its torques stands for them."""
@@ -80,7 +81,7 @@ def motion_over_reach(case: Case, moved: SolvedMotion) -> float | str:
         return LITTLE_PULL
     held = stated.model_copy(update={"tip": HeldTipConfig(kind="point")})
     try:
-        finger = case_finger(case.model_copy(update={"finger": held}), "unloading")
+        finger = case_finger(case.model_copy(update={"finger": held}))
     except InputError:
         return STRAIGHT
     n = len(t.hood.tendons)
@@ -97,8 +98,9 @@ def motion_over_reach(case: Case, moved: SolvedMotion) -> float | str:
 
 def _reach(finger: OpenFinger, posture: Mapping[str, float], pulls: Array, tension: Array) -> float:
     """The sum (N) of the fingertip forces of all torques: of `pulls` (k, n, nq) N m the largest of
-    each k, of the finger's own tendons under `tension` (N), of gravity, and of passive joints in
-    the posture."""
+    each k, of the finger's own tendons under `tension` (N) without friction, of gravity, and of
+    passive joints in the posture."""
+    finger = without_friction(finger)
     start = finger.start(posture)
     torques = finger.balance(start, _no_load(finger), tension).torque
     active = {source: t for source, t in torques.items() if source not in NOT_ACTIVE}

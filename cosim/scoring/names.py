@@ -98,18 +98,29 @@ def match_names(
     parts: PartNames, finger: FingerName, given: Mapping[str, str] | None = None
 ) -> Matched:
     """The parts of a finger among those of a model: as `given`, as a shipped mapping says, else by
-    their usual names.  A joint whose range lies on its negative side turns the other way."""
+    their usual names.  A joint whose range lies on its negative side turns the other way.  Raises
+    InputError for a part that is given twice."""
     names: dict[str, str] = {}
     how: dict[str, str] = {}
-    for ours, (kind, candidates) in _candidates(parts).items():
+    stated, taken = given or {}, dict[tuple[str, str], str]()
+    every = _candidates(parts)
+    for ours in sorted(every, key=lambda name: name not in stated):
+        kind, candidates = every[ours]
         if kind == "body":
+            found = (stated[ours], "given") if ours in stated else None
+        else:
+            found = _find(ours, candidates, finger, stated)
+        if found is None:
             continue
-        found = _find(ours, candidates, finger, given or {})
-        if found is not None and found[0].removeprefix("-") not in _plain(names.values()):
-            names[ours], how[ours] = found
-    for ours, theirs in (given or {}).items():
-        if ours in BODIES:
-            names[ours], how[ours] = theirs, "given"
+        part = kind, found[0].removeprefix("-")
+        if not part[1] or part not in taken:
+            names[ours], how[ours], taken[part] = *found, ours
+        elif found[1] == "given":
+            raise InputError(
+                f'names: {taken[part]} and {ours} are both given as "{part[1]}"; a {kind} is one '
+                "part of a finger: give each its own"
+            )
+    names = {ours: names[ours] for ours in every if ours in names}
     joints = {ours: names[ours] for ours in JOINTS if ours in names}
     for ours, theirs in joints.items():
         low, high = parts.joints[theirs.removeprefix("-")].range

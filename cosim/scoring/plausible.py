@@ -4,7 +4,7 @@ lengths and fibres that are far off."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,8 +38,25 @@ def doubts(model: HandModel, summaries: Mapping[str, Mapping[str, Any]]) -> Iter
 
 
 def _signs(model: HandModel, summaries: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    arms = _arms(model, summaries)
-    for (tendon, joint), (sign, sources) in published_signs(model.finger).items():
+    for doubt in against_published(model.finger, _arms(model, summaries)):
+        yield doubt.words
+
+
+class SignDoubt(NamedTuple):
+    """A muscle that acts against the published sign about a joint."""
+
+    joint: str
+    always: bool
+    """In every posture looked at."""
+    words: str
+
+
+def against_published(
+    finger: str, arms: Mapping[tuple[str, str], list[tuple[float, float]]]
+) -> Iterator[SignDoubt]:
+    """Where arms, by tendon and joint the joint's angle (deg) and the arm (mm) there, are against
+    the published signs."""
+    for (tendon, joint), (sign, sources) in published_signs(finger).items():
         seen = arms.get((tendon, joint), [])
         against = [(angle, arm) for angle, arm in seen if sign * arm < -LEAST]
         if not against:
@@ -47,9 +64,11 @@ def _signs(model: HandModel, summaries: Mapping[str, Mapping[str, Any]]) -> Iter
         angle, arm = max(against, key=lambda pair: abs(pair[1]))
         always = len(against) == len(seen)
         where = "" if always else f" at {joint.replace('_', ' ')} {angle:.0f} deg"
-        yield (
+        yield SignDoubt(
+            joint,
+            always,
             f"{tendon} {_does(joint, arm > 0)}{where} (arm {arm:+.1f} mm); published: it "
-            f"{_does(joint, sign > 0)} ({'; '.join(sources)})"
+            f"{_does(joint, sign > 0)} ({'; '.join(sources)})",
         )
 
 

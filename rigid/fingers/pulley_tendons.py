@@ -2,7 +2,9 @@
 
 A pulley is a cylinder about a flexion axis that turns with the bone beyond it.  The tendon runs to
 it along the bone before and ends on that cylinder so far round that it stays wound on over the
-joint's range: there its arm is the radius.
+joint's range: there its arm is the radius.  In abduction the MCP's cylinder is no longer about the
+flexion axis, which is of the bone before: the arm is off the radius by up to 1.6 % at 10, 6.4 % at
+20, 14 % at 30 and 19 % at 35 degrees, and there is one in abduction, up to 0.53 of it.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 A muscle keeps its path up to the metacarpal, its actuator and its tendon's name.  From there it
 pulls a junction that slides along the path's last line, where the hood takes over: the junction's
 way is the muscle's excursion, so that arms which the hood has before its junctions (at the MCP) go
-into the bands.  Ranges of a muscle's length shift by what its tendon is longer or shorter in the
-reference posture.
+into the bands.  A hood without arms in abduction gets those of the paths that it takes away.
+Ranges of a muscle's length shift by what its tendon is longer or shorter in the reference posture.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array
 from rigid.mjcf.bounds import check_bounds
+from rigid.mjcf.defaults import state_defaults
 from rigid.mjcf.hood import (
     FOLLOWER,
     Band,
@@ -33,7 +34,7 @@ from rigid.mjcf.hood import (
     section,
     slides_at_rest,
 )
-from rigid.mjcf.tendons import greatest_force
+from rigid.mjcf.tendons import actuators_of, greatest_force
 from rigid.model import vector
 
 REACH = 0.045
@@ -42,6 +43,10 @@ FIRM_BAND = 1e5
 """N/m, of a muscle that the hood leads to the joints without a spring."""
 NUDGE, LEAST_ARM = 1e-3, 1e-4
 """rad and m: a tendon extends a joint that it has such an arm at."""
+BENT = np.radians(np.linspace(0.0, 90.0, 7))
+"""rad, of a joint at which arms are looked at."""
+ACROSS = 0.5
+"""Cosine between the flexion axes of a finger's joints below which they are no row."""
 FOLDERS = ("meshdir", "texturedir", "assetdir")
 
 
@@ -50,7 +55,8 @@ class Target:
     """Which parts of a hand model are a finger's."""
 
     joints: Mapping[str, str]
-    """From our joints to the model's, with a minus where it turns the other way."""
+    """From our joints to the model's, with a minus where it turns the other way; those too that the
+    hood does not cross."""
     muscles: Mapping[str, str]
     """From the hood's muscles to the model's tendons."""
     metacarpal: str
@@ -67,6 +73,7 @@ class Attached:
     root: ET.Element
     parts: HoodParts
     """By the model's names."""
+    target: Target
     told: tuple[str, ...]
     """What was changed and what could not be."""
     strengths: Mapping[str, float]
@@ -75,11 +82,12 @@ class Attached:
 
 def attach_hood(path: Path, parts: HoodParts, target: Target) -> Attached:
     """The hand model of a file with a hood on one finger.  Raises InputError for what is no model,
-    and where no muscle of the hood is there."""
+    joints that are no row from hand to tip, and where no muscle of the hood is there."""
     check_bounds(path)
     spec = _load(path)
     old = spec.compile()
-    root = _tree(spec)
+    _check_row(path, old, target)
+    root = _tree(path, spec)
     _set_folders(root, path, spec)
     if any((tag.get("name") or "").startswith(target.prefix) for tag in root.iter("body")):
         raise InputError(f"{path}: has a hood on this finger; take the hand without it")
@@ -95,20 +103,34 @@ def attach_hood(path: Path, parts: HoodParts, target: Target) -> Attached:
         for m in parts.muscles
         if m not in there
     ]
-    scaled = _slower(_only(parts, there), spec.compiler.boundmass)
+    kept, words = _with_abduction(_only(parts, there), old, there, target)
+    told += words
+    scaled = _slower(kept, spec.compiler.boundmass)
     ours = _rename(_at_excursions(scaled), target)
     data = mujoco.MjData(old)
     mujoco.mj_forward(old, data)
     places = {}
     for muscle, tendon in there.items():
         junction = f"{target.prefix}{muscle}_junction"
-        places[junction], words = _cut(root, old, data, tendon, junction, target)
-        told.append(words)
+        places[junction], changed = _cut(root, old, data, tendon, junction, target)
+        told.append(changed)
     told += _kept(old, set(there.values()), target)
     add_parts(root, ours, places)
     _end(root, old, ours, there, target)
+    pulls = [actuators_of(old, t) for t in there.values()]
+    told.append(
+        f"kept: the actuators {', '.join(name for name in pulls if name)} with their names; they "
+        "pull tendons, so that a bridge that asks for an actuator by its joint's name (ROS 2's "
+        "mujoco_ros2_control) finds none of them: command them by their own"
+    )
     most = {m: greatest_force(old, old.tendon(t).id) for m, t in there.items()}
-    return Attached(root, ours, tuple(told), {m: force for m, force in most.items() if force})
+    return Attached(
+        root,
+        ours,
+        replace(target, muscles=there),
+        tuple(told),
+        {m: force for m, force in most.items() if force},
+    )
 
 
 def add_note(root: ET.Element, name: str, text: str) -> None:
@@ -142,10 +164,17 @@ def _load(path: Path) -> mujoco.MjSpec:
         raise InputError(f"{path}: is no MuJoCo model that can be read: {error}") from error
 
 
-def _tree(spec: mujoco.MjSpec) -> ET.Element:
-    """The model's elements; texts with quotation marks, which MuJoCo writes as it does not read
-    them, as attributes."""
-    root = ET.fromstring(spec.to_xml())
+def _tree(path: Path, spec: mujoco.MjSpec) -> ET.Element:
+    """The model's elements, without classes of defaults, which would speak of what is added; texts
+    with quotation marks, which MuJoCo writes as it does not read them, as attributes."""
+    try:
+        root = ET.fromstring(spec.to_xml())
+    except ET.ParseError as error:
+        raise InputError(
+            f"{path}: MuJoCo writes it as no XML ({error}): a name or text of it has a character "
+            "that none may have, such as a control character; take it out"
+        ) from error
+    state_defaults(root)
     for tag in root.iter("text"):
         if "data" not in tag.attrib:
             tag.set("data", tag.text or " ")
@@ -260,6 +289,97 @@ def _rename(parts: HoodParts, target: Target) -> HoodParts:
             for name, f in parts.followers.items()
         },
     )
+
+
+def _check_row(path: Path, model: mujoco.MjModel, target: Target) -> None:
+    """Check that the joints follow each other from the hand to the tip and bend one way.  Raises
+    InputError."""
+    data, joints = mujoco.MjData(model), target.joints
+    mujoco.mj_kinematics(model, data)
+    plain = {ours: model.joint(theirs.removeprefix("-")) for ours, theirs in joints.items()}
+    body = {ours: int(joint.bodyid[0]) for ours, joint in plain.items()}
+    body |= {"metacarpal": model.body(target.metacarpal).id}
+    body |= {"proximal": model.body(target.proximal).id}
+    called = {ours: f"{ours} ({joint.name})" for ours, joint in plain.items()}
+    called |= {"metacarpal": f"metacarpal ({target.metacarpal})"}
+    called |= {"proximal": f"proximal ({target.proximal})"}
+    row = [("metacarpal", "MCP"), ("metacarpal", "MCP_abduction"), ("MCP", "PIP"), ("PIP", "DIP")]
+    row += [("MCP_abduction", "PIP"), ("metacarpal", "proximal"), ("proximal", "PIP")]
+    for near, far in row:
+        if {near, far} <= set(body) and body[near] not in _carrying(model, body[far]):
+            raise InputError(
+                f"{path}: {called[far]} does not lie beyond {called[near]}, from the hand to the "
+                "fingertip; say which part is which: --names FILE"
+            )
+    sign = {ours: -1.0 if theirs.startswith("-") else 1.0 for ours, theirs in joints.items()}
+    axis = {ours: sign[ours] * data.xaxis[joint.id] for ours, joint in plain.items()}
+    for far in ("PIP", "DIP"):
+        if {"MCP", far} <= set(axis) and (alike := float(axis["MCP"] @ axis[far])) < ACROSS:
+            how = "the other way than" if alike < -ACROSS else "across"
+            raise InputError(
+                f"{path}: {called[far]} turns {how} {called['MCP']}; all flex where they are "
+                f'positive: write {far} = "-NAME" of one that does not, with --names FILE'
+            )
+
+
+def _carrying(model: mujoco.MjModel, body: int) -> list[int]:
+    """The bodies that a body hangs on, the world last."""
+    out = []
+    while body:
+        body = int(model.body_parentid[body])
+        out.append(body)
+    return out
+
+
+def hand_arms(
+    model: mujoco.MjModel,
+    joints: Mapping[str, str],
+    tendons: Mapping[str, str],
+    posture: Mapping[str, float],
+    joint: str,
+) -> dict[str, float]:
+    """The arms (m) of tendons about one of our joints, positive as they turn it to its positive
+    side, at angles (rad) of a finger's joints, the others in the reference posture.  `joints` and
+    `tendons`: from our names to the model's."""
+    data, length = mujoco.MjData(model), []
+    for step in (-NUDGE, NUDGE):
+        for ours, theirs in joints.items():
+            angle = posture.get(ours, 0.0) + (step if ours == joint else 0.0)
+            sign = -1.0 if theirs.startswith("-") else 1.0
+            data.joint(theirs.removeprefix("-")).qpos[0] = sign * angle
+        mujoco.mj_forward(model, data)
+        length.append({ours: float(data.tendon(t).length[0]) for ours, t in tendons.items()})
+    return {ours: (length[0][ours] - length[1][ours]) / (2 * NUDGE) for ours in tendons}
+
+
+def _with_abduction(
+    parts: HoodParts, old: mujoco.MjModel, tendons: Mapping[str, str], target: Target
+) -> tuple[HoodParts, list[str]]:
+    """The parts with the arms in abduction that the muscles' paths had, the mean over the MCP's
+    flexion, where the hood has none; and what became of them, in words."""
+    bands = (band.weights for band in parts.bands.values())
+    followers = (follower.weights for follower in parts.followers.values())
+    sums = (*parts.muscles.values(), *bands, *followers)
+    crossed = {name for weights in sums for name in weights}
+    if "MCP_abduction" in crossed or "MCP_abduction" not in target.joints:
+        return parts, []
+    found = [
+        hand_arms(old, target.joints, tendons, {"MCP": float(bend)}, "MCP_abduction")
+        for bend in BENT
+    ]
+    arms = {m: np.array([at[m] for at in found]) for m in tendons}
+    muscles = {
+        m: {**weights, "MCP_abduction": -float(arms[m].mean())}
+        for m, weights in parts.muscles.items()
+    }
+    words = ", ".join(
+        f"{m} {1e3 * a.mean():+.1f} mm ({1e3 * a.min():+.1f} to {1e3 * a.max():+.1f})"
+        for m, a in arms.items()
+    )
+    return replace(parts, muscles=muscles), [
+        "kept: arms in abduction, which the hood has not: the mean of those that the paths had "
+        f"over 90 degrees of MCP flexion (their range), radial positive: {words}"
+    ]
 
 
 def _cut(

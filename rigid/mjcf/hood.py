@@ -19,6 +19,7 @@ thrust.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from time import process_time
@@ -54,6 +55,10 @@ PULL = 1.0
 """N, of every tendon while steps are counted."""
 HELD = 1e4
 """kg m2, of joints whose torques are measured."""
+PROBE = 1e-5
+"""m and rad, of the differences that tell a tendon's arms."""
+JOINED = (int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON))
+"""Equalities that a follower may be."""
 
 
 Polynomial = tuple[float, float, float, float, float]
@@ -248,14 +253,34 @@ class HeldModel:
     """A model on whose joints a hood acts, held at angles, to see what the hood does there."""
 
     def __init__(self, model: mujoco.MjModel, joints: tuple[str, ...], parts: HoodParts) -> None:
+        """`joints`: those whose torques are asked for, with a minus where a joint turns the other
+        way; all that are not the hood's are held."""
         self.model, self.joints, self.parts = model, joints, parts
         self.data = mujoco.MjData(model)
-        self._dofs = np.array([model.jnt_dofadr[model.joint(j).id] for j in joints])
-        self._places = np.array([model.jnt_qposadr[model.joint(j).id] for j in joints])
-        model.opt.gravity[:], model.opt.timestep = 0.0, STEP
-        model.dof_armature[self._dofs] = HELD
-        model.jnt_limited[[model.joint(j).id for j in joints]] = 0
+        asked = [model.joint(j.removeprefix("-")).id for j in joints]
+        self._sign = np.array([-1.0 if j.startswith("-") else 1.0 for j in joints])
+        self._dofs, self._places = model.jnt_dofadr[asked], model.jnt_qposadr[asked]
+        slides = {model.joint(name).id for name in (*parts.junctions, *parts.followers)}
+        self._held = np.array([d for d in range(model.nv) if model.dof_jntid[d] not in slides])
+        self._leave_the_hood(slides)
+        self._slides = model.jnt_qposadr[sorted(slides)]
         self._junctions = np.array([model.joint(n).qposadr[0] for n in parts.junctions], dtype=int)
+
+    def _leave_the_hood(self, slides: set[int]) -> None:
+        """Take away what else acts on the joints: weight, contacts, limits, friction, couplings."""
+        model = self.model
+        model.opt.gravity[:], model.opt.timestep = 0.0, STEP
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        model.dof_armature[self._held], model.dof_frictionloss[self._held] = HELD, 0.0
+        model.jnt_limited[[j for j in range(model.njnt) if j not in slides]] = 0
+        for t in range(model.ntendon):
+            if model.tendon(t).name not in (*self.parts.bands, *self.parts.followers):
+                model.tendon_limited[t], model.tendon_frictionloss[t] = 0, 0.0
+        of_tendon = int(mujoco.mjtEq.mjEQ_TENDON)
+        for e, kind in enumerate(model.eq_type):
+            named = model.tendon if kind == of_tendon else model.joint
+            first = named(int(model.eq_obj1id[e])).name if kind in JOINED else ""
+            self.data.eq_active[e] = first in self.parts.followers
 
     @classmethod
     def of(cls, xml: str, joints: tuple[str, ...], parts: HoodParts) -> HeldModel:
@@ -264,23 +289,35 @@ class HeldModel:
 
     def settle(self, angle: Array, tension: Mapping[str, float]) -> None:
         """Move to angles (n,) rad and tensions (N) by muscle, and step until the junctions rest."""
-        data, named = self.data, dict(zip(self.joints, map(float, angle), strict=True))
+        data, theirs = self.data, self._sign * angle
+        names = (joint.removeprefix("-") for joint in self.joints)
+        named = dict(zip(names, map(float, theirs), strict=True))
         data.qvel[:] = 0.0
         for name, follower in self.parts.followers.items():
             data.joint(name).qpos[0] = follower.value(named)
-        for name, force in tension.items():
-            data.actuator(name).ctrl[0] = force
-        before = np.full(len(self._junctions), np.inf)
+        data.qpos[self._places] = theirs
+        self._pull(tension)
+        held, before = data.qpos.copy(), np.full(len(self._junctions), np.inf)
         for _ in range(CHUNKS):
             for _ in range(CHUNK):
-                data.qpos[self._places], data.qvel[self._dofs] = angle, 0.0
+                self._hold(held)
                 mujoco.mj_step(self.model, data)
             now = data.qpos[self._junctions]
             if np.abs(now - before).max(initial=0.0) < STILL:
                 break
             before = now.copy()
-        data.qpos[self._places], data.qvel[self._dofs] = angle, 0.0
+        self._hold(held)
         mujoco.mj_forward(self.model, data)
+
+    def _pull(self, tension: Mapping[str, float]) -> None:
+        for name, force in tension.items():
+            self.data.actuator(name).ctrl[0] = force
+
+    def _hold(self, position: Array) -> None:
+        """Put all but the hood's slides at a position (nq,), at rest."""
+        slides = self.data.qpos[self._slides]
+        self.data.qpos[:], self.data.qvel[self._held] = position, 0.0
+        self.data.qpos[self._slides] = slides
 
     def slides(self) -> dict[str, float]:
         """Where junctions (m) and followers are."""
@@ -290,7 +327,7 @@ class HeldModel:
     def torque(self) -> Array:
         """The joint torques (n,) N m that hold the hood's pull."""
         data = self.data
-        out: Array = (data.qfrc_actuator + data.qfrc_constraint)[self._dofs]
+        out: Array = self._sign * (data.qfrc_actuator + data.qfrc_constraint)[self._dofs]
         return out
 
     def tensions(self) -> dict[str, float]:
@@ -300,4 +337,52 @@ class HeldModel:
     def excursion(self) -> Array:
         """How far each muscle has moved (m,) m."""
         out: Array = -np.array([self.data.tendon(m).length[0] for m in self.parts.muscles])
+        return out
+
+
+class HeldHand(HeldModel):
+    """A hand with a hood on one finger, held, whose muscles pull by their tendons in place of the
+    hand's actuators."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        joints: tuple[str, ...],
+        parts: HoodParts,
+        tendons: Mapping[str, str],
+        prefix: str,
+    ) -> None:
+        """`tendons`: from the hood's muscles to the model's tendons; `prefix`: before the names of
+        the hood's parts."""
+        super().__init__(model, joints, parts)
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+        self.tendons, self.prefix = tendons, prefix
+
+    def _pull(self, tension: Mapping[str, float]) -> None:
+        data, ids = self.data, [self.model.tendon(t).id for t in self.tendons.values()]
+        force = np.array([tension[muscle] for muscle in self.tendons])
+        junctions = [self.model.joint(name).dofadr[0] for name in self.parts.junctions]
+        places = [*zip(self._places, self._dofs, strict=True)]
+        places += zip(self._junctions, junctions, strict=True)
+        data.qfrc_applied[:] = 0.0
+        for place, dof in places:
+            at, length = data.qpos[place], []
+            for step in (-PROBE, PROBE):
+                data.qpos[place] = at + step
+                mujoco.mj_fwdPosition(self.model, data)
+                length.append(data.ten_length[ids].copy())
+            data.qpos[place] = at
+            data.qfrc_applied[dof] = -force @ (length[1] - length[0]) / (2 * PROBE)
+
+    def torque(self) -> Array:
+        out: Array = super().torque() + self._sign * self.data.qfrc_applied[self._dofs]
+        return out
+
+    def tensions(self) -> dict[str, float]:
+        """What the bands bear, N; nothing in those of muscles that the hand has not."""
+        there = {name.removeprefix(self.prefix): t for name, t in super().tensions().items()}
+        return defaultdict(float, there)
+
+    def excursion(self) -> Array:
+        out: Array = -np.array([self.data.tendon(t).length[0] for t in self.tendons.values()])
         return out

@@ -161,6 +161,12 @@ def _pullers(m: mujoco.MjModel) -> NDArray[np.bool_]:
     return np.asarray(m.actuator_trntype == int(mujoco.mjtTrn.mjTRN_TENDON))
 
 
+def actuators_of(m: mujoco.MjModel, tendon: str) -> str:
+    """The names of the actuators that pull a tendon."""
+    pulls = np.flatnonzero(_pullers(m) & (m.actuator_trnid[:, 0] == m.tendon(tendon).id))
+    return ", ".join(m.actuator(int(a)).name or f"number {a}" for a in pulls)
+
+
 def greatest_force(m: mujoco.MjModel, t: int) -> float:
     """The greatest force, N, that the tendon's actuators can pull with; 0 where they do not say."""
     most = 0.0

@@ -137,6 +137,10 @@ class MovingMujoco:
         """The energy, J, that the device dissipated in the step that ended in the state."""
         return state.moment.slip
 
+    def with_tension(self, state: Moving, tension: Array) -> Moving:
+        """The state with its tendons under tensions (nt,) N already, which stretch them no more."""
+        return state._replace(moment=state.moment._replace(tension=tension))
+
     def friction_work(self, state: Moving) -> Array:
         """The work (3,) J at the tendons' guides in the step that ended in the state: made heat,
         held before a tendon slides, and of both what came from the tendons' stretch."""

@@ -129,6 +129,27 @@ def test_a_finger_that_cannot_follow_is_refused(change, said, flexion, tmp_path)
     assert not (tmp_path / "split_edc").exists()
 
 
+def test_all_that_a_motion_forward_lacks_is_told_at_once(tmp_path):
+    path = tmp_path / "far.csv"
+    pd.DataFrame({"time": np.linspace(0, 0.1, 5), "PIP_deg": np.linspace(45, 125, 5)}).to_csv(
+        path, index=False
+    )
+    words = ["estimate", "robot_pulleys_extensor", "--motion", str(path), "--forward"]
+    told = CliRunner().invoke(app, [*words, "--cost", "cubic", "--out", str(tmp_path)])
+    assert told.exit_code == 2
+    text = " ".join(told.output.split())
+    for said in (
+        "the quadratic cost alone",
+        "PIP is at 125 deg, outside",
+        'Write finger.tip.kind = "free"',
+        "finger.limit.half_range: holds every joint within",
+        '--area extensor="2 cm**2" --area dip_flexor="2 cm**2"',
+    ):
+        assert said in text
+    with pytest.raises(InputError, match=r"is \"point\".*half_range.*no area is known"):
+        cosim.track("robot_pulleys_extensor", path, tmp_path)
+
+
 def test_only_the_quadratic_cost_follows_a_motion(flexion, tmp_path):
     words = ["estimate", "split_edc", "--set", 'finger.tip.kind="free"', "--motion", str(flexion)]
     words += ["--forward", "--cost", "cubic", "--out", str(tmp_path)]

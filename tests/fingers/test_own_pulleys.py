@@ -1,6 +1,8 @@
 """Fingers of a builder's own: arms, lengths and guides of the robotic one, pulleys of one's own."""
 
+import re
 import tomllib
+from itertools import product
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from cosim.ui.controls import controls_of
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import XU2012
 from rigid.mujoco.finger import MujocoFinger
+from tests.helpers.folders import ROOT
 
 ROBOT, OWN = "robot_pulleys_extensor", "own_pulleys_fdp"
 MASSES = {
@@ -125,3 +128,36 @@ def test_a_page_has_a_slider_for_each_of_these():
     assert {"finger.pulleys.FDP.MCP", "finger.passive.DIP.stiffness"} <= keys
     keys = {c.key for c in controls_of(load_case(ROBOT))}
     assert {"finger.arms.extensor.PIP", "finger.guides.side_y", "finger.lengths.distal"} <= keys
+
+
+GUIDES = ("cases/README.md", "rigid/README.md", "cosim/fingers/pulleys.py")
+OFF = re.compile(
+    r"up to ([\d.]+) % at 10, ([\d.]+) % at 20, ([\d.]+) % at 30 and ([\d.]+) % at 35 deg"
+)
+
+
+def test_the_guides_say_by_how_much_a_pulley_is_off_in_abduction():
+    """Over the MCP's flexion, to both sides, palmar and dorsal; without abduction, and at the PIP,
+    the arm is the radius."""
+    bends = np.radians(np.arange(-30, 91, 10))
+    found, sideways = [], 0.0
+    fingers = [robot(f"finger.pulleys={{FDP={{MCP='{r} mm', PIP='{r} mm'}}}}") for r in (10, -10)]
+    for aside in np.radians([0, 10, 20, 30, 35]):
+        worst = 0.0
+        for finger, bend, to in product(fingers, bends, (aside, -aside)):
+            mcp, out, pip, _ = arms_at(finger, "FDP", [bend, to, 0.5, 0.3])
+            worst, sideways = max(worst, abs(abs(mcp) - 10) / 10), max(sideways, abs(out) / 10)
+            assert abs(pip) == pytest.approx(10, abs=1e-9)
+        found.append(100 * worst)
+    assert found[0] == pytest.approx(0, abs=1e-9)
+    for guide in GUIDES:
+        text = " ".join((ROOT / guide).read_text(encoding="utf-8").split())
+        said = OFF.search(text)
+        assert said is not None, guide
+        for words, off in zip(said.groups(), found[1:], strict=True):
+            assert float(words) == pytest.approx(off, abs=0.5 if off > 10 else 0.05)
+        assert guide.endswith(".py") or f"up to {sideways:.2f} of the radius" in text
+
+
+def arms_at(finger: MujocoFinger, tendon: str, angles: list[float]) -> np.ndarray:
+    return 1e3 * finger.moment_arms(np.array(angles))[finger.tendons.index(tendon)]

@@ -17,7 +17,17 @@ from cosim.results.compare import Comparison, Target
 from cosim.scoring import names as score_names
 from cosim.scoring import references
 from cosim.scoring import run as score_run
-from cosim.scoring.groups import ARMS, DIFFERENCES, SIZES, row_words, rows_of_group, score_groups
+from cosim.scoring.groups import (
+    ARMS,
+    DIFFERENCES,
+    LOAD,
+    SIZES,
+    muscle_of,
+    row_words,
+    rows_of_group,
+    score_groups,
+    trials_of,
+)
 from cosim.scoring.model import read_hand
 from cosim.scoring.names import FINGERS, match_names, read_names, shipped_names
 from cosim.scoring.run import judge
@@ -358,3 +368,22 @@ def test_a_middle_finger_is_judged_by_its_hands() -> None:
     assert "a perfect model expects a skill of" in forces.floor
     assert forces.rank is not None
     assert forces.rank.skills["middle_minorflex_edc"] == pytest.approx(forces.skill.value, rel=1e-3)
+
+
+def test_the_heads_of_a_muscle_share_what_a_trial_loads_it_with(tmp_path):
+    """Both heads of the first dorsal interosseous bear half each of what one muscle would."""
+    hand = read_hand(cosim.load("split_edc"), tmp_path)
+    groups = score_groups("index")
+    trials = [(group, trial) for group in groups for g in group.groups for trial in g.trials]
+    of_fdi = {trial.name for group, trial in trials if muscle_of(group, trial) == "FDI"}
+    pulled = [
+        {n: t.tension for n, t in case.tendons.items() if t.tension}
+        for name, case in trials_of(hand, groups).items()
+        if name in of_fdi
+    ]
+    assert pulled
+    most = {n: t.max_force for n, t in hand.case.tendons.items()}
+    for loads in pulled:
+        assert set(loads) == {"FDIm", "FDIl"}
+        for head, tension in loads.items():
+            assert tension == pytest.approx(LOAD * most[head] / 2, rel=1e-12)

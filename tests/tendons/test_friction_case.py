@@ -59,6 +59,26 @@ def test_the_interval_is_what_either_course_gives_alone() -> None:
     assert is_known("friction.sliding.unloading.joint_torque_Nmm.FDP.PIP")
 
 
+def test_the_reach_is_that_of_tendons_without_friction() -> None:
+    """The force of a finger on one tendon grows with the tension at the end; the reach does not."""
+    over, pushed, told = {}, {}, {}
+    for mu in (0.0, 0.2, 0.5):
+        settings = (f"tendons.FDP.friction={mu}", "tendons.FDP.sliding='unloading'")
+        found = run("split_fdp", *settings).summary
+        over[mu] = found["audit"]["tip_force_over_reach"]
+        pushed[mu] = found["fingertip_magnitude_N"]
+        told[mu] = [line for line in found["warnings"] if "friction of" in line]
+        if mu == 0.5:
+            assert found["audit_missed"] == ["tip_force_over_reach"]
+            tendon = found["friction"]["tendon"]["FDP"]
+            factor = tendon["tension_at_insertion_N"] / found["tension_N"]["FDP"]
+    for mu in (0.2, 0.5):
+        assert over[mu] / over[0.0] == pytest.approx(pushed[mu] / pushed[0.0], rel=1e-9)
+    assert factor > 2.0
+    assert told[0.0] == []
+    assert f"1/{factor:.3g} of its muscle's" in told[0.5][0]
+
+
 def test_friction_of_zero_changes_nothing() -> None:
     none, zero = run("split_fdp").summary, run("split_fdp", "tendons.FDP.friction=0").summary
     assert forces(zero) == pytest.approx(forces(none), abs=1e-12)
@@ -102,6 +122,31 @@ def test_a_motion_that_only_loads_comes_to_rest_as_the_equilibrium_does() -> Non
     for body in ("proximal", "middle", "distal"):
         total = np.sum([row.force for row in rows if row.body == body], axis=0)
         assert np.abs(total).max() < 1e-9
+
+
+def test_a_clamped_finger_spends_on_friction_what_the_stretch_of_its_tendon_brings() -> None:
+    """No joint turns, so a tendon's guides slide by its stretch c_k dT alone, and each takes
+    c_k (T_before - T_beyond) dT, which nothing but the muscle can bring."""
+    ramp = 'tendons.FDP.signal={kind="points",at=[["0 s",0.1],["0.1 s",1.0]]}'
+    case = load_case(
+        "split_fdp",
+        [
+            *(PLAIN, RUBS, ramp, "finger.tip.kind='clamped'"),
+            "tendons.FDP.elastic.stiffness='50 N/mm'",
+            "forward={duration='0.1 s',step='2 ms',must_rest=false}",
+        ],
+    )
+    found = run_case(case)
+    finger = build(case).finger
+    readings = finger.guides.read(finger.at_angles(finger.start(build(case).posture).angles))
+    before, beyond = readings.factors(np.ones(len(readings.give)))
+    tension = found.data.own_tension.sel(muscle="FDP").values
+    lost = readings.give @ (before - beyond) * (tension[1:] @ np.diff(tension))
+    energy = found.summary["energy_mJ"]
+    assert 1e3 * lost > 0.05
+    assert energy["guides_dissipated"] == pytest.approx(1e3 * lost, rel=1e-9)
+    assert energy["own_tendons"] == pytest.approx(1e3 * lost, rel=1e-9)
+    assert energy["artificial"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_what_knows_no_friction_keeps_its_arms_or_says_so() -> None:

@@ -58,7 +58,7 @@ def capacity(
                     f"{option} {name}: this finger and hood have no such tendon; they have "
                     + ", ".join(names)
                 )
-    with_sources = [_area(case, name, names, areas, weights) for name in names]
+    with_sources = _areas(case, names, areas, weights)
     area = np.array([a for a, _ in with_sources])
     limits = [_most(case, name, a, most) for name, a in zip(names, area, strict=True)]
     rest = 0.0 if case.hood.needs_no_tension else case.solve.resting_tension
@@ -68,21 +68,30 @@ def capacity(
     return Capacity(names, area, np.minimum(least, force), force, sources)
 
 
-def _area(
-    case: Case, name: str, names: tuple[str, ...], areas: Mapping[str, float], weights: Weights
-) -> tuple[float, str]:
-    if name in areas:
-        return areas[name], "given"
+def _areas(
+    case: Case, names: tuple[str, ...], areas: Mapping[str, float], weights: Weights
+) -> list[tuple[float, str]]:
+    """The area (m2) of each muscle and its source.  Raises InputError that names all without."""
     table, source = case.finger.muscle_areas(names)
-    tendon = case.tendons.get(name)
-    if name not in table and weights != "pcsa" and tendon is not None and tendon.max_force:
-        return float("nan"), "unknown"
-    if name not in table:
+    out, unknown = list[tuple[float, str]](), list[str]()
+    for name in names:
+        tendon = case.tendons.get(name)
+        if name in areas:
+            out.append((areas[name], "given"))
+        elif name in table:
+            out.append((CM2 * table[name], source))
+        elif weights != "pcsa" and tendon is not None and tendon.max_force:
+            out.append((float("nan"), "unknown"))
+        else:
+            unknown.append(name)
+    if unknown:
+        options = " ".join(f'--area {name}="2 cm**2"' for name in unknown)
         raise InputError(
-            f"{name}: no area is known of this muscle; state it, for example "
-            f'--area {name}="2 cm**2"'
+            f"{', '.join(unknown)}: no area is known of "
+            f"{'this muscle' if len(unknown) == 1 else 'these muscles'}; state it, for example "
+            f"{options}"
         )
-    return CM2 * table[name], source
+    return out
 
 
 def _most(case: Case, name: str, area: float, most: Mapping[str, float]) -> tuple[float, str]:

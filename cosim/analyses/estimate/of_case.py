@@ -88,7 +88,18 @@ def setup(
     most: Mapping[str, float],
 ) -> Setup:
     """Models and costs.  Raises InputError."""
-    models = build(case)
+    return with_costs(case, build(case), weights, power, areas, most)
+
+
+def with_costs(
+    case: Case,
+    models: Models,
+    weights: Weights,
+    power: Power,
+    areas: Mapping[str, float],
+    most: Mapping[str, float],
+) -> Setup:
+    """The same of models that are built.  Raises InputError."""
     names = (*models.hood.tendons, *models.finger.tendons)
     bear = capacity(case, names, areas, most, weights)
     return Setup(case, models, bear, Cost(bear.weight(weights), power))

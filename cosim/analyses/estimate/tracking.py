@@ -14,7 +14,7 @@ Finger and hood move by the case's own scheme in time.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -22,20 +22,23 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from cosim.analyses.estimate.capacity import Weights
 from cosim.analyses.estimate.demand import torque_demand
 from cosim.analyses.estimate.held_finger import HeldFinger
 from cosim.analyses.estimate.joint_motion import JointMotion
-from cosim.analyses.estimate.of_case import Setup, cheapest
+from cosim.analyses.estimate.of_case import Setup, cheapest, with_costs
 from cosim.analyses.estimate.tensions import least_beyond, linearise, nearest
 from cosim.case.schema import Case
 from cosim.coupling.motion import CoupledMotion, MotionState, motion_states
 from cosim.errors import ConvergenceError, InputError, Progress, quiet
 from cosim.fingers.common import ChainFingerConfig
-from cosim.fingers.kinds import with_mass
+from cosim.fingers.kinds import joint_ranges, with_mass
+from cosim.models.build import Models, build
 from cosim.models.motion import moving_models
-from cosim.port import Array, State
+from cosim.port import Array, OpenFinger, State
 from cosim.tendons.signals import LiveSignal
 from rigid.mujoco.finger import MujocoFinger, needed_torque
+from rigid.muscle.least_cost import Power
 
 INTERVAL = 0.01
 """s, from one plan to the next."""
@@ -245,36 +248,69 @@ class Planner:
         return self.setup.hold_finger(dict(zip(finger.joints, angle, strict=True))), needed
 
 
+def setup_to_follow(
+    case: Case,
+    weights: Weights,
+    power: Power,
+    areas: Mapping[str, float],
+    most: Mapping[str, float],
+    read: Callable[[Models], JointMotion],
+) -> tuple[Setup, JointMotion]:
+    """The problem of a motion that is to be followed, of the case as `forward_case` makes it, and
+    the motion; `read`: the motion for a finger.  Raises InputError, which says all that is lacking
+    at once."""
+    models = build(case)
+    motion = read(models)
+    lacking = list(_lacking(case, models, motion, power))
+    try:
+        s = with_costs(case, models, weights, power, areas, most)
+    except InputError as error:
+        lacking.append(str(error))
+    if lacking:
+        raise InputError("; and ".join(lacking))
+    return start_of(s, motion), motion
+
+
 def start_of(s: Setup, motion: JointMotion) -> Setup:
-    """The same problem of the case as `forward_case` makes it.  Raises InputError, also for a cost
-    that is not quadratic: plans are quadratic programmes."""
-    if s.cost.power != 2:
-        raise InputError("--cost: a motion is followed with the quadratic cost alone; leave it out")
-    _check_ranges(s, motion)
+    """The same problem of the case as `forward_case` makes it.  Raises InputError."""
     joints, tendons = s.models.finger.joints, s.capacity.names
     return replace(s, case=forward_case(s.case, motion, joints, tendons))
+
+
+def _lacking(case: Case, models: Models, motion: JointMotion, power: int) -> Iterator[str]:
+    """What a case and its motion lack for following it, in words."""
+    if power != 2:
+        yield "--cost: a motion is followed with the quadratic cost alone; leave it out"
+    yield from _out_of_range(models.finger, motion)
+    finger = case.native_finger()
+    if not finger.has_mass:
+        yield f"a finger that follows a motion needs mass: {with_mass()}"
+    if finger.tip.kind != "free":
+        yield (
+            f'finger.tip.kind: is "{finger.tip.kind}"; a finger that follows a motion must be free '
+            'to move. Write finger.tip.kind = "free"'
+        )
+    yield from _narrow_limits(finger, motion, models.finger.joints)
+    if _steps(case, motion) < 1:
+        step = 1e3 * _step(case)
+        yield f"the motion is shorter than a step of {step:g} ms (forward.step)"
+
+
+def _step(case: Case) -> float:
+    """s."""
+    return 1e-3 if case.forward is None else case.forward.step
+
+
+def _steps(case: Case, motion: JointMotion) -> int:
+    return int((motion.time[-1] - motion.time[0]) / _step(case) + ROUNDING)
 
 
 def forward_case(
     case: Case, motion: JointMotion, joints: Sequence[str], tendons: Sequence[str]
 ) -> Case:
     """The case as a motion that begins where `motion` begins and lasts as long, by the case's steps
-    (1 ms where it is an equilibrium), with tensions of 1 N times a signal to come.
-
-    Raises InputError for a fingertip that is held, or limits that the motion would go beyond."""
-    finger = case.native_finger()
-    if not finger.has_mass:
-        raise InputError(f"a finger that follows a motion needs mass: {with_mass()}")
-    if finger.tip.kind != "free":
-        raise InputError(
-            f'finger.tip.kind: is "{finger.tip.kind}"; a finger that follows a motion must be free '
-            'to move. Write finger.tip.kind = "free"'
-        )
-    _check_limits(finger, motion, joints)
-    step = 1e-3 if case.forward is None else case.forward.step
-    steps = int((motion.time[-1] - motion.time[0]) / step + ROUNDING)
-    if steps < 1:
-        raise InputError(f"the motion is shorter than a step of {1e3 * step:g} ms (forward.step)")
+    (1 ms where it is an equilibrium), with tensions of 1 N times a signal to come."""
+    finger, step, steps = case.native_finger(), _step(case), _steps(case, motion)
     posture = finger.posture.angles()
     rests = {
         f"finger.passive.{joint}.rest": _degrees(posture[joint])
@@ -295,28 +331,30 @@ def _degrees(angle: float) -> str:
     return f"{float(np.degrees(angle))!r} deg"
 
 
-def _check_limits(finger: ChainFingerConfig, motion: JointMotion, joints: Sequence[str]) -> None:
+def _narrow_limits(
+    finger: ChainFingerConfig, motion: JointMotion, joints: Sequence[str]
+) -> Iterator[str]:
     if finger.limit is None:
         return
     turned = np.degrees(np.abs(motion.angle - motion.angle[0]).max(axis=0))
     k, most = int(np.argmax(turned)), float(np.degrees(finger.limit.half_range))
     if turned[k] > most:
         wider = f'; write for example "{min(turned[k] + 10, 90):.0f} deg"' if most < 90 else ""
-        raise InputError(
+        yield (
             f"finger.limit.half_range: holds every joint within {most:g} deg of where a motion "
             f"begins, and this one turns {joints[k]} by {turned[k]:.3g} deg{wider}"
         )
 
 
-def _check_ranges(s: Setup, motion: JointMotion) -> None:
-    """Raises InputError for an angle outside its joint's range, with the time."""
-    finger = s.models.finger
+def _out_of_range(finger: OpenFinger, motion: JointMotion) -> Iterator[str]:
+    """The angles outside of their joints' ranges, with the time of the first of each."""
+    ranges = joint_ranges(finger)
     for joint, angle in zip(finger.joints, motion.angle.T, strict=True):
-        low, high = finger.ranges.get(joint, (-np.inf, np.inf))
+        low, high = ranges.get(joint, (-np.inf, np.inf))
         out = (angle < low) | (angle > high)
         if out.any():
             k = int(np.argmax(out))
-            raise InputError(
+            yield (
                 f"at {motion.time[k]:.4g} s of the motion {joint} is at {np.degrees(angle[k]):.4g} "
                 f"deg, outside its range of {np.degrees(low):.4g} to {np.degrees(high):.4g} deg"
             )

@@ -116,6 +116,8 @@ def test_the_stiffness_at_which_a_slack_curve_would_close():
         ([0, 1e-3], [0, 1.0, 2.0], "2.* stretches and .3"),
         ([0, 2e-3, 2e-3], [0, 1.0, 2.0], r"0.002 m follows 0.002 m \(points 1 and 2\)"),
         ([0, np.nan], [0, 1.0], "not finite"),
+        ([0, np.inf], [0, 1.0], "not finite"),
+        ([0, 1.0], [0, -np.inf], "not finite"),
     ],
 )
 def test_tables_that_are_no_law_are_refused(stretch, force, words):

@@ -186,7 +186,9 @@ def test_an_attached_hood_pulls_as_the_network(tmp_path):
     assert model.body("index_hood_PIP_square").mass == least
     power = (0.0, 0.0, (FOLLOWER / least) ** 0.5, 0.0, 0.0)
     square = {"index_hood_PIP_square": Follower({"PIP": 1.0}, power)}
-    held = HeldModel(model, JOINTS, HoodParts({}, junctions, {}, square))
+    tendons = [model.tendon(i).name for i in range(model.ntendon)]
+    bands = {n: Band({}, 0.0, 1.0) for n in tendons if n.startswith("index_hood_")}
+    held = HeldModel(model, JOINTS, HoodParts({}, junctions, bands, square))
     network = hood_network()
     for angles, loads in (((0.4, 0.7, 0.2), (9.0, 3.0, 0.5)), ((0.9, 0.2, 0.5), (0.5, 6.0, 8.0))):
         held.settle(

@@ -9,10 +9,10 @@ import pytest
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.coupling.finger_equilibrium import balance_finger
-from cosim.models.build import bone_surfaces, build, mjcf_of
+from cosim.models.build import OPENING, bone_surfaces, build, mjcf_of
 from cosim.port import Array, Load
 from rigid.chain.joint_torques import JointLaw, TorqueCurve, joint_law
-from rigid.mjcf.simulation import CELL, coarse_surface, simulation_xml
+from rigid.mjcf.simulation import ANATOMY, CELL, coarse_surface, simulation_xml
 from rigid.model import FingerModel, Hinge, Segment
 
 FREE = 'finger.tip={kind="free"}'
@@ -79,6 +79,20 @@ def test_the_bones_look_like_ours():
         assert theirs.min(axis=0) == pytest.approx(ours.min(axis=0), abs=CELL)
         assert theirs.max(axis=0) == pytest.approx(ours.max(axis=0), abs=CELL)
         assert (geom.contype[0], geom.conaffinity[0]) == (0, 0)
+
+
+def test_a_narrow_limit_is_told_first_with_what_opens_it():
+    case = load_case("split_edc")
+    first = mjcf_of(case).splitlines()[1]
+    assert "5 deg to either side of the posture" in first
+    assert f"the setting {OPENING} opens them" in first
+    opened = mjcf_of(load_case("split_edc", [OPENING]))
+    assert "to either side" not in opened
+    model = mujoco.MjModel.from_xml_string(opened)
+    for joint in ("MCP", "MCP_abduction", "PIP", "DIP"):
+        low, high = model.numeric(ANATOMY + joint).data
+        at, stop = model.joint(joint).range
+        assert at <= low < high <= stop
 
 
 def test_a_coarse_surface_stays_closed_in_size():

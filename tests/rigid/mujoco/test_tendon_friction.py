@@ -231,3 +231,35 @@ def test_a_stretching_tendon_slides_as_its_tension_rises():
     assert grip == pytest.approx(np.minimum(3.0 * give / 1e-3, 1.0))
     work = step.work(grip, np.zeros(4), rise)
     assert work.from_stretch >= work.lost + work.held > 0
+
+
+@pytest.mark.parametrize(
+    ("around", "turn"), [(20, 20), (90, 90), (179, 179), (200, 200), (260, 260), (-10, 0)]
+)
+def test_an_arc_turns_by_its_angle_and_one_on_the_inner_side_by_none(around, turn):
+    """Round the wheel from its top on; contacts in the other order are rounding's, and no turn."""
+    model = mujoco.MjModel.from_xml_string(wheel("cylinder"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    guides = TendonGuides(model, ("t",), {"t": TendonFriction(0.3)})
+    place = np.array([model.geom("wheel").id])
+    at = np.flatnonzero(guides._what == place)
+    begin, came = np.array([[0.0, 0.0, 0.02]]), np.array([[1.0, 0.0, 0.0]])
+    phi = np.radians(around)
+    end = 0.02 * np.array([[np.sin(phi), 0.0, np.cos(phi)]])
+    assert guides._arcs(data, at, begin, end, came)[0] == pytest.approx(np.radians(turn))
+
+
+def test_a_tendon_turns_inside_a_ring_by_the_angle_between_its_straight_parts():
+    """A ring of 20 mm draws a tendon that runs 50 mm above its axis down to one point."""
+    text = """
+    <mujoco><worldbody><site name="a" pos="-0.1 0 0.05"/>
+      <geom name="ring" type="cylinder" size="0.02 0.1" zaxis="0 1 0"/><site name="in"/>
+      <body><joint axis="0 1 0"/><geom size="0.001" mass="1"/><site name="b" pos="0.1 0 0.05"/>
+    </body></worldbody><tendon><spatial name="t"><site site="a"/><geom geom="ring" sidesite="in"/>
+      <site site="b"/></spatial></tendon></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    turn = TendonGuides(model, ("t",), {"t": TendonFriction(0.3)}).read(data).turn.sum() / 0.3
+    assert turn == pytest.approx(2 * np.arctan(0.03 / 0.1), rel=1e-6)
