@@ -62,7 +62,9 @@ def solve(
     until: Annotated[
         float | None, typer.Option(help="The last time; else the end of the file's last step.")
     ] = None,
-    states: Annotated[int, typer.Option(min=1, help="States to keep of each step.")] = 1,
+    states: Annotated[
+        int, typer.Option(min=1, help="States to keep of each step, beside must-points.")
+    ] = 1,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder of the result; else runs/MODEL.")
     ] = None,
@@ -87,6 +89,14 @@ def solve(
     own_shell: Annotated[
         bool,
         typer.Option("--own-shell", help="As --element shell: bend and touch as thin sheets do."),
+    ] = False,
+    increments: Annotated[
+        bool,
+        typer.Option(
+            "--increments",
+            help="Take at least the file's time_steps of each step; else as few as it needs, but "
+            "for friction, which remembers them.",
+        ),
     ] = False,
     mid_surface: Annotated[
         bool,
@@ -121,7 +131,7 @@ def solve(
         result: JobResult | None = None
         with stages(model.name) as progress:
             progress.say(f"solving {len(job.sheet.quads)} elements")
-            options = JobOptions(penetration=limit, spacing=grid)
+            options = JobOptions(penetration=limit, spacing=grid, increments=increments)
             if not is_own:
                 try:
                     result = solve_solid(job, options=options, times=times)
@@ -179,6 +189,9 @@ def _show(result: JobResult) -> None:
         f"({e.iterations} iterations, {e.solves} linear solves, {e.steps} steps, {e.failures} cut "
         f"back, {e.relaxations} relaxed)"
     )
+    for touch in result.touches:
+        if not touch.touched:
+            screen.print(touch.words)
     for note in result.job.notes:
         screen.print(f"left out: {note}")
 

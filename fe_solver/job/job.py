@@ -88,7 +88,10 @@ class Step:
     end: float
     """s."""
     increments: int
-    """How many to begin with."""
+    """How many a solve whose answer remembers its way takes, as one with friction does, and any
+    that is asked to."""
+    must: tuple[float, ...] = ()
+    """s, times in it that are solved and kept in any case."""
 
 
 STANDING = Body("wall")

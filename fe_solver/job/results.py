@@ -74,6 +74,15 @@ def summary(result: JobResult) -> dict[str, Any]:
         "nodes": len(result.job.sheet.points),
         "elements": len(result.job.sheet.quads),
         "states": [state_summary(result.job, s) for s in result.states],
+        "contacts": [
+            {
+                "pair": t.pair,
+                "body": t.body,
+                "touched": t.touched,
+                "smallest_gap_mm": 1e3 * t.nearest if np.isfinite(t.nearest) else None,
+            }
+            for t in result.touches
+        ],
         "setup_cpu_s": result.setup_s,
         "solve_cpu_s": e.cpu_s,
         "failed_steps": e.failures,

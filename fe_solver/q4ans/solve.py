@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,9 +19,17 @@ from cosim.errors import ConvergenceError
 from cosim.port import Array
 from cosim.processes import one_blas_thread
 from fe_solver.job.job import Job
-from fe_solver.job.model import JobOptions
+from fe_solver.job.model import JobOptions, body_poses
 from fe_solver.job.rigid_modes import FreeMotions, Pieces, free_motions, unsupported
-from fe_solver.job.solve import JobResult, JobState, output_times
+from fe_solver.job.solve import (
+    ContactRecord,
+    JobResult,
+    JobState,
+    output_times,
+    touches,
+    way_marks,
+)
+from fe_solver.q4ans.facets import SEARCH_RADIUS, facet_gaps, facet_ways, nearest
 from fe_solver.q4ans.model import (
     Loads,
     SolidModel,
@@ -31,7 +38,7 @@ from fe_solver.q4ans.model import (
     solid_model,
 )
 from fe_solver.q4ans.state import SolidEquilibrium, solid_state
-from fe_solver.solver.continuation import TimeSteps
+from fe_solver.solver.continuation import Effort, TimeSteps, free_share
 from fe_solver.solver.linear_algebra import Factor, has_mechanism, positions
 from fe_solver.vectors import cross
 
@@ -57,6 +64,8 @@ SEARCHES = 10
 """Iterations after which contact keeps to the triangles that it has met, as FEBio's seg_up asks: a
 point that slides over a bone's sharp edge would come and go for ever."""
 MOST_AUGMENTATIONS = 30
+FINEST = 0.25e-3
+"""m: a step is foreseen to press a facet in by up to the thickness, or so much of a thin sheet."""
 
 
 def alternatives(job: Job) -> list[str]:
@@ -71,9 +80,9 @@ def solve_solid(
     options: JobOptions | None = None,
     times: Sequence[float] | None = None,
 ) -> JobResult:
-    """Static equilibria of a job with `q4ans` elements at `times`, or else at the ends of its
-    steps, up to `until`.  Of the options it follows `penetration` (None is FEBio's penalty alone)
-    and `shortest`.
+    """Static equilibria of a job with `q4ans` elements at `times`, or else at the ends and
+    must-points of its steps, up to `until`; see `solve_job`.  Of the options it follows
+    `penetration` (None is FEBio's penalty alone), `shortest` and `increments`.
 
     Raises InputError for a job that these elements do not cover, for times that do not ascend from
     above 0 and for a sheet that could move without resistance, and ConvergenceError naming the
@@ -84,12 +93,13 @@ def solve_solid(
     stepper = _SolidSteps(solid_model(job), options)
     setup = clock.process_time() - began
     began = clock.process_time()
-    states = tuple(stepper.reach(time) for time in wanted)
-    effort = replace(stepper.effort, cpu_s=clock.process_time() - began)
-    return JobResult(job, states, setup, effort, "q4ans")
+    states = stepper.visit(way_marks(job, wanted[-1], options.increments), wanted)
+    effort = stepper.total(clock.process_time() - began)
+    told = touches(job, stepper.contact)
+    return JobResult(job, tuple(states), setup, effort, "q4ans", told)
 
 
-class _SolidSteps(TimeSteps):
+class _SolidSteps(TimeSteps[JobState]):
     """The equilibria of a job's `q4ans` elements."""
 
     def __init__(self, model: SolidModel, options: JobOptions) -> None:
@@ -99,29 +109,66 @@ class _SolidSteps(TimeSteps):
         terms = tuple(self.model.terms(self.model.rest, loads))
         self.pattern = self.model.pattern(terms)
         self.last = SolidEquilibrium(0.0, self.model.rest, loads, terms, 0.0)
+        self.contact = ContactRecord(len(model.facets))
+        self.factor: tuple[SolidEquilibrium, Factor] | None = None
 
-    def reach(self, time: float) -> JobState:
-        """Steps up to a time, at which contact does not penetrate too deep."""
-        began, before = clock.process_time(), self.effort
-        self.go_to(time)
+    def finish(self) -> None:
+        """See `TimeSteps.finish`."""
         self._augment()
-        cpu = clock.process_time() - began
         self._require_supports()
-        return solid_state(self.model, self.last, self.effort.since(before, cpu))
+
+    def state(self, effort: Effort) -> JobState:
+        """See `TimeSteps.state`."""
+        return solid_state(self.model, self.last, effort)
 
     def solve_step(self, time: float, is_last: bool) -> None:
         """From rest, where nothing tells which points will touch, by softer contact if not at
         once."""
         z, loads = self._predict(time)
         try:
-            self.last = self._equilibrium(self.model, z, loads, time)
+            self._accept(self._equilibrium(self.model, z, loads, time))
             return
         except ConvergenceError:
             if self.effort.steps or not self.model.facets:
                 raise
         for share in SOFTER:
             z = self._equilibrium(self.model.with_penalty(share), z, loads, time).z
-        self.last = self._equilibrium(self.model, z, loads, time)
+        self._accept(self._equilibrium(self.model, z, loads, time))
+
+    def _accept(self, found: SolidEquilibrium) -> None:
+        self.last = found
+        pressed = self.model.contacts(found.z, found.loads)
+        self.contact.add(
+            [bool((p.pressure > 0).any()) for p in pressed],
+            [nearest(p.depth) for p in pressed],
+        )
+
+    def free_share(self, time: float) -> float:
+        """See `TimeSteps.free_share`."""
+        m, last, new = self.model, self.last, self.model.at(time)
+        still = np.array_equal(last.loads.position, new.position)
+        still &= np.array_equal(last.loads.rotation, new.rotation)
+        if not m.facets or (still and np.array_equal(m.place(last.z, time), last.z)):
+            return 1.0
+        moved = self._predict(time)[0] - last.z
+        reach = min(max(m.thickness, FINEST), SEARCH_RADIUS / 2)
+        far, way = [], 0.0
+        for f in m.facets:
+            ways = facet_ways(
+                f,
+                (last.z, last.loads.position[f.body], last.loads.rotation[f.body]),
+                (last.z + moved, new.position[f.body], new.rotation[f.body]),
+            )
+            far.append(f.take(np.flatnonzero(ways > reach)))
+            way = max(way, float(ways.max(initial=0.0)))
+
+        def gaps(share: float) -> Array:
+            z, then = last.z + share * moved, self.time + share * (time - self.time)
+            poses = body_poses(m.job.bodies, then)
+            found = [facet_gaps(f, z, *(p[f.body] for p in poses)) for f in far if len(f.quads)]
+            return np.concatenate([g.ravel() for g in found])
+
+        return free_share(gaps, way, reach)
 
     def solve_at_last(self, time: float, is_last: bool, error: ConvergenceError) -> None:
         """Give up, as nothing is left to try.  Raises ConvergenceError."""
@@ -164,8 +211,10 @@ class _SolidSteps(TimeSteps):
             np.add.at(right, t.nodes, t.product(moved))
         if not right[m.free].any():
             return last.z + given, new
+        if self.factor is None or self.factor[0] is not last:
+            self.factor = last, self._factorise(last.terms)
         step = np.zeros_like(last.z)
-        step[m.free] = -self._factorise(last.terms).solve(right[m.free])
+        step[m.free] = -self.factor[1].solve(right[m.free])
         return m.place(last.z + given + step, time), new
 
     def _equilibrium(self, m: SolidModel, z: Array, loads: Loads, time: float) -> SolidEquilibrium:
@@ -217,7 +266,7 @@ class _SolidSteps(TimeSteps):
             z, loads = self.last.z, self.last.loads
             pressure = tuple(p.pressure for p in self.model.contacts(z, loads))
             loads = loads._replace(multipliers=pressure)
-            self.last = self._equilibrium(self.model, z, loads, self.last.time)
+            self._accept(self._equilibrium(self.model, z, loads, self.last.time))
         raise ConvergenceError(
             f"{self.model.job.name}: at t = {self.last.time:.6g} contact penetrates by "
             f"{1e6 * self._deepest():.3g} um after {MOST_AUGMENTATIONS} augmentations; "

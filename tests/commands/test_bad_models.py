@@ -107,7 +107,6 @@ LAUGHS = "".join(f'<!ENTITY a{i} "&a{i - 1};&a{i - 1};">' for i in range(1, 40))
 BOMB = f'<!DOCTYPE a [<!ENTITY a0 "ha">{LAUGHS}]><febio_spec version="4.0">&a39;</febio_spec>'
 OPEN = '<febio_spec version="4.0">'
 UNHELD = ((HELD, ""), (CLAMPED, ""), (STRINGS, ""))
-FLAT = '<quad4 id="1">11,14,13,12</quad4>'
 
 BAD: dict[str, tuple[str | bytes, str]] = {
     # the mesh
@@ -189,7 +188,6 @@ BAD: dict[str, tuple[str | bytes, str]] = {
         "friction coefficient must be 0 or positive",
     ),
     # rigid surfaces and contact
-    "flat bone": (sub((f'"lid">{BOX}', f'"lid">{FLAT}')), "encloses no volume"),
     "bone of no height": (
         sub(
             *[
