@@ -65,6 +65,8 @@ class Tied:
     """Its number; WALL stands still."""
     clamped: bool = True
     """Whether the nodes' directors turn with it too."""
+    name: str = field(default="", compare=False)
+    """Under which its reaction is given."""
 
 
 @dataclass(frozen=True)

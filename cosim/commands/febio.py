@@ -26,6 +26,7 @@ from fe_solver.hood.as_job import job_of_hood
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions, move_to_mid_surface
+from fe_solver.job.reactions import reactions
 from fe_solver.job.results import SUMMARY, farthest, write_job
 from fe_solver.job.solve import JobResult, JobState, solve_job, spread_times
 from fe_solver.q4ans.model import obstacles
@@ -203,6 +204,10 @@ def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
         force = state.contact[i]
         if force.any():
             yield f"contact force on {name}", ", ".join(f"{v:.4g}" for v in force) + " N"
+    for r in reactions(result.job, state.reaction):
+        if r.force.any():
+            total = ", ".join(f"{v:.4g}" for v in r.force.sum(axis=0) + 0.0)
+            yield f"reaction of {r.condition}", f"{total} N"
     for s, f in zip(result.job.springs, state.spring_forces, strict=True):
         figures = f"largest {f.max(initial=0.0) + 0.0:.4g} N, sum {f.sum() + 0.0:.4g} N"
         yield f"springs {s.name}", f"{figures}, {(f != 0).sum()} of {len(f)} active"

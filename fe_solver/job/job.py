@@ -6,7 +6,7 @@ Lengths in m, forces in N, stresses in Pa, angles in rad; one right-handed world
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,6 +26,8 @@ class PrescribedDisplacement:
     """0, 1, 2: x, y, z."""
     displacement: Drive = ZERO
     """m."""
+    name: str = field(default="", compare=False)
+    """Under which its reaction is given."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class HeldDirector:
     """(k,)."""
     component: int
     """0, 1, 2: x, y, z."""
+    name: str = field(default="", compare=False)
+    """Under which its reaction is given."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, s
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.continuation import SAME_TIME, Effort, TimeSteps, free_share
 from fe_solver.solver.fields import Fields, contact_pressure, fields
-from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.solver.newton import Solution, solve
 from fe_solver.solver.relaxation import RelaxOptions, relax
 
@@ -64,6 +64,9 @@ class JobState:
     fields: Fields
     contact_pressure: Array
     """(n,) N/m2 of all bodies on each node."""
+    reaction: Array
+    """(n, 6) N and N m with which ties and held displacements act on each node, about it; see
+    `fe_solver.job.reactions`."""
 
     @property
     def contact(self) -> Array:
@@ -448,8 +451,19 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
         effort,
         fields(shell, c),
         contact_pressure(shell, c),
+        _reaction(shell, c, e),
         shell,
     )
+
+
+def _reaction(model: ShellModel, c: Configuration, e: Evaluation) -> Array:
+    """The force and couple (n, 6) N and N m with which ties and guides act on each node."""
+    out, guides = np.zeros((len(c.x), 6)), model.guides
+    held = np.concatenate([model.ties.node, guides.node])
+    out[held, :3] = e.gradient_x[held]
+    turned = np.concatenate([model.ties.node, guides.node[guides.steady]])
+    out[turned, 3:] = np.cross(c.d[turned], e.gradient_d[turned])
+    return out
 
 
 def penetration(solution: Solution) -> float:

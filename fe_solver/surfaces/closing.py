@@ -33,13 +33,7 @@ def close_surface(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
         faces.append(fan)
         count += len(centres)
     vertices, triangles = np.concatenate(points), np.concatenate(faces)
-    inside = volume(vertices, triangles)
-    if not abs(inside) > FLAT * np.linalg.norm(np.ptp(vertices, axis=0)) ** 3:
-        raise InputError(
-            "surface: it encloses no volume, so that it has no inside; give the body a surface "
-            "with a thickness"
-        )
-    return vertices, triangles if inside > 0 else triangles[:, ::-1]
+    return vertices, triangles if _is_outwards(vertices, triangles) else triangles[:, ::-1]
 
 
 def merge_vertices(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
@@ -51,10 +45,21 @@ def merge_vertices(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
 
 def outwards(vertices: Array, triangles: Ints) -> Ints:
     """The triangles (nt, 3), turned over where they are a closed surface wound inwards.  Raises
-    InputError where they are not wound alike."""
+    InputError where they are not wound alike, and where a closed surface encloses nothing."""
     merged = merge_vertices(vertices, triangles)
-    _, single = border_edges(merged[1])
-    return triangles[:, ::-1] if not single and volume(*merged) < 0 else triangles
+    is_open = bool(border_edges(merged[1])[1])
+    return triangles if is_open or _is_outwards(*merged) else triangles[:, ::-1]
+
+
+def _is_outwards(vertices: Array, triangles: Ints) -> bool:
+    """How a closed surface is wound.  Raises InputError where it encloses nothing."""
+    inside = volume(vertices, triangles)
+    if not abs(inside) > FLAT * np.linalg.norm(np.ptp(vertices, axis=0)) ** 3:
+        raise InputError(
+            "surface: it encloses no volume, so that it has no inside; give the body a surface "
+            "with a thickness"
+        )
+    return inside > 0
 
 
 def is_flat(vertices: Array, triangles: Ints) -> bool:

@@ -76,8 +76,8 @@ def block(where: str = "below", gap: float = 0.3e-3, front_only: bool = False) -
 
 
 def lifted(job, state) -> float:
-    """How far (m) the strip has moved along z at the first nodes over the block; facets touch it half a
-    millimetre before."""
+    """How far (m) the strip has moved along z at the first nodes over the block; facets touch it
+    half a millimetre before."""
     return float((state.configuration.x - job.sheet.points)[nodes_at(job, 8e-3), 2].mean())
 
 
