@@ -33,6 +33,7 @@ from fe_solver.job.model import (
 from fe_solver.materials.linear import Law
 from fe_solver.q4ans.element import (
     SolidTables,
+    Stressed,
     cross_matrix,
     solid_response,
     solid_tables,
@@ -162,6 +163,8 @@ class Term(NamedTuple):
     """(k, 3m, 3m) N/m, its derivative."""
     body: Ints | None = None
     """(k,) on which the nodes act; None where there is none."""
+    stressed: Stressed | None = None
+    """What elements bear."""
 
     def product(self, moved: Array) -> Array:
         """The change (k, m, 3) N of the forces by displacements (k, m, 3) m of the nodes."""
@@ -254,14 +257,23 @@ class SolidModel:
             for f, multiplier, met in zip(self.facets, loads.multipliers, loads.met, strict=True)
         ]
 
-    def terms(self, z: Array, loads: Loads) -> Iterator[Term]:
+    def terms(
+        self, z: Array, loads: Loads, before: tuple[Sequence[Term], Array] | None = None
+    ) -> Iterator[Term]:
         """All parts of the balance but the dead loads, always in this order: elements by part,
-        contact by pair, springs to bodies, springs between nodes, pressure."""
-        for part in self.parts:
+        contact by pair, springs to bodies, springs between nodes, pressure.
+
+        With the terms `before` a step (2n, 3) m that led to z, the elements' tangents have the
+        stress that these predicted in place of that which the step's error strains (see
+        `fe_solver.solver.mixed_steps`)."""
+        last = [t.stressed for t in before[0] if t.stressed is not None] if before else []
+        for i, part in enumerate(self.parts):
             nodes = self.pairs[part.elements]
             y = part.rest + (z - self.rest)[nodes]
-            force, stiffness = solid_response(part.tables, part.law, y)
-            yield Term(Source.ELEMENT, nodes, force.reshape(-1, 8, 3), stiffness)
+            predicted = last[i].after(before[1][nodes]) if before else None
+            force, stiffness, stressed = solid_response(part.tables, part.law, y, predicted)
+            force = force.reshape(-1, 8, 3)
+            yield Term(Source.ELEMENT, nodes, force, stiffness, stressed=stressed)
         for f, p in zip(self.facets, self.contacts(z, loads), strict=True):
             body = np.full(len(f.quads), f.body)
             yield Term(Source.CONTACT, f.quads, p.gradient.reshape(-1, 4, 3), p.blocks, body)

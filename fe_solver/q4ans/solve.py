@@ -2,8 +2,10 @@
 
 A step is predicted by one back-substitution for what moves and for what the loads change, solved by
 whole Newton steps, and halved where Newton fails.  A sheet that bends far is nearly inextensible:
-no search for less residual follows that valley, whole steps leave it and come back.  Their first
-are kept short, so that springs become taut and contact closes before the sheet has swung past them.
+no search for less residual follows that valley, whole steps leave it and come back.  Their tangent
+has the stress that the last step predicted (see `fe_solver.solver.mixed_steps`), or the stress of
+their error would keep them short.  Where there is contact, or springs that may be slack, the first
+are kept short, so that these close and become taut before the sheet has swung past them.
 """
 
 from __future__ import annotations
@@ -45,6 +47,8 @@ from fe_solver.vectors import cross
 TOLERANCE = 1e-7
 """Residual over the largest force at a spring, in contact or of all reactions."""
 MOST_ITERATIONS = 40
+MOST_WHOLE = 25
+"""Of whole steps, after which short ones are tried."""
 FIRST_STEP = 0.1
 """Share of the thickness: no node moves further in the first iteration, nor more than twice as far
 in the next as in the last."""
@@ -218,13 +222,27 @@ class _SolidSteps(TimeSteps[JobState]):
         return m.place(last.z + given + step, time), new
 
     def _equilibrium(self, m: SolidModel, z: Array, loads: Loads, time: float) -> SolidEquilibrium:
-        """By Newton.  Raises ConvergenceError."""
+        """By whole steps where nothing opens and closes, or else by short ones.  Raises
+        ConvergenceError."""
+        if not m.facets and not np.any(m.springs.tension_only):
+            try:
+                return self._by_newton(m, z, loads, time, MOST_WHOLE, short=False)
+            except ConvergenceError:
+                pass
+        return self._by_newton(m, z, loads, time, MOST_ITERATIONS, short=True)
+
+    def _by_newton(
+        self, m: SolidModel, z: Array, loads: Loads, time: float, most: int, short: bool
+    ) -> SolidEquilibrium:
+        """By up to `most` iterations, of which short ones begin short and are searched along.
+        Raises ConvergenceError."""
         with np.errstate(all="ignore"):
             terms = tuple(m.terms(z, loads))
-            for iteration in range(MOST_ITERATIONS):
+            for iteration in range(most):
                 force = m.imbalance(terms, loads)
                 missed, scale = m.miss(force), m.scale(force, terms)
                 if missed <= TOLERANCE * scale:
+                    terms = tuple(m.terms(z, loads))
                     return SolidEquilibrium(time, z, loads, terms, missed)
                 if not np.isfinite(missed):
                     break
@@ -232,15 +250,17 @@ class _SolidSteps(TimeSteps[JobState]):
                     loads = m.search_contacts(z, loads)
                 step = np.zeros_like(z)
                 step[m.free] = -self._factorise(terms).solve(force[m.free])
-                longest = FIRST_STEP * 2.0**iteration * m.thickness
-                share = min(1.0, longest / float(np.abs(step).max()))
-                limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
-                searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
-                z, terms = _move(m, z, share * step, loads, missed if searched else np.inf)
+                share, searched = 1.0, False
+                if short:
+                    longest = FIRST_STEP * 2.0**iteration * m.thickness
+                    share = min(1.0, longest / float(np.abs(step).max()))
+                    limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
+                    searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
+                z, terms = _move(m, z, terms, share * step, loads, missed if searched else np.inf)
                 self.effort = self.effort.plus(iterations=1)
-        raise ConvergenceError(self._words(z, force, missed, scale))
+        raise ConvergenceError(self._words(z, force, missed, scale, most))
 
-    def _words(self, z: Array, force: Array, missed: float, scale: float) -> str:
+    def _words(self, z: Array, force: Array, missed: float, scale: float, most: int) -> str:
         if not np.isfinite(missed):
             return "An element is turned inside out, or its law has no answer"
         size = np.linalg.norm(np.where(self.model.free, force, 0.0), axis=1)
@@ -248,7 +268,7 @@ class _SolidSteps(TimeSteps[JobState]):
         sheet = self.model.job.sheet
         place = ", ".join(f"{1e3 * v:.2f}" for v in z[worst])
         return (
-            f"After {MOST_ITERATIONS} iterations {missed:.2e} N do not balance, against forces of "
+            f"After {most} iterations {missed:.2e} N do not balance, against forces of "
             f"{scale:.2e} N, most at {sheet.node(worst % len(sheet.points))} at ({place}) mm"
         )
 
@@ -298,16 +318,21 @@ def _turns(before: Array, after: Array) -> Array:
 
 
 def _move(
-    model: SolidModel, z: Array, step: Array, loads: Loads, limit: float
+    model: SolidModel,
+    z: Array,
+    terms: tuple[Term, ...],
+    step: Array,
+    loads: Loads,
+    limit: float,
 ) -> tuple[Array, tuple[Term, ...]]:
     """After a step, or the first of ever shorter ones whose residual is below the limit (N), or the
     best of them."""
     tried: list[tuple[float, Array, tuple[Term, ...]]] = []
     for halving in range(HALVINGS):
-        moved = z + step / 2**halving
-        terms = tuple(model.terms(moved, loads))
-        missed = model.miss(model.imbalance(terms, loads))
-        tried.append((missed, moved, terms))
+        part = step / 2**halving
+        found = tuple(model.terms(z + part, loads, (terms, part)))
+        missed = model.miss(model.imbalance(found, loads))
+        tried.append((missed, z + part, found))
         if missed < limit or limit == np.inf:
             break
     return min(tried, key=lambda t: t[0])[1:]
