@@ -10,8 +10,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cosim.errors import unexpected
 from cosim.port import Array, Ints
-from fe_solver.job.curves import Curve, Drive
+from fe_solver.given import fill, indices, integers, numbers, several, spread
+from fe_solver.job.curves import Curve, Drive, check_curve, drive_from, drives_from
 from fe_solver.sheet import Sheet
 from fe_solver.supports import WALL, ZERO, Body, ContactPair, SpringSet, Tied
 
@@ -29,6 +31,11 @@ class PrescribedDisplacement:
     name: str = field(default="", compare=False)
     """Under which its reaction is given."""
 
+    def __post_init__(self) -> None:
+        _check_component(self.component)
+        moved = drive_from("displacement (m)", self.displacement)
+        fill(self, nodes=indices("nodes", self.nodes), displacement=moved)
+
 
 @dataclass(frozen=True)
 class HeldDirector:
@@ -40,6 +47,15 @@ class HeldDirector:
     """0, 1, 2: x, y, z."""
     name: str = field(default="", compare=False)
     """Under which its reaction is given."""
+
+    def __post_init__(self) -> None:
+        _check_component(self.component)
+        fill(self, nodes=indices("nodes", self.nodes))
+
+
+def _check_component(given: object) -> None:
+    if given not in (0, 1, 2):
+        raise unexpected("component", "0, 1 or 2 for x, y or z", given)
 
 
 @dataclass(frozen=True)
@@ -54,7 +70,11 @@ class NodalForce:
     """Its factor over time; None leaves it as it is at all times."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "force", np.asarray(self.force, dtype=float))
+        force = numbers("force (N)", self.force, 3)
+        if not np.isfinite(force).all():
+            raise unexpected("force (N)", "finite numbers", self.force)
+        check_curve(self.curve)
+        fill(self, nodes=indices("nodes", self.nodes), force=force)
 
 
 @dataclass(frozen=True)
@@ -71,6 +91,11 @@ class Pressure:
     dead: bool = False
     """Whether it keeps the direction and area of the start."""
 
+    def __post_init__(self) -> None:
+        quads = indices("quads", self.quads)
+        sign = spread("sign", integers("sign", self.sign), len(quads))
+        fill(self, quads=quads, sign=sign, pressure=drive_from("pressure (Pa)", self.pressure))
+
 
 @dataclass(frozen=True)
 class BodyForce:
@@ -82,6 +107,12 @@ class BodyForce:
     """(k,) kg/m3, as laid."""
     acceleration: tuple[Drive, Drive, Drive]
     """m/s2 along x, y, z: the force on a mass of 1 kg."""
+
+    def __post_init__(self) -> None:
+        quads = indices("quads", self.quads)
+        density = spread("density (kg/m3)", numbers("density (kg/m3)", self.density), len(quads))
+        drives = drives_from("acceleration (m/s2)", self.acceleration)
+        fill(self, quads=quads, density=density, acceleration=drives)
 
 
 @dataclass(frozen=True)
@@ -96,6 +127,12 @@ class Step:
     that is asked to."""
     must: tuple[float, ...] = ()
     """s, times in it that are solved and kept in any case."""
+
+    def __post_init__(self) -> None:
+        if not (numbers("end (s)", self.end).ndim == 0 and 0 < self.end < np.inf):
+            raise unexpected(f"step {self.name!r}: end (s)", "a time above 0", self.end)
+        if integers("increments", self.increments).ndim or self.increments < 1:
+            raise unexpected("increments", "a whole number from 1 on", self.increments)
 
 
 STANDING = Body("wall")
@@ -134,15 +171,27 @@ class Job:
     """What a file holds and this job leaves out."""
 
     def __post_init__(self) -> None:
+        for name, kind in _KINDS.items():
+            fill(self, **{name: several(name, getattr(self, name), kind, f"{kind.__name__}(...)")})
         ties, bodies = tuple(self.ties), tuple(self.bodies)
         if any(t.body == WALL for t in ties):
             wall = next((i for i, b in enumerate(bodies) if b is STANDING), len(bodies))
             bodies = (*bodies[:wall], STANDING, *bodies[wall + 1 :])
             ties = tuple(replace(t, body=wall) if t.body == WALL else t for t in ties)
-        for name, value in (("ties", ties), ("bodies", bodies)):
-            object.__setattr__(self, name, value)
-        for name in (
-            *("held", "held_directors", "springs", "forces"),
-            *("pressures", "body_forces", "contacts", "steps", "notes"),
-        ):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
+        fill(self, ties=ties, bodies=bodies)
+
+
+_KINDS = {
+    "ties": Tied,
+    "held": PrescribedDisplacement,
+    "held_directors": HeldDirector,
+    "springs": SpringSet,
+    "forces": NodalForce,
+    "pressures": Pressure,
+    "body_forces": BodyForce,
+    "contacts": ContactPair,
+    "bodies": Body,
+    "steps": Step,
+    "notes": str,
+}
+"""What each list of a job holds."""

@@ -18,6 +18,7 @@ from cosim.port import Array
 from cosim.processes import one_blas_thread
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import NodeSprings, Springs, node_spring_state, spring_state
+from fe_solver.given import numbers
 from fe_solver.job.job import Job, Step
 from fe_solver.job.model import JobModel, JobOptions, job_model
 from fe_solver.job.rigid_modes import require_supports
@@ -178,7 +179,8 @@ def output_times(job: Job, until: float | None, times: Sequence[float] | None) -
     """`times`, or else the ends of the job's steps up to `until`.
 
     Raises InputError where they do not ascend from above 0."""
-    out = [float(t) for t in (spread_times(job, until) if times is None else times)]
+    given = spread_times(job, until) if times is None else times
+    out = numbers("times (s)", given, None).tolist()
     if not out or not np.isfinite(out).all() or min(np.diff([0.0, *out])) <= 0:
         raise InputError(f"{job.name}: expected times that ascend from above 0, got {out}")
     return out
