@@ -79,9 +79,14 @@ def _array(given: object) -> np.ndarray[Any, Any] | None:
         return None
 
 
+def listed(given: object) -> tuple[Any, ...] | None:
+    """The members of a list; None of what has none."""
+    return tuple(given) if isinstance(given, Iterable) else None
+
+
 def several(place: str, given: object, kind: type, example: str) -> tuple[Any, ...]:
     """The members of a list, which are all of one kind.  Raises InputError."""
-    members = tuple(given) if isinstance(given, Iterable) else None
+    members = listed(given)
     if members is None or not all(isinstance(m, kind) for m in members):
         raise unexpected(place, f"a list of {kind.__name__}, such as [{example}]", given)
     return members

@@ -98,8 +98,8 @@ class SpringLaw:
     much after."""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.stiffness, float):
-            fill(self, stiffness=numbers("stiffness (N/m)", self.stiffness))
+        stiffness = numbers("stiffness (N/m)", self.stiffness)
+        fill(self, stiffness=stiffness if stiffness.ndim else float(stiffness))
 
     def force(self, elongation: float) -> float | Array:
         """The force (N) at an elongation, positive in tension."""

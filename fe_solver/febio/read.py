@@ -281,9 +281,10 @@ def _must_points(control: FebTag, curves: Mapping[str, Curve | FebTag]) -> list[
     for stepper in (c for c in control.children if c.name == "time_stepper"):
         for longest in (c for c in stepper.children if c.name == "dtmax"):
             curve = curves.get(longest.attributes.get("lc", "").strip())
-            if isinstance(curve, LoadCurve):
-                longest.used = stepper.used = True
-                return sorted({*curve.times})
+            match curve:
+                case LoadCurve():
+                    longest.used = stepper.used = True
+                    return sorted({*curve.times})
     return []
 
 

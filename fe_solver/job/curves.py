@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 
 from cosim.errors import InputError, unexpected
-from fe_solver.given import fill, numbers
+from fe_solver.given import fill, listed, numbers
 from fe_solver.job.expressions import Expression
 
 
@@ -245,12 +245,13 @@ def drive_from(place: str, given: object) -> Drive:
 
 def drives_from(place: str, given: object) -> tuple[Drive, ...]:
     """Three quantities along x, y, z, each as `drive_from` takes it.  Raises InputError."""
-    if not isinstance(given, Sequence | np.ndarray) or len(given) != 3:
+    members = listed(given)
+    if members is None or len(members) != 3:
         raise unexpected(place, "three quantities along x, y, z", given)
-    return tuple(drive_from(place, d) for d in given)
+    return tuple(drive_from(place, d) for d in members)
 
 
 def check_curve(given: object) -> None:
     """Check a curve.  Raises InputError."""
-    if given is not None and not isinstance(given, Curve):
+    if given is not None and not hasattr(given, "at"):
         raise unexpected("curve", "a LoadCurve, a FormulaCurve or None", given)

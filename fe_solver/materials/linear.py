@@ -56,11 +56,11 @@ def require(law: object, name: str, value: Real, allowed: Mask | bool, words: st
 def _real(law: object, name: str, value: Real) -> Real:
     """A parameter as it was given, a list as an array, which becomes the law's.  Raises InputError
     where it is no number."""
-    if isinstance(value, float | int):
+    array = numbers(f"{type(law).__name__}: {name}", value)
+    if array.ndim == 0:
         return value
-    value = numbers(f"{type(law).__name__}: {name}", value)
-    fill(law, **{name: value})
-    return value
+    fill(law, **{name: array})
+    return array
 
 
 def require_positive(law: object, **values: Real) -> None:
