@@ -272,7 +272,8 @@ def _steps(sections: _Sections, curves: Mapping[str, Curve | FebTag]) -> tuple[S
         start = out[-1].end if out else 0.0
         end = start + count * size
         must = tuple(m for m in _must_points(t, curves) if start < m <= end)
-        out.append(Step(holder.attributes.get("name", name), end, int(count), must))
+        with t.naming_place():
+            out.append(Step(holder.attributes.get("name", name), end, int(count), must))
     return tuple(out)
 
 

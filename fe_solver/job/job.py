@@ -17,6 +17,9 @@ from fe_solver.job.curves import Curve, Drive, check_curve, drive_from, drives_f
 from fe_solver.sheet import Sheet
 from fe_solver.supports import WALL, ZERO, Body, ContactPair, SpringSet, Tied
 
+MOST_INCREMENTS = 1_000_000
+"""Of a step."""
+
 
 @dataclass(frozen=True)
 class PrescribedDisplacement:
@@ -131,8 +134,10 @@ class Step:
     def __post_init__(self) -> None:
         if not (numbers("end (s)", self.end).ndim == 0 and 0 < self.end < np.inf):
             raise unexpected(f"step {self.name!r}: end (s)", "a time above 0", self.end)
-        if integers("increments", self.increments).ndim or self.increments < 1:
-            raise unexpected("increments", "a whole number from 1 on", self.increments)
+        count = self.increments
+        if not (numbers("increments", count).ndim == 0 and count in range(1, MOST_INCREMENTS + 1)):
+            raise unexpected("increments", f"a whole number from 1 to {MOST_INCREMENTS}", count)
+        fill(self, increments=int(count))
 
 
 STANDING = Body("wall")

@@ -133,7 +133,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "no list": (lambda: Job(SHEET, ties=Tied(FIRST, WALL)), "ties: expected a list of Tied"),
     "other things": (lambda: job(forces=[Tied(END, WALL)]), "forces: expected a list of NodalFor"),
-    "step": (lambda: Step("a", 1.0, 0), "increments: expected a whole number from 1 on"),
+    "step": (lambda: Step("a", 1.0, 0), "increments: expected a whole number from 1 to 1000000"),
     "step's end": (lambda: Step("a", -1.0, 1), "end .*: expected a time above 0"),
     "thickness": (
         lambda: even_sheet(SHEET.points, SHEET.quads, LAW, [5e-4] * 8),
