@@ -19,6 +19,7 @@ from fe_solver.elements.mesh_geometry import check_middles, node_directors, node
 from fe_solver.elements.mitc9 import FROM_VTK
 from fe_solver.elements.shell import shell_tables
 from fe_solver.forces.loads import node_volumes
+from fe_solver.given import fill, integers, numbers, spread
 from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
 from fe_solver.materials.linear import Law
 from fe_solver.materials.section import Patch, Section, join_sections
@@ -81,6 +82,9 @@ class Sheet:
     """(ne,) numbers by which the user knows the elements; from 0 where none are given."""
 
     def __post_init__(self) -> None:
+        fill(self, points=numbers("points (m)", self.points), quads=integers("quads", self.quads))
+        fill(self, part=integers("part", self.part), fibre=numbers("fibre", self.fibre))
+        fill(self, thickness=numbers("thickness (m)", self.thickness))
         n, ne = len(self.points), len(self.quads)
         if np.ndim(self.height) == 0:
             object.__setattr__(self, "height", np.full(self.quads.shape, float(self.height)))
@@ -217,13 +221,14 @@ def even_sheet(
 ) -> Sheet:
     """Return a sheet of one law through points (n, 3) m, of one thickness (m) or that (n,) of its
     nodes, its fibres along one direction; `more` are other fields of `Sheet`."""
-    ne = len(quads)
+    points, quads = numbers("points (m)", points, None, 3), integers("quads", quads)
+    ne, thick = len(quads), numbers("thickness (m)", thickness)
     return Sheet(
         points,
         quads,
         (ShellPart("sheet", law),),
         np.zeros(ne, dtype=np.intp),
-        np.broadcast_to(thickness, (len(points),))[quads],
+        spread("thickness (m), of the nodes", thick, len(points))[quads],
         np.tile(np.asarray(fibre, dtype=float), (ne, 1)),
         **more,
     )

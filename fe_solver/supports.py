@@ -16,7 +16,8 @@ from cosim.port import Array, Ints, rotation_matrix
 from fe_solver.forces.guides import Ties
 from fe_solver.forces.ramp import ramp
 from fe_solver.forces.springs import ForceCurve, NodeSprings, Springs
-from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
+from fe_solver.given import fill, indices, integers, numbers, spread
+from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve, drives_from
 from fe_solver.surfaces.spline_distance import Surface
 
 ZERO = Drive()
@@ -49,6 +50,16 @@ class Body:
     """Its surface by signed distance in its frame, as a sphere's or an ellipsoid's; contact then
     needs no triangles."""
 
+    def __post_init__(self) -> None:
+        fill(
+            self,
+            origin=numbers("origin (m)", self.origin, 3),
+            vertices=numbers("vertices (m)", self.vertices, None, 3),
+            triangles=integers("triangles", self.triangles),
+            displacement=drives_from("displacement (m)", self.displacement),
+            rotation=drives_from("rotation (rad)", self.rotation),
+        )
+
     def pose(self, time: float) -> tuple[Array, Array]:
         """Position (3,) m of the origin and rotation (3, 3) at a time."""
         moved = np.array([d.at(time) for d in self.displacement])
@@ -65,6 +76,11 @@ class Tied:
     """Its number; WALL stands still."""
     clamped: bool = True
     """Whether the nodes' directors turn with it too."""
+    name: str = field(default="", compare=False)
+    """Under which its reaction is given."""
+
+    def __post_init__(self) -> None:
+        fill(self, nodes=indices("nodes", self.nodes))
 
 
 @dataclass(frozen=True)
@@ -80,6 +96,10 @@ class SpringLaw:
     toe: float = 0.0
     """m: a tension-only spring's force sets in smoothly from so much before its rest length to as
     much after."""
+
+    def __post_init__(self) -> None:
+        stiffness = numbers("stiffness (N/m)", self.stiffness)
+        fill(self, stiffness=stiffness if stiffness.ndim else float(stiffness))
 
     def force(self, elongation: float) -> float | Array:
         """The force (N) at an elongation, positive in tension."""
@@ -107,11 +127,23 @@ class SpringSet:
     length: Array
     """(k,) m at rest."""
 
+    def __post_init__(self) -> None:
+        k = len(indices("nodes", self.nodes))
+        fill(
+            self,
+            nodes=indices("nodes", self.nodes),
+            body=spread("body", integers("body", self.body), k),
+            anchor=numbers("anchor (m)", self.anchor, k, 3),
+            other=spread("other", integers("other", self.other), k),
+            length=spread("length (m)", numbers("length (m)", self.length), k),
+        )
+
     @staticmethod
     def to_body(
         name: str, law: SpringLaw, nodes: Ints, body: int, anchor: Array, length: Array | float
     ) -> SpringSet:
         """Return springs that all end at one body, of the rest length (k,) m or one for all."""
+        nodes = indices("nodes", nodes)
         k = len(nodes)
         rest = np.array(np.broadcast_to(length, k), dtype=float)
         return SpringSet(name, law, nodes, np.full(k, body), anchor, np.full(k, -1), rest)
@@ -137,6 +169,11 @@ class ContactPair:
     """Coulomb's coefficient."""
     gap: float = 0.0
     """m that is kept between the faces."""
+
+    def __post_init__(self) -> None:
+        quads = indices("quads", self.quads)
+        side = spread("side", integers("side", self.side), len(quads))
+        fill(self, quads=quads, side=side, triangles=integers("triangles", self.triangles))
 
 
 def ties_of(

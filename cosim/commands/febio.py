@@ -25,6 +25,7 @@ from fe_solver.hood.as_job import job_of_hood
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions, move_to_mid_surface
+from fe_solver.job.reactions import reactions
 from fe_solver.job.results import SUMMARY, farthest, write_job
 from fe_solver.job.solve import JobResult, JobState, solve_job, spread_times
 from fe_solver.q4ans.model import obstacles
@@ -51,7 +52,9 @@ def solve(
     until: Annotated[
         float | None, typer.Option(help="The last time; else the end of the file's last step.")
     ] = None,
-    states: Annotated[int, typer.Option(min=1, help="States to keep of each step.")] = 1,
+    states: Annotated[
+        int, typer.Option(min=1, help="States to keep of each step, beside must-points.")
+    ] = 1,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder of the result; else runs/MODEL.")
     ] = None,
@@ -76,6 +79,14 @@ def solve(
     own_shell: Annotated[
         bool,
         typer.Option("--own-shell", help="As --element shell: bend and touch as thin sheets do."),
+    ] = False,
+    increments: Annotated[
+        bool,
+        typer.Option(
+            "--increments",
+            help="Take at least the file's time_steps of each step; else as few as it needs, but "
+            "for friction, which remembers them.",
+        ),
     ] = False,
     mid_surface: Annotated[
         bool,
@@ -110,7 +121,7 @@ def solve(
         result: JobResult | None = None
         with stages(model.name) as progress:
             progress.say(f"solving {len(job.sheet.quads)} elements")
-            options = JobOptions(penetration=limit, spacing=grid)
+            options = JobOptions(penetration=limit, spacing=grid, increments=increments)
             if not is_own:
                 try:
                     result = solve_solid(job, options=options, times=times)
@@ -168,6 +179,9 @@ def _show(result: JobResult) -> None:
         f"({e.iterations} iterations, {e.solves} linear solves, {e.steps} steps, {e.failures} cut "
         f"back, {e.relaxations} relaxed)"
     )
+    for touch in result.touches:
+        if not touch.touched:
+            screen.print(touch.words)
     for note in result.job.notes:
         screen.print(f"left out: {note}")
 
@@ -179,6 +193,10 @@ def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
         force = state.contact[i]
         if force.any():
             yield f"contact force on {name}", ", ".join(f"{v:.4g}" for v in force) + " N"
+    for r in reactions(result.job, state.reaction):
+        if r.force.any():
+            total = ", ".join(f"{v:.4g}" for v in r.force.sum(axis=0) + 0.0)
+            yield f"reaction of {r.condition}", f"{total} N"
     for s, f in zip(result.job.springs, state.spring_forces, strict=True):
         figures = f"largest {f.max(initial=0.0) + 0.0:.4g} N, sum {f.sum() + 0.0:.4g} N"
         yield f"springs {s.name}", f"{figures}, {(f != 0).sum()} of {len(f)} active"

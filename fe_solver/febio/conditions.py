@@ -43,11 +43,16 @@ def read_ties(model: Model, tags: list[FebTag]) -> tuple[Tied, ...]:
         body = model.body_of(t, t.word("rb", ""))
         nodes = model.shell[model.mesh.held_nodes_of(t, t.attribute("node_set"))]
         if (nodes >= 0).any():
-            out.append(Tied(nodes[nodes >= 0], body, t.value("clamp_shells", 1.0) != 0))
+            clamped = t.value("clamp_shells", 1.0) != 0
+            out.append(Tied(nodes[nodes >= 0], body, clamped, _name(t)))
     shared = (model.shell >= 0) & (model.body >= 0)
     for body in np.unique(model.body[shared]):
         out.append(Tied(model.shell[shared & (model.body == body)], int(body)))
     return tuple(out)
+
+
+def _name(t: FebTag) -> str:
+    return t.attributes.get("name", "").strip()
 
 
 def _conditions(tags: list[FebTag], kind: str) -> list[FebTag]:
@@ -81,7 +86,9 @@ def read_displacements(
     for t in _conditions(tags, "zero displacement"):
         nodes = _free(model, t, taken)
         still = [
-            PrescribedDisplacement(nodes, i) for i, axis in enumerate(AXES) if t.flag(f"{axis}_dof")
+            PrescribedDisplacement(nodes, i, name=_name(t))
+            for i, axis in enumerate(AXES)
+            if t.flag(f"{axis}_dof")
         ]
         held += still if model.step_of(t) is None else []
         stepped += [(t, h) for h in still if model.step_of(t) is not None]
@@ -92,7 +99,7 @@ def read_displacements(
             raise t.fault("expected <dof> with x, y or z, and <value>")
         t.all("relative")
         drive = model.drive(value, model.units.length)
-        moved = PrescribedDisplacement(_free(model, t, taken), AXES.index(dof), drive)
+        moved = PrescribedDisplacement(_free(model, t, taken), AXES.index(dof), drive, _name(t))
         if model.step_of(t) is None:
             held.append(moved)
         else:
@@ -116,13 +123,13 @@ def _joined(
             if own.get(step, h.displacement) != h.displacement:
                 raise t.fault("it gives a displacement that this step gives otherwise too")
             own[step], last[h.component, n] = h.displacement, t
-    together: dict[tuple[int, Drive], list[int]] = {}
+    together: dict[tuple[int, Drive, str], list[int]] = {}
     names = model.mesh.node_ids[np.flatnonzero(model.shell >= 0)]
     for (component, n), own in by_node.items():
         what = f"the displacement {AXES[component]} of node {names[n]}"
         drive = model.joined(last[component, n], what, dict(sorted(own.items())))
-        together.setdefault((component, drive), []).append(n)
-    return [PrescribedDisplacement(np.array(n), c, d) for (c, d), n in together.items()]
+        together.setdefault((component, drive, _name(last[component, n])), []).append(n)
+    return [PrescribedDisplacement(np.array(n), *held) for held, n in together.items()]
 
 
 def _free(model: Model, t: FebTag, taken: Ints) -> Ints:
@@ -155,7 +162,7 @@ def _read_director_supports(
                         "so that both are held together or neither; set "
                         f"{axis}_dof to 1 too, or s{axis}_dof to 0"
                     )
-                out.append(HeldDirector(nodes, i))
+                out.append(HeldDirector(nodes, i, _name(t)))
     return tuple(out)
 
 

@@ -8,6 +8,7 @@ against the normal.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,7 +40,7 @@ from fe_solver.febio.parts import Parts, read_parts
 from fe_solver.febio.units import Units
 from fe_solver.febio.xml import FebTag, read_xml
 from fe_solver.job.checks import check_mesh, within
-from fe_solver.job.curves import LoadCurve
+from fe_solver.job.curves import Curve, LoadCurve
 from fe_solver.job.job import Job, Step
 from fe_solver.supports import Body, ContactPair
 
@@ -95,7 +96,7 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     shell[parts.nodes] = np.arange(len(parts.nodes))
     body = owners(mesh, parts, sections.all("Boundary", "bc"), rigid, materials)
     curves = read_curves(root.one("LoadData"))
-    steps = _steps(sections)
+    steps = _steps(sections, curves)
     windows = sections.windows(steps)
     model = Model(mesh, units, materials, rigid, shell, body, curves, notes, windows, sections.step)
     job = _job(path.stem, model, parts, sections, steps)
@@ -250,7 +251,7 @@ def _job(
     )
 
 
-def _steps(sections: _Sections) -> tuple[Step, ...]:
+def _steps(sections: _Sections, curves: Mapping[str, Curve | FebTag]) -> tuple[Step, ...]:
     controls = [
         (f"step {i + 1}", t, c) for i, t in enumerate(sections.steps) for c in t.all("Control")
     ]
@@ -269,8 +270,23 @@ def _steps(sections: _Sections) -> tuple[Step, ...]:
         if not (count >= 1 and count == round(count) and size > 0):
             raise t.fault("expected <time_steps> of at least 1 and a positive <step_size>")
         start = out[-1].end if out else 0.0
-        out.append(Step(holder.attributes.get("name", name), start + count * size, int(count)))
+        end = start + count * size
+        must = tuple(m for m in _must_points(t, curves) if start < m <= end)
+        with t.naming_place():
+            out.append(Step(holder.attributes.get("name", name), end, int(count), must))
     return tuple(out)
+
+
+def _must_points(control: FebTag, curves: Mapping[str, Curve | FebTag]) -> list[float]:
+    """The times of the load curve of the largest step, at which FEBio keeps a state."""
+    for stepper in (c for c in control.children if c.name == "time_stepper"):
+        for longest in (c for c in stepper.children if c.name == "dtmax"):
+            curve = curves.get(longest.attributes.get("lc", "").strip())
+            match curve:
+                case LoadCurve():
+                    longest.used = stepper.used = True
+                    return sorted({*curve.times})
+    return []
 
 
 def _contact_tags(mesh: FebMesh, tags: list[FebTag]) -> list[tuple[FebTag, tuple[str, str]]]:

@@ -17,6 +17,7 @@ from fe_solver.febio.laws import law_tag, needs_fibre
 from fe_solver.febio.units import Units
 from fe_solver.febio.write_conditions import SAME_POINT, Conditions, controller_tag
 from fe_solver.febio.xml import Element, tag, write_xml
+from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import Job
 from fe_solver.materials.linear import Law
 
@@ -77,7 +78,7 @@ def _document(w: Conditions) -> Element:
     """The whole file.  The mesh comes after the conditions that name its sets and its nodes."""
     conditions, blocks = w.sections(), list(_blocks(w.job))
     none = [tag(name, 0) for name in ("T", "R", "Fc")]
-    controls, steps = _controls(w.job), []
+    controls, steps = _controls(w), []
     if len(controls) > 1:
         names = [step.name for step in w.job.steps]
         steps = [tag("step", c, id=i + 1, name=names[i]) for i, c in enumerate(controls)]
@@ -209,17 +210,23 @@ def _mesh_data(w: Conditions, b: _Block) -> Iterator[Element]:
         )
 
 
-def _controls(job: Job) -> list[Element]:
-    """The settings of each step."""
-    symmetric = ("symmetric_stiffness", "symmetric")
-    starts = [0.0, *(step.end for step in job.steps)]
-    return [
-        tag(
-            "Control",
-            tag("analysis", "STATIC"),
-            tag("time_steps", step.increments),
-            tag("step_size", (step.end - start) / step.increments),
-            tag("solver", tag(*symmetric), type="solid"),
+def _controls(w: Conditions) -> list[Element]:
+    """The settings of each step; must-points are a load curve of the longest increment."""
+    symmetric, out = ("symmetric_stiffness", "symmetric"), []
+    starts = [0.0, *(step.end for step in w.job.steps)]
+    for start, step in zip(starts, w.job.steps, strict=False):
+        size, stepper = (step.end - start) / step.increments, []
+        if step.must:
+            longest = w.scaled("dtmax", size, LoadCurve(step.must, (1.0,) * len(step.must)))
+            stepper = [tag("time_stepper", longest, type="default")]
+        out.append(
+            tag(
+                "Control",
+                tag("analysis", "STATIC"),
+                tag("time_steps", step.increments),
+                tag("step_size", size),
+                tag("solver", tag(*symmetric), type="solid"),
+                *stepper,
+            )
         )
-        for start, step in zip(starts, job.steps, strict=False)
-    ]
+    return out

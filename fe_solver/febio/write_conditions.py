@@ -58,14 +58,14 @@ class Conditions:
             discrete,
         ]
 
-    def _scaled(self, kind: str, value: object, curve: Curve | None) -> Element:
+    def scaled(self, kind: str, value: object, curve: Curve | None) -> Element:
         """A value that a load curve, where there is one, scales."""
         if curve is None:
             return tag(kind, value)
         return tag(kind, value, lc=self.curves.setdefault(curve, len(self.curves) + 1))
 
     def _value(self, drive: Drive, unit: float, kind: str = "value") -> Element:
-        return self._scaled(kind, drive.value / unit, drive.curve)
+        return self.scaled(kind, drive.value / unit, drive.curve)
 
     def _surface(self, name: str, facets: Iterable[tuple[int, ...]]) -> None:
         rows = [
@@ -129,7 +129,7 @@ class Conditions:
 
     def _loads(self) -> Iterator[Element]:
         for i, f in enumerate(self.job.forces, 1):
-            value = self._scaled("value", f.force / self.units.force, f.curve)
+            value = self.scaled("value", f.force / self.units.force, f.curve)
             ids = self.job.sheet.node_ids[f.nodes]
             yield self._on_nodes("nodal_load", f"loaded {i}", ids, "nodal_force", value)
         for i, p in enumerate(self.job.pressures, 1):

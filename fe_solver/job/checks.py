@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -204,11 +204,24 @@ def _check_values(job: Job) -> None:
             f"{s.element(bad[0])} has the fibre direction {s.fibre[bad[0]].tolist()}, which is "
             "zero or normal to the shell: it must lie in it"
         )
-    conditions = [[c.nodes for c in cs] for cs in (job.ties, job.held, job.springs, job.forces)]
-    for nodes in [nodes for of_kind in conditions for nodes in of_kind]:
-        if len(nodes) and (nodes.min() < 0 or nodes.max() >= len(s.points)):
+    nodes = [c.nodes for c in job.ties] + [c.nodes for c in job.held]
+    nodes += [c.nodes for c in job.held_directors] + [c.nodes for c in job.forces]
+    nodes += [c.nodes for c in job.springs] + [c.other[c.other != -1] for c in job.springs]
+    quads = [c.quads for c in job.pressures] + [c.quads for c in job.body_forces]
+    quads += [c.quads for c in job.contacts]
+    bodies = [np.array([c.body for c in job.ties] + [c.body for c in job.contacts], dtype=np.intp)]
+    bodies += [c.body[c.body != -1] for c in job.springs]
+    _check_range("node", nodes, len(s.points))
+    _check_range("element", quads, len(s.quads))
+    _check_range("body", bodies, len(job.bodies))
+
+
+def _check_range(what: str, named: Sequence[Ints], count: int) -> None:
+    for index in named:
+        bad = index[(index < 0) | (index >= count)]
+        if len(bad):
             raise InputError(
-                f"a condition names node index {nodes.max()}, beyond the {len(s.points)} nodes"
+                f"a condition names {what} index {bad[0]}, and there are {count}, from 0 on"
             )
 
 

@@ -13,7 +13,10 @@ from enum import StrEnum
 from functools import cached_property
 from typing import TypeAlias
 
-from cosim.errors import InputError
+import numpy as np
+
+from cosim.errors import InputError, unexpected
+from fe_solver.given import fill, listed, numbers
 from fe_solver.job.expressions import Expression
 
 
@@ -60,6 +63,8 @@ class LoadCurve:
     """How it goes on before the first time and after the last."""
 
     def __post_init__(self) -> None:
+        for name in ("times", "values"):
+            fill(self, **{name: tuple(numbers(name, getattr(self, name), None).tolist())})
         if not self.times or len(self.times) != len(self.values):
             raise InputError(
                 f"a curve needs as many values as times and at least one of each, got "
@@ -226,3 +231,27 @@ class Drive:
     def at(self, time: float) -> float:
         """Return the quantity at a time (s), in the unit of `value`."""
         return self.value * (1.0 if self.curve is None else self.curve.at(time))
+
+
+def drive_from(place: str, given: object) -> Drive:
+    """A quantity over time, or a number that it is at all times.  Raises InputError."""
+    if isinstance(given, Drive):
+        return given
+    value = numbers(place, given)
+    if value.ndim or not np.isfinite(value):
+        raise unexpected(place, "a Drive or a finite number", given)
+    return Drive(float(value))
+
+
+def drives_from(place: str, given: object) -> tuple[Drive, ...]:
+    """Three quantities along x, y, z, each as `drive_from` takes it.  Raises InputError."""
+    members = listed(given)
+    if members is None or len(members) != 3:
+        raise unexpected(place, "three quantities along x, y, z", given)
+    return tuple(drive_from(place, d) for d in members)
+
+
+def check_curve(given: object) -> None:
+    """Check a curve.  Raises InputError."""
+    if given is not None and not hasattr(given, "at"):
+        raise unexpected("curve", "a LoadCurve, a FormulaCurve or None", given)

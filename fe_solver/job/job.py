@@ -6,14 +6,19 @@ Lengths in m, forces in N, stresses in Pa, angles in rad; one right-handed world
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cosim.errors import unexpected
 from cosim.port import Array, Ints
-from fe_solver.job.curves import Curve, Drive
+from fe_solver.given import fill, indices, integers, numbers, several, spread
+from fe_solver.job.curves import Curve, Drive, check_curve, drive_from, drives_from
 from fe_solver.sheet import Sheet
 from fe_solver.supports import WALL, ZERO, Body, ContactPair, SpringSet, Tied
+
+MOST_INCREMENTS = 1_000_000
+"""Of a step."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +31,13 @@ class PrescribedDisplacement:
     """0, 1, 2: x, y, z."""
     displacement: Drive = ZERO
     """m."""
+    name: str = field(default="", compare=False)
+    """Under which its reaction is given."""
+
+    def __post_init__(self) -> None:
+        _check_component(self.component)
+        moved = drive_from("displacement (m)", self.displacement)
+        fill(self, nodes=indices("nodes", self.nodes), displacement=moved)
 
 
 @dataclass(frozen=True)
@@ -36,6 +48,17 @@ class HeldDirector:
     """(k,)."""
     component: int
     """0, 1, 2: x, y, z."""
+    name: str = field(default="", compare=False)
+    """Under which its reaction is given."""
+
+    def __post_init__(self) -> None:
+        _check_component(self.component)
+        fill(self, nodes=indices("nodes", self.nodes))
+
+
+def _check_component(given: object) -> None:
+    if given not in (0, 1, 2):
+        raise unexpected("component", "0, 1 or 2 for x, y or z", given)
 
 
 @dataclass(frozen=True)
@@ -50,7 +73,11 @@ class NodalForce:
     """Its factor over time; None leaves it as it is at all times."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "force", np.asarray(self.force, dtype=float))
+        force = numbers("force (N)", self.force, 3)
+        if not np.isfinite(force).all():
+            raise unexpected("force (N)", "finite numbers", self.force)
+        check_curve(self.curve)
+        fill(self, nodes=indices("nodes", self.nodes), force=force)
 
 
 @dataclass(frozen=True)
@@ -67,6 +94,11 @@ class Pressure:
     dead: bool = False
     """Whether it keeps the direction and area of the start."""
 
+    def __post_init__(self) -> None:
+        quads = indices("quads", self.quads)
+        sign = spread("sign", integers("sign", self.sign), len(quads))
+        fill(self, quads=quads, sign=sign, pressure=drive_from("pressure (Pa)", self.pressure))
+
 
 @dataclass(frozen=True)
 class BodyForce:
@@ -79,6 +111,12 @@ class BodyForce:
     acceleration: tuple[Drive, Drive, Drive]
     """m/s2 along x, y, z: the force on a mass of 1 kg."""
 
+    def __post_init__(self) -> None:
+        quads = indices("quads", self.quads)
+        density = spread("density (kg/m3)", numbers("density (kg/m3)", self.density), len(quads))
+        drives = drives_from("acceleration (m/s2)", self.acceleration)
+        fill(self, quads=quads, density=density, acceleration=drives)
+
 
 @dataclass(frozen=True)
 class Step:
@@ -88,7 +126,18 @@ class Step:
     end: float
     """s."""
     increments: int
-    """How many to begin with."""
+    """How many a solve whose answer remembers its way takes, as one with friction does, and any
+    that is asked to."""
+    must: tuple[float, ...] = ()
+    """s, times in it that are solved and kept in any case."""
+
+    def __post_init__(self) -> None:
+        if not (numbers("end (s)", self.end).ndim == 0 and 0 < self.end < np.inf):
+            raise unexpected(f"step {self.name!r}: end (s)", "a time above 0", self.end)
+        count = self.increments
+        if not (numbers("increments", count).ndim == 0 and count in range(1, MOST_INCREMENTS + 1)):
+            raise unexpected("increments", f"a whole number from 1 to {MOST_INCREMENTS}", count)
+        fill(self, increments=int(count))
 
 
 STANDING = Body("wall")
@@ -127,15 +176,27 @@ class Job:
     """What a file holds and this job leaves out."""
 
     def __post_init__(self) -> None:
+        for name, kind in _KINDS.items():
+            fill(self, **{name: several(name, getattr(self, name), kind, f"{kind.__name__}(...)")})
         ties, bodies = tuple(self.ties), tuple(self.bodies)
         if any(t.body == WALL for t in ties):
             wall = next((i for i, b in enumerate(bodies) if b is STANDING), len(bodies))
             bodies = (*bodies[:wall], STANDING, *bodies[wall + 1 :])
             ties = tuple(replace(t, body=wall) if t.body == WALL else t for t in ties)
-        for name, value in (("ties", ties), ("bodies", bodies)):
-            object.__setattr__(self, name, value)
-        for name in (
-            *("held", "held_directors", "springs", "forces"),
-            *("pressures", "body_forces", "contacts", "steps", "notes"),
-        ):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
+        fill(self, ties=ties, bodies=bodies)
+
+
+_KINDS = {
+    "ties": Tied,
+    "held": PrescribedDisplacement,
+    "held_directors": HeldDirector,
+    "springs": SpringSet,
+    "forces": NodalForce,
+    "pressures": Pressure,
+    "body_forces": BodyForce,
+    "contacts": ContactPair,
+    "bodies": Body,
+    "steps": Step,
+    "notes": str,
+}
+"""What each list of a job holds."""

@@ -63,6 +63,8 @@ class JobOptions:
     """rad that a body turns at most in a step in time."""
     shortest: float = 1e-3
     """Least length of a step in time, of the time that the step of the job takes."""
+    increments: bool = False
+    """Whether each step takes at least the increments that it names; one with friction does."""
     newton: NewtonOptions = field(
         default_factory=lambda: NewtonOptions(tolerance=1e-8, max_iterations=100)
     )

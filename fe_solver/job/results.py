@@ -15,6 +15,7 @@ from cosim.files import output_folder
 from cosim.port import Array
 from fe_solver.elements.mitc9 import IN_TURN
 from fe_solver.job.job import Job
+from fe_solver.job.reactions import AXES, reactions
 from fe_solver.job.solve import JobResult, JobState
 
 SUMMARY = "summary.json"
@@ -43,6 +44,7 @@ def state_summary(job: Job, state: JobState) -> dict[str, Any]:
         }
         for s, f in zip(job.springs, state.spring_forces, strict=True)
     }
+    held = reactions(job, state.reaction)
     bodies = {
         name: {f"{source}_N": w[i, :3].tolist() for source, w in state.wrench.items() if w[i].any()}
         for i, name in enumerate(state.bodies)
@@ -52,6 +54,7 @@ def state_summary(job: Job, state: JobState) -> dict[str, Any]:
         "largest_displacement_mm": 1e3 * largest,
         "largest_displacement_node": node,
         "force_on_bodies": bodies,
+        "reactions": {r.condition: {"force_N": r.force.sum(axis=0).tolist()} for r in held},
         "springs": springs,
         "penetration_um": 1e6 * state.penetration,
         "applied_N": state.applied[:3].tolist(),
@@ -74,6 +77,15 @@ def summary(result: JobResult) -> dict[str, Any]:
         "nodes": len(result.job.sheet.points),
         "elements": len(result.job.sheet.quads),
         "states": [state_summary(result.job, s) for s in result.states],
+        "contacts": [
+            {
+                "pair": t.pair,
+                "body": t.body,
+                "touched": t.touched,
+                "smallest_gap_mm": 1e3 * t.nearest if np.isfinite(t.nearest) else None,
+            }
+            for t in result.touches
+        ],
         "setup_cpu_s": result.setup_s,
         "solve_cpu_s": e.cpu_s,
         "failed_steps": e.failures,
@@ -83,7 +95,8 @@ def summary(result: JobResult) -> dict[str, Any]:
 
 
 def write_job(folder: Path | str, result: JobResult) -> Path:
-    """Write summary.json, springs.csv, a .vtu of each state with a .pvd of all, and an .xdmf.
+    """Write summary.json, springs.csv, reactions.csv, a .vtu of each state with a .pvd of all, and
+    an .xdmf.
 
     The folder appears whole, in the place of an earlier result, or not at all.  Raises InputError
     where it cannot be written."""
@@ -112,6 +125,22 @@ def _write_files(folder: Path, result: JobResult) -> None:
     _write_xdmf(folder / "states.xdmf", result, cells)
     if result.job.springs:
         _write_springs(folder / "springs.csv", result)
+    if result.job.ties or result.job.held:
+        _write_reactions(folder / "reactions.csv", result)
+
+
+def _write_reactions(path: Path, result: JobResult) -> None:
+    """A row for each node that a condition holds in each state: the force and the couple about the
+    node with which the condition acts on the sheet."""
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        out = csv.writer(stream)
+        names = [f"force_{a}_N" for a in AXES] + [f"couple_{a}_Nmm" for a in AXES]
+        out.writerow(["time", "condition", "node", *names])
+        for state in result.states:
+            for r in reactions(result.job, state.reaction):
+                values = np.concatenate([r.force, 1e3 * r.couple], axis=1) + 0.0
+                for node, row in zip(result.job.sheet.node_ids[r.nodes], values, strict=True):
+                    out.writerow([repr(state.time), r.condition, node, *map(repr, row.tolist())])
 
 
 def _write_springs(path: Path, result: JobResult) -> None:
@@ -165,6 +194,8 @@ def point_data(job: Job, state: JobState) -> dict[str, Array]:
         "displacement": displacement(job, state),
         "director": state.configuration.d,
         "contact_pressure": state.contact_pressure,
+        "reaction": state.reaction[:, :3],
+        "reaction_couple": state.reaction[:, 3:],
         "node": job.sheet.node_ids.astype(float),
     }
 

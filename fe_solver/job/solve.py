@@ -8,7 +8,7 @@ Newton, and halved where Newton fails; where no step is short enough, a damped m
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,14 +18,15 @@ from cosim.port import Array
 from cosim.processes import one_blas_thread
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import NodeSprings, Springs, node_spring_state, spring_state
-from fe_solver.job.job import Job
+from fe_solver.given import numbers
+from fe_solver.job.job import Job, Step
 from fe_solver.job.model import JobModel, JobOptions, job_model
 from fe_solver.job.rigid_modes import require_supports
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import coupling, wrenches
-from fe_solver.solver.continuation import SAME_TIME, Effort, TimeSteps
+from fe_solver.solver.continuation import SAME_TIME, Effort, TimeSteps, free_share
 from fe_solver.solver.fields import Fields, contact_pressure, fields
-from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.solver.newton import Solution, solve
 from fe_solver.solver.relaxation import RelaxOptions, relax
 
@@ -64,6 +65,9 @@ class JobState:
     fields: Fields
     contact_pressure: Array
     """(n,) N/m2 of all bodies on each node."""
+    reaction: Array
+    """(n, 6) N and N m with which ties and held displacements act on each node, about it; see
+    `fe_solver.job.reactions`."""
 
     @property
     def contact(self) -> Array:
@@ -79,6 +83,27 @@ class ShellState(JobState):
 
 
 @dataclass(frozen=True)
+class Touch:
+    """What a contact pair did from the start to the last state."""
+
+    pair: str
+    body: str
+    touched: bool
+    """Whether it bore anything in a solved step."""
+    nearest: float
+    """m, the smallest gap in any of them, negative where it penetrates; infinite where the body was
+    never as near as contact looks for it."""
+
+    @property
+    def words(self) -> str:
+        """What is told of a pair that did not touch."""
+        near = "nothing of the body was ever met"
+        if np.isfinite(self.nearest):
+            near = f"the gap was never less than {1e3 * self.nearest:.3g} mm"
+        return f"contact {self.pair!r} with the body {self.body!r} never touched: {near}"
+
+
+@dataclass(frozen=True)
 class JobResult:
     """The solved states of a job."""
 
@@ -91,6 +116,8 @@ class JobResult:
     """What all steps took."""
     element: str = "shell"
     """The kind of element: shell (ours) or q4ans (FEBio's)."""
+    touches: tuple[Touch, ...] = ()
+    """Of each contact pair of the job, whether it touched."""
 
 
 @dataclass(frozen=True)
@@ -108,8 +135,10 @@ def solve_job(
     times: Sequence[float] | None = None,
     ways: Sequence[str] = (),
 ) -> ShellResult:
-    """Solve a job for static equilibria at `times`, or else at the ends of its steps, up to `until`
-    (its last step's end where None; later than that the curves go on as they say).
+    """Solve a job for static equilibria at `times`, or else at the ends and must-points of its
+    steps, up to `until` (its last step's end where None; later than that the curves go on as they
+    say).  Times have no part in the way, which goes by the steps (see `way_marks`): another one is
+    solved aside.
 
     `options` are tolerances and step lengths; `ways` are what to try first where no equilibrium is
     found, as the text of an error names them.  Returns the states in the order of their times, with
@@ -141,32 +170,71 @@ def solve_job(
     setup = clock.process_time() - began
     began = clock.process_time()
     stepper = _JobSteps(model, options, ways)
-    states = [stepper.reach(time) for time in wanted]
-    effort = replace(stepper.effort, cpu_s=clock.process_time() - began)
-    return ShellResult(job, tuple(states), setup, effort)
+    states = stepper.visit(way_marks(job, wanted[-1], options.increments), wanted)
+    effort = stepper.total(clock.process_time() - began)
+    return ShellResult(job, tuple(states), setup, effort, touches=touches(job, stepper.contact))
 
 
 def output_times(job: Job, until: float | None, times: Sequence[float] | None) -> list[float]:
     """`times`, or else the ends of the job's steps up to `until`.
 
     Raises InputError where they do not ascend from above 0."""
-    out = [float(t) for t in (spread_times(job, until) if times is None else times)]
+    given = spread_times(job, until) if times is None else times
+    out = numbers("times (s)", given, None).tolist()
     if not out or not np.isfinite(out).all() or min(np.diff([0.0, *out])) <= 0:
         raise InputError(f"{job.name}: expected times that ascend from above 0, got {out}")
     return out
 
 
 def spread_times(job: Job, until: float | None = None, states: int = 1) -> list[float]:
-    """`states` evenly spaced times of each step of a job, up to `until` and with it."""
+    """`states` evenly spaced times of each step of a job and its must-points, up to `until` and
+    with it."""
+    out: list[float] = []
+    for begin, step in _spans(job):
+        even = [begin + (step.end - begin) * (i + 1) / states for i in range(states)]
+        out = _merge(out, [*even, *step.must])
+    return out if until is None else _up_to(out, until)
+
+
+def way_marks(job: Job, last: float, increments: bool = False) -> list[float]:
+    """The times that a solve goes by up to the last: the ends and must-points of its steps, and
+    their `increments` where that is asked for or friction remembers the way."""
+    remembers, out = any(c.friction > 0 for c in job.contacts), list[float]()
+    for begin, step in _spans(job):
+        count = step.increments if increments or remembers else 1
+        even = [begin + (step.end - begin) * (i + 1) / count for i in range(count)]
+        out = _merge(out, [*even, *step.must])
+    return _up_to(out, last)
+
+
+def _spans(job: Job) -> Iterator[tuple[float, Step]]:
+    """The steps of a job, each with its begin."""
     begins = [0.0, *(s.end for s in job.steps)]
-    out = [
-        begin + (step.end - begin) * (i + 1) / states
-        for begin, step in zip(begins, job.steps, strict=False)
-        for i in range(states)
-    ]
-    if until is None:
-        return out
-    return [t for t in out if t < until * (1 - SAME_TIME)] + [until]
+    return zip(begins, job.steps, strict=False)
+
+
+def _merge(times: Sequence[float], more: Sequence[float]) -> list[float]:
+    """All times in their order, those that are one once."""
+    out: list[float] = []
+    for time in sorted([*times, *more]):
+        if not out or time > out[-1] * (1 + SAME_TIME):
+            out.append(time)
+    return out
+
+
+def _up_to(times: Sequence[float], last: float) -> list[float]:
+    """Those before the last time, and it."""
+    return [t for t in times if t < last * (1 - SAME_TIME)] + [last]
+
+
+def touches(job: Job, contact: ContactRecord) -> tuple[Touch, ...]:
+    """What each contact pair of a job did."""
+    return tuple(
+        Touch(pair.name, job.bodies[pair.body].name, bool(touched), float(nearest))
+        for pair, touched, nearest in zip(
+            job.contacts, contact.touched, contact.nearest, strict=True
+        )
+    )
 
 
 def _advice(job: Job, steps: int, ways: Sequence[str]) -> str:
@@ -180,38 +248,92 @@ def _advice(job: Job, steps: int, ways: Sequence[str]) -> str:
     return f" To try, the nearest first: {'; '.join(tries)}." if tries else ""
 
 
-class _JobSteps(TimeSteps):
+class ContactRecord:
+    """What contact pairs have done so far."""
+
+    def __init__(self, pairs: int) -> None:
+        self.touched = np.zeros(pairs, dtype=bool)
+        self.nearest = np.full(pairs, np.inf)
+
+    def add(self, touched: Sequence[bool], gaps: Sequence[float]) -> None:
+        """Count a solved step, of whose pairs these touch and have these gaps (m)."""
+        self.touched |= np.array(touched, dtype=bool)
+        self.nearest = np.minimum(self.nearest, gaps)
+
+
+class _JobSteps(TimeSteps[ShellState]):
     """The equilibria of a job's shell."""
 
     def __init__(self, model: JobModel, options: JobOptions, ways: Sequence[str]) -> None:
         super().__init__(options.shortest, options.turn, QUICK)
         self.model, self.options, self.ways = model, options, ways
         self.solution: Solution | None = None
+        self.contact = ContactRecord(len(model.job.contacts))
+        pairs = [k.quads for k in model.job.contacts]
+        thin = min((float(model.job.sheet.thickness[q].mean()) for q in pairs), default=np.inf)
+        self.passage = max(thin, options.spacing)
 
-    def reach(self, time: float) -> ShellState:
-        """Steps up to a time, at which contact does not penetrate."""
-        begun, before = clock.process_time(), self.effort
-        self.go_to(time)
-        cpu = clock.process_time() - begun
+    def finish(self) -> None:
+        """See `TimeSteps.finish`."""
         solution = self.solution
         assert solution is not None
         require_supports(
-            self.model.job, time, solution.model, solution.configuration, solution.evaluation
+            self.model.job, self.time, solution.model, solution.configuration, solution.evaluation
         )
-        return job_state(self.model, solution, time, self.effort.since(before, cpu))
+
+    def state(self, effort: Effort) -> ShellState:
+        """See `TimeSteps.state`."""
+        assert self.solution is not None
+        return job_state(self.model, self.solution, self.time, effort)
 
     def solve_step(self, time: float, is_last: bool) -> None:
         """By Newton from a prediction."""
-        model = self._model(time)
+        model, start = self._predict(time)
+        self._accept(self._equilibrium(model, start, self.solution is not None, is_last))
+
+    def _predict(self, time: float) -> tuple[ShellModel, Configuration]:
+        """The model of a time, and a first guess at its equilibrium."""
+        model, poses = self._model(time), self.model.poses(time)
         if self.solution is None:
-            start, near = model.move_bodies(self.model.start(), *self.model.poses(time)), False
-        else:
-            start, near = predict(model, self.solution, *self.model.poses(time)), True
-        self._accept(self._equilibrium(model, start, near, is_last))
+            return model, model.move_bodies(self.model.start(), *poses)
+        return model, predict(model, self.solution, *poses)
 
     def _accept(self, solution: Solution) -> None:
         self.solution = solution
         self.effort = self.effort.plus(iterations=solution.iterations, solves=solution.solves)
+        contacts, c = solution.model.contacts, solution.configuration
+        gaps = [k.gap(c.x, c.position, c.rotation) for k in contacts]
+        known = [k.surface.outside - k.offset > g for k, g in zip(contacts, gaps, strict=True)]
+        self.contact.add(
+            [bool((g <= k.smoothing).any()) for k, g in zip(contacts, gaps, strict=True)],
+            [float(g[near].min(initial=np.inf)) for g, near in zip(gaps, known, strict=True)],
+        )
+
+    def free_share(self, time: float) -> float:
+        """See `TimeSteps.free_share`; a point that is pushed out to another side than it came from
+        has passed through, too."""
+        contacts, (at, turned) = self.model.base.contacts, self.model.poses(self.time)
+        after = self.model.poses(time)
+        if not contacts or (np.array_equal(at, after[0]) and np.array_equal(turned, after[1])):
+            return 1.0
+        begin = self.model.start() if self.solution is None else self.solution.configuration
+        _, end = self._predict(time)
+        moved, entered = end.x - begin.x, [np.zeros((len(k.nodes), 3)) for k in contacts]
+
+        def gaps(share: float) -> Array:
+            x = begin.x + share * moved
+            pose, out = self.model.poses(self.time + share * (time - self.time)), []
+            for k, outwards in zip(contacts, entered, strict=True):
+                value, normal, _ = k.surface.distance(k.local(x, *pose))
+                gap = value - k.offset
+                outwards[gap >= 0] = normal[gap >= 0]
+                turned = np.einsum("ij,ij->i", outwards, normal) < 0
+                out.append(np.where((value < 0) & turned, -np.inf, gap))
+            return np.concatenate(out)
+
+        places = ((k.local(begin.x, at, turned), k.local(end.x, *after)) for k in contacts)
+        way = max(float(np.linalg.norm(b - a, axis=1).max(initial=0.0)) for a, b in places)
+        return free_share(gaps, way, self.passage)
 
     def largest_turn(self, time: float) -> float:
         """See `TimeSteps.largest_turn`."""
@@ -331,8 +453,19 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
         effort,
         fields(shell, c),
         contact_pressure(shell, c),
+        _reaction(shell, c, e),
         shell,
     )
+
+
+def _reaction(model: ShellModel, c: Configuration, e: Evaluation) -> Array:
+    """The force and couple (n, 6) N and N m with which ties and guides act on each node."""
+    out, guides = np.zeros((len(c.x), 6)), model.guides
+    held = np.concatenate([model.ties.node, guides.node])
+    out[held, :3] = e.gradient_x[held]
+    turned = np.concatenate([model.ties.node, guides.node[guides.steady]])
+    out[turned, 3:] = np.cross(c.d[turned], e.gradient_d[turned])
+    return out
 
 
 def penetration(solution: Solution) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array, Mask
+from fe_solver.given import fill, numbers
 
 Real = Array | float
 
@@ -52,22 +53,35 @@ def require(law: object, name: str, value: Real, allowed: Mask | bool, words: st
         raise InputError(f"{type(law).__name__}: {name} = {first:g} is not allowed: {words}")
 
 
+def _real(law: object, name: str, value: Real) -> Real:
+    """A parameter as it was given, a list as an array, which becomes the law's.  Raises InputError
+    where it is no number."""
+    array = numbers(f"{type(law).__name__}: {name}", value)
+    if array.ndim == 0:
+        return value
+    fill(law, **{name: array})
+    return array
+
+
 def require_positive(law: object, **values: Real) -> None:
     """Raise InputError unless all values are positive and finite."""
-    for name, value in values.items():
+    for name, given in values.items():
+        value = _real(law, name, given)
         fine = np.greater(value, 0) & np.isfinite(value)
         require(law, name, value, fine, "it must be positive and finite")
 
 
 def require_not_negative(law: object, **values: Real) -> None:
     """Raise InputError unless all values are finite and not negative."""
-    for name, value in values.items():
+    for name, given in values.items():
+        value = _real(law, name, given)
         fine = np.greater_equal(value, 0) & np.isfinite(value)
         require(law, name, value, fine, "it must be zero or positive, and finite")
 
 
 def require_poisson(law: object, nu: Real) -> None:
     """Raise InputError for a Poisson's ratio that the material cannot have."""
+    nu = _real(law, "nu", nu)
     fine = np.greater(nu, -1) & np.less(nu, 0.5)
     require(law, "nu", nu, fine, "Poisson's ratio must lie between -1 and 0.5, both excluded")
 

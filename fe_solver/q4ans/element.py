@@ -24,6 +24,7 @@ element uneven, the thickness cannot follow.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,8 +146,27 @@ def solid_strain(tables: SolidTables, y: Array) -> Array:
     return np.asarray((tables.local @ natural.reshape(-1, 8, 6, 1))[..., 0])
 
 
-def solid_response(tables: SolidTables, law: Law, y: Array) -> tuple[Array, Array]:
-    """Internal forces (ne, 24) N and tangents (ne, 24, 24) N/m at nodes y (ne, 8, 3) m.
+class Stressed(NamedTuple):
+    """What elements at some place bear, and how it follows: S (ne, 8, 6) Pa and dS/dE times the
+    strains' derivatives by the natural ones (ne, 8, 6, 6) Pa, and these by the positions (ne, 48,
+    24) 1/m."""
+
+    stress: Array
+    stiffness: Array
+    gradient: Array
+
+    def after(self, moved: Array) -> Array:
+        """The stress (ne, 8, 6) to first order after the nodes have moved by (ne, 8, 3) m."""
+        natural = (self.gradient @ moved.reshape(-1, 24, 1)).reshape(-1, 8, 6, 1)
+        return np.asarray(self.stress + (self.stiffness @ natural)[..., 0])
+
+
+def solid_response(
+    tables: SolidTables, law: Law, y: Array, predicted: Array | None = None
+) -> tuple[Array, Array, Stressed]:
+    """Internal forces (ne, 24) N and tangents (ne, 24, 24) N/m at nodes y (ne, 8, 3) m, and what
+    they bear there.  The tangents' geometric part is of the stress `predicted` (ne, 8, 6) Pa where
+    it is given.
 
     Raises InputError for a law that is not known."""
     ne, T = len(y), tables.local
@@ -155,9 +175,13 @@ def solid_response(tables: SolidTables, law: Law, y: Array) -> tuple[Array, Arra
     stress, stiff = solid_stress(law, (T @ natural.reshape(ne, 8, 6, 1))[..., 0])
     back, volume = np.swapaxes(T, 2, 3), tables.volume[..., None, None]
     pull = ((back @ stress[..., None]) * volume).reshape(ne, 1, 48)
-    inner = (back @ stiff @ T) * volume @ B.reshape(ne, 8, 6, 24)
+    along = stiff @ T
+    inner = (back @ along) * volume @ B.reshape(ne, 8, 6, 24)
     blocks = (np.swapaxes(B, 1, 2) @ inner.reshape(ne, 48, 24)).reshape(ne, 8, 3, 8, 3)
-    geometric = (pull[:, 0] @ FORMS.reshape(48, 64)).reshape(ne, 8, 8)
+    turned = pull
+    if predicted is not None:
+        turned = ((back @ predicted[..., None]) * volume).reshape(ne, 1, 48)
+    geometric = (turned[:, 0] @ FORMS.reshape(48, 64)).reshape(ne, 8, 8)
     for k in range(3):
         blocks[:, :, k, :, k] += geometric
-    return (pull @ B)[:, 0], blocks.reshape(ne, 24, 24)
+    return (pull @ B)[:, 0], blocks.reshape(ne, 24, 24), Stressed(stress, along, B)

@@ -9,7 +9,7 @@ begins with a kink.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,6 +23,8 @@ SEARCH_TOLERANCE = 0.01
 """Share of a triangle's edges by which a point may lie beyond them (FEBio's search_tol)."""
 SEARCH_RADIUS = 2e-3
 """m along the normal within which a triangle is met (FEBio's search_radius, of the models)."""
+ALIKE = 0.5
+"""Cosine between normals that look the same way."""
 NEAREST = 16
 """Triangles, by their middles, that are looked at for each Gauss point."""
 SHAPES = np.stack([shape(r, s) for r, s in GAUSS])
@@ -44,6 +46,12 @@ class Facets:
     """(nt, 3, 3) m, body frame."""
     gap: float = 0.0
     """m."""
+
+    def take(self, rows: Ints) -> Facets:
+        """Some of the quads."""
+        out = replace(self, quads=self.quads[rows], side=self.side[rows])
+        out.__dict__["tree"] = self.tree
+        return out
 
     @cached_property
     def tree(self) -> cKDTree:
@@ -111,6 +119,45 @@ def find_triangles(facets: Facets, x: Array, position: Array, rotation: Array) -
     face it; -1 where it meets none."""
     at, normal, _ = _gauss_points(facets, x)
     return _find_triangle(facets, (at - position) @ rotation, normal @ rotation)
+
+
+def facet_gaps(facets: Facets, x: Array, position: Array, rotation: Array) -> Array:
+    """The gaps (k, 4) m of the Gauss points along their normals, negative inside the body; infinite
+    where they meet nothing of it."""
+    at, normal, _ = _gauss_points(facets, x)
+    local, turned = (at - position) @ rotation, normal @ rotation
+    met = _find_triangle(facets, local, turned)
+    return np.where(met < 0, np.inf, -facets.gap - _depth(facets, local, turned, met))
+
+
+def nearest(depth: Array) -> float:
+    """The smallest gap (m) of Gauss points at depths (k, 4) m; infinite where none meets the
+    body."""
+    return float(-depth[depth > -SEARCH_RADIUS].max(initial=-np.inf))
+
+
+Placed = tuple[Array, Array, Array]
+"""Nodes (n, 3) m, and the body's position (3,) m and rotation (3, 3)."""
+
+
+def facet_ways(facets: Facets, before: Placed, after: Placed) -> Array:
+    """How far the facets' Gauss points go towards the body at most, (k,) m, along their normals."""
+    (at, normal, _), (p, r) = _gauss_points(facets, before[0]), before[1:]
+    moved = (_gauss_points(facets, after[0])[0] - after[1]) @ after[2] - (at - p) @ r
+    return np.asarray(np.einsum("kgi,kgi->kg", moved, normal @ r).max(axis=1))
+
+
+def looks_away(facets: Facets, x: Array, position: Array, rotation: Array, near: float) -> bool:
+    """Whether the face turns its back to the body where it is nearest, and `near` (m) beyond: the
+    triangles there look the same way, and in FEBio's contact do not touch it."""
+    at, normal, _ = _gauss_points(facets, x)
+    q, n = (at.reshape(-1, 3) - position) @ rotation, normal.reshape(-1, 3) @ rotation
+    distance, found = facets.tree.query(q)
+    close = distance <= distance.min() + near
+    a, b, c = np.moveaxis(facets.triangles[found[close]], 1, 0)
+    face = np.cross(b - a, c - a)
+    along = np.einsum("ki,ki->k", face, n[close]) / np.linalg.norm(face, axis=1)
+    return bool((along > ALIKE).any() and not (along < -ALIKE).any())
 
 
 def _gauss_points(facets: Facets, x: Array) -> tuple[Array, Array, Array]:

@@ -33,16 +33,24 @@ from fe_solver.job.model import (
 from fe_solver.materials.linear import Law
 from fe_solver.q4ans.element import (
     SolidTables,
+    Stressed,
     cross_matrix,
     solid_response,
     solid_tables,
 )
-from fe_solver.q4ans.facets import Facets, Pressed, cut, find_triangles, pressures
+from fe_solver.q4ans.facets import (
+    Facets,
+    Pressed,
+    cut,
+    find_triangles,
+    looks_away,
+    pressures,
+)
 from fe_solver.q4ans.laws import law_obstacle, normal_modulus
 from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.linear_algebra import Analysis, Factor, analyse
 from fe_solver.supports import ContactPair, links_of, springs_of
-from fe_solver.surfaces.closing import border_edges, merge_vertices
+from fe_solver.surfaces.closing import outwards
 
 ON_FACE = 1e-9
 """Share of the thickness by which a node may lie off the sheet's face."""
@@ -71,13 +79,31 @@ def _obstacles(job: Job) -> Iterator[str]:
     else:
         yield from _crossed_faces(job.sheet)
     for pair in job.contacts:
+        body = job.bodies[pair.body]
         if pair.friction > 0:
             yield f"contact {pair.name!r} has friction"
+        if body.surface is None and not off.any() and _looks_away(job, pair):
+            yield (
+                f"contact {pair.name!r}: the sheet's face that is named looks away from the body "
+                f"{body.name!r}, so that in FEBio they do not touch; turn its facets over, or name "
+                "the other face"
+            )
     for d in job.held_directors:
         given = [h.nodes for h in job.held if h.component == d.component]
         loose = np.setdiff1d(d.nodes, np.concatenate([*given, *(t.nodes for t in job.ties)]))
         if len(loose):
             yield f"the director of {job.sheet.node(loose[0])} is held, and it is free to move"
+
+
+def _looks_away(job: Job, pair: ContactPair) -> bool:
+    facets = _facets(job, pair, np.zeros(len(pair.quads)))
+    pose = job.bodies[pair.body].pose(0.0)
+    return looks_away(facets, _rest_nodes(job.sheet), *pose, float(job.sheet.thickness.mean()))
+
+
+def _rest_nodes(sheet: Sheet) -> Array:
+    """The nodes (2n, 3) m as laid out: those on the file's face, those on the other."""
+    return np.concatenate([sheet.points, sheet.moved(2 * sheet.height)])
 
 
 def _crossed_faces(sheet: Sheet) -> Iterator[str]:
@@ -137,6 +163,8 @@ class Term(NamedTuple):
     """(k, 3m, 3m) N/m, its derivative."""
     body: Ints | None = None
     """(k,) on which the nodes act; None where there is none."""
+    stressed: Stressed | None = None
+    """What elements bear."""
 
     def product(self, moved: Array) -> Array:
         """The change (k, m, 3) N of the forces by displacements (k, m, 3) m of the nodes."""
@@ -229,14 +257,23 @@ class SolidModel:
             for f, multiplier, met in zip(self.facets, loads.multipliers, loads.met, strict=True)
         ]
 
-    def terms(self, z: Array, loads: Loads) -> Iterator[Term]:
+    def terms(
+        self, z: Array, loads: Loads, before: tuple[Sequence[Term], Array] | None = None
+    ) -> Iterator[Term]:
         """All parts of the balance but the dead loads, always in this order: elements by part,
-        contact by pair, springs to bodies, springs between nodes, pressure."""
-        for part in self.parts:
+        contact by pair, springs to bodies, springs between nodes, pressure.
+
+        With the terms `before` a step (2n, 3) m that led to z, the elements' tangents have the
+        stress that these predicted in place of that which the step's error strains (see
+        `fe_solver.solver.mixed_steps`)."""
+        last = [t.stressed for t in before[0] if t.stressed is not None] if before else []
+        for i, part in enumerate(self.parts):
             nodes = self.pairs[part.elements]
             y = part.rest + (z - self.rest)[nodes]
-            force, stiffness = solid_response(part.tables, part.law, y)
-            yield Term(Source.ELEMENT, nodes, force.reshape(-1, 8, 3), stiffness)
+            predicted = last[i].after(before[1][nodes]) if before else None
+            force, stiffness, stressed = solid_response(part.tables, part.law, y, predicted)
+            force = force.reshape(-1, 8, 3)
+            yield Term(Source.ELEMENT, nodes, force, stiffness, stressed=stressed)
         for f, p in zip(self.facets, self.contacts(z, loads), strict=True):
             body = np.full(len(f.quads), f.body)
             yield Term(Source.CONTACT, f.quads, p.gradient.reshape(-1, 4, 3), p.blocks, body)
@@ -299,14 +336,16 @@ def solid_model(job: Job) -> SolidModel:
     if reasons:
         raise InputError(f"{job.name}: --element q4ans does not cover it: {'; '.join(reasons)}")
     sheet, quads = job.sheet, job.sheet.quads
-    rest = np.concatenate([sheet.points, sheet.moved(2 * sheet.height)])
+    rest = _rest_nodes(sheet)
     parts = [_part(job, np.flatnonzero(sheet.part == i), p) for i, p in enumerate(sheet.parts)]
     parts = [p for p in parts if len(p.elements)]
     volume, modulus = np.zeros(len(quads)), np.zeros(len(quads))
     for p in parts:
         volume[p.elements] = p.tables.volume.sum(axis=1)
         modulus[p.elements] = p.normal_modulus
-    facets = tuple(_facets(job, pair, volume, modulus) for pair in job.contacts)
+    facets = tuple(
+        _facets(job, pair, _penalty(job, pair, volume, modulus)) for pair in job.contacts
+    )
     springs, links = springs_of(job.springs), links_of(job.springs)
     return SolidModel(job, rest, _free(job), tuple(parts), facets, springs, links)
 
@@ -332,21 +371,31 @@ def _free(job: Job) -> NDArray[np.bool_]:
     return free
 
 
-def _facets(job: Job, pair: ContactPair, volume: Array, modulus: Array) -> Facets:
-    """With FEBio's automatic penalty E A / V times the file's factor: the modulus along the normal,
-    the facet's area, the element's volume (theory manual 3.4, section 7.1.7); or the file's."""
+def _areas(job: Job, pair: ContactPair) -> Array:
+    """The areas (k,) m2 of a pair's facets."""
     X = job.sheet.points[job.sheet.quads[pair.quads]]
-    area = np.linalg.norm(np.cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1]), axis=1) / 2
-    penalty = np.full(len(pair.quads), pair.penalty)
-    if pair.automatic:
-        penalty *= modulus[pair.quads] * area / volume[pair.quads]
+    return np.linalg.norm(np.cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1]), axis=1) / 2
+
+
+def _penalty(job: Job, pair: ContactPair, volume: Array, modulus: Array) -> Array:
+    """FEBio's automatic penalty E A / V times the file's factor, (k,) N/m3: the modulus along the
+    normal, the facet's area, the element's volume (theory manual 3.4, section 7.1.7); or the
+    file's."""
+    if not pair.automatic:
+        return np.full(len(pair.quads), pair.penalty)
+    q = pair.quads
+    return np.asarray(pair.penalty * modulus[q] * _areas(job, pair) / volume[q])
+
+
+def _facets(job: Job, pair: ContactPair, penalty: Array) -> Facets:
+    """The facets of a pair, on a surface wound as our own shell takes it: a closed one outwards, an
+    open one as it is."""
     other = pair.side * job.sheet.height[pair.quads, 0] > 0
     quads = job.sheet.quads[pair.quads] + len(job.sheet.points) * other[:, None]
     body = job.bodies[pair.body]
     with within(f"{job.name}: contact {pair.name!r} with the body {body.name!r}"):
-        border_edges(merge_vertices(body.vertices, pair.triangles)[1])
-    triangles = body.vertices[pair.triangles]
-    near = cut(triangles, float(np.sqrt(np.median(area))))
+        corners = body.vertices[outwards(body.vertices, pair.triangles)]
+    near = cut(corners, float(np.sqrt(np.median(_areas(job, pair)))))
     return Facets(quads, pair.side, penalty, pair.body, near, pair.gap)
 
 

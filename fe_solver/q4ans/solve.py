@@ -2,15 +2,16 @@
 
 A step is predicted by one back-substitution for what moves and for what the loads change, solved by
 whole Newton steps, and halved where Newton fails.  A sheet that bends far is nearly inextensible:
-no search for less residual follows that valley, whole steps leave it and come back.  Their first
-are kept short, so that springs become taut and contact closes before the sheet has swung past them.
+no search for less residual follows that valley, whole steps leave it and come back.  Their tangent
+has the stress that the last step predicted (see `fe_solver.solver.mixed_steps`), or the stress of
+their error would keep them short.  Where there is contact, or springs that may be slack, the first
+are kept short, so that these close and become taut before the sheet has swung past them.
 """
 
 from __future__ import annotations
 
 import time as clock
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,9 +21,17 @@ from cosim.errors import ConvergenceError
 from cosim.port import Array
 from cosim.processes import one_blas_thread
 from fe_solver.job.job import Job
-from fe_solver.job.model import JobOptions
+from fe_solver.job.model import JobOptions, body_poses
 from fe_solver.job.rigid_modes import FreeMotions, Pieces, free_motions, unsupported
-from fe_solver.job.solve import JobResult, JobState, output_times
+from fe_solver.job.solve import (
+    ContactRecord,
+    JobResult,
+    JobState,
+    output_times,
+    touches,
+    way_marks,
+)
+from fe_solver.q4ans.facets import SEARCH_RADIUS, facet_gaps, facet_ways, nearest
 from fe_solver.q4ans.model import (
     Loads,
     SolidModel,
@@ -31,13 +40,15 @@ from fe_solver.q4ans.model import (
     solid_model,
 )
 from fe_solver.q4ans.state import SolidEquilibrium, solid_state
-from fe_solver.solver.continuation import TimeSteps
+from fe_solver.solver.continuation import Effort, TimeSteps, free_share
 from fe_solver.solver.linear_algebra import Factor, has_mechanism, positions
 from fe_solver.vectors import cross
 
 TOLERANCE = 1e-7
 """Residual over the largest force at a spring, in contact or of all reactions."""
 MOST_ITERATIONS = 40
+MOST_WHOLE = 25
+"""Of whole steps, after which short ones are tried."""
 FIRST_STEP = 0.1
 """Share of the thickness: no node moves further in the first iteration, nor more than twice as far
 in the next as in the last."""
@@ -57,6 +68,8 @@ SEARCHES = 10
 """Iterations after which contact keeps to the triangles that it has met, as FEBio's seg_up asks: a
 point that slides over a bone's sharp edge would come and go for ever."""
 MOST_AUGMENTATIONS = 30
+FINEST = 0.25e-3
+"""m: a step is foreseen to press a facet in by up to the thickness, or so much of a thin sheet."""
 
 
 def alternatives(job: Job) -> list[str]:
@@ -71,9 +84,9 @@ def solve_solid(
     options: JobOptions | None = None,
     times: Sequence[float] | None = None,
 ) -> JobResult:
-    """Static equilibria of a job with `q4ans` elements at `times`, or else at the ends of its
-    steps, up to `until`.  Of the options it follows `penetration` (None is FEBio's penalty alone)
-    and `shortest`.
+    """Static equilibria of a job with `q4ans` elements at `times`, or else at the ends and
+    must-points of its steps, up to `until`; see `solve_job`.  Of the options it follows
+    `penetration` (None is FEBio's penalty alone), `shortest` and `increments`.
 
     Raises InputError for a job that these elements do not cover, for times that do not ascend from
     above 0 and for a sheet that could move without resistance, and ConvergenceError naming the
@@ -84,12 +97,13 @@ def solve_solid(
     stepper = _SolidSteps(solid_model(job), options)
     setup = clock.process_time() - began
     began = clock.process_time()
-    states = tuple(stepper.reach(time) for time in wanted)
-    effort = replace(stepper.effort, cpu_s=clock.process_time() - began)
-    return JobResult(job, states, setup, effort, "q4ans")
+    states = stepper.visit(way_marks(job, wanted[-1], options.increments), wanted)
+    effort = stepper.total(clock.process_time() - began)
+    told = touches(job, stepper.contact)
+    return JobResult(job, tuple(states), setup, effort, "q4ans", told)
 
 
-class _SolidSteps(TimeSteps):
+class _SolidSteps(TimeSteps[JobState]):
     """The equilibria of a job's `q4ans` elements."""
 
     def __init__(self, model: SolidModel, options: JobOptions) -> None:
@@ -99,29 +113,66 @@ class _SolidSteps(TimeSteps):
         terms = tuple(self.model.terms(self.model.rest, loads))
         self.pattern = self.model.pattern(terms)
         self.last = SolidEquilibrium(0.0, self.model.rest, loads, terms, 0.0)
+        self.contact = ContactRecord(len(model.facets))
+        self.factor: tuple[SolidEquilibrium, Factor] | None = None
 
-    def reach(self, time: float) -> JobState:
-        """Steps up to a time, at which contact does not penetrate too deep."""
-        began, before = clock.process_time(), self.effort
-        self.go_to(time)
+    def finish(self) -> None:
+        """See `TimeSteps.finish`."""
         self._augment()
-        cpu = clock.process_time() - began
         self._require_supports()
-        return solid_state(self.model, self.last, self.effort.since(before, cpu))
+
+    def state(self, effort: Effort) -> JobState:
+        """See `TimeSteps.state`."""
+        return solid_state(self.model, self.last, effort)
 
     def solve_step(self, time: float, is_last: bool) -> None:
         """From rest, where nothing tells which points will touch, by softer contact if not at
         once."""
         z, loads = self._predict(time)
         try:
-            self.last = self._equilibrium(self.model, z, loads, time)
+            self._accept(self._equilibrium(self.model, z, loads, time))
             return
         except ConvergenceError:
             if self.effort.steps or not self.model.facets:
                 raise
         for share in SOFTER:
             z = self._equilibrium(self.model.with_penalty(share), z, loads, time).z
-        self.last = self._equilibrium(self.model, z, loads, time)
+        self._accept(self._equilibrium(self.model, z, loads, time))
+
+    def _accept(self, found: SolidEquilibrium) -> None:
+        self.last = found
+        pressed = self.model.contacts(found.z, found.loads)
+        self.contact.add(
+            [bool((p.pressure > 0).any()) for p in pressed],
+            [nearest(p.depth) for p in pressed],
+        )
+
+    def free_share(self, time: float) -> float:
+        """See `TimeSteps.free_share`."""
+        m, last, new = self.model, self.last, self.model.at(time)
+        still = np.array_equal(last.loads.position, new.position)
+        still &= np.array_equal(last.loads.rotation, new.rotation)
+        if not m.facets or (still and np.array_equal(m.place(last.z, time), last.z)):
+            return 1.0
+        moved = self._predict(time)[0] - last.z
+        reach = min(max(m.thickness, FINEST), SEARCH_RADIUS / 2)
+        far, way = [], 0.0
+        for f in m.facets:
+            ways = facet_ways(
+                f,
+                (last.z, last.loads.position[f.body], last.loads.rotation[f.body]),
+                (last.z + moved, new.position[f.body], new.rotation[f.body]),
+            )
+            far.append(f.take(np.flatnonzero(ways > reach)))
+            way = max(way, float(ways.max(initial=0.0)))
+
+        def gaps(share: float) -> Array:
+            z, then = last.z + share * moved, self.time + share * (time - self.time)
+            poses = body_poses(m.job.bodies, then)
+            found = [facet_gaps(f, z, *(p[f.body] for p in poses)) for f in far if len(f.quads)]
+            return np.concatenate([g.ravel() for g in found])
+
+        return free_share(gaps, way, reach)
 
     def solve_at_last(self, time: float, is_last: bool, error: ConvergenceError) -> None:
         """Give up, as nothing is left to try.  Raises ConvergenceError."""
@@ -164,18 +215,34 @@ class _SolidSteps(TimeSteps):
             np.add.at(right, t.nodes, t.product(moved))
         if not right[m.free].any():
             return last.z + given, new
+        if self.factor is None or self.factor[0] is not last:
+            self.factor = last, self._factorise(last.terms)
         step = np.zeros_like(last.z)
-        step[m.free] = -self._factorise(last.terms).solve(right[m.free])
+        step[m.free] = -self.factor[1].solve(right[m.free])
         return m.place(last.z + given + step, time), new
 
     def _equilibrium(self, m: SolidModel, z: Array, loads: Loads, time: float) -> SolidEquilibrium:
-        """By Newton.  Raises ConvergenceError."""
+        """By whole steps where nothing opens and closes, or else by short ones.  Raises
+        ConvergenceError."""
+        if not m.facets and not np.any(m.springs.tension_only):
+            try:
+                return self._by_newton(m, z, loads, time, MOST_WHOLE, short=False)
+            except ConvergenceError:
+                pass
+        return self._by_newton(m, z, loads, time, MOST_ITERATIONS, short=True)
+
+    def _by_newton(
+        self, m: SolidModel, z: Array, loads: Loads, time: float, most: int, short: bool
+    ) -> SolidEquilibrium:
+        """By up to `most` iterations, of which short ones begin short and are searched along.
+        Raises ConvergenceError."""
         with np.errstate(all="ignore"):
             terms = tuple(m.terms(z, loads))
-            for iteration in range(MOST_ITERATIONS):
+            for iteration in range(most):
                 force = m.imbalance(terms, loads)
                 missed, scale = m.miss(force), m.scale(force, terms)
                 if missed <= TOLERANCE * scale:
+                    terms = tuple(m.terms(z, loads))
                     return SolidEquilibrium(time, z, loads, terms, missed)
                 if not np.isfinite(missed):
                     break
@@ -183,15 +250,17 @@ class _SolidSteps(TimeSteps):
                     loads = m.search_contacts(z, loads)
                 step = np.zeros_like(z)
                 step[m.free] = -self._factorise(terms).solve(force[m.free])
-                longest = FIRST_STEP * 2.0**iteration * m.thickness
-                share = min(1.0, longest / float(np.abs(step).max()))
-                limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
-                searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
-                z, terms = _move(m, z, share * step, loads, missed if searched else np.inf)
+                share, searched = 1.0, False
+                if short:
+                    longest = FIRST_STEP * 2.0**iteration * m.thickness
+                    share = min(1.0, longest / float(np.abs(step).max()))
+                    limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
+                    searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
+                z, terms = _move(m, z, terms, share * step, loads, missed if searched else np.inf)
                 self.effort = self.effort.plus(iterations=1)
-        raise ConvergenceError(self._words(z, force, missed, scale))
+        raise ConvergenceError(self._words(z, force, missed, scale, most))
 
-    def _words(self, z: Array, force: Array, missed: float, scale: float) -> str:
+    def _words(self, z: Array, force: Array, missed: float, scale: float, most: int) -> str:
         if not np.isfinite(missed):
             return "An element is turned inside out, or its law has no answer"
         size = np.linalg.norm(np.where(self.model.free, force, 0.0), axis=1)
@@ -199,7 +268,7 @@ class _SolidSteps(TimeSteps):
         sheet = self.model.job.sheet
         place = ", ".join(f"{1e3 * v:.2f}" for v in z[worst])
         return (
-            f"After {MOST_ITERATIONS} iterations {missed:.2e} N do not balance, against forces of "
+            f"After {most} iterations {missed:.2e} N do not balance, against forces of "
             f"{scale:.2e} N, most at {sheet.node(worst % len(sheet.points))} at ({place}) mm"
         )
 
@@ -217,7 +286,7 @@ class _SolidSteps(TimeSteps):
             z, loads = self.last.z, self.last.loads
             pressure = tuple(p.pressure for p in self.model.contacts(z, loads))
             loads = loads._replace(multipliers=pressure)
-            self.last = self._equilibrium(self.model, z, loads, self.last.time)
+            self._accept(self._equilibrium(self.model, z, loads, self.last.time))
         raise ConvergenceError(
             f"{self.model.job.name}: at t = {self.last.time:.6g} contact penetrates by "
             f"{1e6 * self._deepest():.3g} um after {MOST_AUGMENTATIONS} augmentations; "
@@ -249,16 +318,21 @@ def _turns(before: Array, after: Array) -> Array:
 
 
 def _move(
-    model: SolidModel, z: Array, step: Array, loads: Loads, limit: float
+    model: SolidModel,
+    z: Array,
+    terms: tuple[Term, ...],
+    step: Array,
+    loads: Loads,
+    limit: float,
 ) -> tuple[Array, tuple[Term, ...]]:
     """After a step, or the first of ever shorter ones whose residual is below the limit (N), or the
     best of them."""
     tried: list[tuple[float, Array, tuple[Term, ...]]] = []
     for halving in range(HALVINGS):
-        moved = z + step / 2**halving
-        terms = tuple(model.terms(moved, loads))
-        missed = model.miss(model.imbalance(terms, loads))
-        tried.append((missed, moved, terms))
+        part = step / 2**halving
+        found = tuple(model.terms(z + part, loads, (terms, part)))
+        missed = model.miss(model.imbalance(found, loads))
+        tried.append((missed, z + part, found))
         if missed < limit or limit == np.inf:
             break
     return min(tried, key=lambda t: t[0])[1:]

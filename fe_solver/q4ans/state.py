@@ -65,6 +65,7 @@ def solid_state(model: SolidModel, found: SolidEquilibrium, effort: Effort) -> J
         effort,
         _fields(model, z),
         _contact_pressure(model, found),
+        _reaction(model, found),
     )
 
 
@@ -98,6 +99,15 @@ def _wrenches(model: SolidModel, equilibrium: SolidEquilibrium) -> dict[str, Arr
         left[nodes] = False
     guide[-1] = -_about(z, np.where(left, resisted, 0.0))
     return {**out, "tie": tie, "guide": guide}
+
+
+def _reaction(model: SolidModel, equilibrium: SolidEquilibrium) -> Array:
+    """The force and couple (n, 6) N and N m with which what is given acts on each pair of nodes,
+    about the first."""
+    n, z = len(model.job.sheet.points), equilibrium.z
+    force = np.where(model.free, 0.0, model.imbalance(equilibrium.terms, equilibrium.loads))
+    couple = cross(z[n:] - z[:n], force[n:])
+    return np.concatenate([force[:n] + force[n:], couple], axis=1)
 
 
 def _load_wrench(model: SolidModel, equilibrium: SolidEquilibrium) -> Array:

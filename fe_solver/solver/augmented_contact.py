@@ -96,7 +96,8 @@ def solve_augmented(
         last_error = error
         model = model.with_changes(contacts=tuple(contacts))
         e = model.evaluate(solution.configuration, tension, tangent=False)
-        first = np.divide(*residual_norm(model, e))
+        missed, force = residual_norm(model, e)
+        first = missed / force if force > 0 else 0.0
         share = ROUND * first if left > 1 else 0.0
         tolerance = max(min(LOOSE, share), options.tolerance)
         loose, near = replace(options, tolerance=tolerance), done > 0 or first <= NEAR

@@ -3,20 +3,25 @@ counts, and steps in time that grow where they are quick and are halved where th
 
 from __future__ import annotations
 
+import time as clock
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterable, Sequence
+from copy import copy
+from dataclasses import dataclass, field, fields, replace
 from typing import Generic, TypeVar
 
 import numpy as np
 
 from cosim.errors import ConvergenceError
+from cosim.port import Array
 
 S = TypeVar("S")
 SAME_TIME = 1e-9
 """Share of the time to go; what differs by less is one time."""
 GROWTH = 2.0
 """Of the step after a quick one."""
+MOST_LOOKS = 400
+"""Places on the way of a step at which it is looked whether anything is passed through."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +78,9 @@ class Effort:
 
 
 @dataclass
-class TimeSteps(ABC):
-    """Equilibria one after the other in time, each the start of the next."""
+class TimeSteps(ABC, Generic[S]):
+    """Equilibria one after the other in time, each the start of the next; what is kept of one is of
+    type S."""
 
     shortest: float
     """Least share that a step has of the time to go."""
@@ -88,6 +94,10 @@ class TimeSteps(ABC):
     """What was spent since the start."""
     stride: float = np.inf
     """Length of the next step, where nothing else makes it shorter."""
+    failed: bool = False
+    """Whether the last step did."""
+    aside: Effort = field(default_factory=Effort)
+    """What was spent on states beside the way."""
 
     @abstractmethod
     def solve_step(self, time: float, is_last: bool) -> None:
@@ -102,27 +112,92 @@ class TimeSteps(ABC):
     def largest_turn(self, time: float) -> float:
         """Return the angle (rad) that a body turns at most from the last equilibrium to a time."""
 
-    def go_to(self, time: float) -> None:
-        """Take the steps up to a time.  Raises ConvergenceError as `solve_at_last` does."""
-        span = time - self.time
+    @abstractmethod
+    def free_share(self, time: float) -> float:
+        """Return the share (above 0, up to 1) of the way to a time up to which it is foreseen that
+        nothing passes through what it may touch."""
+
+    @abstractmethod
+    def finish(self) -> None:
+        """Do what is left to do at a time that is sought: contact that penetrates too deep, and the
+        check of the supports.  Raises ConvergenceError and InputError."""
+
+    @abstractmethod
+    def state(self, effort: Effort) -> S:
+        """Return what is kept of the equilibrium, which took that effort."""
+
+    def visit(self, marks: Sequence[float], times: Sequence[float]) -> list[S]:
+        """The states at `times`, of a way that goes by the `marks` alone (both ascend, the last is
+        the same): a time between them is reached aside, from the equilibrium before it, so that
+        what is kept has no part in what is found.  Raises as `solve_at_last` and `finish` do."""
+        out, left = [], list(times)
+        for mark in marks:
+            spent, began, span = self.effort, clock.process_time(), mark - self.time
+            while self.time < mark - SAME_TIME * span:
+                before = copy(self)
+                self._take_step(mark, span)
+                while left and left[0] < min(self.time, mark - SAME_TIME * span):
+                    aside = copy(before)
+                    out.append(aside._reach(left.pop(0)))
+                    more = aside.effort.since(before.effort, 0.0)
+                    self.aside = self.aside.plus(**vars(more))
+            self.finish()
+            if left and left[0] <= mark + SAME_TIME * span:
+                left.pop(0)
+                cpu = clock.process_time() - began
+                out.append(self.state(self.effort.since(spent, cpu)))
+        return out
+
+    def total(self, cpu_s: float) -> Effort:
+        """What the way and the states beside it took, in `cpu_s` seconds."""
+        return replace(self.effort.plus(**vars(self.aside)), cpu_s=cpu_s)
+
+    def _reach(self, time: float) -> S:
+        """The state at a time."""
+        spent, began, span = self.effort, clock.process_time(), time - self.time
         while self.time < time - SAME_TIME * span:
             self._take_step(time, span)
+        self.finish()
+        return self.state(self.effort.since(spent, clock.process_time() - began))
 
     def _take_step(self, time: float, span: float) -> None:
         """One step towards `time`, or a shorter stride after it has failed."""
         turns = max(1, int(np.ceil(self.largest_turn(time) / self.most_turn)))
         step = min(self.stride, time - self.time, (time - self.time) / turns)
+        step *= self.free_share(self.time + step)
         is_last = self.time + step > time - SAME_TIME * span
         end, spent = time if is_last else self.time + step, self.effort.iterations
         try:
             self.solve_step(end, is_last)
         except ConvergenceError as error:
             self.effort, self.stride = self.effort.plus(failures=1), step / 2
+            self.failed = True
             if self.stride >= self.shortest * span:
                 return
             self.solve_at_last(end, is_last, error)
             self.stride = step
         else:
-            if self.effort.iterations - spent <= self.quick:
+            # what failed at twice the length is not tried again at once
+            if self.effort.iterations - spent <= self.quick and not self.failed:
                 self.stride = GROWTH * step
+            self.failed = False
         self.effort, self.time = self.effort.plus(steps=1), end
+
+
+def free_share(gaps: Callable[[float], Array], way: float, reach: float) -> float:
+    """The share of a step up to which no point goes deeper than `reach` (m) into what it may touch,
+    nor deeper than it was by so much, where points go at most `way` (m) beside it; `gaps` are the
+    points' (m,) m at a share of the step, negative inside.
+
+    It is looked at every half of the reach, so that nothing is passed through between."""
+    if way <= reach:
+        return 1.0
+    look = reach / 2 / way
+    deepest = np.minimum(gaps(0.0), 0.0) - reach
+    for i in range(1, MOST_LOOKS + 1):
+        share = min(i * look, 1.0)
+        if (gaps(share) < deepest).any():
+            return max(i - 1, 1) * look
+        if share == 1.0:
+            break
+    return share

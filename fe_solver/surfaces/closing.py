@@ -17,11 +17,14 @@ def close_surface(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
 
     vertices (nv, 3) m, triangles (nt, 3) wound alike.  Each hole is closed by a fan from points on
     its long axis: each edge of the hole is joined to the nearest of them, so that a half pipe
-    becomes a half cylinder with flat ends, and a round hole a disc.
+    becomes a half cylinder with flat ends, and a round hole a disc.  A flat surface, which encloses
+    nothing so, is the front of a block behind it.
 
     Raises InputError where holes touch one another, where the surface is not wound alike, and
-    where it encloses nothing, as a single flat sheet does."""
+    where a closed one encloses nothing."""
     vertices, triangles = merge_vertices(vertices, triangles)
+    if is_flat(vertices, triangles):
+        vertices, triangles = _block_behind(vertices, triangles)
     points, faces = [vertices], [triangles]
     count = len(vertices)
     for loop in boundary_loops(triangles):
@@ -30,13 +33,7 @@ def close_surface(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
         faces.append(fan)
         count += len(centres)
     vertices, triangles = np.concatenate(points), np.concatenate(faces)
-    inside = volume(vertices, triangles)
-    if not abs(inside) > FLAT * np.linalg.norm(np.ptp(vertices, axis=0)) ** 3:
-        raise InputError(
-            "surface: it encloses no volume, so that it has no inside; give the body a surface "
-            "with a thickness"
-        )
-    return vertices, triangles if inside > 0 else triangles[:, ::-1]
+    return vertices, triangles if _is_outwards(vertices, triangles) else triangles[:, ::-1]
 
 
 def merge_vertices(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
@@ -44,6 +41,49 @@ def merge_vertices(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
     vertices, index = np.unique(np.asarray(vertices, dtype=float), axis=0, return_inverse=True)
     triangles = index.reshape(-1)[np.asarray(triangles)]
     return vertices, triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+
+
+def outwards(vertices: Array, triangles: Ints) -> Ints:
+    """The triangles (nt, 3), turned over where they are a closed surface wound inwards.  Raises
+    InputError where they are not wound alike, and where a closed surface encloses nothing."""
+    merged = merge_vertices(vertices, triangles)
+    is_open = bool(border_edges(merged[1])[1])
+    return triangles if is_open or _is_outwards(*merged) else triangles[:, ::-1]
+
+
+def _is_outwards(vertices: Array, triangles: Ints) -> bool:
+    """How a closed surface is wound.  Raises InputError where it encloses nothing."""
+    inside = volume(vertices, triangles)
+    if not abs(inside) > FLAT * np.linalg.norm(np.ptp(vertices, axis=0)) ** 3:
+        raise InputError(
+            "surface: it encloses no volume, so that it has no inside; give the body a surface "
+            "with a thickness"
+        )
+    return inside > 0
+
+
+def is_flat(vertices: Array, triangles: Ints) -> bool:
+    """Whether an open surface lies in a plane."""
+    if not len(triangles) or not border_edges(triangles)[1]:
+        return False
+    used = vertices[np.unique(triangles)]
+    spread = np.linalg.svd(used - used.mean(axis=0), compute_uv=False)
+    return bool(spread[-1] <= FLAT * spread[0])
+
+
+def _block_behind(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
+    """A flat surface as the front of a block, as deep as the surface is wide."""
+    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+    normal = np.cross(b - a, c - a).sum(axis=0) / 2
+    area = float(np.linalg.norm(normal))
+    back = vertices - normal / max(area, 1e-300) * area**0.5
+    edges, single = border_edges(triangles)
+    rim = np.array([e for e in edges.tolist() if tuple(sorted(e)) in single])
+    i, j, n = rim[:, 0], rim[:, 1], len(vertices)
+    sides = [np.stack([j, i, n + i], axis=1), np.stack([j, n + i, n + j], axis=1)]
+    return np.concatenate([vertices, back]), np.concatenate(
+        [triangles, triangles[:, ::-1] + n, *sides]
+    )
 
 
 def volume(vertices: Array, triangles: Ints) -> float:

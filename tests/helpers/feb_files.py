@@ -101,7 +101,7 @@ def same(a: Any, b: Any, place: str = "job") -> None:
     """Equal but for rounding, all the way down."""
     assert type(a) is type(b), place
     if dataclasses.is_dataclass(a):
-        for f in dataclasses.fields(a):
+        for f in (f for f in dataclasses.fields(a) if f.compare):
             same(getattr(a, f.name), getattr(b, f.name), f"{place}.{f.name}")
     elif isinstance(a, tuple):
         assert len(a) == len(b), place

@@ -262,6 +262,7 @@ def curves() -> tuple[str, str]:
 @cache
 def schema() -> etree.RelaxNG:
     stiffness = el("symmetric_stiffness", word("symmetric", "non-symmetric", "preferred"))
+    longest = el("dtmax", opt(at("lc", IDENT)), NUM)
     control = el(
         "Control",
         mix(
@@ -269,6 +270,7 @@ def schema() -> etree.RelaxNG:
             el("time_steps", IDENT),
             *nums("step_size"),
             opt(el("solver", at("type", word("solid")), stiffness)),
+            opt(el("time_stepper", at("type", word("default")), longest)),
         ),
     )
     domain = el("ShellDomain", at("name", NAME), at("mat", NAME), *nums("shell_thickness"))

@@ -45,7 +45,8 @@ def test_everything_in_the_file_arrives_in_si_units(tmp_path: Path) -> None:
     assert pressure.quads.tolist() == [0, 2]
     assert pressure.sign.tolist() == [1, -1]
     (springs,) = job.springs
-    assert springs.law == SpringLaw(pytest.approx(7000.0), True)  # type: ignore[arg-type]
+    assert springs.law == SpringLaw(springs.law.stiffness, True)
+    assert springs.law.stiffness == pytest.approx(7000.0)
     assert springs.body.tolist() == [0, -1]
     assert springs.other.tolist() == [-1, 1]
     np.testing.assert_allclose(springs.length, [5**0.5 * 1e-3, 1e-3])

@@ -196,10 +196,19 @@ def test_a_block_with_an_open_side_gets_it_back(size: tuple[float, ...], open_si
     assert volume(v, f) == pytest.approx(np.prod(size))
 
 
-@pytest.mark.parametrize("faces", [block(0), block(0, 0)[[0, 1]], block(0)[:1]])
-def test_a_surface_without_an_inside_is_refused(faces: np.ndarray) -> None:
+@pytest.mark.parametrize("side", range(6))
+def test_a_flat_surface_is_the_front_of_a_block_behind_it(side: int) -> None:
+    """As deep as it is wide, on the side that its normals point away from."""
+    v, f = close_surface(BLOCK, block(side))
+    assert boundary_loops(f) == []
+    assert volume(v, f) == pytest.approx(1.0)
+    a, b, c = BLOCK[block(side)[0]]
+    assert (v @ np.cross(b - a, c - a) <= a @ np.cross(b - a, c - a) + 1e-12).all()
+
+
+def test_a_closed_surface_without_an_inside_is_refused() -> None:
     with pytest.raises(InputError, match="encloses no volume"):
-        close_surface(BLOCK, faces)
+        close_surface(BLOCK * [1, 1, 0], block(*range(6))[4:])
 
 
 def test_a_closed_surface_with_a_facet_turned_over_is_refused() -> None:

@@ -71,7 +71,7 @@ def tables_of(z, pairs) -> SolidTables:
 
 def assemble(z, pairs, law) -> tuple[np.ndarray, np.ndarray]:
     """Forces (6n,) and the dense tangent of the nodes z."""
-    force, blocks = solid_response(tables_of(z, pairs), law, z[pairs])
+    force, blocks, _ = solid_response(tables_of(z, pairs), law, z[pairs])
     dofs = (3 * pairs[:, :, None] + np.arange(3)).reshape(len(pairs), 24)
     out, tangent = np.zeros(z.size), np.zeros((z.size, z.size))
     np.add.at(out, dofs, force)
@@ -109,7 +109,7 @@ def test_a_constant_strain_is_met_and_balances(law):
     e = axes.T @ (F.T @ F - np.eye(3)) / 2 @ axes
     exact = [e[0, 0], e[1, 1], e[2, 2], 2 * e[0, 1], 2 * e[1, 2], 2 * e[0, 2]]
     assert np.abs(strain - exact).max() < 1e-12
-    force, _ = solid_response(tables, law, (z @ F.T)[pairs])
+    force, _, _ = solid_response(tables, law, (z @ F.T)[pairs])
     total = np.zeros(z.shape)
     np.add.at(total, pairs, force.reshape(-1, 8, 3))
     through = total.reshape(2, -1, 3).sum(axis=0).ravel()  # the faces' tractions are opposite
@@ -249,7 +249,7 @@ def test_the_tangent_is_that_of_the_forces(law, stretch):
     z, pairs = patch(True)
     y = (z * [1.04, 1.01, 0.98])[pairs] + RNG.normal(size=(len(pairs), 8, 3)) * 2e-6
     tables = solid_tables(z[pairs], np.tile(ALONG, (len(pairs), 1)), stretch)
-    _, K = solid_response(tables, law, y)
+    _, K, _ = solid_response(tables, law, y)
     assert np.abs(K - np.swapaxes(K, 1, 2)).max() < 1e-12 * np.abs(K).max()
     way = RNG.normal(size=y.shape)
     ahead, behind = (solid_response(tables, law, y + h * way)[0] for h in (1e-9, -1e-9))
