@@ -214,6 +214,8 @@ def test_a_study_solves_as_many_cases_as_is_said():
     runs = len(read_plan("network_saltelli").points)
     assert f"one case solved {runs} times" in TOP
     assert f"# {runs} runs of a network" in TEXTS["cosim/study"]
+    bands = read_plan("input_uncertainty", "split_edc", samples=60)
+    assert f"# {len(bands.as_it_is) + bands.count} runs; the count" in TEXTS["cosim/study"]
 
 
 def test_the_robot_s_forces_are_those_of_golden_json():

@@ -320,6 +320,27 @@ def key_quantities(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield from ((_fill(quantity, path), path) for path in paths)
 
 
+STRAINS_BETWEEN_POINTS = ("marker_strain_percent", "grid_strain_percent", "gauge_strain_percent")
+"""Changes of distances between points, which are strains at any mesh."""
+
+
+def first_numbers(summary: Mapping[str, Any], resting_tension: float) -> Iterator[tuple[str, str]]:
+    """Label and path of what one asks for first, of the arms of the tendons that are pulled by more
+    than the resting tension (N), and of the strains between markers and the user's points; without
+    a motion's energies."""
+    for label, path in key_quantities(summary):
+        if path.partition(".")[0] != "energy_mJ":
+            yield label, path
+    pulls = summary.get("tension_N", {}).items()
+    pulled = [tendon for tendon, pull in pulls if pull > resting_tension]
+    arms = tuple(f"moment_arm_mm.{tendon}." for tendon in pulled)
+    for path in numbers_of(summary):
+        if path.startswith(arms):
+            yield meaning_of(path, summary), path
+        elif path.startswith(tuple(f"difference.{s}." for s in STRAINS_BETWEEN_POINTS)):
+            yield meaning_of(path, summary).removesuffix(", loaded less unloaded"), path
+
+
 def meaning_of(path: str, summary: Mapping[str, Any]) -> str:
     """What the number at a path of a summary is, in words; empty where no table says it."""
     fitting = (_fill(q, path) for q in QUANTITIES if _fits(q, path, [summary]))
