@@ -186,6 +186,9 @@ def estimate(
                 estimated = for_motion(problem, asked, _say, lacking)
                 write_motion(folder, problem, estimated, time.perf_counter() - started)
                 _show_motion(problem, estimated)
+                if estimated.stopped is not None:
+                    typer.echo(f"only {len(estimated.tension)} times, in {folder}", err=True)
+                    raise estimated.stopped
         else:
             answer = _answer(problem, force, torque)
             forces = _forces(problem, answer)
