@@ -149,3 +149,20 @@ def test_the_command_keeps_the_times_before_the_one_that_fails(tmp_path, monkeyp
     assert len(pd.read_csv(tmp_path / "split_edc" / "estimate.csv")) == 3
     audit = json.loads((tmp_path / "split_edc" / "estimate.json").read_text())["audit"]
     assert "at 0.75 s of the motion" in audit["stopped"]
+
+
+def test_at_a_kink_that_makes_the_torque_the_cheapest_tensions_are_found():
+    """The first tendon's arm falls from 4 to 0.4 at 1.8 N: by the first the cheapest tensions of
+    the torque are at 1.93 N, by the second at 0.59 N, each beyond the kink, and so it is there."""
+
+    class Kink(OneJoint):
+        def at(self, tension, state):
+            self.solves.append(float(tension[0]))
+            slope = 4.0 if tension[0] < 1.8 else 0.4
+            value = slope * (tension[0] - 1.8) + tension[1]
+            return Torques(np.array([value]), np.array([[slope, 1.0]]), state, None, np.zeros((0, 0)))
+
+    found = estimate(hood := Kink(None, None), ONE, np.array([1.0]), BOUNDS, COST)
+    assert found.components == pytest.approx([1.0], abs=1e-6)
+    assert found.tension == pytest.approx([1.8, 1.0], abs=2e-3)
+    assert len(hood.solves) < 35

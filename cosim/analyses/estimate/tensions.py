@@ -128,6 +128,10 @@ def estimate(
             elif part > GOOD and not is_free:
                 region *= 2.0
             if region < LEAST_REGION * max(1.0, float(tension.max())):
+                if asked is wanted and gap <= AGREED:  # at a kink, which no step away gains from
+                    kink = solution._replace(miss=max(solution.miss, moved))
+                    made = demand.component_values(at.torque)
+                    return Estimate(tension, made, at, kink, gap, rounds)
                 break
             idle = 0 if new.miss < (1.0 - SLOW) * best.miss else idle + 1
             is_taken = part > REFUSED
