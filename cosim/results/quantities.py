@@ -299,7 +299,7 @@ def check_quantities(
     nearest name and the names that stand in its place."""
     for target in targets:
         summaries = [summary for case, summary in runs if target.case in ("", case)]
-        check_quantity(target.quantity, summaries, f"{target.name}: ")
+        check_quantity(target.quantity, summaries, f"{target.called}: ")
 
 
 def check_quantity(quantity: str, summaries: Summaries, place: str = "") -> None:

@@ -160,7 +160,9 @@ def test_at_a_kink_that_makes_the_torque_the_cheapest_tensions_are_found():
             self.solves.append(float(tension[0]))
             slope = 4.0 if tension[0] < 1.8 else 0.4
             value = slope * (tension[0] - 1.8) + tension[1]
-            return Torques(np.array([value]), np.array([[slope, 1.0]]), state, None, np.zeros((0, 0)))
+            return Torques(
+                np.array([value]), np.array([[slope, 1.0]]), state, None, np.zeros((0, 0))
+            )
 
     found = estimate(hood := Kink(None, None), ONE, np.array([1.0]), BOUNDS, COST)
     assert found.components == pytest.approx([1.0], abs=1e-6)
