@@ -1,5 +1,5 @@
-"""What one reads side by side is alike: figures of two runs, words of picture and page, the table in
-the terminal and the user's own points, errors and the file that they are of."""
+"""What one reads side by side is alike: figures of two runs, words of picture and page, the
+terminal's table and the user's own points, errors and the file that they are of."""
 
 from __future__ import annotations
 
