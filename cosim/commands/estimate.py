@@ -187,7 +187,8 @@ def estimate(
                 write_motion(folder, problem, estimated, time.perf_counter() - started)
                 _show_motion(problem, estimated)
                 if estimated.stopped is not None:
-                    typer.echo(f"only {len(estimated.tension)} times, in {folder}", err=True)
+                    kept = f"{len(estimated.tension)} of {len(asked.time)} times"
+                    typer.echo(f"{kept} are kept in {folder}", err=True)
                     raise estimated.stopped
         else:
             answer = _answer(problem, force, torque)

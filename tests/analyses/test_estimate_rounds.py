@@ -145,7 +145,7 @@ def test_the_command_keeps_the_times_before_the_one_that_fails(tmp_path, monkeyp
     done = CliRunner().invoke(app, [*map(str, words)])
     assert done.exit_code == 1
     assert "at 0.75 s of the motion: no equilibrium" in done.output
-    assert "only 3 times, in" in done.output
+    assert "3 of 5 times are kept in" in done.output
     assert len(pd.read_csv(tmp_path / "split_edc" / "estimate.csv")) == 3
     audit = json.loads((tmp_path / "split_edc" / "estimate.json").read_text())["audit"]
     assert "at 0.75 s of the motion" in audit["stopped"]
