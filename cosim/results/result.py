@@ -204,7 +204,7 @@ class Result(CaseParts):
             if (width_mm, view, hood_only, tuple(beside)) != (None, "both", False, ()):
                 raise InputError("plot: width_mm, view, hood_only and beside are of the 'scene'")
             return None
-        if not (isinstance(view, str) and view in SIDES):
+        if view not in tuple(SIDES):
             raise unexpected("view", "'radial', 'dorsal' or 'both'", view)
         least = 110 if hood_only else 130  # names and legend keep their size
         if width_mm is not None and not (is_number(width_mm) and least <= width_mm <= 1000):
