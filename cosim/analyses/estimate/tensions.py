@@ -114,7 +114,7 @@ def estimate(
             tension, at = best.tension, best.at
             asked = demand.component_values(at.torque)
             gap = _gap(demand, asked, at)
-        if is_nearest or (gap <= AGREED and moved <= AGREED and is_free):
+        if is_nearest or (gap <= AGREED and moved <= AGREED):
             if np.abs(asked - wanted).max() > max(SHORT * np.abs(wanted).max(), reserve, 1e-12):
                 raise _out_of_reach(demand, wanted, asked, programme, tension, bounds, held)
             return Estimate(tension, demand.component_values(at.torque), at, solution, gap, rounds)
