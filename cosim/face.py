@@ -477,12 +477,21 @@ def run_study(
     out: str | Path = "studies",
     workers: int = 1,
     progress: Progress = quiet,
+    *,
+    case: str | Path | None = None,
+    samples: int | None = None,
+    over: str | None = None,
 ) -> StudyResults:
     """Solve a case for many values of its parameters, as a study file or a packaged study says,
     and leave table, answers and page in `out`/NAME; runs that `out`/store holds are not done again.
-    `workers`: processes; 1: this one, without the study's limit of time.
+    `workers`: processes; 1: this one, without the study's limit of time.  `case`: a name or file in
+    place of the study's own; `samples`: as many in place of the study's; `over`: a key of the case
+    with values, all samples at each of them.  `run_study("input_uncertainty", case="split_edc",
+    over="tendons.EDC.tension=2 N, 4 N").bands` are percentiles of that case's first numbers by the
+    spread of its inputs.  `progress` hears first how many runs it takes.
 
     Raises InputError."""
+    from cosim.study.bands import cost_of
     from cosim.study.engine import in_this_process, local
     from cosim.study.execute import check_libraries, execute_study
     from cosim.study.files import write_study
@@ -492,7 +501,10 @@ def run_study(
     check_libraries()
     workers = whole_number("workers", workers, 1, MOST_WORKERS)
     out = path_from("out", out)
-    plan = read_plan(path_from("study", study))
+    case = None if case is None else path_from("case", case)
+    samples = None if samples is None else whole_number("samples", samples, 2, 2**22)
+    plan = read_plan(path_from("study", study), case, (), samples, over)
+    progress(cost_of(plan))
     store = Store((Path(out) / "store").absolute()).open()
     alone = nullcontext(in_this_process)
     with alone if workers == 1 else local(workers) as solve:

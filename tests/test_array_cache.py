@@ -121,6 +121,23 @@ def test_what_unpacks_to_more_than_it_is_is_not_read(cache):
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="files have no owner here")
+def test_what_says_that_it_is_larger_than_its_file_is_not_read(cache, tmp_path):
+    """Its directory is trusted with no memory, whatever the bound."""
+    path = tmp_path / "arrays.npz"
+    np.savez(path, x=np.zeros(4))
+    text = bytearray(path.read_bytes())
+    entry = text.rindex(b"PK\x01\x02")  # of the directory: the size lies 24 bytes further on
+    text[entry + 24 : entry + 28] = (1 << 20).to_bytes(4, "little")
+    path.write_bytes(text)
+    with pytest.raises(ValueError, match="larger than it is"):
+        array_cache.read_arrays(path, "here", 1 << 30)
+    np.savez(path, x=np.zeros(4))
+    with pytest.raises(ValueError, match="larger than it is"):
+        array_cache.read_arrays(path, "here", 100)
+    with pytest.raises(ValueError, match="was changed"):
+        array_cache.read_arrays(path, "here", 1 << 30)
+
+
 def test_what_another_user_wrote_is_not_read_and_written_over(cache, monkeypatch):
     cache.write("equilibria", KEY, ARRAYS)
     another = os.geteuid() + 1

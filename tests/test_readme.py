@@ -18,6 +18,7 @@ from cosim.cli import app
 from cosim.models.build import hood_mesh
 from cosim.pipeline import run_case
 from cosim.results.conventions import vector_of
+from cosim.study.file import packaged_studies
 from cosim.study.plan import read_plan
 from cosim.validation.mesh import distinct, tally
 from cosim.validation.uncertainty import read_committed
@@ -210,10 +211,59 @@ def test_the_catalogue_says_what_the_fingertip_s_hoods_are_made_of():
     assert "nine" not in section
 
 
+NUMBERS = (
+    "two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen".split()
+)
+ALL_TEXTS = {
+    str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
+    for path in [*ROOT.rglob("*.md"), *ROOT.glob("cases/**/*.py"), ROOT / "pyproject.toml"]
+    if not {"node_modules", ".venv", "build"} & {*path.parts}
+}
+
+
+def amount(word: str) -> int:
+    """The number that a word or digits say."""
+    return int(word) if word.isdigit() else NUMBERS.index(word.lower()) + 2
+
+
+def test_what_texts_count_is_as_many_as_there_are():
+    """Of notebooks, packaged studies and cases, whose lists grow."""
+    there = {
+        "notebooks": len(list(ROOT.glob("cases/notebooks/[!_]*.py"))),
+        "studies": len(packaged_studies()),
+        "cases": len(packaged_cases()),
+    }
+    each = rf"\b(\d+|{'|'.join(NUMBERS)}) ((?:shipped|packaged) )?(notebooks|studies|cases)\b"
+    said = [
+        (place, number, bool(shipped), kind)
+        for place, text in ALL_TEXTS.items()
+        for number, shipped, kind in re.findall(each, text, re.IGNORECASE)
+    ]
+    wrong = [
+        (place, number, kind)
+        for place, number, shipped, kind in said
+        if (shipped or kind == "notebooks") and amount(number) != there[kind.lower()]
+    ]
+    assert wrong == []
+
+
+def test_no_text_says_how_long_a_machine_took():
+    """That is the clock's of one day: seconds, minutes or hours are enough, and each command says
+    itself how long it has to go."""
+    unit = "s|seconds|min|minutes|h|hours"
+    took = rf"\b(?:some|about|takes)\s+(?:\d+|{'|'.join(NUMBERS)})\s(?:{unit})\b"
+    assert all(re.search(took, text) for text in ("some 8 min", "about 15 s", "takes two minutes"))
+    guides = {place: text for place, text in ALL_TEXTS.items() if place.endswith("README.md")}
+    found = {place: each for place, text in guides.items() if (each := re.findall(took, text))}
+    assert found == {}
+
+
 def test_a_study_solves_as_many_cases_as_is_said():
     runs = len(read_plan("network_saltelli").points)
     assert f"one case solved {runs} times" in TOP
     assert f"# {runs} runs of a network" in TEXTS["cosim/study"]
+    bands = read_plan("input_uncertainty", "split_edc", samples=60)
+    assert f"# {len(bands.as_it_is) + bands.count} runs; the count" in TEXTS["cosim/study"]
 
 
 def test_the_robot_s_forces_are_those_of_golden_json():

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from tests.helpers.folders import ROOT
 
-PRODUCT = 0
-TESTS = 0
+PRODUCT = 103561
+TESTS = 69772
 
 
 def _lines(*packages: str) -> int:

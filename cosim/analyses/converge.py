@@ -28,15 +28,11 @@ from cosim.json_text import json_text
 from cosim.pipeline import run_cases
 from cosim.results.audit import describe_misses
 from cosim.results.compare import number, numbers_of, unit_of, value_of
-from cosim.results.quantities import key_quantities, meaning_of
+from cosim.results.quantities import first_numbers
 from cosim.results.result import Result
 
 MOST_MESHES = 6
 FORMAT = "cosim convergence 1"
-BETWEEN = ("marker_strain_percent", "grid_strain_percent", "gauge_strain_percent")
-"""Changes of distances between points, which are strains at any mesh."""
-ELSEWHERE = ("energy_mJ",)
-"""What one asks for first of a motion alone."""
 UNTOUCHED = 1e-7
 """A number that changes by less of itself, or of one, is not touched by the mesh."""
 Summary = Mapping[str, Any]
@@ -124,7 +120,7 @@ def _numbers(case: Case, summaries: Sequence[Summary], own: int) -> Iterator[Mes
     """The first numbers that a mesh touches."""
     known, sizes = summaries[own], vector_sizes(numbers_of(summaries[own]))
     factors = mesh_factors(len(summaries), case.hood.mesh_fineness or 1)
-    for label, path in first_numbers(case, known):
+    for label, path in first_numbers(known, case.solve.resting_tension):
         values = tuple(value_of(summary, path) for summary in summaries)
         of_own, unit = values[own], unit_of(path)
         found = [v for v in values if v is not None]
@@ -133,22 +129,6 @@ def _numbers(case: Case, summaries: Sequence[Summary], own: int) -> Iterator[Mes
             yield MeshNumber(
                 label, path, unit, MeshSeries(factors=factors, values=values, bound=most)
             )
-
-
-def first_numbers(case: Case, summary: Summary) -> Iterator[tuple[str, str]]:
-    """Label and path of what one asks for first, of the arms of the tendons that are pulled, and of
-    the strains between markers and the user's points."""
-    for label, path in key_quantities(summary):
-        if path.partition(".")[0] not in ELSEWHERE:
-            yield label, path
-    pulls = summary.get("tension_N", {}).items()
-    pulled = [tendon for tendon, pull in pulls if pull > case.solve.resting_tension]
-    arms = tuple(f"moment_arm_mm.{tendon}." for tendon in pulled)
-    for path in numbers_of(summary):
-        if path.startswith(arms):
-            yield meaning_of(path, summary), path
-        elif path.startswith(tuple(f"difference.{strain}." for strain in BETWEEN)):
-            yield meaning_of(path, summary).removesuffix(", loaded less unloaded"), path
 
 
 def table_of(study: MeshStudy) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

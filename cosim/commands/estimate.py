@@ -187,6 +187,10 @@ def estimate(
             estimated = for_motion(problem, asked, _say, lacking)
             write_motion(folder, problem, estimated, time.perf_counter() - started)
             _show_motion(problem, estimated)
+            if estimated.stopped is not None:
+                kept = f"{len(estimated.tension)} of {len(asked.time)} times"
+                typer.echo(f"{kept} are kept in {folder}", err=True)
+                raise estimated.stopped
         elif motion is None:
             answer = _answer(problem, force, torque)
             feasible = _forces(problem, answer)

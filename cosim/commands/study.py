@@ -18,8 +18,11 @@ from cosim.extras import require
 from cosim.files import output_file
 from cosim.results.compare import number
 from cosim.study import engine
+from cosim.study.answers import too_few_for_ends
+from cosim.study.bands import ENDS, MIDDLE, PERCENTILES, cost_of
 from cosim.study.engine import Solve
 from cosim.study.execute import StudyOutcome, check_libraries, execute_study
+from cosim.study.file import OVER
 from cosim.study.files import write_study
 from cosim.study.plan import StudyPlan, read_plan
 from cosim.study.progress import notes, progress, state_text
@@ -43,6 +46,15 @@ def study(
         typer.Option(metavar="CASE", help="Case file or name, in place of the study's own."),
     ] = None,
     settings: Settings = None,
+    samples: Annotated[
+        int | None, typer.Option(min=2, max=2**22, help="Samples, in place of the study's own.")
+    ] = None,
+    over: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KEY=VALUES", help=f'Every sample at each value of a key: "{OVER}": curves.'
+        ),
+    ] = None,
     workers: Annotated[
         int,
         typer.Option(min=0, max=1024, help="Processes on this machine; 0: in this process alone."),
@@ -79,9 +91,10 @@ def study(
     with exit_on_error():
         check_libraries(scheduler is not None)
         points = None if surrogate is None else _points(surrogate)
-        plan = read_plan(file, case, tuple(settings or ()))
+        plan = read_plan(file, case, tuple(settings or ()), samples, over)
         if workers == 0 and scheduler is None and plan.most_seconds is not None:
             raise InputError("limits.time needs a process that can be ended: --workers 1 or more")
+        typer.echo(f"{plan.name}: {cost_of(plan)}", err=True)
         kept = Store((store or out / "store").absolute()).open()
         try:
             with _engine(workers, scheduler) as solve, progress(plan.name, kept) as tell:
@@ -144,6 +157,8 @@ def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve
 
 
 def _show(plan: StudyPlan, done: StudyOutcome, results: StudyResults, folder: Path) -> None:
+    if plan.bands:
+        _show_bands(plan, results.bands)
     rows = []
     for name in results.outputs:
         band, unit = results.band(name), results.units[name]
@@ -175,6 +190,20 @@ def _show(plan: StudyPlan, done: StudyOutcome, results: StudyResults, folder: Pa
         f"{count.solved} runs solved, {count.done - count.solved - len(done.refused)} found in the "
         f"store, {count.failed} without an answer; page and tables in {folder}"
     )
+
+
+def _show_bands(plan: StudyPlan, bands: pd.DataFrame) -> None:
+    """Percentiles of the first numbers beside the case as it is."""
+    axes = [*bands.columns[3 : bands.columns.get_loc("as_it_is")]]
+    columns = [*axes, "as_it_is", *ENDS]
+    rows = [
+        (f"{row.meaning}, {row.unit}", *(number(row[name]) for name in columns), str(row.runs))
+        for _, row in bands.iterrows()
+    ]
+    heads = ("as it is", *(f"{p} %" for p in PERCENTILES), "runs")
+    print_table(f"{plan.case.stem}: bands by {plan.name}", ("", *axes, *heads), rows)
+    if few := too_few_for_ends(int(bands.runs.min()), MIDDLE):
+        typer.echo(few)
 
 
 def _show_fits(results: StudyResults) -> None:

@@ -13,6 +13,7 @@ from cosim.fingers.kinds import live_finger
 from cosim.port import Array
 from cosim.report.packing import floats
 from cosim.report.views import View, slip_forces
+from cosim.results.conventions import source_words
 from cosim.results.result import Result
 
 MOST_MOMENTS = 400
@@ -152,8 +153,7 @@ def _kind(source: str, tendons: tuple[str, ...]) -> str:
         return "hood"
     if source in tendons:
         return OWN
-    names = {"passive": "passive joint", "limit": "limit of the joint", "joint": "", "ground": ""}
-    return names.get(source, source)
+    return "" if source in ("joint", "ground") else source_words(source)
 
 
 def _strain(view: View) -> Iterator[Chart]:

@@ -12,10 +12,11 @@ from cosim.errors import InputError
 from cosim.report import drawings, words
 from cosim.report.histories import pack_charts
 from cosim.report.packing import packed, packed_json, packed_picture
-from cosim.report.tables import SUM, Cell, ReportTable, last_ledger, last_state
+from cosim.report.tables import Cell, ReportTable, last_ledger, last_state
 from cosim.report.templates import report_file, template
 from cosim.report.views import View, difference_view, limits, pack_views, view_of
 from cosim.results.compare import VERDICT_SHAPES, number
+from cosim.results.conventions import source_words
 from cosim.results.looks import look
 from cosim.results.picture import data_address
 from cosim.results.result import Result
@@ -51,7 +52,7 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         for i, (run, view) in enumerate(pairs)
         if (charts := pack_charts(run, view))
     ]
-    text = template("cosim.report", filters={"cell": cell, "spoken": name_in_words}).render(
+    text = template("cosim.report", filters={"cell": cell, "spoken": source_words}).render(
         words=words,
         drawings=drawings,
         shapes=VERDICT_SHAPES,
@@ -161,8 +162,3 @@ def cell(value: Cell, digits: int = 4) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return value if isinstance(value, str) else number(value, digits).replace("-", "−")
-
-
-def name_in_words(name: str) -> str:
-    """A name of the ledger or the summary as words."""
-    return "sum" if name == SUM else name.replace("_", " ")

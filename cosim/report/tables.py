@@ -22,6 +22,7 @@ from cosim.results.compare import (
     unit_of,
     value_of,
 )
+from cosim.results.conventions import source_words
 from cosim.results.quantities import key_quantities, meaning_of
 from cosim.results.result import Result
 
@@ -159,9 +160,7 @@ def _ledger(run: Result, place: int) -> ReportTable:
         for source, wrench in {**entries, SUM: sum(entries.values(), np.zeros(6))}.items():
             force, moment = wrench[:3], 1e3 * wrench[3:]
             size = float(np.linalg.norm(force))
-            rows.append(
-                (body, source.replace("_", " "), *map(float, force), size, *map(float, moment))
-            )
+            rows.append((body, source_words(source), *map(float, force), size, *map(float, moment)))
     return ReportTable(
         f"ledger_{place}", f"Ledger of {run.name}, {last_state(run)}", columns, tuple(rows)
     )

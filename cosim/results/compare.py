@@ -35,7 +35,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -97,6 +97,13 @@ class Target:
     note: str = ""
     held_out: bool = False
     n: float | None = None
+    place: str = field(default="", compare=False)
+    """File and line that it was read from."""
+
+    @property
+    def called(self) -> str:
+        """Its place and name, for errors."""
+        return f"{self.place}: {self.name}" if self.place else self.name
 
     def __post_init__(self) -> None:
         if fault := _fault(self):
@@ -168,7 +175,7 @@ def compare_with_targets(
     for target in chosen:
         if target.unit != (unit := unit_of(target.quantity)):
             raise InputError(
-                f"{target.name}: {target.quantity} is in {unit}, the row in {target.unit}"
+                f"{target.called}: {target.quantity} is in {unit}, the row in {target.unit}"
             )
     return tuple(Comparison(t, value_of(summary, t.quantity)) for t in chosen)
 
@@ -452,7 +459,7 @@ def _of_collection(
 
 def _target(place: str, values: Mapping[str, Any]) -> Target:
     try:
-        return Target(**values)
+        return Target(**values, place=place)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error
 

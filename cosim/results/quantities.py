@@ -299,7 +299,7 @@ def check_quantities(
     nearest name and the names that stand in its place."""
     for target in targets:
         summaries = [summary for case, summary in runs if target.case in ("", case)]
-        check_quantity(target.quantity, summaries, f"{target.name}: ")
+        check_quantity(target.quantity, summaries, f"{target.called}: ")
 
 
 def check_quantity(quantity: str, summaries: Summaries, place: str = "") -> None:
@@ -318,6 +318,27 @@ def key_quantities(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             paths = sorted(paths, key=numbers.__getitem__, reverse=True)[:MOST_STRAINED]
         if quantity.path != HOOD_TORQUE or any(numbers[path] for path in paths):
             yield from ((_fill(quantity, path), path) for path in paths)
+
+
+STRAINS_BETWEEN_POINTS = ("marker_strain_percent", "grid_strain_percent", "gauge_strain_percent")
+"""Changes of distances between points, which are strains at any mesh."""
+
+
+def first_numbers(summary: Mapping[str, Any], resting_tension: float) -> Iterator[tuple[str, str]]:
+    """Label and path of what one asks for first, of the arms of the tendons that are pulled by more
+    than the resting tension (N), and of the strains between markers and the user's points; without
+    a motion's energies."""
+    for label, path in key_quantities(summary):
+        if path.partition(".")[0] != "energy_mJ":
+            yield label, path
+    pulls = summary.get("tension_N", {}).items()
+    pulled = [tendon for tendon, pull in pulls if pull > resting_tension]
+    arms = tuple(f"moment_arm_mm.{tendon}." for tendon in pulled)
+    for path in numbers_of(summary):
+        if path.startswith(arms):
+            yield meaning_of(path, summary), path
+        elif path.startswith(tuple(f"difference.{s}." for s in STRAINS_BETWEEN_POINTS)):
+            yield meaning_of(path, summary).removesuffix(", loaded less unloaded"), path
 
 
 def meaning_of(path: str, summary: Mapping[str, Any]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import nan
@@ -32,9 +33,10 @@ from cosim.results.picture import (
 )
 from cosim.results.quantities import meaning_of
 from cosim.results.scene import scenes_of
-from cosim.results.scene_plot import draw
+from cosim.results.scene_plot import VIEWS, Stage, draw, stage_of
 from cosim.results.scene_view import plotter_of
 from cosim.results.write import copy_run, write_run
+from cosim.schema.fields import is_number
 
 if TYPE_CHECKING:
     import pandas
@@ -42,6 +44,8 @@ if TYPE_CHECKING:
     from pyvista import Plotter
 
 Plot = Literal["scene", "ledger", "history"]
+View = Literal["both", "radial", "dorsal"]
+SIDES = {"both": VIEWS, "radial": VIEWS[:1], "dorsal": VIEWS[1:]}
 
 
 @dataclass(frozen=True, repr=False)
@@ -148,10 +152,22 @@ class Result(CaseParts):
         """Each figure of the audit with its bound."""
         return Audit.read(self.summary)
 
-    def plot(self, kind: Plot = "scene", path: str | Path | None = None) -> Figure:
+    def plot(
+        self,
+        kind: Plot = "scene",
+        path: str | Path | None = None,
+        *,
+        width_mm: float | None = None,
+        view: View = "both",
+        hood_only: bool = False,
+        beside: Sequence[Result] = (),
+    ) -> Figure:
         """A matplotlib figure, written to `path` (.png, .svg, .pdf) where one is given: "scene" the
         finger with its hood coloured by strain, "ledger" the forces on each body by source,
-        "history" a motion's angles and forces over time.
+        "history" a motion's angles and forces over time.  Of the scene: `width_mm` of the whole
+        figure, as a journal's column; one `view`, "radial" or "dorsal", or both; `hood_only`,
+        without bones, tendons and forces; `beside`: results whose pictures, drawn beside each
+        other, share one scale of lengths, colours and forces.
 
         >>> import cosim
         >>> figure = cosim.run(cosim.load("pulley_edc")).plot()
@@ -163,7 +179,8 @@ class Result(CaseParts):
         if not isinstance(kind, str):
             raise unexpected("kind", "'scene', 'ledger' or 'history'", kind)
         path = None if path is None else path_from("path", path)
-        figure = as_plain_text(self._figure(kind))
+        stage = self._stage(kind, width_mm, view, hood_only, beside)
+        figure = as_plain_text(self._figure(kind, stage, hood_only))
         if path is not None:
             known, ending = figure.canvas.get_supported_filetypes(), _file_format(path)
             if ending not in known:
@@ -174,11 +191,44 @@ class Result(CaseParts):
                 write_figure(figure, part, 150, ending)
         return figure
 
-    def _figure(self, kind: Plot) -> Figure:
+    def _stage(
+        self,
+        kind: Plot,
+        width_mm: float | None,
+        view: View,
+        hood_only: bool,
+        beside: Sequence[Result],
+    ) -> Stage | None:
+        """What the scene is drawn on.  Raises InputError, also for other kinds with options."""
+        if kind != "scene":
+            if (width_mm, view, hood_only, tuple(beside)) != (None, "both", False, ()):
+                raise InputError("plot: width_mm, view, hood_only and beside are of the 'scene'")
+            return None
+        if view not in tuple(SIDES):
+            raise unexpected("view", "'radial', 'dorsal' or 'both'", view)
+        least = 110 if hood_only else 130  # names and legend keep their size
+        if width_mm is not None and not (is_number(width_mm) and least <= width_mm <= 1000):
+            raise unexpected("width_mm", f"a width in mm from {least} to 1000", width_mm)
+        if isinstance(beside, Result) or not all(isinstance(run, Result) for run in beside):
+            raise unexpected("beside", "a list of results", beside)
+        scenes = [run._shown(hood_only) for run in (self, *beside)]
+        if hood_only and scenes[0].hood is None:
+            raise InputError(f"plot: hood_only: the hood of {self.name} has no shape to draw")
+        stage = stage_of(scenes)
+        width = None if width_mm is None else width_mm / 25.4
+        return replace(stage, whole=scenes[0], is_film=False, views=SIDES[view], width=width)
+
+    def _shown(self, hood_only: bool) -> Scene:
+        whole = self._whole_scene
+        if not hood_only:
+            return whole
+        return Scene(whole.hood, (), (), points=whole.points, gauges=whole.gauges)
+
+    def _figure(self, kind: Plot, stage: Stage | None, hood_only: bool) -> Figure:
         load_matplotlib()
         show_in_notebooks()
         if kind == "scene":
-            return draw(self._whole_scene, self.title)
+            return draw(self._shown(hood_only), self.title, stage)
         if kind == "ledger" and self.rows:
             return draw_ledger(self.rows, self.title, self._whole_scene)
         if kind == "history" and self.axis == "time":

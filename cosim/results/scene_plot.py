@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from textwrap import wrap
+from textwrap import fill, wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -49,6 +49,8 @@ LEFT, RIGHT, ABOVE, BELOW, BETWEEN, ROW = 0.75, 1.15, 0.55, 0.62, 0.35, 0.24
 """Inches around the views, between them, and of a row of the legend."""
 LETTER, LINE = 0.085, 0.19
 """Inches: the width of a letter of a label, and the height of a line of labels."""
+ENTRY, TITLE_LETTER, TITLE_LINE = 3.0, 0.098, 0.2
+"""Inches: the width of an entry of the legend, of a letter of the title, and a line of it."""
 COLUMNS, MOST_NAMES = 3, 8
 """Of the legend, and of points with names: of more the dots alone are drawn."""
 SMALL = 9
@@ -112,11 +114,14 @@ class Stage:
     """The last of the scenes, with the largest tension of each tendon and the largest force of the
     fingertip: what there is room for, and what the legend names."""
     is_film: bool
-
-    @property
-    def newtons(self) -> float:
-        """The largest force of the fingertip, N: its arrow is ARROW_LENGTH long."""
-        return newtons_of(self.whole)
+    newtons: float
+    """The largest force of the fingertip, N: its arrow is ARROW_LENGTH long."""
+    longest: int
+    """Letters of the longest name of a tendon that pulls, with its tension."""
+    views: tuple[PlotView, ...] = VIEWS
+    """One above the other."""
+    width: float | None = None
+    """Inches of the whole figure; None: as wide as VIEWS take."""
 
 
 def stage_of(scenes: Sequence[Scene]) -> Stage:
@@ -135,7 +140,8 @@ def stage_of(scenes: Sequence[Scene]) -> Stage:
         values = [shown[0].values(hood) for hood in hoods]
         limits = colour_limits(np.concatenate(values), shown[0].is_signed)
     box = np.stack([points.min(axis=0), points.max(axis=0)])
-    return Stage(box, limits, whole, len(scenes) > 1)
+    longest = max((len(_pull(*pull)) for pull in pulled.items()), default=0)
+    return Stage(box, limits, whole, len(scenes) > 1, newtons_of(largest), longest)
 
 
 def newtons_of(scene: Scene) -> float:
@@ -195,19 +201,38 @@ def _lay_out(title: str, stage: Stage) -> Figure:
     """The views without what moves, with legend, colour bar and title."""
     from matplotlib.figure import Figure
 
-    legend = _legend(stage)
-    rows = -(-len(legend) // COLUMNS)
+    legend, columns, hood = _legend(stage), COLUMNS, stage.whole.hood
+    if stage.width is not None:
+        columns = max(1, min(COLUMNS, int((stage.width - LEFT) / ENTRY)))
+    rows = -(-len(legend) // columns)
     low, high = 1e3 * stage.box[0] - ROOM, 1e3 * stage.box[1] + ROOM
-    across, heights = (high - low)[0], (high - low)[[2, 1]]
-    longest = max((len(_pull(*pull)) for pull in stage.whole.pulled.items()), default=0)
-    beside = LETTER * longest + 0.2 if longest else 0.0
-    scale = min((WIDE - beside) / across, TALLEST / heights.sum())  # inches in a mm
-    views, below = scale * heights, BELOW + rows * ROW
-    width = LEFT + scale * across + beside + (RIGHT if stage.limits is not None else 0.3)
-    height = ABOVE + 0.2 * stage.is_film + views.sum() + BETWEEN + below
+    axes = [int(np.flatnonzero(view.up)[0]) for view in stage.views]
+    across, heights = (high - low)[0], (high - low)[axes]
+    beside = LETTER * stage.longest + 0.2 if stage.longest else 0.0
+    below, colours = BELOW + rows * ROW, _colours(stage)
+    gaps = BETWEEN * (len(stage.views) - 1)
+
+    def fitted(aside: float) -> float:
+        """Inches in a mm."""
+        if stage.width is not None:
+            return float((stage.width - LEFT - aside - beside) / across)
+        return float(min((WIDE - beside) / across, TALLEST / heights.sum()))
+
+    aside = 0.3 if stage.limits is None else RIGHT
+    scale, label = fitted(aside), ""
+    if hood is not None and colours is not None:  # a short bar has more lines beside it
+        label = fill(colours_of(hood)[0].words, _letters(scale * heights.sum() + gaps))
+        aside += TITLE_LINE * max(label.count("\n") - 1, 0)
+        scale = fitted(aside)
+    views = scale * heights
+    width = LEFT + scale * across + beside + aside
+    head = wrap(title, max(int((width - LEFT) / TITLE_LETTER), 12)) or [""]
+    above = ABOVE + 0.2 * stage.is_film + TITLE_LINE * (len(head) - 1)
+    both = views.sum() + gaps
+    height = above + both + below
     figure = Figure(figsize=(width, height))
-    floors = (below + views[1] + BETWEEN, below)
-    for view, floor, tall, axis in zip(VIEWS, floors, views, (2, 1), strict=True):
+    floors = height - above - np.cumsum(views) - BETWEEN * np.arange(len(views))
+    for view, floor, tall, axis in zip(stage.views, floors, views, axes, strict=True):
         panel = (LEFT / width, floor / height, (scale * across + beside) / width, tall / height)
         ax = figure.add_axes(panel)
         ends = (low[axis], high[axis])[:: view.sign[1]]
@@ -216,41 +241,44 @@ def _lay_out(title: str, stage: Stage) -> Figure:
         ax.text(0, 1.0, view.title, transform=ax.transAxes, **looks)
         ax.tick_params(labelsize=SMALL)
         ax.spines[["top", "right"]].set_visible(False)
-    first, last = figure.axes
-    first.tick_params(labelbottom=False)
-    last.set_xlabel(VIEWS[1].label[0])
-    hood = stage.whole.hood
-    if hood is not None and (colours := _colours(stage)) is not None:
-        tall = views.sum() + BETWEEN
-        place = ((width - RIGHT + 0.15) / width, below / height, 0.16 / width, tall / height)
+    *upper, last = figure.axes
+    for ax in upper:
+        ax.tick_params(labelbottom=False)
+    last.set_xlabel(stage.views[-1].label[0])
+    if colours is not None:
+        place = ((width - aside + 0.15) / width, below / height, 0.16 / width, both / height)
         bar = figure.colorbar(colours, cax=figure.add_axes(place), extend="both")
-        label = wrap(colours_of(hood)[0].words, max(int(tall / LETTER), 12))
-        bar.set_label("\n".join(label), fontsize=SMALL)
+        bar.set_label(label, fontsize=SMALL)
         bar.ax.tick_params(labelsize=SMALL)
     figure.legend(
         handles=legend,
         loc="lower left",
         bbox_to_anchor=(LEFT / width, 0.04 / height),
-        ncols=COLUMNS,
+        ncols=columns,
         fontsize=SMALL,
         frameon=False,
         borderaxespad=0.0,
         columnspacing=1.4,
     )
-    figure.text(LEFT / width, 1 - 0.1 / height, title, va="top", fontsize=12)
+    figure.text(LEFT / width, 1 - 0.1 / height, "\n".join(head), va="top", fontsize=12)
     return figure
+
+
+def _letters(inches: float) -> int:
+    """How many letters of a label have room in so many inches."""
+    return max(int(inches / LETTER), 12)
 
 
 def _fill(figure: Figure, scene: Scene, stage: Stage, moment: str) -> list[Artist]:
     """Add to the views what moves; return it."""
-    first, last, *_ = figure.axes
-    before = {*first.get_children(), *last.get_children()}
-    colours = _colours(stage)
-    for axes, view in zip((first, last), VIEWS, strict=True):
+    panels = figure.axes[: len(stage.views)]
+    before = {artist for axes in panels for artist in axes.get_children()}
+    colours, first = _colours(stage), panels[0]
+    for axes, view in zip(panels, stage.views, strict=True):
         _draw_view(axes, scene, view, colours, stage)
     inches = first.get_position().height * figure.get_figheight()
-    _write_names(first, scene, VIEWS[0], LINE * np.ptp(first.get_ylim()) / inches)
-    added = [a for axes in (first, last) for a in axes.get_children() if a not in before]
+    _write_names(first, scene, stage.views[0], LINE * np.ptp(first.get_ylim()) / inches)
+    added = [a for axes in panels for a in axes.get_children() if a not in before]
     if moment:
         height = figure.get_figheight()
         place = first.get_position().x0, 1 - 0.32 / height
@@ -348,7 +376,7 @@ def _draw_view(
         polygons.set_facecolor(inks[0])
         polygons.set_edgecolor(inks[1])
         ax.add_collection(polygons, autolim=False)
-    _draw_points(ax, scene, view)
+    _draw_points(ax, scene, view, view is stage.views[-1])
     if (arrow := arrow_of(scene, stage.newtons)) is not None:
         tail, head = view.place(arrow)
         style = {"arrowstyle": "-|>", "lw": 2.2, "color": FORCE, "shrinkA": 0, "shrinkB": 0}
@@ -362,7 +390,7 @@ def _tendon(scene: Scene, name: str) -> tuple[float, str]:
     return (TENDON_WIDTH, TENDON) if tension_of(scene, name) else (RESTING_WIDTH, RESTING_TENDON)
 
 
-def _draw_points(ax: Axes, scene: Scene, view: PlotView) -> None:
+def _draw_points(ax: Axes, scene: Scene, view: PlotView, is_named: bool) -> None:
     """The user's points and gauges, over all else."""
     for pair in scene.gauges.values():
         ends = view.place(np.array([scene.points[name] for name in pair]))
@@ -370,7 +398,7 @@ def _draw_points(ax: Axes, scene: Scene, view: PlotView) -> None:
     if scene.points:
         at = view.place(np.array(list(scene.points.values())))
         ax.plot(*at.T, "o", mfc="white", mec=GAUGE, mew=0.9, ms=3.6, zorder=4.5)
-        if len(scene.points) <= MOST_NAMES and view is VIEWS[1]:
+        if len(scene.points) <= MOST_NAMES and is_named:
             for name, place in zip(scene.points, at, strict=True):
                 offset: Any = {"xytext": (3, 3), "textcoords": "offset points"}
                 ax.annotate(name.replace("_", " "), tuple(place), **offset, **_halo(7.5), zorder=6)

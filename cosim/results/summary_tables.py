@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -9,9 +10,9 @@ from rich import box
 from rich.table import Table
 
 from cosim.port import AXES
-from cosim.results.compare import unit_of, value_of
+from cosim.results.compare import numbers_of, unit_of, value_of
 from cosim.results.load_and_rest import describe_rest
-from cosim.results.quantities import key_quantities
+from cosim.results.quantities import key_quantities, meaning_of
 
 LEAST_MOMENT = 1e-6
 """N mm, below which the fingertip carries none."""
@@ -19,6 +20,8 @@ COUNTS = ("steps", "hood_solves")
 """What a summary counts that is no iteration."""
 ELSEWHERE = ("strain_percent", "energy_mJ")
 """Quantities that have rows of another form."""
+MOST_DOTS = 8
+"""Points, and gauges, that are shown: of more, as of a grid, the page and the files have them."""
 Row = tuple[str, ...]
 
 
@@ -32,14 +35,16 @@ def tables(
 def rows_of(
     summary: Mapping[str, Any], mesh_errors: Mapping[str, float] | None = None
 ) -> list[tuple[Row, list[Row]]]:
-    """Header and rows of three tables: the states side by side, the tendons, and the checks; with
-    how far loaded numbers may be off by their mesh, by path, beside them."""
+    """Header and rows of the tables: the states side by side, the tendons, the user's gauges and
+    points on the hood, and the checks; with how far loaded numbers may be off by their mesh, by
+    path, beside them."""
     state = ("", "loaded", "mesh error", "at rest")
     arms = [f"arm {joint.replace('_', ' ')} mm" for joint in _joints(summary)]
     tendon = ("tendon", "tension N", "excursion mm", *arms)
     blocks = [
         (state, [row for row in _states(summary, mesh_errors or {}) if any(row[1:])]),
         (tendon, [row for row in _tendons(summary) if any(row[1:])]),
+        (("on the hood", "loaded", "at rest", "difference"), list(_dots(summary))),
         (("", ""), [row for row in _checks(summary) if row[1]]),
     ]
     return [_drop_empty_columns(header, rows) for header, rows in blocks if rows]
@@ -106,6 +111,35 @@ def _states(summary: Mapping[str, Any], errors: Mapping[str, float]) -> Iterator
             loaded, rest = (_number(value_of(summary, at + path)) for at in ("", "unloaded."))
             error = f"± {errors[path]:.2g}" if path in errors else ""
             yield (f"{label}, {unit_of(path)}", loaded, error, rest)
+
+
+def _dots(summary: Mapping[str, Any]) -> Iterator[Row]:
+    """The user's gauges, then the points: how far each has moved, and its strain."""
+    gauges = [path for path in numbers_of(summary) if path.startswith("gauge_strain_percent.")]
+    points = list(_at(summary, "point_displacement_mm") or {})
+    for path in gauges[:MOST_DOTS]:
+        yield f"{meaning_of(path, summary)}, %".replace("_", " "), *_three(summary, path)
+    for name in points[: MOST_DOTS if len(points) <= MOST_DOTS else 0]:
+        moved = f"point_displacement_mm.{name}"
+        yield f"displacement of {name.replace('_', ' ')}, mm", *_three(summary, moved, norm=True)
+        for part in ("longitudinal", "lateral"):
+            path = f"point_strain_percent.{name}.{part}"
+            yield f"{meaning_of(path, summary)}, %".replace("_", " "), *_three(summary, path)
+    if more := max(len(gauges) - MOST_DOTS, 0) + (len(points) if len(points) > MOST_DOTS else 0):
+        yield f"and {more} gauges and points more, in summary.json", "", "", ""
+
+
+def _three(summary: Mapping[str, Any], path: str, norm: bool = False) -> tuple[str, str, str]:
+    """A number, or the length of a vector, loaded, at rest and the difference."""
+    places = ("", "unloaded.", "difference.")
+    if not norm:
+        loaded, rest, change = (_number(value_of(summary, at + path)) for at in places)
+        return loaded, rest, change
+    vectors = ([value_of(summary, f"{at}{path}.{axis}") for axis in AXES] for at in places)
+    loaded, rest, change = (
+        "" if None in v else _number(math.hypot(*(x for x in v if x is not None))) for v in vectors
+    )
+    return loaded, rest, change
 
 
 def _joints(summary: Mapping[str, Any]) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ def solve_case(case: Case, session: Session, progress: Progress) -> Solved:
     Raises InputError, ConvergenceError and StoppedError."""
     if case.task == "motion":
         check_fit(case)
-        with _patience(case, progress) as tell:
+        with limit_patience(case, progress) as tell:
             return solve_motion(case, session, tell)
     return solve(case, session, progress)
 
@@ -38,12 +38,12 @@ def solve(case: Case, session: Session | None = None, progress: Progress = quiet
     Raises InputError and ConvergenceError."""
     check_fit(case)
     solver = solve_one_way if case.task == "one_way" else solve_static
-    with _patience(case, progress) as tell:
+    with limit_patience(case, progress) as tell:
         return solver(case, session or Session(), tell)
 
 
 @contextmanager
-def _patience(case: Case, progress: Progress) -> Iterator[Progress]:
+def limit_patience(case: Case, progress: Progress) -> Iterator[Progress]:
     """Progress that ends the solve within when the case's patience is over.
 
     Raises ConvergenceError, which says how far it came and what to try."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
+from math import ceil, log
 from typing import NamedTuple
 
 import numpy as np
@@ -28,9 +29,6 @@ LEAST_BLOCKS = 8
 WIDE = 0.1
 """Half width of an interval of an index, or of a slope in SDs, beyond which the runs are too few to
 say more than the order of the strongest."""
-RUNS_BEYOND = 119
-"""The least runs of which, with 95 % confidence, one lies beyond each end of the middle 95 %:
-1 - 0.975^n."""
 FOLDS = 10
 SEED = 1
 """Seed of the bootstrap and the folds; not 0, which SALib takes for none."""
@@ -224,13 +222,15 @@ def too_few_for_slopes(slopes: Slopes, runs: int, names: Sequence[str]) -> str:
     )
 
 
-def too_few_for_ends(runs: int) -> str:
-    """Say that the ends of the middle 95 % are those of the sample; nothing with enough runs."""
-    if runs >= RUNS_BEYOND:
+def too_few_for_ends(runs: int, middle: float = 0.95) -> str:
+    """Say that the ends of the middle part are those of the sample; nothing with enough runs: the
+    least of which, with 95 % confidence, one lies beyond each end."""
+    needed = ceil(log(1 - CONFIDENCE) / log((1 + middle) / 2))
+    if runs >= needed:
         return ""
     return (
-        f"middle 95 %: its ends are hardly known by {runs} runs, of which none may lie beyond the "
-        f"true ones; it takes {RUNS_BEYOND}"
+        f"middle {100 * middle:g} %: its ends are hardly known by {runs} runs, of which none may "
+        f"lie beyond the true ones; it takes {needed}"
     )
 
 

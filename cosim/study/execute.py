@@ -72,18 +72,18 @@ class StudyOutcome:
 def execute_study(
     plan: StudyPlan, store: Store, solve: Solve, again: bool, tell: Callable[[Count], None]
 ) -> StudyOutcome:
-    """Do what is left of the study; `again`: also what had failed.
+    """Do what is left of the study, the case as it is first; `again`: also what had failed.
 
     Raises InputError for an output that a run has not and for a store that cannot be written;
     every run that ended is in the store then."""
-    points = list(dict.fromkeys(plan.points))
+    points = list(dict.fromkeys([*plan.as_it_is, *plan.points]))
     done = StudyOutcome({}, {}, Count(len(points)))
     count, is_checked = done.count, False
 
     def note(verdict: Verdict) -> None:
         nonlocal is_checked
         count.end(verdict)
-        if verdict.status == "converged" and not is_checked:
+        if verdict.status == "converged" and not (is_checked or plan.bands):
             (row,) = store.rows([verdict.key])
             check_outputs(plan.outputs, row.summary)
             is_checked = True

@@ -36,6 +36,7 @@ MOST_AXES = 4
 """That a message names."""
 MOST_RUNS = 2_000_000
 """Of the largest study, whose plan takes some GB of memory."""
+OVER = "tendons.EDC.tension=2 N, 4 N, 6 N"
 FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")
 
 
@@ -211,6 +212,9 @@ class StudyFile(Table):
     """Keep the arrays of every run: all, or those named."""
     data: str = ""
     """A CSV file of measured values to show beside, relative to this file."""
+    bands: Switch = False
+    """Percentiles of the first numbers of any case beside the case as it is: what a case lacks of
+    the parameters and outputs is left out."""
 
 
 def study_schema() -> dict[str, Any]:
@@ -233,6 +237,21 @@ def study_schema() -> dict[str, Any]:
         [*tests, (neither, bounds)], [distribution, values, bounds]
     )
     return schema
+
+
+def over_parameter(text: str) -> Parameter:
+    """The values of a case's key to pass over, from KEY=VALUE, VALUE, ...  Raises InputError."""
+    key, _, stated = (part.strip() for part in text.partition("="))
+    values = [value.strip() for value in stated.split(",") if value.strip()]
+    if not key or len(values) < 2:
+        raise InputError(f'--over {text!r}: write KEY=VALUE, VALUE, ..., as "{OVER}"')
+    try:
+        found = _parameter(key, {"values": values})
+    except (ValidationError, InputError) as error:
+        raise InputError(f"--over {text!r}: {error}") from None
+    if not (is_axis(found.law) and found.law.is_numeric):
+        raise InputError(f'--over {text!r}: a curve is over numbers, as "{OVER}"')
+    return found
 
 
 class Parameter(NamedTuple):
@@ -307,7 +326,7 @@ def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:
                 lines.append(f"{place_text(('parameters', name))}: {error}")
     if checked is not None:
         lines += _sampling_faults(checked, parameters)
-        lines += _size_faults(checked, parameters)
+        lines += size_faults(checked, checked.sampling, parameters)
     if lines or checked is None:
         raise InputError(listing(str(source), sorted(lines), len(lines)))
     return checked, tuple(parameters)
@@ -389,14 +408,17 @@ def count_runs(sampling: SamplingConfig | None, parameters: Sequence[Parameter])
     return steps * count_points(sampling.kind, drawn, sampling.n, sampling.second_order)
 
 
-def _size_faults(study: StudyFile, parameters: Sequence[Parameter]) -> Iterator[str]:
-    runs, most = count_runs(study.sampling, parameters), study.limits.runs
+def size_faults(
+    study: StudyFile, sampling: SamplingConfig | None, parameters: Sequence[Parameter]
+) -> Iterator[str]:
+    """Say where a study of this sampling has more runs than it may."""
+    runs, most = count_runs(sampling, parameters), study.limits.runs
     at_least = "at least " if len(parameters) < len(study.parameters) else ""
     if runs <= most:
         return
     axes = [f"{len(p.law.values)} values of {p.name}" for p in parameters if is_axis(p.law)]
-    if study.sampling is not None and len(axes) < len(parameters):
-        axes = [f"{study.sampling.kind} of n = {study.sampling.n}", *axes]
+    if sampling is not None and len(axes) < len(parameters):
+        axes = [f"{sampling.kind} of n = {sampling.n}", *axes]
     more = f" and {len(axes) - MOST_AXES} more" if len(axes) > MOST_AXES else ""
     shown = " x ".join(axes[:MOST_AXES])
     advice = f"or write a larger limits.runs, at most {MOST_RUNS:,}"

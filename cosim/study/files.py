@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cosim.files import output_file, relative_path
 from cosim.json_text import json_text
 from cosim.schema.json_schema import STUDY_SCHEMA, with_schema
 from cosim.study.answers import CONFIDENCE, QUANTILES, Indices, Screening
+from cosim.study.bands import bands_of, write_bands
 from cosim.study.execute import StudyOutcome
 from cosim.study.plan import StudyPlan
 from cosim.study.results import FORMAT, MARK, StudyResults, finite, read_study
 from cosim.study.store import Store
 from cosim.study.table import table_of, units_of, write_table
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 def write_study(plan: StudyPlan, done: StudyOutcome, store: Store, folder: Path) -> StudyResults:
-    """Table, answers and page in the folder.  Raises InputError where it cannot be written."""
+    """Table, answers, bands and page in the folder.  Raises InputError where it cannot be
+    written."""
+    pictures: list[Figure] = []
+    if plan.bands:
+        bands = bands_of(plan, done, store)
+        there = {*bands.quantity}
+        plan = replace(plan, outputs={n: path for n, path in plan.outputs.items() if path in there})
+        pictures.append(write_bands(plan, bands, folder))
     write_table(table_of(plan, done, store), folder)
     _write(folder / "study.toml", with_schema(plan.text, f"../{STUDY_SCHEMA}"))
     _write(folder / MARK, _json(facts_of(plan, store, folder)))
@@ -30,7 +41,7 @@ def write_study(plan: StudyPlan, done: StudyOutcome, store: Store, folder: Path)
         _write(folder / "screening.csv", "\n".join(_screening_lines(study)) + "\n")
     from cosim.study.page import page
 
-    _write(folder / "index.html", page(study, plan))
+    _write(folder / "index.html", page(study, plan, pictures))
     return study
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cosim.report.templates import template
@@ -22,14 +22,15 @@ MOST_RUNS = 12
 """Named of a failure's."""
 
 
-def page(study: StudyResults, plan: StudyPlan) -> str:
-    """The whole page."""
+def page(study: StudyResults, plan: StudyPlan, pictures_of_bands: Sequence[Figure] = ()) -> str:
+    """The whole page; first the pictures of the bands, where there are any."""
     counts = study.table.status.value_counts().to_dict()
     return template("cosim.study").render(
         study=study,
         plan=plan,
         runs=len(study.table),
         converged=counts.get("converged", 0),
+        bands=[_picture(figure) for figure in pictures_of_bands],
         waiting=counts.get("waiting", 0),
         audit=int(((study.table.status == "converged") & (study.table.reason != "")).sum()),
         failures=list(_failures(study)),

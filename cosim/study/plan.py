@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,21 @@ from cosim.port import Array
 from cosim.results.compare import Target, read_targets
 from cosim.schema.fields import is_number
 from cosim.study.distributions import Word, is_axis, middle
-from cosim.study.file import FORM, Parameter, SamplingConfig, count_runs, find_study, read_file
+from cosim.study.file import (
+    FORM,
+    Parameter,
+    SamplingConfig,
+    count_runs,
+    find_study,
+    over_parameter,
+    read_file,
+    size_faults,
+)
 from cosim.study.sampling import check_sampling, points, unit_points
 from cosim.text_tables import read_text
 
-Point = tuple[Word, ...]
-"""A value for each parameter."""
+Point = tuple[Word | None, ...]
+"""A value for each parameter; None: as the case has it."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +57,10 @@ class StudyPlan:
     """Measured numbers to show beside the outputs."""
     base: Mapping[str, Any]
     """The case with `settings`, as its file would state it."""
+    bands: bool = False
+    """Whether the case is solved as it is too, to lie beside the percentiles of its numbers."""
+    lacking: tuple[str, ...] = ()
+    """Labels of the file's parameters that the case has nothing of, where there are bands."""
 
     @cached_property
     def samples(self) -> Array | None:
@@ -59,13 +73,22 @@ class StudyPlan:
 
     @property
     def count(self) -> int:
-        """How many runs it has."""
+        """How many runs it has, without those of `as_it_is`."""
         return count_runs(self.sampling, self.parameters)
+
+    @cached_property
+    def as_it_is(self) -> list[Point]:
+        """The points, None for what is sampled, of the case as it is, at every value of the axes;
+        none without bands."""
+        if not self.bands:
+            return []
+        steps: list[Point] = [p.law.values if is_axis(p.law) else (None,) for p in self.parameters]
+        return [tuple(values) for values in product(*steps)]
 
     @cached_property
     def points(self) -> list[Point]:
         """The points of all runs, in order."""
-        return points(tuple(p.law for p in self.parameters), self.samples)
+        return [*points(tuple(p.law for p in self.parameters), self.samples)]
 
     def settings_at(self, point: Point) -> Settings:
         """KEY=VALUE of a run.  Raises InputError for a key to scale that has no number."""
@@ -73,16 +96,30 @@ class StudyPlan:
 
 
 def read_plan(
-    path_or_name: str | Path, other: str | Path | None = None, own: Settings = ()
+    path_or_name: str | Path,
+    other: str | Path | None = None,
+    own: Settings = (),
+    samples: int | None = None,
+    over: str | None = None,
 ) -> StudyPlan:
     """The study of a file or of a packaged name, of its case or of the `other`, a path from here or
-    a packaged name, with settings of one's `own` on top of the file's; checked with its case, at
-    its settings and in the middle of every parameter.
+    a packaged name, with settings of one's `own` on top of the file's, as many `samples` in place
+    of the file's, and all of them at each value of a key of the case (`over_parameter`); checked
+    with its case, at its settings and in the middle of every parameter.
 
     Raises InputError."""
     source = find_study(path_or_name)
     check_name(source.stem)  # the folder of what it leaves
     read, parameters = read_file(source)
+    sampling = read.sampling
+    if samples is not None:
+        if sampling is None:
+            raise InputError(f"{source}: samples: no parameter has a distribution to sample")
+        sampling = sampling.model_copy(update={"n": samples})
+    if over is not None:
+        parameters = (over_parameter(over), *parameters)  # first, since others shift its values
+    if faults := list(size_faults(read, sampling, parameters)):
+        raise InputError(f"{source}: {faults[0]}")
     try:
         case = find_case(other) if other else find_case(read.case, source.parent)
         settings = (*read.settings, *own)
@@ -91,6 +128,13 @@ def read_plan(
         raise InputError(f"{source}: case: {error}") from None
     values = base.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
     targets = _targets(source, read.data)
+    lacking: tuple[str, ...] = ()
+    if read.bands:
+        there = [p if is_axis(p.law) else _there(p, values) for p in parameters]
+        lacking = tuple(p.label for p in there if not _keys(p))
+        parameters = tuple(p for p in there if _keys(p))
+        if not any(not is_axis(p.law) for p in parameters):
+            raise InputError(f"{source}: {case.stem} has none of the inputs that it varies")
     plan = StudyPlan(
         source.stem,
         read.title or source.stem,
@@ -99,13 +143,15 @@ def read_plan(
         case,
         settings,
         parameters,
-        read.sampling,
+        sampling,
         read.outputs,
         read.limits.time,
         read.limits.failures,
         read.arrays,
         targets,
         values,
+        read.bands,
+        lacking,
     )
     _check_middle(source, plan)
     return plan
@@ -136,6 +182,8 @@ def _settings(
     texts: dict[str, str] = {}
     changed: dict[str, Any] = {}
     for p, value in zip(parameters, point, strict=True):
+        if value is None:  # as it is
+            continue
         written = _number(value, p.unit) if type(value) is float else _word(value)
         for text in p.settings:
             key, _, stated = (part.strip() for part in text.partition("="))
@@ -154,17 +202,23 @@ def applicable_settings(
     """KEY=VALUE of a point in a case that lacks some of what the parameters change: these have no
     effect there.  Raises InputError for what is no number."""
 
+    return tuple(_settings([_there(p, base) for p in parameters], point, base))
+
+
+def _there(p: Parameter, base: Mapping[str, Any]) -> Parameter:
+    """The parameter with the keys alone that the case has."""
+
     def has(key: str) -> bool:
         return any(True for _ in _find_values(base, key.partition("=")[0].strip().split("."), ()))
 
     def kept(keys: Iterable[str]) -> tuple[str, ...]:
         return tuple(filter(has, keys))
 
-    there = [
-        p._replace(settings=kept(p.settings), scale=kept(p.scale), shift=kept(p.shift))
-        for p in parameters
-    ]
-    return tuple(_settings(there, point, base))
+    return p._replace(settings=kept(p.settings), scale=kept(p.scale), shift=kept(p.shift))
+
+
+def _keys(p: Parameter) -> tuple[str, ...]:
+    return (*p.settings, *p.scale, *p.shift)
 
 
 def _number(value: float, unit: str) -> str:

@@ -91,6 +91,17 @@ class StudyResults:
             raise InputError(f"no output {output!r}; there are {', '.join(self.outputs)}")
         return self.table[output].to_numpy(float)
 
+    @cached_property
+    def bands(self) -> pd.DataFrame:
+        """Percentiles of the first numbers beside the case as it is (`bands.bands_of`).  Raises
+        InputError of a study without."""
+        import pandas as pd
+
+        path = self.folder / "bands.csv"
+        if not path.is_file():
+            raise InputError(f"{self.folder}: has no bands; `bands = true` in the study makes them")
+        return pd.read_csv(path)
+
     def band(self, output: str) -> Band | None:
         """Mean, SD and quantiles."""
         return answers.band(self.values(output))

@@ -2,7 +2,7 @@
 
 It listens on this machine alone.  A request is refused where its Host or Origin is another's, or
 where it has not the token of the address that was opened: a page of the net cannot ask it, and
-neither can another user of this machine.  No route takes a path of a file; the text of a case that
+neither can another user of this machine.  No address names a file; the text of a case that
 is sent may name files, as one on the command line may.
 """
 

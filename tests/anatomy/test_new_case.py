@@ -298,6 +298,28 @@ def test_bones_in_one_scan_are_brought_into_their_bodies(surfaces: Surfaces, tmp
         read_bones([tmp_path / f"{b}.stl" for b in BODIES], "body", "mm", laid, there)
 
 
+@pytest.mark.parametrize("wider", [0.9, 1.12])
+def test_bones_of_the_other_side_are_refused(surfaces: Surfaces, tmp_path: Path, wider: float):
+    """Those of one side and a little other are taken without a word."""
+    right = {
+        body: (points * [1, wider, wider], faces) for body, (points, faces) in surfaces.items()
+    }
+    assert read_bones(write(right, tmp_path), "body", "mm", Placing(), chain()).notes == ()
+    left = {body: (points * [1, -1, 1], faces[:, ::-1]) for body, (points, faces) in right.items()}
+    said = bone_faults(left, tmp_path)
+    assert "metacarpal: is like one of a left hand" in said
+    assert "mirror the four bones as the hood was mirrored" in said
+
+
+def test_bones_alone_are_told_the_way_that_there_is(files: Path, tmp_path: Path):
+    code, said = new(tmp_path, *bones(files))
+    assert code == 2
+    assert "[finger.bones.proximal]" in said
+    text = 'extends = "split_edc"\n[finger.bones.proximal]\nsurface = "proximal.obj"\n'
+    (files / "own.toml").write_text(f'{text}unit = "m"\nframe = "ours"\n', encoding="utf-8")
+    assert load_case(files / "own.toml").finger.bones["proximal"].frame == "ours"
+
+
 def test_holes_pieces_specks_and_inward_triangles(surfaces: Surfaces, tmp_path: Path):
     points, faces = surfaces["middle"]
     told = bone_faults(dict(surfaces) | {"middle": (points, faces[1:])}, tmp_path)

@@ -227,7 +227,7 @@ def test_a_page_of_poses_with_pictures_and_tables(tmp_path, monkeypatch):
     assert write_figures(paper, wanted, tmp_path / "out", lambda text: None) == 1
     page = (tmp_path / "out/index.html").read_text(encoding="utf-8")
     assert "No equilibrium (crosses at the bottom): 0/90/0, rest" in page
-    assert "cosim hood --only bands" in page
+    assert "python -m cases.hood_gallery --only bands" in page
     table = pd.read_csv(tmp_path / "out/bands.csv")
     assert {"hood_residual", "max_penetration_mm", "status"} <= set(table)
     assert (tmp_path / "out/bands.png").read_bytes().startswith(b"\x89PNG")

@@ -151,10 +151,18 @@ def fail(kind: str) -> None:
     raise UnportableError(1, 2) if kind == "unportable" else ZeroDivisionError("of mine")
 
 
+LATE = 20.0
+"""s, of a call that is ended: it begins earlier on any machine."""
+
+
 def test_a_call_over_its_time_ends_its_process_and_the_next_has_another() -> None:
     process = WorkerProcess()
     try:
         first = process.call(os.getpid, limit=60.0)
+        with pytest.raises(TimeLimitError):
+            process.call(time.sleep, LATE, limit=0.1)
+        # of a process that sleeps on, the next call would get what the sleep returns
+        assert process.call(abs, -3, limit=HANG) == 3
         begun = time.monotonic()
         with pytest.raises(TimeLimitError, match=r"took longer than 0\.1 s"):
             process.call(time.sleep, 2 * HANG, limit=0.1)

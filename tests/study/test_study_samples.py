@@ -10,7 +10,6 @@ import pytest
 from cosim.errors import InputError
 from cosim.study.answers import (
     MOST_LOST,
-    RUNS_BEYOND,
     WIDE,
     Indices,
     band,
@@ -251,6 +250,6 @@ def test_a_slope_is_known_by_many_runs_and_not_by_few():
 
 
 def test_the_ends_of_the_middle_are_known_from_as_many_runs_as_the_binomial_law_asks():
-    assert 1 - 0.975**RUNS_BEYOND >= 0.95 > 1 - 0.975 ** (RUNS_BEYOND - 1)
-    assert "by 118 runs" in too_few_for_ends(RUNS_BEYOND - 1)
-    assert not too_few_for_ends(RUNS_BEYOND)
+    assert 1 - 0.975**119 >= 0.95 > 1 - 0.975**118
+    assert "by 118 runs" in too_few_for_ends(118)
+    assert not too_few_for_ends(119)

@@ -16,7 +16,7 @@ from cosim.errors import ConvergenceError, InputError, ResidualText, StoppedErro
 from cosim.processes import ProcessEndedError
 from cosim.results.read import read_run
 from cosim.ui import desk as desk_module
-from cosim.ui.desk import Desk
+from cosim.ui.desk import MOST_TEXT, Desk
 from tests.helpers.hang import HANG
 
 FLEXION = "finger.posture.PIP"
@@ -290,6 +290,7 @@ def test_a_case_that_is_sent_is_opened_or_its_faults_are_said(desk):
         ("a.toml", "title = ", "not valid TOML"),
         ("a.toml", 'extends = "pulley_edc"\ntytle = "x"', "did you mean title"),
         ("..", "", "expected a name"),
+        ("a.toml", 'extends = "pulley_edc"\n#' + MOST_TEXT * "x", "a: is larger than a case file"),
     ):
         with pytest.raises(InputError, match=words):
             desk.open_text(name, text)

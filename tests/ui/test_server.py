@@ -19,6 +19,7 @@ import pytest
 
 from cosim.case.file import load_case
 from cosim.errors import InputError
+from cosim.ui import server
 from cosim.ui.desk import Desk
 from cosim.ui.server import ACTIONS, _states, application, listening
 from tests.helpers.folders import ROOT
@@ -106,6 +107,24 @@ def test_a_request_that_is_none_is_an_error_in_words(client, content):
     answer = client.post("/do/change", headers={"Origin": ORIGIN}, content=content)
     assert answer.status_code == 400
     assert answer.json()["error"]
+
+
+def test_a_request_that_is_too_large_is_not_read_to_its_end(client, monkeypatch):
+    """A request of the same kind is done, up to the size."""
+    content = b'{"padding": "%s"}'
+    monkeypatch.setattr(server, "MOST_BODY", 1000)
+    for size, code in ((900, 200), (1000, 400)):
+        body = content % (b"x" * size)
+        answer = client.post("/do/unpin", headers={"Origin": ORIGIN}, content=body)
+        assert answer.status_code == code
+    assert "larger than a case file" in answer.json()["error"]
+
+
+@pytest.mark.parametrize("path", [p for p in (*GETS, "/events") if p != "/"])
+def test_the_token_in_an_address_opens_the_page_alone(stranger, path):
+    """Addresses are kept by browsers: all else takes the cookie that the page gives."""
+    assert stranger.get(f"{path}?token={TOKEN}").status_code == 403
+    assert stranger.post(f"/do/unpin?token={TOKEN}", headers={"Origin": ORIGIN}).status_code == 403
 
 
 def test_an_action_that_is_none_is_not_found(client):

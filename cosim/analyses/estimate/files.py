@@ -76,12 +76,14 @@ def write_motion(folder: Path, s: Setup, result: MotionEstimate, wall: float) ->
     table |= {f"{j}_made_Nmm": 1e3 * result.torque[:, k] for k, j in enumerate(joints)}
     table |= {f"{n}_N": result.tension[:, k] for k, n in enumerate(s.capacity.names)}
     with output_folder(folder, MARK) as part:
-        audit = {
+        audit: dict[str, Any] = {
             "worst_miss": result.worst,
             "largest_torque_lacking_Nmm": 1e3
             * float(np.abs(result.torque - result.required_torque).max()),
             "hood_solves": result.rounds,
         }
+        if result.stopped is not None:
+            audit["stopped"] = str(result.stopped) or "by the user"
         if (miss := result.motion.markers_miss) is not None:
             audit["markers_miss_mm"] = 1e3 * miss
         most = dict(zip(s.capacity.names, result.tension.max(axis=0), strict=True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,17 @@ class JointMotion:
     acceleration: Array
     markers_miss: float | None = None
     """m, root of the mean square by which the markers that it is from miss the finger's."""
+
+    def first(self, count: int) -> JointMotion:
+        """Its first times, so many."""
+        n = slice(count)
+        return replace(
+            self,
+            time=self.time[n],
+            angle=self.angle[n],
+            rate=self.rate[n],
+            acceleration=self.acceleration[n],
+        )
 
 
 def read_motion(

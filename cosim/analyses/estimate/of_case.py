@@ -14,6 +14,7 @@ from cosim.analyses.estimate.demand import Demand, force_demand, torque_demand
 from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.tensions import (
+    MOST_ROUNDS,
     Bounds,
     Cost,
     Estimate,
@@ -21,12 +22,13 @@ from cosim.analyses.estimate.tensions import (
     format_components,
 )
 from cosim.case.schema import Case
-from cosim.errors import ConvergenceError, InputError, Progress
+from cosim.errors import ConvergenceError, CosimError, InputError, Progress, span
 from cosim.fingers.kinds import with_mass
 from cosim.models.build import Models, build
 from cosim.port import AXES, Array, PairState, State, Tensions
 from cosim.schema import units
 from cosim.solve.equilibrium import solve_equilibrium
+from cosim.solve.solvers import limit_patience
 from rigid.mujoco.finger import MujocoFinger, needed_torque
 from rigid.muscle.least_cost import Power
 
@@ -249,35 +251,61 @@ class MotionEstimate:
     worst: float
     """Relative, of the conditions of optimality and of the torques."""
     rounds: int
+    stopped: CosimError | KeyboardInterrupt | None = None
+    """Why the motion's other times have no estimate; None where all have one."""
 
 
 def for_motion(
     s: Setup, motion: JointMotion, progress: Progress, reserve: float = 0.0
 ) -> MotionEstimate:
     """Tensions along a motion, of which hood and muscles make its torques by inverse dynamics, each
-    sample from the one before; a torque may lack `reserve` N m where tensions make no better.
+    sample from the one before; a torque may lack `reserve` N m where tensions make no better.  A
+    time is looked for no longer than the case's `solve.patience`, and by `most_solves` hood solves.
 
     Raises InputError (a finger without mass, angles out of range, torques out of reach), naming the
-    time, and ConvergenceError."""
+    time, and ConvergenceError, where the first time has none; after it what was reached is
+    returned, with the error."""
     needed = _required_torque(s, motion)
     joints = s.models.finger.joints
-    start, tensions, torque, worst, rounds = None, [], [], 0.0, 0
+    tensions: list[Array] = []
+    start, torque, worst, rounds = None, [], 0.0, 0
+    stopped: CosimError | KeyboardInterrupt | None = None
+    each = f"at most {most_solves(s)} hood solves each"
+    if s.case.solve.patience is not None:
+        each += f", and {span(s.case.solve.patience)} (solve.patience)"
+    progress(f"{len(motion.time)} times, {each}")
     for k, time in enumerate(motion.time):
-        held = s.hold_finger(dict(zip(joints, motion.angle[k], strict=True)))
         try:
-            estimated = cheapest(s, held, torque_demand(held), needed[k], start, reserve)
+            held = s.hold_finger(dict(zip(joints, motion.angle[k], strict=True)))
+            with limit_patience(s.case, progress):
+                estimated = cheapest(s, held, torque_demand(held), needed[k], start, reserve)
         except (InputError, ConvergenceError) as error:
-            raise type(error)(
-                f"at {time:.4g} s of the motion: {error}. Of a motion, --reserve says how much "
-                "torque may lack"
-            ) from error
+            stopped = type(error)(
+                f"at {time:.4g} s of the motion: {str(error).rstrip('.')}. Of a motion, --reserve "
+                "says how much torque may lack"
+            )
+            stopped.__cause__ = error
+        except KeyboardInterrupt as interrupt:
+            stopped = interrupt
+        if stopped is not None:
+            if not tensions:
+                raise stopped
+            break
         progress(f"{k + 1}/{len(motion.time)}, {time:.3g} s: {estimated.rounds} rounds")
         start = estimated.tension, estimated.at.state
         tensions.append(estimated.tension)
         torque.append(estimated.components)
         worst = max(worst, estimated.optimum.miss, estimated.gap)
         rounds += estimated.rounds
-    return MotionEstimate(motion, needed, np.array(torque), np.array(tensions), worst, rounds)
+    n = len(tensions)
+    return MotionEstimate(
+        motion.first(n), needed[:n], np.array(torque), np.array(tensions), worst, rounds, stopped
+    )
+
+
+def most_solves(s: Setup) -> int:
+    """The most hood solves that `cheapest` takes, but for those of steps that are halved."""
+    return MOST_ROUNDS * (1 if s.case.hood.shares_fixed else 1 + len(FIRST))
 
 
 def cheapest(

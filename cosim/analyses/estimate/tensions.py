@@ -23,8 +23,18 @@ from rigid.muscle.least_cost import Optimum, Power, Programme, least
 
 MOST_ROUNDS = 40
 PATIENCE = 6
-"""Rounds after which a step that does not bring the hood nearer to what was predicted is halved."""
+"""Rounds of whole steps; then steps stay within a region round the best tensions so far, which
+grows and shrinks by the part of its promise that a step makes, and only a gain counts."""
 LEAST_PART = 2.0**-8
+"""Of a step on which the hood's own solve fails."""
+LARGEST_STEP, LEAST_REGION = 0.5, 1e-4
+"""Half width of the region at first, and below which the rounds end: of the largest tension."""
+SLOW, STALLED = 1e-3, 5
+"""Relative gain of the best miss that does not count, and rounds without one in a row after which
+the best that was reached is taken for the nearest of a demand that the region cannot meet."""
+REFUSED, POOR, GOOD = 0.05, 0.25, 0.75
+"""Parts of the promise below which a step is not taken, and the region shrinks, and above which it
+grows."""
 AGREED = 1e-6
 """Relative difference of the hood's torques and the predicted ones, and of tensions between
 rounds, at which the rounds end."""
@@ -86,27 +96,99 @@ def estimate(
     do not agree."""
     tension, state = (bounds.least, held.begin()) if start is None else start
     at = held.at(tension, state)
-    aim, part, last = tension, 1.0, np.inf
+    reached = _Reached(tension, at, _miss(demand, wanted, at))
+    best, region, merit, idle = reached, np.inf, Merit(cost), 0
     for rounds in range(1, MOST_ROUNDS + 1):
-        programme = linearise(demand, wanted, tension, at, bounds)
-        solution = least(programme, cost.factors, cost.power)
-        asked = wanted if solution is not None else nearest(demand, wanted, tension, at, bounds)
-        if solution is None:
-            programme = linearise(demand, asked, tension, at, bounds)
-            solution = least(programme, cost.factors, cost.power)
-        if solution is None:
-            raise _not_converged(rounds, last)
-        gap, moved = _gap(demand, asked, at), _relative_change(tension, solution.x)
+        if rounds == PATIENCE + 1:
+            reached, region = best, LARGEST_STEP * float(best.tension.max())
+        tension, at = reached.tension, reached.at
+        box = Bounds(
+            np.maximum(bounds.least, tension - region), np.minimum(bounds.most, tension + region)
+        )
+        asked, programme, solution = _aim(demand, wanted, reached, box, cost)
+        gap, length = _gap(demand, asked, at), float(np.abs(solution.x - tension).max())
+        moved, is_free = _relative_change(tension, solution.x), length < 0.999 * region
         progress(f"round {rounds}: torques off by {gap:.1e}, tensions by {moved:.1e}")
-        if gap <= AGREED and moved <= AGREED:
+        is_nearest = idle >= STALLED and asked is not wanted
+        if is_nearest:
+            tension, at = best.tension, best.at
+            asked = demand.component_values(at.torque)
+            gap = _gap(demand, asked, at)
+        if is_nearest or (gap <= AGREED and moved <= AGREED):
             if np.abs(asked - wanted).max() > max(SHORT * np.abs(wanted).max(), reserve, 1e-12):
                 raise _out_of_reach(demand, wanted, asked, programme, tension, bounds, held)
             return Estimate(tension, demand.component_values(at.torque), at, solution, gap, rounds)
-        if rounds > PATIENCE and gap + moved >= last:
-            part = max(0.5 * part, LEAST_PART)
-        last, aim = gap + moved, solution.x
-        tension, at = _take_step(held, tension, at, aim, part)
-    raise _not_converged(MOST_ROUNDS, last)
+        trial, there = _take_step(held, tension, at, solution.x)
+        new = _Reached(trial, there, _miss(demand, wanted, there))
+        is_taken = True
+        if rounds > PATIENCE:
+            part = merit.part_made(reached, solution.x, new, demand, wanted)
+            if part < POOR:
+                region = (0.5 if part > REFUSED else 0.25) * length
+            elif part > GOOD and not is_free:
+                region *= 2.0
+            if region < LEAST_REGION * max(1.0, float(tension.max())):
+                if asked is wanted and gap <= AGREED:  # at a kink, which no step away gains from
+                    kink = solution._replace(miss=max(solution.miss, moved))
+                    made = demand.component_values(at.torque)
+                    return Estimate(tension, made, at, kink, gap, rounds)
+                break
+            idle = 0 if new.miss < (1.0 - SLOW) * best.miss else idle + 1
+            is_taken = part > REFUSED
+        best = min(best, new, key=lambda r: r.miss)
+        reached = new if is_taken else reached
+    raise _not_converged(rounds, reached.miss)
+
+
+class _Reached(NamedTuple):
+    """Tensions (n,) N, the hood's torques under them, and the relative miss of what is wanted."""
+
+    tension: Array
+    at: Torques
+    miss: float
+
+
+def _aim(
+    demand: Demand, wanted: Array, reached: _Reached, box: Bounds, cost: Cost
+) -> tuple[Array, Programme, Optimum]:
+    """The components (d,) that tensions in the box make, the wanted ones or those nearest, with the
+    programme of them and its solution, linearised at what was reached."""
+    tension, at = reached.tension, reached.at
+    programme = linearise(demand, wanted, tension, at, box)
+    solution = least(programme, cost.factors, cost.power)
+    if solution is not None:
+        return wanted, programme, solution
+    asked, nearby = _nearest(demand, wanted, tension, at, box)
+    programme = linearise(demand, asked, tension, at, box)
+    return asked, programme, least(programme, cost.factors, cost.power) or nearby
+
+
+@dataclass
+class Merit:
+    """What a step is judged by: cost, relative to the largest seen, and the miss of what is wanted,
+    at a weight that grows until a step that the linearised hood calls for counts as a gain
+    (Nocedal and Wright 2006, sections 18.3 and 18.5)."""
+
+    cost: Cost
+    weight: float = 1.0
+    scale: float = 0.0
+
+    def part_made(
+        self, reached: _Reached, aim: Array, new: _Reached, demand: Demand, wanted: Array
+    ) -> float:
+        """The gain of a step over the one that the linearised hood promised of the aim (n,) N."""
+        at, begun = reached.at, reached.tension
+        torque = at.torque + at.by_tension @ (aim - begun)
+        miss = _miss(demand, wanted, at._replace(torque=torque))
+        values = [float(self.cost.factors @ t**self.cost.power) for t in (begun, aim, new.tension)]
+        self.scale = max(self.scale, *values[:2])
+        before, promised, after = (value / (self.scale or 1.0) for value in values)
+        if reached.miss > miss:
+            self.weight = max(self.weight, 2.0 * (promised - before) / (reached.miss - miss))
+        gain = before - promised + self.weight * (reached.miss - miss)
+        if gain <= SHORT:
+            return 1.0
+        return (before - after + self.weight * (reached.miss - new.miss)) / gain
 
 
 def least_beyond(programme: Programme, cost: Cost, kept: Array) -> Optimum | None:
@@ -130,6 +212,13 @@ def linearise(
 def nearest(demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: Bounds) -> Array:
     """The components (d,) nearest to those wanted that tensions within the bounds can make, as
     linearised.  Raises InputError where they balance none at all."""
+    return _nearest(demand, wanted, tension, at, bounds)[0]
+
+
+def _nearest(
+    demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: Bounds
+) -> tuple[Array, Optimum]:
+    """The components of `nearest`, and tensions that make them."""
     programme = linearise(demand, wanted, tension, at, bounds)
     d, n = len(wanted), len(tension)
     free = np.full(d, np.inf)
@@ -148,8 +237,8 @@ def nearest(demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: 
             "some joint is left with a torque. Try another posture, wider bounds (max_force of a "
             'tendon), or a clamped fingertip (finger.tip.kind = "clamped")'
         )
-    components: Array = wanted + unit * solution.x[:d]
-    return components
+    made = np.clip(solution.x[d:], *bounds)
+    return wanted + unit * solution.x[:d], Optimum(made, np.zeros(d), solution.miss)
 
 
 def reach(demand: Demand, wanted: Array, programme: Programme) -> tuple[float, float] | None:
@@ -170,11 +259,10 @@ def reach(demand: Demand, wanted: Array, programme: Programme) -> tuple[float, f
     return ends[0], ends[1]
 
 
-def _take_step(
-    held: HeldFinger, tension: Array, at: Torques, aim: Array, part: float
-) -> tuple[Array, Torques]:
-    """The tensions a part of the way on, and the hood there; less of it where the hood's own solve
+def _take_step(held: HeldFinger, tension: Array, at: Torques, aim: Array) -> tuple[Array, Torques]:
+    """The tensions aimed at, and the hood there; a part of the way where the hood's own solve
     fails, from its last state or from its start."""
+    part = 1.0
     while True:
         trial = tension + part * (aim - tension)
         for state in (at.state, None):
@@ -188,10 +276,17 @@ def _take_step(
 
 
 def _gap(demand: Demand, asked: Array, at: Torques) -> float:
-    """The torques' miss, relative to the largest torque in play."""
-    torque, need = demand.rows @ (at.torque + demand.beside), demand.spread @ asked
+    """The torques' largest miss, relative to the largest torque in play."""
+    need = demand.spread @ asked
     scale = max(float(np.abs(at.torque).max()), float(np.abs(need).max()), 1e-6)
-    return float(np.abs(torque - need).max() / scale)
+    return float(np.abs(demand.rows @ (at.torque + demand.beside) - need).max() / scale)
+
+
+def _miss(demand: Demand, wanted: Array, at: Torques) -> float:
+    """The torques' miss by squares, as `nearest` has it, relative to the wanted torques."""
+    need = demand.spread @ wanted
+    missed = demand.rows @ (at.torque + demand.beside) - need
+    return float(np.linalg.norm(missed) / max(float(np.linalg.norm(need)), 1e-6))
 
 
 def _relative_change(last: Array, new: Array) -> float:
