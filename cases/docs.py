@@ -38,6 +38,7 @@ CONTENTS = {
     "Cases and measurements": {
         "cases/README.md": "cases/index.md",
         "cases/papers/README.md": "cases/papers.md",
+        "cosim/validation/README.md": "trust.md",
         ".docs/measured.md": "measured.md",
         ".docs/scores.md": "scores.md",
         ".docs/credibility.md": "credible.md",
