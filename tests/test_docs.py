@@ -48,7 +48,7 @@ def test_links_are_rewritten_to_the_places(tmp_path: Path):
     assert "](index.md#set-up)" in contributing
     assert "](developers.md)" in contributing
     program = (tmp_path / "cosim" / "index.md").read_text(encoding="utf-8")
-    assert "](../index.md#how-far-to-trust-it)" in program
+    assert "](../trust.md)" in program
     assert (tmp_path / "cases" / "isometric" / "picture.png").is_file()
 
 
