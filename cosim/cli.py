@@ -102,7 +102,9 @@ COMMANDS = {
             "listing.list_things", "Cases, studies, trials and kinds.", "cosim list materials"
         ),
         "explain": Command(
-            "listing.explain", "What a key of a case file means.", "cosim explain hood.regions"
+            "listing.explain",
+            "What a key of a case file or a word means.",
+            "cosim explain hood.regions",
         ),
         "schema": Command(
             "run.schema",
@@ -194,11 +196,6 @@ COMMANDS = {
             "reproduce.reproduce",
             "Compute a paper's figures and tables anew.",
             "cosim reproduce networks",
-        ),
-        "glossary": Command(
-            "glossary.glossary",
-            "The words and axes of cases and results.",
-            "cosim glossary excursion",
         ),
         "info": Command("info.info", "What is installed and in use.", "cosim info"),
         "warm": Command("warm.warm", "Compile and bake ahead of the first run.", "cosim warm"),

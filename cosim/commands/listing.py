@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import StrEnum
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich import box
+from rich.markdown import Markdown
+from rich.table import Table
 
 from cosim.case.file import json_schema, packaged_cases
-from cosim.commands.terminal import exit_on_error, print_table
+from cosim.commands.terminal import console, exit_on_error, print_table
 from cosim.errors import InputError, nearest_names
 from cosim.hoods.kinds import KINDS
 from cosim.report.measured_page import source_rows, write_measured_page
@@ -21,6 +25,7 @@ from cosim.text_tables import read_toml
 from cosim.validation.credibility_page import credibility_rows, write_credibility_page
 from cosim.validation.plan import groups
 
+GLOSSARY = "## Glossary\n"
 Schema = Mapping[str, Any]
 Rows = Sequence[tuple[str, ...]]
 
@@ -66,19 +71,45 @@ def list_things(
 
 
 def explain(
-    key: Annotated[
-        str, typer.Argument(help='Key of a case file, for example "hood.regions"; none: the top.')
+    word: Annotated[
+        str,
+        typer.Argument(
+            help='Key of a case file, for example "hood.regions", or a word of cases, results and '
+            "reports; none: the top of a case file, and the glossary."
+        ),
     ] = "",
 ) -> None:
-    """What a key of a case file means: what it may hold, unit, range and default."""
+    """What a key of a case file may hold, its unit, range and default; or what a word means."""
+    entries = {
+        name: meaning
+        for name, meaning in read_glossary().items()
+        if word.casefold() in f"{name} {meaning}".casefold()
+    }
+    described: Sequence[tuple[str, str, Rows]] = ()
     with exit_on_error():
-        whole = json_schema()
-        for title, text, rows in describe_key(whole, key):
-            typer.echo(title)
-            if text:
-                typer.echo(text)
-            if rows:
-                print_table("", ("key", "what", "default"), rows, of_words=True)
+        try:
+            described = list(describe_key(json_schema(), word))
+        except InputError as error:
+            if not entries:
+                raise InputError(f"{error}; the glossary has no such word either") from error
+    for title, text, rows in described:
+        typer.echo(title)
+        if text:
+            typer.echo(text)
+        if rows:
+            print_table("", ("key", "what", "default"), rows, of_words=True)
+    if not word or not described:
+        table = Table("word", "means", box=box.SIMPLE, pad_edge=False)
+        for name, meaning in entries.items():
+            table.add_row(name, Markdown(meaning))
+        console().print(table)
+
+
+def read_glossary() -> dict[str, str]:
+    """The meaning of each word, from the table in this package's README."""
+    text = (files("cosim") / "README.md").read_text(encoding="utf-8").partition(GLOSSARY)[2]
+    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    return dict(rows[1:])
 
 
 def _cases() -> tuple[tuple[str, ...], Rows]:

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from cosim import pipeline
 from cosim.case.file import resolved_toml
 from cosim.cli import COMMANDS, app
-from cosim.commands.glossary import read_glossary
+from cosim.commands.listing import read_glossary
 from cosim.errors import ConvergenceError, InputError
 from cosim.outcome import Outcome
 from cosim.results.arrays import Arrays
@@ -425,13 +425,13 @@ def test_a_wrong_command_names_the_nearest():
 
 
 def test_the_glossary_explains_words_and_axes():
-    told = " ".join(cosim("glossary").stdout.split())
+    told = " ".join(cosim("explain").stdout.split())
     assert "palmar is minus dorsal" in told
     assert set(read_glossary()) >= {"excursion", "ledger", "audit", "slip force"}
-    one = cosim("glossary", "excursion").stdout
+    one = cosim("explain", "excursion").stdout
     assert "prescribed" in one
     assert "adhesion" not in one
-    assert cosim("glossary", "gearbox").exit_code == 2
+    assert cosim("explain", "gearbox").exit_code == 2
 
 
 LONG = [
