@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from tests.helpers.folders import ROOT
 
-PRODUCT = 103561
-TESTS = 69772
+PRODUCT = 103545
+TESTS = 69782
 
 
 def _lines(*packages: str) -> int:

@@ -1,4 +1,4 @@
-"""What `cosim hood` shows of a hood over postures: five studies, each with tables and a picture."""
+"""What `python -m cases.hood_gallery` shows of a hood over postures: five studies, with pictures."""
 
 from __future__ import annotations
 

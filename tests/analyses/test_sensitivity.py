@@ -99,8 +99,8 @@ def test_a_case_without_an_answer_has_no_sensitivity(held):
         study(held, FAILS.low.settings, [STIFFER], [PASSIVE])
     with pytest.raises(InputError, match="max_iterations"):
         study(held, FAILS.high.settings, [STIFFER], [PASSIVE])
-    with pytest.raises(InputError, match="no number at slip_force_N"):
-        study(held, (), [STIFFER], ["slip_force_N.central"])
+    with pytest.raises(InputError, match="no number at fibre_strain_percent"):
+        study(held, (), [STIFFER], ["fibre_strain_percent.central_slip.p95"])
 
 
 def test_two_processes_say_the_same_bytes(held):
@@ -268,7 +268,7 @@ def test_the_command(held, tmp_path):
     assert [run["set_to"] for run in content["runs"]] == ["-5 deg", "+5 deg"]
     CliRunner().invoke(app, [*call, "--quantity", PASSIVE, "--quantity", EDC])
     assert {name: (folder / name).read_bytes() for name in names} == before
-    for wrong in (["--only", "weather"], ["--quantity", "slip_force_N.central"]):
+    for wrong in (["--only", "weather"], ["--quantity", "fibre_strain_percent.central_slip.p95"]):
         assert CliRunner().invoke(app, [*call[:-2], *wrong]).exit_code == 2
 
 

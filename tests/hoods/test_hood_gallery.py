@@ -222,7 +222,7 @@ def test_a_page_of_poses_with_pictures_and_tables(tmp_path, monkeypatch):
 
     monkeypatch.setattr(poses, "known", {})
     monkeypatch.setattr(poses, "_solve", solve)
-    paper = studies.paper("cosim hood")
+    paper = studies.paper("python -m cases.hood_gallery")
     wanted = [s for s in paper.studies if s.name == "bands"]
     assert write_figures(paper, wanted, tmp_path / "out", lambda text: None) == 1
     page = (tmp_path / "out/index.html").read_text(encoding="utf-8")
