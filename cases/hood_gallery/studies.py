@@ -1,4 +1,4 @@
-"""What `python -m cases.hood_gallery` shows of a hood over postures: five studies, with pictures."""
+"""What `python -m cases.hood_gallery` shows of a hood over postures: five studies."""
 
 from __future__ import annotations
 
