@@ -59,7 +59,7 @@ def case(name: str) -> object:
     return pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow])
 
 
-@pytest.mark.parametrize("name", map(case, BENCHMARKS))
+@pytest.mark.parametrize("name", [case(name) for name in BENCHMARKS])
 def test_benchmark(judge, name):
     judge(rows_of(*BENCHMARKS[name])())
 

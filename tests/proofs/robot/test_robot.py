@@ -25,6 +25,7 @@ def test_control_on_air(judge):
     judge(robot_rows.air_control_rows())
 
 
+@pytest.mark.slow
 def test_excursions(judge):
     judge(robot_rows.excursion_rows())
 
