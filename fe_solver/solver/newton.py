@@ -166,13 +166,14 @@ def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
         place += f" in the region {model.regions[quad]}"
     p = e.points
     acting = np.flatnonzero((p.node == node) & p.gradient.any(axis=1))
+    said: dict[str, None] = {}
     for body, group in zip(p.body[acting], p.group[acting], strict=True):
         name = model.groups[group] if 0 <= group < len(model.groups) else str(group)
         what = "in contact with" if group < 0 else f"pulled by the springs {name} to"
         if group == ROPE:
             what = "pulled by a tendon to its eyelet in"
-        place += f", {what} the body {model.bodies[body]}"
-    return place
+        said[f"{what} the body {model.bodies[body]}"] = None
+    return ", ".join((place, *said))
 
 
 def solve(

@@ -136,7 +136,7 @@ def test_a_stalled_solve_says_what_presses_within_an_element():
     )
     c = replace(at_rest(model), x=model.reference - [0, 0, 0.1e-3])
     place = worst_place(pressed, c, pressed.evaluate(c, NO_TENSION, tangent=True))
-    assert f"in contact with the body {model.bodies[0]}" in place
+    assert place.count(f"in contact with the body {model.bodies[0]}") == 1  # of many points
     assert any(place.startswith(f"{model.node_name(n)} ") for n in model.quads[:, 8])
 
 
