@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from tests.helpers.folders import ROOT
 
-PRODUCT = 103545
-TESTS = 69782
+PRODUCT = 103546
+TESTS = 69769
 
 
 def _lines(*packages: str) -> int:
