@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from cosim.checks import Row
+from cosim.commands.terminal import console
 
 LEFT = "rows"
 """The property of a test's report that holds its rows."""
@@ -84,7 +84,7 @@ def show(reports: Iterable[Any], config: pytest.Config) -> None:
 
 
 def _print(records: Sequence[dict[str, Any]]) -> None:
-    out = Console()
+    out = console()
     sources = list(dict.fromkeys(r["source"] for r in records))
     out.print(_table(records, sources))
     for number, source in enumerate(sources, 1):
