@@ -6,7 +6,7 @@ Lengths in m, stresses in Pa; an element's normal is right-handed about its corn
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -74,6 +74,8 @@ class Sheet:
     whose fibres have no stretch in situ."""
     lift: Array | float = 0.0
     """(n,) m or one for all: how much higher than its face a node touches a body."""
+    left: Array | None = None
+    """(ne,) part of each element's width that a cut left; None is all."""
     normals: Array | None = None
     """(n, 3) unit directors; None takes the mean normals of the elements at each node."""
     node_ids: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
@@ -177,11 +179,14 @@ class Sheet:
         Raises InputError where the middles of nine-node quads do not lie between their corners."""
         check_middles(self.points, self.quads, self.element)
         X, D = self.points[self.quads], self.directors[self.quads]
+        tables = shell_tables(X, D, self.fibre, self.stress_free_growth, self.height)
+        if self.left is not None:
+            tables = replace(tables, weight=tables.weight * self.left[:, None])
         return ShellModel(
             self.quads,
             self.points,
             self.directors,
-            shell_tables(X, D, self.fibre, self.stress_free_growth, self.height),
+            tables,
             self.section,
             regions=self.regions,
             node_ids=self.node_ids,

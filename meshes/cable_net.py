@@ -95,6 +95,8 @@ class CableNet:
     station: Array
     """(n,) mm, where each node was laid."""
     rest_posture: Mapping[str, float]
+    whole: CableNet | None = None
+    """The net before its cuts; None is this one."""
 
     @property
     def cable(self) -> tuple[str, ...]:
@@ -111,9 +113,12 @@ class CableNet:
         return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
 
     def strand_lengths(self) -> dict[str, float]:
-        """The length of each strand as laid, m; of ties and edges all their rows together."""
-        total = np.bincount(self.strand, weights=self.lengths(), minlength=len(self.strands))
-        return dict(zip(self.strands, map(float, total), strict=True))
+        """The length of each strand as laid before any cut, m; of ties and edges all their rows
+        together."""
+        net = self.whole or self
+        total = np.bincount(net.strand, weights=net.lengths(), minlength=len(net.strands))
+        laid = dict(zip(net.strands, map(float, total), strict=True))
+        return {name: laid[name] for name in self.strands}
 
 
 def cable_of(strand: str) -> str:

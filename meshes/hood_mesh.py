@@ -118,6 +118,10 @@ class HoodMesh:
     """(n,) m, how much higher than the sheet's face each node touches a bone; None is nowhere."""
     fields: Mapping[str, Array] = field(default_factory=dict)
     """Unit directions (ne, 3) by name, which a case may give a region's fibres."""
+    whole: HoodMesh | None = None
+    """The mesh before its cuts, which change no size of what they leave; None is this one."""
+    left: Array | None = None
+    """What a cut left (ne,) of each quad's width; None is all of it."""
 
     def areas(self) -> Array:
         """The quads' areas (ne,) m2."""
@@ -148,6 +152,13 @@ class HoodMesh:
         )
         strips = connected_components(links, directed=False, return_labels=False)
         return float(lengths[row, way].sum() / strips)
+
+    def extent(self, region: str) -> tuple[float, float]:
+        """The mean length along the fibres, and the width, m, of a region as it was laid."""
+        mesh = self.whole or self
+        cells = mesh.cells(region)
+        length = mesh.length(cells)
+        return length, float(mesh.areas()[cells].sum()) / length
 
     @property
     def quadratic(self) -> bool:

@@ -33,6 +33,8 @@ PLACES = {
     "lateral_slip_ulnar": (HOOD_END + SLIP_START) / 2,
 }
 """mm, the station at which a region is severed."""
+LEAST = 1e-3
+"""Of a quad's width, that is left beside a cut at least, or the quad is cut whole."""
 STRAND_OF = {"extensor_tendon_distal": "extensor_tendon"}
 """Strands of a net that are not called as the part that is severed in them."""
 SPRINGS_OF = {
@@ -62,6 +64,20 @@ def cut_part(mesh: HoodMesh, part: str) -> HoodMesh:
     if part in SPRINGS_OF:
         return _whole(released, ~_band_sheet(mesh, part), part)
     return released
+
+
+def cut_part_of(mesh: HoodMesh, part: str, share: float) -> HoodMesh:
+    """The mesh with a share (0 to 1) of the part's width cut through at its place, from the radial
+    side; the quad in which the cut ends keeps what is left of its width.
+
+    Raises InputError where the mesh has nothing of the part there."""
+    row = np.flatnonzero(_row_of_part(mesh, part))
+    row = row[np.argsort(-mesh.points[mesh.quads[row], 1].mean(axis=1))]
+    width = np.array([mesh.areas()[i] / mesh.length(np.arange(len(mesh.quads)) == i) for i in row])
+    kept = np.clip((np.cumsum(width) - share * width.sum()) / width, 0.0, 1.0)
+    left = np.ones(len(mesh.quads)) if mesh.left is None else mesh.left.copy()
+    left[row] *= np.where(kept < LEAST, 0.0, kept)
+    return _whole(replace(mesh, left=left), left > 0.0, part)
 
 
 def _whole_part(mesh: HoodMesh, part: str) -> Mask:
@@ -142,6 +158,7 @@ def _of_quads(mesh: HoodMesh, kept: Mask) -> HoodMesh:
         region=mesh.region[kept],
         fibre=mesh.fibre[kept],
         fields={name: values[kept] for name, values in mesh.fields.items()},
+        left=None if mesh.left is None else mesh.left[kept],
         ends={end: renumber(old) for end, old in mesh.ends.items()},
         springs=springs,
         tied={body: renumber(old) for body, old in mesh.tied.items()},

@@ -107,6 +107,8 @@ def lesion_text(case: Case) -> Iterator[str]:
         return
     for verb, names in (("cut", lesion.cut), ("grown onto the bone", lesion.adhere)):
         yield from (f"{name.replace('_', ' ')} {verb}" for name in names)
+    for name, share in lesion.cut_partly.items():
+        yield f"{name.replace('_', ' ')} cut through {100 * share:g} % of its width"
     for name, more in lesion.length_changes().items():
         word = "shorter" if more < 0 else "longer"
         yield f"{name.replace('_', ' ')} {1e3 * abs(more):g} mm {word}"

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import reduce
+from dataclasses import replace
+from functools import partial, reduce
 
 from cosim.hoods.lesion import LesionConfig
 from meshes.cable_net import CableNet
 from meshes.hood_mesh import HoodMesh
-from meshes.severed import cut_net, cut_part
+from meshes.severed import cut_net, cut_part, cut_part_of
 
 
 def apply_lesion_to_mesh(mesh: HoodMesh, lesion: LesionConfig | None) -> HoodMesh:
     """The mesh with all cuts made.  Raises InputError."""
-    return reduce(cut_part, lesion.cut if lesion else (), mesh)
+    if lesion is None:
+        return mesh
+    partly = (partial(cut_part_of, part=part, share=s) for part, s in lesion.cut_partly.items())
+    whole = (partial(cut_part, part=part) for part in lesion.cut)
+    cut = reduce(lambda left, make: make(left), (*partly, *whole), mesh)
+    return replace(cut, whole=mesh)
 
 
 def apply_lesion_to_net(net: CableNet, lesion: LesionConfig | None) -> CableNet:
     """The net with all cuts made.  Raises InputError."""
-    return reduce(cut_net, lesion.cut if lesion else (), net)
+    if lesion is None:
+        return net
+    return replace(reduce(cut_net, lesion.cut, net), whole=net)
 
 
 def longer(extra: Mapping[str, float], lesion: LesionConfig | None) -> dict[str, float]:

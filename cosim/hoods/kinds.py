@@ -63,14 +63,16 @@ def unfit_lesion(hood: HoodConfig, kind: str, lesion: LesionConfig) -> str:
         none = f'a hood of kind "{kind}" has no parts to injure'
         return f"lesion: {hood.cannot_be_injured(lesion) or none}; {able} have"
     for key, names in lesion.names().items():
-        allowed = {"cut": parts.cut, "adhere": parts.adhere}.get(key, parts.lengths)
+        allowed = getattr(parts, key, parts.lengths)
         for name in names:
             if name not in allowed:
-                return f"lesion.{key}: {_unknown(name, kind, allowed)}"
+                return f"lesion.{key}: {_unknown(name, key, kind, allowed)}"
     return hood.cannot_be_injured(lesion)
 
 
-def _unknown(name: str, kind: str, allowed: Sequence[str]) -> str:
+def _unknown(name: str, key: str, kind: str, allowed: Sequence[str]) -> str:
+    if not allowed and key == "cut_partly":
+        return f'a hood of kind "{kind}" is cut whole or not at all; "shell" can be cut in part'
     if not allowed:
         on_bones = [f'"{name}"' for name, of in KINDS.items() if of.table.lies_on_bones]
         return f'a hood of kind "{kind}" lies on no bone; {" and ".join(on_bones)} do'

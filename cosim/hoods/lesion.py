@@ -12,6 +12,7 @@ from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Table
 
+Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 LengthChange = Annotated[float, quantity(units.LENGTH, above="0 mm", most="5 mm")]
 
 SLIPS = ("central_slip", "terminal_slip")
@@ -31,6 +32,7 @@ class InjurableParts:
     adhere: tuple[str, ...]
     lengths: tuple[str, ...]
     """Parts that `shorten` and `lengthen` may name."""
+    cut_partly: tuple[str, ...] = ()
 
 
 class LesionConfig(Table):
@@ -44,6 +46,8 @@ class LesionConfig(Table):
 
     cut: tuple[str, ...] = ()
     """Parts that are severed, or that come off their bone."""
+    cut_partly: dict[str, Share] = Field(default_factory=dict)
+    """The share of a part's width that is severed across its fibres, from the radial side."""
     adhere: tuple[str, ...] = ()
     """Parts that grow onto the bone beneath them."""
     shorten: dict[str, LengthChange] = Field(default_factory=dict)
@@ -66,6 +70,8 @@ class LesionConfig(Table):
         for word, changed in (("shortened", self.shorten), ("lengthened", self.lengthen)):
             if both := [name for name in self.cut if name in changed]:
                 raise fault(f"{both[0]} is both cut and {word}; leave one of them")
+        if both := [name for name in self.cut if name in self.cut_partly]:
+            raise fault(f"{both[0]} is both cut and cut_partly; leave one of them")
         if both := [name for name in self.shorten if name in self.lengthen]:
             raise fault(f"{both[0]} is both shortened and lengthened; leave one of them")
         return self
@@ -74,6 +80,7 @@ class LesionConfig(Table):
         """The parts that each key names."""
         return {
             "cut": self.cut,
+            "cut_partly": tuple(self.cut_partly),
             "adhere": self.adhere,
             "shorten": tuple(self.shorten),
             "lengthen": tuple(self.lengthen),

@@ -35,11 +35,12 @@ class Sign(NamedTuple):
 
 @dataclass(frozen=True)
 class Findings:
-    """A free finger before and after the lesion, which cut the parts `cut`."""
+    """A free finger before and after the lesion, which cut the parts `cut`, others partly."""
 
     before: Mapping[str, Any]
     after: Mapping[str, Any]
     cut: frozenset[str]
+    cut_partly: frozenset[str] = frozenset()
 
     def turn(self, joint: str) -> float:
         """How much further (deg) the joint is flexed after the lesion."""
@@ -57,8 +58,9 @@ class Findings:
 
 def clinical_signs(before: Result, after: Result) -> list[Sign]:
     """What a surgeon would see of two runs with the fingertip free; the intact finger first."""
-    cut = after.case_table.get("lesion", {}).get("cut", ())
-    found = Findings(before.summary, after.summary, frozenset(cut))
+    lesion = after.case_table.get("lesion", {})
+    cut, partly = (frozenset(lesion.get(key, ())) for key in ("cut", "cut_partly"))
+    found = Findings(before.summary, after.summary, cut, partly)
     if "posture_deg" not in found.before or "posture_deg" not in found.after:
         return []
     signs = [sign for rule in RULES for sign in rule(found)]
@@ -142,9 +144,13 @@ def _subluxation(f: Findings) -> Iterator[Sign]:
 
 
 def _mcp_lag(f: Findings) -> Iterator[Sign]:
-    is_cut = "extensor_tendon_distal" in f.cut
-    if is_cut or f.turn("MCP") >= SEEN:
-        printed = "9 to 15 deg under 3 kg (Arvind et al., abstract, six hands)" if is_cut else ""
+    tendon = "extensor_tendon_distal"
+    if tendon in f.cut or tendon in f.cut_partly or f.turn("MCP") >= SEEN:
+        printed = "9 to 15 deg under 3 kg (Arvind et al., abstract, six hands)"
+        if tendon in f.cut_partly:
+            printed = "a lag from 75 % of the width on (Chan et al. 2019, abstract, eight hands)"
+        elif tendon not in f.cut:
+            printed = ""
         yield Sign(f"The MCP loses {max(f.turn('MCP'), 0.0):.0f} deg of extension.", printed)
 
 

@@ -31,11 +31,14 @@ MATERIAL, SUPPORTS = "Material, by region", "Springs and contact"
 MODULI = "moduli"
 """The key of the factor on all moduli, which is no key of a case."""
 CUT, ADHERE, LENGTH = "lesion.cut", "lesion.adhere", "lesion.length"
+CUT_PARTLY = "lesion.cut_partly"
 """Keys of a lesion's controls, followed by the part."""
 SPAN = 5.0
 """How many times a value its slider goes up and down, where the schema's range says nothing."""
 WIDE, NARROW = 250.0, 8.0
 """A slider has the schema's range where that is at most so wide, or so many times the value."""
+MOST_SHARE = 0.95
+"""Of a part's width, that is cut in part at most."""
 MOST_CHANGE = 5.0
 """mm by which a part is shortened or lengthened at most."""
 LIMIT = f"(length with its unit: at most {MOST_CHANGE:g} mm)"
@@ -383,6 +386,12 @@ def _lesion(case: Case) -> Iterator[Control]:
         for name in names:
             key = f"{kind}.{name}"
             yield Control(key, LESION, title, _words(name), says, "switch", texts.get(key, "false"))
+    for name in parts.cut_partly:
+        says = "The share of its width that is cut across its fibres, from the radial side."
+        yield Control(
+            f"{CUT_PARTLY}.{name}", LESION, "Cut in part", _words(name), says, "slider",
+            texts.get(f"{CUT_PARTLY}.{name}", "0"), "", 0.0, MOST_SHARE, 0.05,
+        )  # fmt: skip
     for name in parts.lengths:
         key = f"{LENGTH}.{name}"
         says = f"How much longer the part is than the case lays it; below zero shorter. {LIMIT}"
@@ -401,6 +410,7 @@ def _lesion_texts(case: Case) -> dict[str, str]:
     return {
         **{f"{CUT}.{name}": "true" for name in case.lesion.cut},
         **{f"{ADHERE}.{name}": "true" for name in case.lesion.adhere},
+        **{f"{CUT_PARTLY}.{name}": f"{share:g}" for name, share in case.lesion.cut_partly.items()},
         **{
             f"{LENGTH}.{name}": units.spell(change, units.LENGTH)
             for name, change in (*longer.items(), *shorter.items())
@@ -418,6 +428,8 @@ def _lesion_table(texts: Mapping[str, str]) -> dict[str, Any]:
             continue
         if kind in ("cut", "adhere") and text == "true":
             table.setdefault(kind, []).append(part)
+        elif kind == "cut_partly" and _number(text) != 0.0:
+            table.setdefault(kind, {})[part] = _number(text)
         elif kind == "length":
             shorter = text.lstrip().startswith("-")
             amount = text.strip().removeprefix("-")

@@ -108,6 +108,11 @@ def _writable_sheet(hood: ShellHood) -> Sheet:
             "a hood of nine-node elements is not written, only one of four-node elements; set "
             'hood.mesh.elements to "linear"'
         )
+    if sheet.left is not None:
+        raise InputError(
+            "a hood with a part that is cut partly is not written: no shell of FEBio's format has "
+            "lost a share of its width; leave out lesion.cut_partly"
+        )
     if any(contact.layer is not None for contact in m.contacts):
         raise InputError(
             "a hood on a layer of tissue that gives is not written: FEBio's contact is a penalty; "

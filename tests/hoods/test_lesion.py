@@ -18,6 +18,7 @@ from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.lumped.build import apply_lesion_to_network
 from cosim.pipeline import run_case
 
+PARTLY = "lesion.cut_partly.central_band=0.5"
 COARSE, FINER = "hood.mesh.quads=104", "hood.mesh.quads=400"
 SPACED = 'hood.mesh.spacing="3 mm"'
 EXTENDING = ('tendons.EDC.tension="5 N"', 'tendons.FDP.tension="1 N"')
@@ -204,6 +205,30 @@ def test_the_loose_tissue_holds_the_stump_of_a_cut_tendon(mcp):
     cut = run_case(case).summary
     assert cut["spring_force_N"]["loose_tissue"] > 7.5
     assert cut["slip_force_N"]["central"] < 0.3
+
+
+@pytest.mark.slow
+def test_the_pip_lags_the_more_the_more_of_the_tendon_is_cut():
+    """deg of the PIP by the share of the width: 75 % is hardly seen, all of it is a lag."""
+    key, partly = "lesion.cut_partly.extensor_tendon_distal", "lesion_extensor_tendon_partly"
+    runs = [(partly, f"{key}={share}") for share in (0.5, 0.75, 0.97)]
+    lag = [sides_of(*run)[1]["posture_deg"]["PIP"] for run in (*runs, ("lesion_extensor_tendon",))]
+    assert lag == sorted(lag)
+    assert lag[1] - lag[0] < 5.0
+    assert lag[-1] - lag[-2] > 10.0
+
+
+@pytest.mark.parametrize("kind", ["cable", "two_band"])
+def test_only_a_shell_can_be_cut_in_part(kind):
+    with pytest.raises(InputError, match=r"lesion\.cut_partly: .*\"shell\" can be cut in part"):
+        load_case(HOODS[kind][0], [PARTLY])
+
+
+def test_a_part_is_cut_whole_or_in_part():
+    with pytest.raises(InputError, match="central_band is both cut and cut_partly"):
+        load_case("lesion_mallet", ['lesion.cut=["central_band"]', PARTLY])
+    with pytest.raises(InputError, match=r"central_band = 1\.5"):
+        load_case("lesion_mallet", ["lesion.cut_partly.central_band=1.5"])
 
 
 @pytest.mark.slow

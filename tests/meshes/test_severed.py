@@ -6,12 +6,16 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.hoods.cable.table import PARTS as OF_CABLES
 from cosim.hoods.fe_supports import STRUT, adhesions
 from cosim.hoods.injury import apply_lesion_to_mesh, apply_lesion_to_net
+from cosim.hoods.lesion import LesionConfig
+from cosim.hoods.shell.build import growth_of, thickness_of
 from cosim.hoods.shell.table import PARTS as OF_SHELL
 from cosim.models.build import build, hood_mesh
 from cosim.port import Motion
@@ -20,10 +24,11 @@ from fe_solver.supports import springs_of
 from meshes.cable_net import CableNet
 from meshes.hood_lines import JOIN
 from meshes.hood_mesh import REGIONS, Attachment, HoodMesh
-from meshes.severed import cut_net, cut_part
+from meshes.severed import PLACES, cut_net, cut_part, cut_part_of
 
 COARSE = "hood.mesh.quads=250"
 SPACED = 'hood.mesh.spacing="3 mm"'
+LENGTHENED = ("central_slip", "extensor_tendon_distal", "lateral_band_radial", "central_band")
 
 
 @cache
@@ -100,6 +105,61 @@ def test_springs_and_sets_stay_on_their_nodes():
         assert np.array_equal(after.points[held.nodes], before.points[before.springs[name].nodes])
         assert np.array_equal(held.anchors, before.springs[name].anchors)
     assert np.array_equal(after.points[after.tied["distal"]], before.points[before.tied["distal"]])
+
+
+@pytest.mark.parametrize("part", OF_SHELL.cut)
+def test_a_cut_changes_no_size_of_what_is_left(part):
+    """Section over width, and extra length over length, are those of the part as it was laid."""
+    case = load_case("lesion_mallet", [COARSE])
+    lengthen = {name: "0.2 mm" for name in LENGTHENED if name != part}
+    lesion = LesionConfig(cut=(part,), lengthen=lengthen)
+    before, after = intact(), apply_lesion_to_mesh(intact(), lesion)
+    same = {tuple(x): i for i, x in enumerate(before.points[before.quads].mean(axis=1).round(9))}
+    kept = [same[tuple(x)] for x in after.points[after.quads].mean(axis=1).round(9)]
+    sizes = [thickness_of(case.hood, mesh) for mesh in (before, after)]
+    assert sizes[1] == pytest.approx(sizes[0][kept], rel=1e-12)
+    growth = [growth_of(case.hood, mesh, lesion) for mesh in (before, after)]
+    assert growth[1] == pytest.approx(growth[0][kept], rel=1e-12)
+    assert np.abs(growth[1]).max() > 1e-3
+
+
+@pytest.mark.parametrize("part", OF_CABLES.cut)
+def test_a_cut_changes_no_length_of_the_strands_that_are_left(part):
+    before, after = net(), apply_lesion_to_net(net(), LesionConfig(cut=(part,)))
+    assert after.strand_lengths().items() <= before.strand_lengths().items()
+
+
+@settings(max_examples=20, deadline=None)
+@given(share=st.floats(0.01, 0.99), part=st.sampled_from(OF_SHELL.cut_partly))
+def test_a_cut_in_part_leaves_its_share_of_the_width(share, part):
+    """From the radial side, whatever the quads: none of them moves, those cut through are gone."""
+    before, after = intact(), cut_part_of(intact(), part, share)
+    whole(after)
+    row = np.flatnonzero(severed_row(before, part))
+    lost = len(before.quads) - len(after.quads)
+    assert lost < len(row)
+    gone = share * width_of(before, row)
+    assert width_of(after, severed_row(after, part)) == pytest.approx(
+        width_of(before, row) - gone, abs=2e-3 * width_of(before, row)
+    )
+    most = before.points[before.quads[row], 1].max()
+    if lost:
+        assert after.points[after.quads[severed_row(after, part)], 1].max() < most
+
+
+def severed_row(mesh: HoodMesh, part: str) -> np.ndarray:
+    """Which quads the part's place runs through."""
+    station = mesh.station[mesh.quads]
+    through = (station.min(axis=1) <= PLACES[part]) & (station.max(axis=1) > PLACES[part])
+    return mesh.cells(part) & through
+
+
+def width_of(mesh: HoodMesh, row: np.ndarray) -> float:
+    """m, across the fibres, of the quads of a row: what is left of them."""
+    every = np.arange(len(mesh.quads))
+    each = [mesh.areas()[i] / mesh.length(every == i) for i in every[row]]
+    left = 1.0 if mesh.left is None else mesh.left[row]
+    return float((np.array(each) * left).sum())
 
 
 def strip(count=4, region="central_band", **sets) -> HoodMesh:

@@ -100,6 +100,7 @@ def test_a_factor_is_on_every_modulus_and_a_modulus_of_its_own_beats_it():
         {MODULI: "1.5", "hood.thickness": "0.2 mm"},
         {"lesion.cut.central_slip": "true", "lesion.length.terminal_slip": "-1.5 mm"},
         {"lesion.adhere.central_band": "true", "lesion.length.terminal_slip": "2 mm"},
+        {"lesion.cut_partly.central_band": "0.5"},
     ],
 )
 def test_changes_as_settings_make_the_same_case(changes):

@@ -124,7 +124,7 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     thickness, skeleton = thickness_of(hood, mesh), site.skeleton
     points = _leave_face(mesh, thickness)
     fibres = fibres_of(mesh, points, hood.regions, skeleton)
-    growth = _growth(hood, mesh, site.lesion)
+    growth = growth_of(hood, mesh, site.lesion)
     present, part = np.unique(mesh.region, return_inverse=True)
     sheet = Sheet(
         points,
@@ -135,6 +135,7 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
         fibres.first,
         growth=growth,
         lift=0.0 if mesh.lift is None else mesh.lift,
+        left=mesh.left,
     )
     tendons, highest = _tendons(mesh, site.anatomy, hood.retinaculum), float(heights(sheet).max())
     supports = supports_of(hood, site, mesh, points, tendons, highest)
@@ -233,7 +234,7 @@ def thickness_of(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], mesh.region == i
         if region.section is not None:
-            width = mesh.areas()[cells].sum() / mesh.length(cells)
+            _, width = mesh.extent(REGIONS[i])
             out[cells] = region.section / width
         elif region.thickness is not None:
             out[cells] = region.thickness
@@ -249,7 +250,7 @@ def _leave_face(mesh: HoodMesh, thickness: Array) -> Array:
     return mesh.points + rise[:, None] * node_directors(mesh.points, mesh.quads)
 
 
-def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) -> Array:
+def growth_of(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) -> Array:
     """The growth (ne, 2) along and across the fibres that makes a region longer than laid out by
     its extra length.
 
@@ -267,7 +268,7 @@ def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) 
         region = hood.regions[name]
         if region.fibrous is not None:
             _check_one_rest(f"{key}.{name}", name, region.fibrous)
-        length = mesh.length(cells)
+        length, _ = mesh.extent(name)
         if extra <= -MOST_SHORTENED * length:
             raise InputError(
                 f"{key}.{name}: {-1e3 * extra:.2f} mm shorter in all, of {1e3 * length:.2f} mm; "

@@ -61,7 +61,7 @@ LACKING = {"one_sheet": ("triangular_ligament",)}
 MOST_NAMES = 20
 """Of points, that a message lists."""
 PARTS = InjurableParts(
-    (*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS
+    (*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS, ACROSS
 )
 
 
