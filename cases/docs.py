@@ -14,12 +14,12 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from cases.board_numbers import with_numbers
 from cosim.commands.terminal import tell
 from cosim.errors import InputError
 from cosim.extras import require
 from cosim.face import score
 from cosim.report.measured_page import write_measured_page
-from cosim.validation.credibility_page import write_credibility_page
 
 ROOT = Path(__file__).parents[1]
 CONFIGURATION = ".docs"
@@ -69,7 +69,7 @@ LINK = re.compile(r"\]\((?!\w+:)([^)#\s]+)(#[^)\s]*)?\)")
 def lay_pages(stage: Path) -> None:
     """Write each page to its place in a folder, its links rewritten, with the navigation."""
     for source, place in PLACES.items():
-        text = (ROOT / source).read_text(encoding="utf-8")
+        text = with_numbers((ROOT / source).read_text(encoding="utf-8"))
         page = stage / place
         page.parent.mkdir(parents=True, exist_ok=True)
         page.write_text(_linked(text, source, stage), encoding="utf-8")
@@ -113,7 +113,6 @@ def build(folder: Path) -> None:
         if build_main(["-b", "html", *options, *kept, stage, str(folder)]):
             raise InputError("the documentation has the faults above; nothing else was built")
     write_measured_page(folder / "measurements.html")
-    write_credibility_page(folder / "credibility.html", linked=False)
     score(*SCORED).write(folder / "score.html")
 
 

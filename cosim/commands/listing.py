@@ -22,7 +22,6 @@ from cosim.results.compare import unit_of
 from cosim.results.quantities import QUANTITIES, STATE
 from cosim.study.file import packaged_studies
 from cosim.text_tables import read_toml
-from cosim.validation.credibility_page import credibility_rows, write_credibility_page
 from cosim.validation.plan import groups
 
 GLOSSARY = "## Glossary\n"
@@ -41,29 +40,22 @@ class Things(StrEnum):
     MATERIALS = "materials"
     QUANTITIES = "quantities"
     MEASURED = "measured"
-    CREDIBILITY = "credibility"
 
 
 def list_things(
     what: Annotated[Things, typer.Argument(help="What to list.")] = Things.CASES,
     html: Annotated[
         Path | None,
-        typer.Option(
-            help="Of measured: a page with every number and its source; of credibility: what the "
-            "model may be trusted with, and on what evidence."
-        ),
+        typer.Option(help="Of measured: a page with every number and its source."),
     ] = None,
 ) -> None:
     """The packaged cases and studies, the trials of `cosim validate`, the kinds of finger, hood and
-    material, the numbers of a run, the sources of what was measured, and the grades of the model's
-    credibility, with a line for each."""
+    material, the numbers of a run, and the sources of what was measured, with a line for each."""
     with exit_on_error():
         if html is not None:
-            if what not in PAGES:
-                raise InputError(
-                    f"--html: there is a page of {' and of '.join(PAGES)}, none of {what}"
-                )
-            PAGES[what](html)
+            if what is not Things.MEASURED:
+                raise InputError(f"--html: there is a page of measured, none of {what}")
+            write_measured_page(html)
             typer.echo(f"{html}: open it in a browser")
             return
         header, rows = LISTS[what]()
@@ -171,11 +163,6 @@ LISTS: Mapping[Things, Callable[[], tuple[tuple[str, ...], Rows]]] = {
     Things.MATERIALS: _materials,
     Things.QUANTITIES: _quantities,
     Things.MEASURED: source_rows,
-    Things.CREDIBILITY: credibility_rows,
-}
-PAGES: Mapping[Things, Callable[[Path], None]] = {
-    Things.MEASURED: write_measured_page,
-    Things.CREDIBILITY: write_credibility_page,
 }
 
 
