@@ -393,7 +393,8 @@ def track(
     angles beside the wanted ones, a picture, and the case `<case name>_forward.toml`, which is
     returned.  A finger that does not follow, or would stray under the tensions alone, is a warning.
 
-    Raises InputError, also for a fingertip that is held, and ConvergenceError."""
+    Raises InputError, also for a fingertip that is held, and ConvergenceError; what was reached is
+    in the folder then."""
     from cosim.analyses.estimate.files import forward_path, write_tracking
     from cosim.analyses.estimate.markers import read_any_motion
     from cosim.analyses.estimate.tracking import setup_to_follow, track
@@ -410,6 +411,8 @@ def track(
     problem, asked = setup_to_follow(checked, "pcsa", 2, {}, {}, read)
     tracking = track(problem, asked, progress)
     write_tracking(target, problem, tracking, perf_counter() - started)
+    if tracking.stopped is not None:
+        raise tracking.stopped
     for fault in tracking.faults():
         warnings.warn(fault, stacklevel=2)
     return load(forward_path(target))

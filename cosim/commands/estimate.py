@@ -179,6 +179,10 @@ def estimate(
             write_tracking(folder, problem, tracking, time.perf_counter() - started)
             _show_tracking(problem, tracking, folder)
             faults = tracking.faults()
+            if tracking.stopped is not None:
+                reached, whole = tracking.step_time[-1], asked.time[-1] - asked.time[0]
+                typer.echo(f"{reached:.4g} of {whole:.4g} s are kept in {folder}", err=True)
+                raise tracking.stopped
         else:
             problem = setup(checked, weights.value, POWER[cost], areas, forces)
         if motion is not None and not forward:

@@ -19,7 +19,8 @@ from cosim.analyses.estimate.of_case import setup
 from cosim.analyses.estimate.tracking import Planner, Tracking, WantedMotion, forward_case
 from cosim.case.file import resolved_toml
 from cosim.cli import app
-from cosim.errors import InputError
+from cosim.coupling.motion import CoupledMotion
+from cosim.errors import ConvergenceError, InputError
 
 FREE = {
     "finger.tip.kind": "free",
@@ -230,6 +231,37 @@ def test_beyond_two_degrees_it_does_not_follow_and_beyond_half_a_degree_it_stray
     faults = seen.faults()
     assert len(faults) == len(doubts)
     assert all(doubt in fault for doubt, fault in zip(doubts, faults, strict=True))
+
+
+@pytest.mark.parametrize("reached", [0.06, 0.0])
+def test_a_motion_that_cannot_go_on_keeps_what_it_reached(flexion, tmp_path, monkeypatch, reached):
+    """A step that is not made, in the seventh interval and in the first."""
+    advance = CoupledMotion.advance
+
+    def fail(self, at, *rest):
+        if at.coupled.time > reached + 1e-3:
+            raise ConvergenceError("no equilibrium")
+        return advance(self, at, *rest)
+
+    monkeypatch.setattr(CoupledMotion, "advance", fail)
+    case = tmp_path / "free.toml"
+    case.write_text(resolved_toml(cosim.load("split_edc").replace(FREE)), encoding="utf-8")
+    words = ["estimate", str(case), "--motion", str(flexion), "--forward", "--out", str(tmp_path)]
+    told = CliRunner().invoke(app, words)
+    assert told.exit_code == 1
+    assert f"at {reached:g} s of the motion, run forward: no equilibrium" in told.output
+    folder = tmp_path / "free"
+    assert folder.exists() == (reached > 0.0)
+    if not reached:
+        return
+    assert "0.06 of 0.2 s are kept in" in told.output
+    summary = json.loads((folder / "estimate.json").read_text(encoding="utf-8"))
+    assert "no equilibrium" in summary["audit"]["stopped"]
+    monkeypatch.undo()
+    again = cosim.run(cosim.load(folder / "free_forward.toml"))
+    angles = pd.read_csv(folder / "estimate.csv")
+    assert float(again.data.time[-1]) == pytest.approx(0.06)
+    assert angles["PIP_deg"].to_numpy()[-1] == pytest.approx(again.summary["posture_deg"]["PIP"])
 
 
 @pytest.mark.parametrize("states", [101, 100])

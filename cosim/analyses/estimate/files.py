@@ -127,13 +127,20 @@ def write_tracking(folder: Path, s: Setup, tracking: Tracking, wall: float) -> N
     }
     if (miss := tracking.motion.markers_miss) is not None:
         summary["audit"]["markers_miss_mm"] = 1e3 * miss
+    if tracking.stopped is not None:
+        summary["audit"]["stopped"] = str(tracking.stopped)
     with output_folder(folder, MARK) as part:
         table = part / "forward_tensions.csv"
         pulls.to_csv(table, index=False)
         signals = {
             name: {"signal": {"kind": "file", "path": str(table), "column": name}} for name in names
         }
-        case = s.case.replace({"title": f"{s.case.title}, along a motion", "tendons": signals})
+        made = {
+            "title": f"{s.case.title}, along a motion",
+            "tendons": signals,
+            "forward.duration": f"{float(tracking.step_time[-1])!r} s",
+        }
+        case = s.case.replace(made)
         text = moved_toml(resolved_toml(case), part)
         (part / forward_path(folder).name).write_text(text, encoding="utf-8")
         _csv(part / "estimate.csv", pd.DataFrame(angles))

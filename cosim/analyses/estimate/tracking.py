@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from math import ceil
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -92,6 +93,8 @@ class Tracking:
     infinite where that way does not end."""
     rounds: int
     """Hood solves for the plans."""
+    stopped: ConvergenceError | None = None
+    """Why the finger was not moved to the motion's end."""
 
     def faults(self) -> list[str]:
         """What is to be doubted, a sentence each."""
@@ -370,7 +373,8 @@ def track(
     """Move the finger of a case of `forward_case` along a motion.
 
     The tensions change their slope every `interval` s, or the steps nearest to that; errors die
-    with `rate` 1/s.  Raises InputError, and ConvergenceError with the time."""
+    with `rate` 1/s.  Raises InputError, and ConvergenceError where the first interval has no end;
+    after it what was reached is answered, with the reason (`stopped`)."""
     forward, wanted = s.case.forward, WantedMotion(motion)
     assert forward is not None
     steps, each = round(forward.duration / forward.step), max(1, round(interval / forward.step))
@@ -379,7 +383,7 @@ def track(
     pulled = with_signals(s.case, s.capacity.names, course.tension)
     moves = moving_models(pulled, forward).moves
     at = moves.begin(moves.finger.begin(dict(zip(moves.finger.joints, first.angle, strict=True))))
-    seen = [at]
+    seen, stopped = [at], None
     for done in range(0, steps, each):
         count, now = min(each, steps - done), at.coupled.time
         try:
@@ -388,11 +392,18 @@ def track(
             aim = planner.go_on(plan, course.tensions[-1], at.coupled.hood, ahead)
             course.times.append(now + ahead)
             course.tensions.append(aim)
+            made = [at]
             for _ in range(count):
-                at = moves.advance(at)
-                seen.append(at)
+                made.append(moves.advance(made[-1]))
         except ConvergenceError as error:
-            raise ConvergenceError(f"at {now:.4g} s of the motion, run forward: {error}") from error
+            stopped = ConvergenceError(f"at {now:.4g} s of the motion, run forward: {error}")
+            stopped.__cause__ = error
+            if not done:
+                raise stopped from error
+            steps = done
+            break
+        at = made[-1]
+        seen += made[1:]
         off = _angles_rates(moves, at)[0] - wanted.at(at.coupled.time).angle
         progress(
             f"forward: {at.coupled.time:.4g} s of {forward.duration:g} s, "
@@ -400,7 +411,8 @@ def track(
         )
     time = np.array([x.coupled.time for x in seen])
     angle = np.array([moves.finger.angles(x.coupled.finger) for x in seen])
-    times, tension = np.array(course.times), np.array(course.tensions)
+    ends = slice(None, 1 + ceil(steps / each))
+    times, tension = np.array(course.times[ends]), np.array(course.tensions[ends])
     progress("once more without plans, all tensions larger by a millionth")
     alone = _alone(s, times, (1 + NUDGE) * tension, steps)
     return Tracking(
@@ -413,6 +425,7 @@ def track(
         wanted.at(time).angle,
         float(np.abs(alone - angle[: len(alone)]).max()) if len(alone) == len(angle) else np.inf,
         planner.rounds,
+        stopped,
     )
 
 
