@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from cosim.analyses.moment_arms import compare_published
 from cosim.case.file import load_case
 from cosim.case.schema import Case
@@ -20,10 +18,11 @@ from cosim.results.compare import Comparison, Target
 from cosim.scoring.model import HEADS, HandModel, pulling, without_loads
 from cosim.scoring.names import FingerName
 from cosim.tendons.table import TendonConfig
-from cosim.validation.clamped import QIU, cadaver_arm_group, qiu_groups
+from cosim.validation.clamped import ABDUCTION, QIU, cadaver_arm_group, qiu_groups
+from cosim.validation.clamped import DIFFERENCES as DIFFERENCE_QUANTITIES
 from cosim.validation.plan import cadaver_groups, lee_groups, rows_of
 from cosim.validation.ratios import BUFORD, COHN, cohn_groups, share_group, share_rows
-from cosim.validation.trial import Summaries, Trial, TrialGroup, posture_settings
+from cosim.validation.trial import Summaries, Trial, TrialGroup, angles_of, posture_settings
 
 ARMS, DIFFERENCES, SIZES, ANGLES, FORCES, SHARES, EXCURSIONS, SLIPS, STRAINS, CADAVER = (
     "moment arms",
@@ -52,8 +51,6 @@ LEE = 11.8
 """N in EDC, Lee et al. 2008."""
 MARKED = "strain_lee2008_average_ti"
 """The packaged case with Lee's markers on its hood."""
-POSTURES = {"minorflex": "40/55/35", "majorflex": "55/57/25"}
-"""deg, MCP/PIP/DIP of the middle finger's cases."""
 WITH_SLIPS = ("shell", "network", "cable", "two_band")
 """Kinds of hoods that tell the forces in their slips."""
 
@@ -221,20 +218,12 @@ def trials_of(model: HandModel, groups: Sequence[ScoreGroup]) -> dict[str, Case]
     return cases
 
 
-def muscle_of(group: ScoreGroup, trial: Trial) -> str:
-    """The muscle that a trial loads, by its name."""
-    if group.finger == "middle":
-        return trial.name.rpartition("_")[2].upper()
-    words = trial.name.split()
-    return next((w for w in words if w in ("EDC", "EI", "LUM", "FPI", "FDP", "FDS", "FDI")), "EDC")
-
-
 def _load(
     model: HandModel, group: ScoreGroup, trial: Trial
 ) -> tuple[tuple[str, ...], float | None]:
     """The model's tendons that a trial loads, and their tension (N), None for a part of their
     greatest force."""
-    muscle = muscle_of(group, trial)
+    muscle = trial.muscle
     if group.name == SHARES and muscle not in model.tendons:
         return model.tendons[:1], None
     muscles = tuple(m for m in HEADS.get(muscle, (muscle,)) if m in model.tendons)
@@ -282,14 +271,7 @@ def _with_tip(case: Case, kind: str) -> Case:
 
 
 def _posture(group: ScoreGroup, trial: Trial) -> tuple[str, ...]:
-    if group.finger == "middle":
-        angles = load_case(trial.case).native_finger().posture.angles()
-        mcp, pip, dip = (float(np.degrees(angles[joint])) for joint in ("MCP", "PIP", "DIP"))
-        return posture_settings(mcp, pip, dip)
-    stated = tuple(text for text in trial.settings if text.startswith("finger.posture"))
-    if stated:
-        return stated
-    return posture_settings(*(AT_REST if group.name == SHARES else (0.0, 0.0, 0.0)))
+    return posture_settings(*(AT_REST if group.name == SHARES else angles_of(trial.posture)))
 
 
 # The rows ---------------------------------------------------------------------------------------
@@ -330,7 +312,7 @@ def rows_of_group(
     lacking = {}
     trials = {t.name: t for g in group.groups for t in g.trials}
     for row in rows:
-        muscle = muscle_of(group, trials[row.target.case])
+        muscle = trials[row.target.case].muscle
         needed = (muscle, "EDC") if group.name == ANGLES else (muscle,)
         missing = [m for m in needed if m in model.missing]
         if row.model is None and missing:
@@ -383,16 +365,13 @@ def _short(cited: str) -> str:
 
 def row_words(group: ScoreGroup, row: Comparison) -> str:
     """A row in words that need no trial's name."""
-    name = row.target.name
-    trial = row.target.case
-    if group.finger == "middle" and group.name != ARMS:
-        _, posture, muscle = trial.rsplit("_", 2)
-        what = f"{row.target.quantity.rpartition('.')[2]} force, axes of the distal phalanx"
-        if group.name != CADAVER:
-            _, _, what, _ = (part.strip() for part in name.split(",", 3))
-        return f"{muscle.upper()} {POSTURES[posture]}: {what}"
-    if group.name in (SLIPS, STRAINS):
-        _, _, what = name.partition(": ")
-        angles = trial.rpartition(" ")[2] if "/" in trial else "0/0/0"
-        return f"EDC {angles}: {what}"
-    return name
+    trials = {t.name: t for g in group.groups for t in g.trials}
+    trial, quantity = trials.get(row.target.case), row.target.quantity
+    if trial is None or not (group.finger == "middle" or group.name in (SLIPS, STRAINS)):
+        return row.target.name
+    what = row.target.name.removeprefix(f"{trial.name}: ")
+    if group.name == CADAVER:
+        what = f"{quantity.rpartition('.')[2]} force, axes of the distal phalanx"
+    elif group.name == DIFFERENCES:
+        what = next(w for w, q in (DIFFERENCE_QUANTITIES | ABDUCTION).items() if q == quantity)
+    return f"{trial.muscle} {trial.posture}: {what}"

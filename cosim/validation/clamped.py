@@ -25,7 +25,13 @@ from cosim.results.clamped_tip import (
 )
 from cosim.results.compare import Comparison, Kind, Target, numbers_of, value_of
 from cosim.validation.force import CLAMPED
-from cosim.validation.trial import Summaries, Trial, TrialGroup, posture_settings
+from cosim.validation.trial import (
+    Summaries,
+    Trial,
+    TrialGroup,
+    angles_of,
+    posture_settings,
+)
 
 DIFFERENCES = {
     "MCP less PIP arm": "difference.arm_difference_mm.MCP_PIP",
@@ -39,19 +45,14 @@ CASES = {"hood": "fingertip_fibres", "split": "split"}
 
 def clamped_trial(source: str, model: str, muscle: str, posture: str) -> Trial:
     """A case of the index finger, its fingertip clamped, in a posture."""
-    settings = (CLAMPED, *posture_settings(*_angles(posture)))
-    case = f"{CASES[model]}_{muscle.lower()}"
-    return Trial(f"{source} {model} {muscle} {posture}", case, settings)
+    settings = (CLAMPED, *posture_settings(*angles_of(posture)))
+    case, name = f"{CASES[model]}_{muscle.lower()}", f"{source} {model} {muscle} {posture}"
+    return Trial(name, case, settings, muscle=muscle, posture=posture)
 
 
-def _angles(posture: str) -> tuple[float, ...]:
-    """MCP, PIP and DIP, deg."""
-    return tuple(map(float, posture.split("/")))
-
-
-def split_partners(trials: Sequence[Trial]) -> dict[str, str]:
-    """Each trial's partner, which is itself where no hood is touched."""
-    return {t.name: t.name.replace(" hood ", " split ") for t in trials}
+def split_partners(hood: Sequence[Trial], split: Sequence[Trial]) -> dict[str, str]:
+    """The partners of trials, in the same order."""
+    return {one.name: other.name for one, other in zip(hood, split, strict=True)}
 
 
 # The index fingers of Qiu et al. 2017 -------------------------------------------------------------
@@ -71,7 +72,7 @@ def qiu_groups() -> tuple[TrialGroup, ...]:
     past = [clamped_trial("qiu", "split", "FDP", p) for p in _qiu_postures("FDP")]
     shown = (*hood, *past)
     return (
-        _qiu("Qiu 2017: hood", hood, partners=split_partners(hood)),
+        _qiu("Qiu 2017: hood", hood, partners=split_partners(hood, split)),
         _qiu("Qiu 2017: flexor", past),
         _qiu("Qiu 2017: fixed split", split, variant=True),
         TrialGroup(
@@ -95,7 +96,7 @@ def _qiu_postures(muscle: str) -> list[str]:
 
 
 def _qiu_targets(trial: Trial) -> Iterator[Target]:
-    *_, muscle, posture = trial.name.split()
+    muscle, posture = trial.muscle, trial.posture
     how = "force read from a figure" if muscle == "FPI" else "arms read from a figure to 0.15 mm"
     seen = "" if muscle == "FDP" else f"; {SEEN}"
     note = f"n 5; clamped; {how}; no SD by posture is printed{seen}"
@@ -112,14 +113,14 @@ def measured_differences(muscle: str, posture: str) -> tuple[float, float]:
         mcp, pip, dip = (values[f"effective_arm.{muscle}.{j}"] for j in ("MCP", "PIP", "DIP"))
         return mcp - pip, pip - dip
     distal, dorsal = (values[f"force_over_tension.{muscle}.{a}"] for a in SIDES)
-    force = to_world(np.array([distal, 0.0, dorsal]), _angles(posture))
+    force = to_world(np.array([distal, 0.0, dorsal]), angles_of(posture))
     arms = arm_differences(_qiu_points(posture), force, 100.0)["arm_difference_mm"]
     return arms["MCP_PIP"], arms["PIP_DIP"]
 
 
 def _qiu_points(posture: str) -> Array:
     lengths = [1e-3 * values_of("qiu2017")[f"length.{b}"] for b in ("proximal", "middle", "distal")]
-    return chain_points(lengths, _angles(posture))
+    return chain_points(lengths, angles_of(posture))
 
 
 def qiu_force(posture: str, differences: Sequence[float]) -> Array:
@@ -132,7 +133,7 @@ def qiu_forces(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Compar
     """The forces that measured and our own differences make in a finger with the lengths of Qiu's
     hands, % of the tension, along the metacarpal's axes."""
     for trial in trials:
-        *_, muscle, posture = trial.name.split()
+        muscle, posture = trial.muscle, trial.posture
         measured = qiu_force(posture, measured_differences(muscle, posture))
         summary = summaries.get(trial.name, {})
         differences = [v for q in DIFFERENCES.values() if (v := value_of(summary, q)) is not None]
@@ -217,8 +218,7 @@ def _arm_targets(
             note = "from the force by statics; counted as a force"
             if words in ABDUCTION:
                 note += "; a convention: the clamp bears a moment there"
-            muscle = trial.name.rpartition("_")[2].upper()
-            name = f"{trial.name}, {muscle}, {words}, {whose}"
+            name = f"{trial.name}, {trial.muscle}, {words}, {whose}"
             value = values[trial.name, quantity]
             yield target(trial, name, quantity, "mm", value, SYNEK, "inferred", note)
 

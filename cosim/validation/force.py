@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from cosim.measured import read_measured
 from cosim.results.compare import Target
 from cosim.text_tables import packaged_rows
-from cosim.validation.trial import Trial, TrialGroup, posture_settings
+from cosim.validation.trial import Trial, TrialGroup, angles_of, posture_settings
 
 CLAMPED = 'finger.tip.kind="clamped"'
 THROUGH_THE_HOOD = ("EDC", "EI", "LUM", "FPI")
@@ -49,14 +49,16 @@ def _group(
     partners: dict[str, str] | None = None,
 ) -> TrialGroup:
     case = CASES.get(law, law)
-    trials = tuple(Trial(f"force {law} {m}", f"{case}_{m.lower()}", (CLAMPED,)) for m in muscles)
+    trials = tuple(
+        Trial(f"force {law} {m}", f"{case}_{m.lower()}", (CLAMPED,), muscle=m) for m in muscles
+    )
     targets = tuple(t for trial in trials for t in _targets(trial, sources))
     return TrialGroup(name, "published model", trials, targets, variant, partners or {})
 
 
 def _targets(trial: Trial, sources: Sequence[str]) -> Iterator[Target]:
     for source in sources:
-        vector = two_models()[trial.name.split()[-1]][source]
+        vector = two_models()[trial.muscle][source]
         for component, value in zip(PRINTED, vector, strict=True):
             yield Target(
                 f"{trial.name}: {component}, {source}",
@@ -106,7 +108,7 @@ def attachment_group() -> TrialGroup:
         if m.posture in TOO_FAR:
             continue
         settings = (
-            *posture_settings(*map(float, m.posture.split("/"))),
+            *posture_settings(*angles_of(m.posture)),
             'finger.tip.kind="posture"',
             *(f'tendons.{t}={{ tension = "{m.tension:g} N" }}' for t in PULLED),
         )

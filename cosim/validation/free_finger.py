@@ -9,6 +9,7 @@ from which the joint turned by phi the secant stiffness that holds it without a 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,21 +22,13 @@ TURNS = "difference.posture_deg."
 SOURCE = "Nimbarte et al. 2008, abstract: the angle; ours: tension and arms in that posture"
 
 
-def held_name(case: str) -> str:
-    """The name of the trial in which the finger of a free case is held."""
-    return f"{case} held at the measured angles"
-
-
-def held_trials(targets: Sequence[Target]) -> tuple[Trial, ...]:
-    """A trial for each case of the measured angles, held at them.  Raises InputError."""
-    return tuple(_held_trial(case, targets) for case in dict.fromkeys(t.case for t in targets))
-
-
-def _held_trial(case: str, targets: Sequence[Target]) -> Trial:
-    posture = load_case(case).native_finger().posture.angles()
-    angles = {j: np.degrees(posture[j]) + turn for j, turn in _turns(case, targets).items()}
-    settings = [f'finger.posture.{j}="{angle:.6g} deg"' for j, angle in angles.items()]
-    return Trial(held_name(case), case, ('finger.tip={kind="posture"}', *settings))
+def held_trial(free: Trial, targets: Sequence[Target]) -> Trial:
+    """The trial of a free finger held at the measured angles.  Raises InputError."""
+    posture = load_case(free.case).native_finger().posture.angles()
+    angles = {j: np.degrees(posture[j]) + turn for j, turn in _turns(free.case, targets).items()}
+    held = (f'finger.posture.{j}="{angle:.6g} deg"' for j, angle in angles.items())
+    settings = ('finger.tip={kind="posture"}', *held)
+    return replace(free, name=f"{free.case} held at the measured angles", settings=settings)
 
 
 def _turns(case: str, targets: Sequence[Target]) -> dict[str, float]:
@@ -47,26 +40,27 @@ def _turns(case: str, targets: Sequence[Target]) -> dict[str, float]:
     }
 
 
-def needed_stiffness(targets: Sequence[Target], summaries: Summaries) -> Iterator[Comparison]:
+def needed_stiffness(
+    held: Sequence[Trial], targets: Sequence[Target], summaries: Summaries
+) -> Iterator[Comparison]:
     """The stiffness of ours beside the one that is needed, for each joint that turned; they judge
     nothing, and are left out where the held finger found no equilibrium."""
-    for case in dict.fromkeys(t.case for t in targets):
-        if (summary := summaries.get(held_name(case))) is None:
+    for trial in held:
+        if (summary := summaries.get(trial.name)) is None:
             continue
         torque = summary["joint_torque_Nmm"]
-        for joint, turn in _turns(case, targets).items():
+        for joint, turn in _turns(trial.case, targets).items():
             if turn:
                 ours = torque["passive"][joint]
                 needed = ours + torque["holder"][joint]
-                yield _row(case, joint, turn, ours, needed)
+                yield _row(trial, joint, turn, ours, needed)
 
 
-def _row(case: str, joint: str, turn: float, ours: float, needed: float) -> Comparison:
+def _row(trial: Trial, joint: str, turn: float, ours: float, needed: float) -> Comparison:
     """turn: deg; ours, needed: N mm that the joint bears there, against the turn."""
     modelled, wanted = (-1e-3 * torque / np.radians(turn) for torque in (ours, needed))
-    muscle = case.rpartition("_")[2].upper()
     target = Target(
-        f"{muscle}: stiffness that the {joint} would need",
+        f"{trial.muscle}: stiffness that the {joint} would need",
         f"needed_stiffness.{joint}",
         "N m/rad",
         float(wanted),
@@ -75,7 +69,7 @@ def _row(case: str, joint: str, turn: float, ours: float, needed: float) -> Comp
         None,
         SOURCE,
         "requirement",
-        held_name(case),
+        trial.name,
         note=f"{wanted / modelled:.1f} times ours: {abs(needed):.1f} N mm at {abs(turn):g} deg",
     )
     return Comparison(target, float(modelled))

@@ -49,7 +49,7 @@ def mesh_versions(count: int, settings: Sequence[str] = ()) -> dict[str, Version
 
 def finenesses(groups: Sequence[TrialGroup], settings: Sequence[str] = ()) -> dict[str, int]:
     """The fineness of each trial's own mesh, by its name, of those that have one."""
-    trials = [t for g in groups for t in g.trials if not (t.study or t.is_published)]
+    trials = [t for g in groups for t in g.trials if not (t.study or t.published)]
     own = {t.name: load_case(t.case, (*t.settings, *settings)).hood.mesh_fineness for t in trials}
     return {name: fineness for name, fineness in own.items() if fineness is not None}
 

@@ -23,7 +23,7 @@ from cosim.results.compare import (
 from cosim.results.conventions import is_slack
 from cosim.validation.clamped import cadaver_arm_group, metacarpal_group, qiu_groups
 from cosim.validation.force import attachment_group, force_groups
-from cosim.validation.free_finger import held_trials, needed_stiffness
+from cosim.validation.free_finger import held_trial, needed_stiffness
 from cosim.validation.lengths import OWN_ZERO, length_groups
 from cosim.validation.ratios import cohn_groups, share_group
 from cosim.validation.trial import Summaries, Trial, TrialGroup, posture_settings
@@ -38,7 +38,8 @@ MODULI = {"soft": -1.0, "average": 0.0, "stiff": 1.0}
 """SD from the means of the thesis's table 4."""
 MARKERS = "difference.grid_strain_percent.markers"
 """Strains between Lee's markers, whose layout is an assumption of `cases/strain`."""
-POSTURES = ("minorflex", "majorflex")
+POSTURES = {"minorflex": "40/55/35", "majorflex": "55/57/25"}
+"""deg, MCP/PIP/DIP of the middle finger's cases."""
 THROUGH, PAST = ("edc", "lum", "ri", "ui"), ("fdp", "fds")
 """Muscles of the middle finger that act through its hood, and that no hood touches."""
 HANDS = ("H01", "H02", "H03")
@@ -107,14 +108,14 @@ def targets_of(trial: str, targets: Sequence[Target], geometry: str = "") -> tup
 def lee_groups() -> tuple[TrialGroup, TrialGroup, TrialGroup, TrialGroup]:
     """Strains, slips' forces and the inferred strain of the central slip with the shipped hood; and
     all of them, at 0/0/0 deg, with other moduli and the isotropic law."""
-    straight = (Trial(STRAIGHT, "strain_lee2008_average_ti"),)
+    straight = (lee_trial(0, 0, 0),)
     printed, inferred = lee_strains()
     (ratio,) = data("lee2008_slips.csv")
-    postures = tuple(posture_trials())
+    postures = tuple(lee_trial(mcp, *ip) for mcp, ip in itertools.product(MCP, IP))
     bent = [targets_of(t.name, [ratio]) for t in postures if t.name != STRAIGHT]
     slips = tuple(itertools.chain.from_iterable(bent))
     others = tuple(
-        Trial(f"strain {modulus} {law}", f"strain_lee2008_{modulus}_{law}")
+        Trial(f"strain {modulus} {law}", f"strain_lee2008_{modulus}_{law}", muscle="EDC")
         for modulus, law in itertools.product(MODULI, ("ti", "iso"))
         if (modulus, law) != ("average", "ti")
     )
@@ -140,13 +141,17 @@ def lee_strains() -> tuple[list[Target], list[Target]]:
     return [t for t in every if t.kind == SECOND_HAND], [t for t in every if t.kind == "inferred"]
 
 
-def posture_trials() -> Iterator[Trial]:
-    """The shipped hood in the nine postures."""
-    for mcp, (pip, dip) in itertools.product(MCP, IP):
-        name, case = trial_name(mcp, pip, dip), "strain_lee2008_average_ti"
-        settings = posture_settings(mcp, pip, dip)
-        title = f'title="Lee 2008: 11.8 N in EDC at {mcp}/{pip}/{dip} deg, fibres in a matrix"'
-        yield Trial(name, case) if name == STRAIGHT else Trial(name, case, (*settings, title))
+def lee_trial(mcp: int, pip: int, dip: int) -> Trial:
+    """The shipped hood in a posture."""
+    settings = posture_settings(mcp, pip, dip)
+    title = f'title="Lee 2008: 11.8 N in EDC at {mcp}/{pip}/{dip} deg, fibres in a matrix"'
+    return Trial(
+        trial_name(mcp, pip, dip),
+        "strain_lee2008_average_ti",
+        (*settings, title) if mcp or pip or dip else (),
+        muscle="EDC",
+        posture=f"{mcp}/{pip}/{dip}",
+    )
 
 
 def trial_name(mcp: int, pip: int, dip: int) -> str:
@@ -197,8 +202,8 @@ def least_loss(joints: str) -> float:
 def fitted_group() -> TrialGroup:
     """What the hood was fitted to under Lee's load at 0/0/0 deg, which judges nothing."""
     chosen = [t for t in data("hood_fit_rows.csv") if t.fitted and t.case == "rest_0_0_0"]
-    trial = Trial(STRAIGHT, "strain_lee2008_average_ti")
-    return TrialGroup("fitted numbers", SECOND_HAND, (trial,), targets_of(STRAIGHT, chosen))
+    targets = targets_of(STRAIGHT, chosen)
+    return TrialGroup("fitted numbers", SECOND_HAND, (lee_trial(0, 0, 0),), targets)
 
 
 def strip_arm_group(trials: Sequence[Trial]) -> TrialGroup:
@@ -212,7 +217,7 @@ def strip_arm_group(trials: Sequence[Trial]) -> TrialGroup:
 def published_group(path: Path) -> TrialGroup:
     """The published hood, whose case is its own file; it has no markers, so that strains are the
     sheet's."""
-    trials = tuple(Trial(f"published hood {modulus}", str(path)) for modulus in MODULI)
+    trials = tuple(Trial(f"published hood {m}", str(path), published=m) for m in MODULI)
     printed, _ = lee_strains()
     of_sheet = [replace(t, quantity=t.quantity.replace(MARKERS, "strain_percent")) for t in printed]
     rows = [*of_sheet, *data("lee2008_slips.csv")]
@@ -228,13 +233,15 @@ def free_groups() -> tuple[TrialGroup, TrialGroup]:
     """The trials with the shipped hood, with the stiffness that the angles ask for, and with the
     fixed split."""
     hood, split = (
-        tuple(Trial(f"{words}_{m}", f"{words}_{m}") for m in EXTRINSIC)
+        tuple(Trial(f"{words}_{m}", f"{words}_{m}", muscle=m.upper()) for m in EXTRINSIC)
         for words in ("free", "free_split")
     )
     partners = dict(zip((t.name for t in hood), (t.name for t in split), strict=True))
     targets = data("nimbarte2008_motion.csv")
     others = tuple(replace(t, case=partners[t.case]) for t in targets)
-    trials, needed = (*hood, *held_trials(targets)), partial(needed_stiffness, targets)
+    by_case = {trial.case: trial for trial in hood}
+    held = [held_trial(by_case[c], targets) for c in dict.fromkeys(t.case for t in targets)]
+    trials, needed = (*hood, *held), partial(needed_stiffness, held, targets)
     return (
         TrialGroup(
             "free finger: hood", SECOND_HAND, trials, targets, partners=partners, derived=needed
@@ -250,8 +257,9 @@ def cadaver_groups() -> tuple[TrialGroup, TrialGroup, TrialGroup]:
     """The hood, the flexors, which no hood touches, and the fixed split."""
     hood, past, split = (
         tuple(
-            Trial(f"{model}_{posture}_{muscle}", f"{model}_{posture}_{muscle}")
-            for posture, muscle in itertools.product(POSTURES, muscles)
+            Trial(name, name, muscle=muscle.upper(), posture=angles)
+            for (posture, angles), muscle in itertools.product(POSTURES.items(), muscles)
+            for name in [f"{model}_{posture}_{muscle}"]
         )
         for model, muscles in (("hood", THROUGH), ("middle", PAST), ("middle", THROUGH))
     )

@@ -14,5 +14,5 @@ PULL = 11.8
 
 def published_summary(trial: Trial) -> dict[str, Any]:
     """What the hood in the trial's file says.  Raises InputError and ConvergenceError."""
-    moduli = qian_moduli(MODULI[trial.name.split()[-1]])
+    moduli = qian_moduli(MODULI[trial.published])
     return solve_published_hood(trial.case, moduli, PULL).summary()

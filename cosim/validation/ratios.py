@@ -35,12 +35,17 @@ def cohn_groups() -> tuple[TrialGroup, ...]:
     )
     past = [clamped_trial("cohn", "split", m, POSTURE) for m in PAST_THE_HOOD]
     every = (*hood, *past)
+    partners = split_partners(hood, split)
     return (
-        _cohn("Cohn 2017: hood", hood, sizes, partners=split_partners(hood)),
+        _cohn("Cohn 2017: hood", hood, sizes, partners=partners),
         _cohn("Cohn 2017: flexors and FDI", past, sizes),
         _cohn("Cohn 2017: fixed split", split, sizes, variant=True),
         _cohn(
-            "Cohn 2017: angles to EDC", every, angles, partners=split_partners(every), variant=True
+            "Cohn 2017: angles to EDC",
+            every,
+            angles,
+            partners={**partners, **split_partners(past, past)},
+            variant=True,
         ),
     )
 
@@ -53,10 +58,9 @@ def _cohn(name: str, trials: Sequence[Trial], derived: Any, **more: Any) -> Tria
 def sizes(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]:
     """Magnitude of the tip's force over the rise of the muscle's tension."""
     for trial, summary in _with_summaries(trials, summaries):
-        muscle = _muscle(trial)
         size = None if summary is None else float(np.linalg.norm(_force(summary)) / _rise(summary))
-        name = f"{muscle} {POSTURE}: force over tension"
-        value = values_of("cohn2017", POSTURE, HAND)[f"size.{muscle}"], None
+        name = f"{trial.muscle} {POSTURE}: force over tension"
+        value = values_of("cohn2017", POSTURE, HAND)[f"size.{trial.muscle}"], None
         row = target(trial, name, "size_over_tension", "1", value, COHN, "experiment", NOTE)
         yield Comparison(row, size)
 
@@ -65,10 +69,9 @@ def angles(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison
     """Angles (deg) between each muscle's force and EDC's, the first trial's."""
     (_, edc), *others = _with_summaries(trials, summaries)
     for trial, summary in others:
-        muscle = _muscle(trial)
         angle = None if summary is None or edc is None else _angle(_force(summary), _force(edc))
-        name = f"{muscle} {POSTURE}: angle to EDC's force"
-        value = values_of("cohn2017", POSTURE, HAND)[f"angle_to_EDC.{muscle}"], None
+        name = f"{trial.muscle} {POSTURE}: angle to EDC's force"
+        value = values_of("cohn2017", POSTURE, HAND)[f"angle_to_EDC.{trial.muscle}"], None
         row = target(trial, name, "angle_to_EDC_deg", "deg", value, COHN, "experiment", NOTE)
         yield Comparison(row, angle)
 
@@ -77,10 +80,6 @@ def _with_summaries(
     trials: Sequence[Trial], summaries: Summaries
 ) -> list[tuple[Trial, Mapping[str, Any] | None]]:
     return [(t, summaries.get(t.name)) for t in trials]
-
-
-def _muscle(trial: Trial) -> str:
-    return trial.name.split()[2]
 
 
 def _force(summary: Mapping[str, Any]) -> Array:
@@ -104,7 +103,7 @@ def _angle(one: Array, other: Array) -> float:
 
 def share_group() -> TrialGroup:
     """Shares of the index finger's flexion moment at the MCP, with the hood at rest at 30/45/15."""
-    trial = Trial("force ti EDC", "fingertip_fibres_edc", (CLAMPED,))
+    trial = Trial("force ti EDC", "fingertip_fibres_edc", (CLAMPED,), muscle="EDC")
     return TrialGroup(
         "Buford 2005: shares of the MCP's moment",
         SECOND_HAND,

@@ -183,7 +183,7 @@ def _outcomes(
     trials: Sequence[Trial], settings: Sequence[str], folder: Path, workers: int
 ) -> Iterator[tuple[str, Outcome[Summary]]]:
     """The trials' names and outcomes as they end.  Raises InputError."""
-    runs = [t for t in trials if not (t.study or t.is_published)]
+    runs = [t for t in trials if not (t.study or t.published)]
     others = [t for t in trials if t not in runs]
     with process_pool(max(1, min(workers, len(others)))) as pool:
         yield from pool.in_order(partial(_solve_other, settings=tuple(settings)), others)

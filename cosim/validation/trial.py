@@ -21,11 +21,18 @@ class Trial:
     case: str
     settings: tuple[str, ...] = ()
     study: str = ""
+    muscle: str = ""
+    """That which is loaded, or of several the one that the measured number is of."""
+    posture: str = ""
+    """MCP/PIP/DIP, deg; empty where the case's own is asked for."""
+    published: str = ""
+    """Of a published hood's own file, which is the case: soft, average or stiff, its moduli."""
 
-    @property
-    def is_published(self) -> bool:
-        """Whether its case is a published hood's own file."""
-        return self.name.startswith("published")
+
+def angles_of(posture: str) -> tuple[float, float, float]:
+    """MCP, PIP and DIP, deg, of a posture in words."""
+    mcp, pip, dip = map(float, posture.split("/"))
+    return mcp, pip, dip
 
 
 def posture_settings(mcp: float, pip: float, dip: float) -> tuple[str, ...]:

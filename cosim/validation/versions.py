@@ -50,7 +50,7 @@ def run_versions(
 ) -> dict[str, list[Board]]:
     """The boards of the groups in each version, by its name.  A run that misses its audit has no
     numbers here.  Raises InputError where a process is ended from outside."""
-    trials = {t.name: t for g in groups for t in g.trials if not (t.study or t.is_published)}
+    trials = {t.name: t for g in groups for t in g.trials if not (t.study or t.published)}
     outcomes: dict[str, dict[str, Outcome[Any]]] = {name: {} for name in versions}
     places, cases = [], []
     for name, version in versions.items():

@@ -22,7 +22,6 @@ from cosim.scoring.groups import (
     DIFFERENCES,
     LOAD,
     SIZES,
-    muscle_of,
     row_words,
     rows_of_group,
     score_groups,
@@ -374,8 +373,8 @@ def test_the_heads_of_a_muscle_share_what_a_trial_loads_it_with(tmp_path):
     """Both heads of the first dorsal interosseous bear half each of what one muscle would."""
     hand = read_hand(cosim.load("split_edc"), tmp_path)
     groups = score_groups("index")
-    trials = [(group, trial) for group in groups for g in group.groups for trial in g.trials]
-    of_fdi = {trial.name for group, trial in trials if muscle_of(group, trial) == "FDI"}
+    trials = [trial for group in groups for g in group.groups for trial in g.trials]
+    of_fdi = {trial.name for trial in trials if trial.muscle == "FDI"}
     pulled = [
         {n: t.tension for n, t in case.tendons.items() if t.tension}
         for name, case in trials_of(hand, groups).items()

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from string import ascii_lowercase
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from cosim.pipeline import batches_of
 from cosim.results.audit import BOUNDS, Bound
 from cosim.results.compare import Comparison, Target, verdict
 from cosim.validation.force import AN, MYOHAND, PAST_THE_HOOD, THROUGH_THE_HOOD, two_models
-from cosim.validation.free_finger import held_name, needed_stiffness
+from cosim.validation.free_finger import needed_stiffness
 from cosim.validation.lengths import OWN_ZERO, measure_lengths
 from cosim.validation.plan import STRAIGHT, groups, losses, rows_of, split_answers, trial_name
 from cosim.validation.reasons import MISSES, NOT_KNOWN, explain_misses, reasons
@@ -39,7 +40,7 @@ from cosim.validation.run import board_of as board_of_outcomes
 from cosim.validation.scoreboard import join_uncertainty as with_uncertainty
 from cosim.validation.scoreboard import scoreboard
 from cosim.validation.skill import FACTORS, hand_data, hands_headline, judging_rows
-from cosim.validation.trial import TrialGroup
+from cosim.validation.trial import Trial, TrialGroup, angles_of
 from tests.helpers.folders import ROOT
 
 GROUPS = groups(Path("mi29.feb"))
@@ -55,9 +56,22 @@ def test_every_trial_is_a_case_that_loads_and_every_target_belongs_to_a_trial_of
         assert {t.case for t in group.targets} <= {t.name for t in group.trials}
         for trial in group.trials:
             assert trials.setdefault(trial.name, trial) == trial
-            if not trial.is_published:
+            if not trial.published:
                 load_case(trial.case, trial.settings)
     assert len(trials) > 60
+
+
+@pytest.mark.parametrize("trial", [t for g in GROUPS for t in g.trials if t.muscle])
+def test_a_trial_loads_the_muscle_in_the_posture_that_it_states(trial: Trial):
+    """Its name is for people; what a row is of stands in its fields."""
+    case = load_case(trial.case, trial.settings)
+    pulls = {name: case.tension(name) for name in case.tendons}
+    loaded = {name for name, pull in pulls.items() if pull == max(pulls.values())}
+    assert {name.rstrip(ascii_lowercase) for name in loaded} == {trial.muscle}
+    if trial.posture:
+        posture = case.finger.posture.angles()
+        stated = [np.degrees(posture[joint]) for joint in ("MCP", "PIP", "DIP")]
+        assert stated == pytest.approx(angles_of(trial.posture))
 
 
 def test_groups_are_of_one_kind_and_the_experiments_come_first():
@@ -155,7 +169,7 @@ def test_the_twelve_rows_of_the_free_finger_are_as_printed_and_of_cases_of_their
 
 def test_the_stiffness_that_the_free_finger_would_need_is_told_and_judges_nothing():
     group = BY_NAME["free finger: hood"]
-    (held,) = [t for t in group.trials if t.name == held_name("free_fds")]
+    (held,) = [t for t in group.trials if t.case == "free_fds" and t.settings]
     case = load_case(held.case, held.settings)
     assert case.finger.tip.kind == "posture"
     angles = {j: np.degrees(a) for j, a in case.finger.posture.angles().items()}
@@ -165,7 +179,7 @@ def test_the_stiffness_that_the_free_finger_would_need_is_told_and_judges_nothin
         "passive": {"MCP": -16.0, "PIP": -20.0, "DIP": 1.0},
         "holder": {"MCP": -60.0, "PIP": -60.0, "DIP": -60.0},
     }
-    rows = list(needed_stiffness(group.targets, {held.name: {"joint_torque_Nmm": bears}}))
+    rows = list(needed_stiffness([held], group.targets, {held.name: {"joint_torque_Nmm": bears}}))
     assert [r.target.quantity for r in rows] == ["needed_stiffness.MCP", "needed_stiffness.PIP"]
     assert rows[0].target.reference == pytest.approx(0.076 / np.radians(24.8))
     assert rows[0].model == pytest.approx(0.016 / np.radians(24.8))
@@ -428,7 +442,7 @@ def test_the_command_runs_trials_and_leaves_runs_page_and_board(tmp_path: Path):
 
 
 def test_trials_that_share_an_unloaded_equilibrium_are_run_side_by_side():
-    trials = {t.name: t for g in GROUPS for t in g.trials if not (t.study or t.is_published)}
+    trials = {t.name: t for g in GROUPS for t in g.trials if not (t.study or t.published)}
     cases = [_case(trial, ()) for trial in trials.values()]
     batches = batches_of(cases)
     assert sorted(i for batch in batches for i, _ in batch) == list(range(len(cases)))

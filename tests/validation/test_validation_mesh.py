@@ -188,4 +188,4 @@ def test_only_hoods_that_are_generated_are_laid_out_anew():
 
 def test_a_version_of_a_published_hood_or_an_experiment_of_several_runs_is_not_made():
     published = choose_groups("published hood soft", Path("mi29.feb"))
-    assert all(t.is_published for g in published for t in g.trials)
+    assert all(t.published for g in published for t in g.trials)
