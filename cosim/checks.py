@@ -68,9 +68,9 @@ class Row:
 
 Relation = Literal["input", "number", "at_most", "between", "other", "text"]
 State = Literal["reproduced", "differs", "input", "set apart", "no number printed"]
-NEAR = 0.1
+REPRODUCED_WITHIN = 0.1
 """Relative difference within which a printed number is called reproduced."""
-SAME = 1e-9
+HELD_WITHIN = 1e-9
 """Relative difference within which a case holds a printed number."""
 
 
@@ -116,7 +116,7 @@ class Printed:
             if self.relation == "at_most":
                 same = all(x <= most for x, most in pairs)
             else:
-                within = NEAR if self.relation == "number" else SAME
+                within = REPRODUCED_WITHIN if self.relation == "number" else HELD_WITHIN
                 same = all(abs(x - target) <= within * abs(target) for x, target in pairs)
         if not same:
             return "differs"

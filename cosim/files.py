@@ -28,7 +28,7 @@ SLACK = 60.0
 """Seconds by which a process may seem to have begun after what it wrote: clocks are set."""
 _CLEARED: set[Path] = set()
 """Folders of `clear_leftovers`."""
-PATIENCE = 2.0 if sys.platform == "win32" else 0.0
+MOVE_LIMIT = 2.0 if sys.platform == "win32" else 0.0
 """Seconds that a move waits for another process: Windows moves nothing that one has open, a
 scanner for viruses among them."""
 
@@ -84,7 +84,7 @@ def move_into_place(part: Path, target: Path) -> None:
     """Give `part` the name `target`, in place of a file that has it.
 
     Raises OSError."""
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + MOVE_LIMIT
     while True:
         try:
             part.replace(target)

@@ -22,7 +22,7 @@ from typing import IO, Any
 from cosim.errors import InputError
 
 START = "from cosim.foreign_process import serve; serve()"
-PATIENCE = 2.0
+END_LIMIT = 2.0
 """Seconds for a process that has nothing to do to end."""
 HEARTBEAT = 0.5
 """Seconds between two looks at whether the parent is there."""
@@ -122,7 +122,7 @@ class ForeignProcess:
     def _end_reason(self) -> str:
         """How the process ended, which it did."""
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(PATIENCE)
+            self._process.wait(END_LIMIT)
         self.kill()
         code = self._process.returncode
         how = f"with exit code {code}" if code >= 0 else f"by {signal.Signals(-code).name}"
@@ -149,7 +149,7 @@ class ForeignProcess:
             with self._lock, suppress(OSError, ValueError):
                 self._send(None)
             self._close()
-            self._process.wait(PATIENCE)
+            self._process.wait(END_LIMIT)
         except subprocess.TimeoutExpired:
             self.kill()
 
@@ -230,7 +230,7 @@ def serve() -> None:
         _end_orphaned()
     if sys.platform != "win32":
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.setitimer(signal.ITIMER_REAL, 5 * PATIENCE)  # a library may hang as it is unloaded
+        signal.setitimer(signal.ITIMER_REAL, 5 * END_LIMIT)  # a library may hang as it is unloaded
 
 
 def _do(function: str, args: tuple[Any, ...]) -> tuple[bool, Any]:

@@ -41,7 +41,7 @@ SURFACES = (".stl", ".obj", ".ply", ".off")
 IN_GMSH = "in gmsh put every surface and curve into one, or set Mesh.SaveAll = 0, and save it again"
 MOST_BYTES = 256 * MB
 READER = "cosim.vtu_child:read_arrays"
-PATIENCE = 120.0
+VTK_LIMIT = 120.0
 """s that VTK may take for a file."""
 
 
@@ -200,7 +200,7 @@ def _arrays_of_vtu(path: Path) -> dict[str, Any]:
     """What `cosim.vtu_child` makes of a file."""
     process = ForeignProcess()
     try:
-        arrays: dict[str, Any] = process.call(READER, str(path.resolve()), limit=PATIENCE)
+        arrays: dict[str, Any] = process.call(READER, str(path.resolve()), limit=VTK_LIMIT)
     except ForeignError as error:
         raise InputError(f"{path}: VTK cannot read it: {error}") from error
     finally:

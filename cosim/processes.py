@@ -133,7 +133,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 Memory = dict[str, Any]
 """What one process of a pool keeps from call to call."""
-PATIENCE = 5.0
+END_LIMIT = 5.0
 """Seconds for a process that has nothing to do to end."""
 READY, STOP = b"ready", b"stop"
 _memory: Memory = {}
@@ -262,7 +262,7 @@ class WorkerProcess:
             pipe.close()
         if process is None:
             return 0
-        process.join(0.0 if at_once else PATIENCE)
+        process.join(0.0 if at_once else END_LIMIT)
         process.kill()
         process.join()
         return process.exitcode or 0

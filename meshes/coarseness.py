@@ -4,7 +4,7 @@ Between two rows, h apart, the sheet is a chord: over a head of radius R it runs
 arc.  As it slides, height and moment arm wave by as much as the tissue over the head gives way.
 Contact is felt at points within the elements, not at the rows alone, so that what is left of the
 wave is small of second order in the sag's share of that tissue's thickness: a share of SHARE is
-enough, and so is a sag of LEAST where the tissue is thinner.
+enough, and so is a sag of LEAST_SAG where the tissue is thinner.
 
 The rows that come onto a head lie proximal of its joint by what the arc takes in full flexion and
 the hood's glide, and distal of it by what extension takes.
@@ -30,7 +30,7 @@ GLIDE = 2.0
 rows lie on the heads 1.6, 0.1 and 0.6 mm further proximal than the arcs reach."""
 SHARE = 0.2
 """Of the tissue's thickness that a chord's sag may be."""
-LEAST = 0.14
+LEAST_SAG = 0.14
 """mm that a chord's sag may be over any tissue: with rows half as far apart over 0.2 mm on the head
 of the middle phalanx, no slip changes by more than 0.6 % of EDC's tension and no arm by more than
 0.05 mm, at DIP 15 and 45 deg (measured on the index finger's shell)."""
@@ -55,7 +55,7 @@ class Arc(NamedTuple):
     @property
     def spacing(self) -> float:
         """The distance (m) of rows whose sag may just be."""
-        sag = max(SHARE * self.thickness, 1e-3 * LEAST)
+        sag = max(SHARE * self.thickness, 1e-3 * LEAST_SAG)
         return float(np.sqrt(8 * self.radius * sag))
 
 

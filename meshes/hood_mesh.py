@@ -64,7 +64,7 @@ SPRINGS = (
 ENDS = ("central", "radial", "ulnar")
 MOST_BYTES = 64 * MB
 """Of a mesh file, which takes some twenty times as much in memory."""
-MOST = 1e6
+LARGEST_NUMBER = 1e6
 """No number of a mesh file is larger."""
 SAME_PLACE = 1e-9
 """m, nodes nearer than that lie at one place."""
@@ -274,9 +274,11 @@ class _Reader:
         if not np.isfinite(out).all():
             row = int(np.argwhere(~np.isfinite(out))[0, 0])
             raise self.fault(key, f"row {row} holds a value that is not finite")
-        if np.abs(out).max() > MOST:
-            row = int(np.argwhere(np.abs(out) > MOST)[0, 0])
-            raise self.fault(key, f"row {row} holds a number above {MOST:g}; lengths are in mm")
+        if np.abs(out).max() > LARGEST_NUMBER:
+            row = int(np.argwhere(np.abs(out) > LARGEST_NUMBER)[0, 0])
+            raise self.fault(
+                key, f"row {row} holds a number above {LARGEST_NUMBER:g}; lengths are in mm"
+            )
         return out
 
     def indices(self, value: Any, key: str, count: int, columns: int | None = None) -> Ints:

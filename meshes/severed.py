@@ -33,7 +33,7 @@ PLACES = {
     "lateral_slip_ulnar": (HOOD_END + SLIP_START) / 2,
 }
 """mm, the station at which a region is severed."""
-LEAST = 1e-3
+LEAST_LEFT = 1e-3
 """Of a quad's width, that is left beside a cut at least, or the quad is cut whole."""
 STRAND_OF = {"extensor_tendon_distal": "extensor_tendon"}
 """Strands of a net that are not called as the part that is severed in them."""
@@ -76,7 +76,7 @@ def cut_part_of(mesh: HoodMesh, part: str, share: float) -> HoodMesh:
     width = np.array([mesh.areas()[i] / mesh.length(np.arange(len(mesh.quads)) == i) for i in row])
     kept = np.clip((np.cumsum(width) - share * width.sum()) / width, 0.0, 1.0)
     left = np.ones(len(mesh.quads)) if mesh.left is None else mesh.left.copy()
-    left[row] *= np.where(kept < LEAST, 0.0, kept)
+    left[row] *= np.where(kept < LEAST_LEFT, 0.0, kept)
     return _whole(replace(mesh, left=left), left > 0.0, part)
 
 

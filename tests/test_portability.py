@@ -171,10 +171,10 @@ def test_a_file_that_another_process_holds_is_waited_for(tmp_path, monkeypatch):
         real(self, place)
 
     monkeypatch.setattr(Path, "replace", held)
-    monkeypatch.setattr(files, "PATIENCE", 0.0)
+    monkeypatch.setattr(files, "MOVE_LIMIT", 0.0)
     with pytest.raises(PermissionError):
         files.move_into_place(part, target)
-    monkeypatch.setattr(files, "PATIENCE", 5.0)
+    monkeypatch.setattr(files, "MOVE_LIMIT", 5.0)
     files.move_into_place(part, target)
     assert len(tries) == 3
     assert target.read_text(encoding="utf-8") == "new"

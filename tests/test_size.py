@@ -5,8 +5,11 @@ its own to spend."""
 
 from __future__ import annotations
 
+import re
+
 from tests.helpers.folders import ROOT
 
+PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
 PRODUCT = 103546
 TESTS = 69769
 
@@ -17,8 +20,17 @@ def _lines(*packages: str) -> int:
 
 
 def test_the_product_is_no_longer_than_its_ceiling() -> None:
-    assert _lines("cosim", "fe_solver", "rigid", "meshes", "cases") <= PRODUCT
+    assert _lines(*PACKAGES) <= PRODUCT
 
 
 def test_the_tests_are_no_longer_than_their_ceiling() -> None:
     assert _lines("tests") <= TESTS
+
+
+def test_a_constant_of_a_module_says_of_what_it_is() -> None:
+    """Names that had ten values in five units."""
+    vague = "NEAR|SAME|CLOSE|SMALL|FEW|MOST|LEAST|ROUNDING|TOLERANCE|PATIENCE"
+    kinds = re.compile(rf"^({vague})(: [^=]+)? = (?!Kind\(|Quantity\()", re.M)
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            assert kinds.findall(path.read_text("utf-8")) == [], path

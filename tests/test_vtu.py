@@ -235,7 +235,7 @@ def test_a_process_that_ends_or_hangs_is_one_fault(tmp_path: Path, monkeypatch) 
     monkeypatch.setattr(mesh_file, "READER", "tests.helpers.faults:abort")
     with pytest.raises(InputError, match=r"a\.vtu: VTK cannot read it: its process ended by SIGAB"):
         read_mesh_file(path)
-    monkeypatch.setattr(mesh_file, "PATIENCE", 0.2)
+    monkeypatch.setattr(mesh_file, "VTK_LIMIT", 0.2)
     monkeypatch.setattr(mesh_file, "READER", "tests.helpers.faults:hang")
     with pytest.raises(InputError, match=r"a\.vtu: VTK cannot .*: it did not answer within 0\.2 s"):
         read_mesh_file(path)

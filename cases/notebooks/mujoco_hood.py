@@ -164,7 +164,7 @@ print(scores.summary[["model", "group", "skill"]].dropna().to_string(index=False
 
 # %%
 SECONDS, GAIN, INTEGRAL, BOTH = 12.0, 0.8, 1.0, 0.03  # s, 1/rad, 1/(rad s), least part of both
-MOST = 8.0  # N, of an actuator whose control is a force
+GREATEST_FORCE = 8.0  # N, of an actuator whose control is a force
 asked = np.radians([25.0, 55.0, 35.0])  # of the PIP, 4 s each
 
 
@@ -177,7 +177,7 @@ def closed_loop(path: Path) -> tuple[np.ndarray, np.ndarray]:
     pulled = {int(model.actuator_trnid[a, 0]): a for a in range(model.nu)}
     flexor, extensor = (pulled[model.tendon(names[m]).id] for m in ("FDP", "EDC"))
     limited = model.actuator_ctrllimited.astype(bool)
-    most = np.where(limited, model.actuator_ctrlrange[:, 1], MOST)
+    most = np.where(limited, model.actuator_ctrlrange[:, 1], GREATEST_FORCE)
     place, total, rows = model.joint(names["PIP"]).qposadr[0], 0.0, []
     dip = model.joint(names["DIP"]).qposadr[0]
     for k in range(round(SECONDS / step)):

@@ -26,7 +26,7 @@ from matplotlib.colors import Normalize
 
 from cosim.analyses.opensim.loads import THESIS_AXES, axes_of
 from cosim.case.file import load_case
-from cosim.checks import NEAR, State, printed_values, read_printed
+from cosim.checks import REPRODUCED_WITHIN, State, printed_values, read_printed
 from cosim.hoods.shell.view import CENTRAL
 from cosim.pipeline import run_case
 from cosim.report.figures import legend_below, new_picture, show, style_axes
@@ -384,7 +384,7 @@ axes.set_xlabel("rows")
 axes.spines[["top", "right"]].set_visible(False)
 legend_below(figure, 5)
 apart = ", ".join(f"{count[name].sum()} {name}" for name in STATES if name not in RESULTS)
-near = 100 * NEAR
+near = 100 * REPRODUCED_WITHIN
 show(figure, states=count.reset_index(), rows=table)
 
 # %% [markdown]

@@ -28,7 +28,7 @@ from cosim.text_tables import read_json_file
 SHIPPED = "mesh_error.json"
 KIND: Kind = "mesh_errors"
 FORMAT = "mesh errors 1"
-SAME = 1e-3
+SAME_NUMBER = 1e-3
 """A number that differs by more of itself, and by more than its error, is another one."""
 Errors = dict[str, tuple[float, float]]
 """The number and its grid convergence index by its path."""
@@ -40,7 +40,7 @@ def known_errors(case: Case, summary: Mapping[str, Any]) -> dict[str, float]:
     kept = {} if case.hood.mesh_fineness is None else _read(address(case, FORMAT))
     numbers = {path: value_of(summary, path) for path in kept}
     is_same = all(
-        now is not None and abs(now - value) <= max(index, SAME * abs(value))
+        now is not None and abs(now - value) <= max(index, SAME_NUMBER * abs(value))
         for now, (value, index) in zip(numbers.values(), kept.values(), strict=True)
     )
     return {path: index for path, (_, index) in kept.items()} if is_same else {}

@@ -29,7 +29,7 @@ FORMAL = 2.0
 SLOWEST, STEEPEST = 0.5, 20.0
 """Orders between which one is looked for; a steeper one is infinite."""
 SAFETY, SAFETY_UNSEEN = 1.25, 3.0
-SAME = 1e-4
+NO_CHANGE = 1e-4
 """Changes of less than this part of a number say nothing of an order."""
 SHARE = 0.01
 """The part of a number by which it may change over the meshes; a force's components by that of the
@@ -131,7 +131,7 @@ def observe_order(values: Sequence[float], edges: Sequence[float]) -> Convergenc
 
     coarse, middle, fine = values
     first, second = coarse - middle, middle - fine
-    if max(abs(first), abs(second)) <= SAME * max(map(abs, values)):
+    if max(abs(first), abs(second)) <= NO_CHANGE * max(map(abs, values)):
         return Convergence(None, None, "hardly changes")
     if first * second < 0:
         return Convergence(None, None, "goes up and down")

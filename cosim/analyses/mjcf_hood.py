@@ -46,7 +46,7 @@ BEARS = 0.01
 
 NOTE = "cosim_hood_"
 """Before a finger's name: the text of a model that keeps the hood's table."""
-SAME = {"FPI": "UI", "UI": "FPI"}
+OTHER_NAME = {"FPI": "UI", "UI": "FPI"}
 """The ulnar interosseous is called FPI at the index finger and UI at the others."""
 
 
@@ -239,7 +239,7 @@ def hood_muscles(made: HoodFile, names: Mapping[str, str]) -> tuple[str, ...]:
 
 def _known(muscle: str, names: Mapping[str, str]) -> str:
     """What this finger's muscle of that name is called."""
-    return SAME.get(muscle, muscle) if muscle not in names else muscle
+    return OTHER_NAME.get(muscle, muscle) if muscle not in names else muscle
 
 
 def attached_hood(path: Path, finger: str) -> Mapping[str, Any] | None:

@@ -27,7 +27,7 @@ MEAN_OF = 19
 """Postures in a mean over a range."""
 MOST_STEP = float(np.radians(10.0))
 """A hood follows the bones in steps of at most this turn."""
-NEAR = float(np.radians(1.0))
+SAME_POSTURE = float(np.radians(1.0))
 """Joints that stand no further apart are in the same posture."""
 
 
@@ -234,5 +234,5 @@ def _draw_known(
             continue
         stands = {"MCP_abduction": 0.0, **_posture(str(row.posture_deg))}
         angle = np.degrees(stands.pop(str(row.joint)))
-        if all(abs(rad - posture.get(joint, 0.0)) < NEAR for joint, rad in stands.items()):
+        if all(abs(rad - posture.get(joint, 0.0)) < SAME_POSTURE for joint, rad in stands.items()):
             axes.plot(angle, row.arm_mm, "o", color=tendon, ms=4)

@@ -41,7 +41,7 @@ where it would run away."""
 STILL = 1e-10
 """rad: a finger that reports no forces is at rest where no joint turns further in a round."""
 
-PATIENCE = 8
+WHOLE_ROUNDS = 8
 """Rounds after which a step that does not lower the interface's residual is halved: a hood whose
 tendons go slack and taut has kinks, between which whole steps can go to and fro for ever."""
 LEAST_PART = 2.0**-10
@@ -130,7 +130,7 @@ def equilibrium(
         interface = np.nan if balance is None else balance.relative
         line = f"coupling round {iteration}: {_progress_text(interface, turn)}"
         progress(line if np.isnan(interface) else ResidualText(line, interface))
-        is_late = iteration > PATIENCE and part > LEAST_PART
+        is_late = iteration > WHOLE_ROUNDS and part > LEAST_PART
         if is_late and way is not None and interface > max(way.interface, options.tolerance):
             part, state = 0.5 * part, way.state
             finger_state = finger.between(way.finger_state, way.aim, part)

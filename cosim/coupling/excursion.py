@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cosim.errors import ConvergenceError
 from cosim.port import Array
 
-TOLERANCE = 1e-10
+EXCURSION_TOLERANCE = 1e-10
 """m."""
 FIRST_PULL = 0.1
 """N, the change of tension by which the first slope is found."""
@@ -84,7 +84,7 @@ def solve_excursions(
     for _ in range(MOST_TRIALS):
         gap = aim - excursion
         taut = (tension > 0) | (gap > 0)
-        if np.abs(gap[taut]).max(initial=0.0) <= TOLERANCE:
+        if np.abs(gap[taut]).max(initial=0.0) <= EXCURSION_TOLERANCE:
             return result, ExcursionState(tension, excursion, at.start, slope, at.pretension)
         after = _next_tensions(tension, gap, taut, slope)
         result, new_excursion = drawn(after)

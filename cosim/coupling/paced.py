@@ -12,7 +12,7 @@ from cosim.coupling.state import CoupledState
 from cosim.errors import Progress, pulse
 from cosim.port import Array
 
-ROUNDING = 1e-12  # relative to the duration: so much may be missing at the end
+DURATION_ROUNDING = 1e-12  # relative to the duration: so much may be missing at the end
 
 
 def adaptive_states(
@@ -23,13 +23,13 @@ def adaptive_states(
     Raises ConvergenceError, which says when, where a step of the control's floor misses its
     tolerance or fails."""
     begun, first = time.perf_counter(), at.coupled.time
-    while until - at.coupled.time > ROUNDING * until:
+    while until - at.coupled.time > DURATION_ROUNDING * until:
         half, at = take_step(moves, control, at, until)
         yield half, at
         c, count = at.coupled, at.pace.accepted
-        if until - c.time > ROUNDING * until:
+        if until - c.time > DURATION_ROUNDING * until:
             pulse("t = {:.4g} s, {} steps", c.time, count)
-        if count % EVERY == 0 or until - c.time <= ROUNDING * until:
+        if count % EVERY == 0 or until - c.time <= DURATION_ROUNDING * until:
             left = (time.perf_counter() - begun) / (c.time - first) * (until - c.time)
             progress(
                 f"t = {c.time:.4g} s, {count} steps ({at.pace.rejected} rejected), {c.solves} hood "

@@ -45,13 +45,13 @@ from cosim.static_response import static_response
 
 LENGTH = 0.046
 """m, of a proximal phalanx (Buchner et al. 1988, J Biomech 21, table 2)."""
-TOLERANCE = 1e-9
+ANGLE_TOLERANCE = 1e-9
 """rad."""
 MOST_SOLVES = 30
 ENERGY_MARGIN = 10.0
 """A stable staggered step lends the finger energy and takes it back, near its limit several times
 what passes; what grows goes beyond any multiple."""
-ROUNDING = 1e-12
+ENERGY_ROUNDING = 1e-12
 """J."""
 MOST_TURN = np.deg2rad(8.0)
 """Between two iterations no joint moves further."""
@@ -70,7 +70,7 @@ class Implicit:
     """A fixed point; no derivatives are asked for."""
 
     accelerator: Accelerator = field(default_factory=Aitken)
-    tolerance: float = TOLERANCE
+    tolerance: float = ANGLE_TOLERANCE
     most_solves: int = MOST_SOLVES
     length: float = LENGTH
 
@@ -79,7 +79,7 @@ class Implicit:
 class Newton:
     """Newton's method with the hood's Jacobian of every iteration."""
 
-    tolerance: float = TOLERANCE
+    tolerance: float = ANGLE_TOLERANCE
     most_solves: int = MOST_SOLVES
     length: float = LENGTH
 
@@ -281,7 +281,7 @@ def _check_energy(
         finger, replace(after, finger=state.finger) if scheme.parallel else after
     )
     e = after.energy
-    allowed = e.effort + e.most + abs(after.start) + ROUNDING
+    allowed = e.effort + e.most + abs(after.start) + ENERGY_ROUNDING
     if gained <= ENERGY_MARGIN * allowed:
         return
     limit = explicit_limit(finger, hood, state, dt)

@@ -36,7 +36,7 @@ from cosim.models.motion import MovingModels, moving_models
 from cosim.models.states import special_states
 from cosim.port import AffineLoad, Array, State
 
-ROUNDING = 1e-9
+LONGER_STEP = 1e-9
 """The part of a step by which a master's may be longer than the case's."""
 MOMENT = 1e-3
 """The part of a case's step after which the reactions at the start are read: they do not depend on
@@ -63,7 +63,7 @@ def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) ->
 
 def _steps(dt: float, longest: float) -> list[float]:
     """Equal steps (s) that make `dt`."""
-    count = max(1, ceil(dt / longest * (1 - ROUNDING)))
+    count = max(1, ceil(dt / longest * (1 - LONGER_STEP)))
     return [dt / count] * count
 
 

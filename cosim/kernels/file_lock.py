@@ -8,7 +8,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-PATIENCE = 600.0
+LONGEST_WAIT = 600.0
 """Seconds that a process waits for one that lives and does not come to an end."""
 POLL = 0.02
 
@@ -22,7 +22,7 @@ class FileLock:
         self._path = path
         self._handle: int | None = None
 
-    def acquire(self, patience: float = PATIENCE) -> bool:
+    def acquire(self, patience: float = LONGEST_WAIT) -> bool:
         """Wait for the lock; False where it was not had after `patience` s.
 
         Raises OSError where the file cannot be made or locked."""

@@ -33,7 +33,7 @@ DOTTED = (1.0, 1.2)
 REST, LESS = "unloaded.", "difference."
 PLACES = {"": "loaded", REST: "at rest", LESS: "loaded less at rest"}
 """What a report draws of a run's fingertip force, by where the summary has it."""
-LEAST = 1e-6
+LEAST_FORCE = 1e-6
 """N, below which a force is none."""
 WIDE, LEAST_WIDE, AROUND = 4.2, 2.6, 0.7
 """Inches: the longer side of the plane, its width at least, and what stands around it."""
@@ -69,7 +69,7 @@ def arrows_of(runs: Sequence[Result]) -> list[Arrow]:
             [*forces, *(_reference(vector) for vector in references)]
         )
     ]
-    return arrows if any(arrow.magnitude > LEAST for arrow in arrows) else []
+    return arrows if any(arrow.magnitude > LEAST_FORCE for arrow in arrows) else []
 
 
 def letter(n: int) -> str:
@@ -160,7 +160,7 @@ def _draw_arrow(axes: Axes, arrow: Arrow) -> None:
         axes.add_patch(Ellipse(arrow.tip, width, height, fc=arrow.ink, alpha=0.12))
         axes.add_patch(Ellipse(arrow.tip, width, height, fill=False, ec=arrow.ink, ls=":"))
     unit = np.array([1.0, 0.0])
-    if arrow.magnitude > LEAST:
+    if arrow.magnitude > LEAST_FORCE:
         unit = np.array(arrow.tip) / arrow.magnitude
         dashes = {"linestyle": (0, arrow.dashes)} if arrow.dashes else {}
         style = {"arrowstyle": "-", "lw": SHAFT, "color": arrow.ink, "shrinkA": 0, **dashes}

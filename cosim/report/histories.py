@@ -18,7 +18,7 @@ from cosim.results.result import Result
 
 MOST_MOMENTS = 400
 """Of a curve, evenly spread."""
-LEAST = 1e-6
+LEAST_CURVE = 1e-6
 """N, N mm or mm, below which a curve is none."""
 STRAIN_FIELD = "along"
 OF_STRAIN = (
@@ -47,7 +47,9 @@ def charts_of(run: Result, view: View) -> list[Chart]:
         return []
     charts = [*_states(run), *_slips(run), *_torques(run), *_strain(view), *_dots(view)]
     return [
-        chart for chart in charts if any(np.abs(y).max() > LEAST for y in chart.curves.values())
+        chart
+        for chart in charts
+        if any(np.abs(y).max() > LEAST_CURVE for y in chart.curves.values())
     ]
 
 

@@ -220,7 +220,7 @@ def _arrows(pair: RunPair) -> list[drawings.Arrow]:
         if place != drawings.LESS
     ]
     arrows = [drawings.Arrow(drawings.letter(i), *one) for i, one in enumerate(forces)]
-    return arrows if any(arrow.magnitude > drawings.LEAST for arrow in arrows) else []
+    return arrows if any(arrow.magnitude > drawings.LEAST_FORCE for arrow in arrows) else []
 
 
 def _maps(seen: Sequence[tuple[RunPair, View, View]], marked: Collection[str]) -> str:

@@ -18,7 +18,7 @@ class Bound:
 
 
 CLOSURE = "a hood is massless: its forces on the bones must balance the tendons' pulls on it"
-TOLERANCE = "write a smaller solve.tolerance"
+SMALLER_TOLERANCE = "write a smaller solve.tolerance"
 STEP = (
     "hood and finger drift apart in time: write a smaller forward.step, a table forward.adaptive, "
     'or coupling.scheme = "newton"'
@@ -31,12 +31,12 @@ TWO = (
 BOUNDS = {
     "hood_force_balance": Bound(1e-9, CLOSURE),
     "hood_moment_balance": Bound(1e-9, CLOSURE),
-    "finger_residual": Bound(1e-6, TOLERANCE),
-    "interface_residual": Bound(1e-6, f"{TOLERANCE} or coupling.tolerance"),
+    "finger_residual": Bound(1e-6, SMALLER_TOLERANCE),
+    "interface_residual": Bound(1e-6, f"{SMALLER_TOLERANCE} or coupling.tolerance"),
     "reciprocity": Bound(
         1e-3,
         "arms by force and by excursion differ; a larger hood.contact.stiffness in place of "
-        f"augmented contact or friction can help, else {TOLERANCE}",
+        f"augmented contact or friction can help, else {SMALLER_TOLERANCE}",
     ),
     "tip_force_over_reach": Bound(
         2.0,

@@ -25,9 +25,9 @@ from cosim.results.conventions import by_axis
 from cosim.solve.states import States
 
 HALF = np.deg2rad(0.5)
-SMALL = 1e-5
+DIFFERENCE_STEP = 1e-5
 """rad, to either side: small against the contact's smoothing."""
-TOLERANCE = 1e-10
+FINGER_TOLERANCE = 1e-10
 """Relative residual of the finger."""
 
 
@@ -54,7 +54,7 @@ def _change(
     """The change by half a degree of a joint, from one posture to either side within its range."""
     low, high = models.finger.ranges.get(joint, (-np.inf, np.inf))
     at = models.posture[joint]
-    ends = np.clip([at - SMALL, at + SMALL], low, high)
+    ends = np.clip([at - DIFFERENCE_STEP, at + DIFFERENCE_STEP], low, high)
     before, after = (_neighbour(case, models, fresh, e, joint, angle) for angle in ends)
     share = HALF / (ends[1] - ends[0])
     change: dict[str, Any] = {
@@ -80,7 +80,7 @@ def _neighbour(
     start = finger.displace(finger.start(posture.angles()), turn)
     by_motion = e.jacobian.load_motion
     load = affine(e.load, by_motion, e.motion, finger.motion(start))
-    state, _ = finger.settle(start, load, by_motion, e.finger_tension, TOLERANCE)
+    state, _ = finger.settle(start, load, by_motion, e.finger_tension, FINGER_TOLERANCE)
     motion = finger.motion(state)
     load = affine(e.load, by_motion, e.motion, motion)
     torque = 1e3 * finger.jacobian(state).T @ load.total().ravel()

@@ -10,7 +10,7 @@ import numpy as np
 from cosim.case.schema import Case
 from cosim.port import Array
 
-NEAR = float(np.radians(0.1))
+AT_LIMIT = float(np.radians(0.1))
 """A joint nearer than that to a limit, or beyond it, stands at it."""
 BEYOND = float(np.radians(10.0))
 """A joint further beyond its range of motion than this stands where no finger can."""
@@ -54,7 +54,7 @@ def limit_at(angle: float, limits: Sequence[tuple[float, float]]) -> tuple[float
     that is; None where it stands at none."""
     for low, high in limits:
         for end, beyond in ((low, low - angle), (high, angle - high)):
-            if beyond >= -NEAR:
+            if beyond >= -AT_LIMIT:
                 return end, beyond
     return None
 

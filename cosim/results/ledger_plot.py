@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FEW = 3
+FEW_STATES = 3
 """States of which the last is drawn as arrows; more are times."""
 TELLING = 0.02
 """Share of a body's largest force, and of its largest moment: sources below both are one row."""
@@ -32,7 +32,7 @@ ARROW = 0.45
 """Length of the largest force on a bone, of the longer side of the bone."""
 POINTS = 8
 """Along the edges of a bone's triangles, of which a few of a capsule run along all of it."""
-NEAR = 0.03
+NEAR_LINE = 0.03
 """Of that side: points of the bone so near to a line of action are on it."""
 SQUARE = 2.1
 """Inches, the sides of the polygon of forces."""
@@ -59,7 +59,7 @@ def draw_ledger(rows: Sequence[LedgerRow], title: str, scene: Scene | None = Non
     action on the bone, head to tail, and a table of components; of a motion the size of the forces
     on each body against time.  `scene` is that of the last state; without it no bones are drawn."""
     states = list(dict.fromkeys(row.state for row in rows))
-    if len(states) > FEW:
+    if len(states) > FEW_STATES:
         return _over_time(rows, title)
     last = [row for row in rows if row.state == states[-1]]
     return _at_rest(last, f"{title}: forces and moments on each bone, {states[-1]}", scene)
@@ -172,7 +172,7 @@ def _place(force: Array, moment: float, bone: Array) -> Array:
     (n, 2) or is nearest to them."""
     normal = np.array([-force[1], force[0]]) / np.linalg.norm(force)
     apart = moment / np.linalg.norm(force) - bone @ normal
-    near = np.abs(apart) <= max(np.abs(apart).min(), NEAR * np.ptp(bone, axis=0).max())
+    near = np.abs(apart) <= max(np.abs(apart).min(), NEAR_LINE * np.ptp(bone, axis=0).max())
     return np.asarray((bone[near] + apart[near, None] * normal).mean(axis=0))
 
 

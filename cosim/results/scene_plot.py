@@ -53,7 +53,7 @@ ENTRY, TITLE_LETTER, TITLE_LINE = 3.0, 0.098, 0.2
 """Inches: the width of an entry of the legend, of a letter of the title, and a line of it."""
 COLUMNS, MOST_NAMES = 3, 8
 """Of the legend, and of points with names: of more the dots alone are drawn."""
-SMALL = 9
+SMALL_TEXT = 9
 GAUGE = "#000000"
 BONE_LINE = "bones"
 """The name of the line through the bodies of a finger in an FMU."""
@@ -237,9 +237,9 @@ def _lay_out(title: str, stage: Stage) -> Figure:
         ax = figure.add_axes(panel)
         ends = (low[axis], high[axis])[:: view.sign[1]]
         ax.set(xlim=(high[0], low[0] - beside / scale), ylim=ends, ylabel=view.label[1])
-        looks: Any = {"va": "bottom", "fontsize": SMALL, "color": "0.35"}
+        looks: Any = {"va": "bottom", "fontsize": SMALL_TEXT, "color": "0.35"}
         ax.text(0, 1.0, view.title, transform=ax.transAxes, **looks)
-        ax.tick_params(labelsize=SMALL)
+        ax.tick_params(labelsize=SMALL_TEXT)
         ax.spines[["top", "right"]].set_visible(False)
     *upper, last = figure.axes
     for ax in upper:
@@ -248,14 +248,14 @@ def _lay_out(title: str, stage: Stage) -> Figure:
     if colours is not None:
         place = ((width - aside + 0.15) / width, below / height, 0.16 / width, both / height)
         bar = figure.colorbar(colours, cax=figure.add_axes(place), extend="both")
-        bar.set_label(label, fontsize=SMALL)
-        bar.ax.tick_params(labelsize=SMALL)
+        bar.set_label(label, fontsize=SMALL_TEXT)
+        bar.ax.tick_params(labelsize=SMALL_TEXT)
     figure.legend(
         handles=legend,
         loc="lower left",
         bbox_to_anchor=(LEFT / width, 0.04 / height),
         ncols=columns,
-        fontsize=SMALL,
+        fontsize=SMALL_TEXT,
         frameon=False,
         borderaxespad=0.0,
         columnspacing=1.4,
@@ -430,7 +430,7 @@ def _write_names(
             joint = view.place(scene.joints[k - 1][1])
             place = joint + BEYOND * (place - joint)
         words = name.replace("_", " ")
-        looks = {**middle, **_halo(SMALL), "rotation": turn, "style": "italic"}
+        looks = {**middle, **_halo(SMALL_TEXT), "rotation": turn, "style": "italic"}
         ax.text(place[0], place[1], words, zorder=6, **looks)
     for name, centre in scene.joints:
         at = view.place(centre)
@@ -441,7 +441,7 @@ def _write_names(
             "va": "top",
             "ha": "center",
         }
-        ax.annotate(name.replace("_", " "), tuple(at), **offset, **_halo(SMALL), zorder=6)
+        ax.annotate(name.replace("_", " "), tuple(at), **offset, **_halo(SMALL_TEXT), zorder=6)
     ends = {}
     for name, tension in scene.pulled.items():
         if (end := _pulled_end(scene, name)) is not None:
@@ -456,7 +456,7 @@ def _write_names(
             tuple(ends[words]),
             (left, height),
             va="center",
-            fontsize=SMALL,
+            fontsize=SMALL_TEXT,
             color=TENDON,
             arrowprops={"arrowstyle": "-", "lw": 1.0, "color": TENDON, "shrinkA": 1, "shrinkB": 0},
             zorder=6,

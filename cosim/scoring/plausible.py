@@ -16,7 +16,7 @@ from cosim.models.build import build
 from cosim.port import Array
 from cosim.scoring.model import HandModel, without_loads
 
-LEAST = 1.0
+LEAST_ARM = 1.0
 """mm, that an arm has at least whose sign is told."""
 ANGLES = 7
 """Angles of each joint at which the sign is looked at."""
@@ -58,7 +58,7 @@ def against_published(
     the published signs."""
     for (tendon, joint), (sign, sources) in published_signs(finger).items():
         seen = arms.get((tendon, joint), [])
-        against = [(angle, arm) for angle, arm in seen if sign * arm < -LEAST]
+        against = [(angle, arm) for angle, arm in seen if sign * arm < -LEAST_ARM]
         if not against:
             continue
         angle, arm = max(against, key=lambda pair: abs(pair[1]))
@@ -86,7 +86,7 @@ def published_signs(finger: str) -> dict[tuple[str, str], tuple[int, tuple[str, 
     signs: dict[tuple[str, str], tuple[int, tuple[str, ...]]] = {}
     for (tendon, joint), rows in known.groupby(["tendon", "joint"], sort=False):
         low, high = rows.arm_mm.min(), rows.arm_mm.max()
-        if low > LEAST or high < -LEAST:
+        if low > LEAST_ARM or high < -LEAST_ARM:
             sources = tuple(dict.fromkeys(rows.source))
             signs[str(tendon), str(joint)] = (1 if low > 0 else -1, sources)
     return signs

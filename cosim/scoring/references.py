@@ -17,7 +17,7 @@ from cosim.text_tables import packaged_rows
 from cosim.validation.skill import skill
 
 COLUMNS = ("model", "finger", "group", "row", "value")
-SAME = 1e-3
+SAME_MODEL = 1e-3
 """Relative: a model whose numbers are so near a reference's is that reference."""
 
 REFERENCE_WORDS = {
@@ -111,7 +111,7 @@ def rank_of(group: str, finger: str, rows: Sequence[Comparison]) -> Rank | None:
 
 
 def _is_same(a: float | None, b: float | None) -> bool:
-    return a is not None and b is not None and abs(a - b) <= SAME * max(abs(a), abs(b))
+    return a is not None and b is not None and abs(a - b) <= SAME_MODEL * max(abs(a), abs(b))
 
 
 def update_references(path: Path, values: Sequence[Mapping[str, object]]) -> None:

@@ -41,7 +41,7 @@ PAUSE = 10.0
 """s of computing from one checkpoint to the next, where the case states no number of steps."""
 GLANCE = 2.0
 """s of computing from one time to the next at which who watches a motion is shown it so far."""
-ROUNDING = 1e-9
+SHAPE_ROUNDING = 1e-9
 """Of the time between two shapes: so much before it is due a shape is taken."""
 UNFINISHED = ".unfinished"
 """What the folder of a motion that has not ended is called after its case's name."""
@@ -169,7 +169,7 @@ class ShapeRecorder:
 
     def _number(self, time: float) -> int:
         """How many of the times are reached at `time` s."""
-        return int(self.count * time / self.duration + ROUNDING)
+        return int(self.count * time / self.duration + SHAPE_ROUNDING)
 
     def _shape(self, at: MotionState) -> Mapping[str, Array]:
         assert self.view is not None

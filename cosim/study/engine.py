@@ -29,7 +29,7 @@ AHEAD = 2
 """Runs handed out for each worker: one that it does, one that waits."""
 LOOK = 2.0
 """Seconds after which the number of workers is asked for again."""
-PATIENCE = "20s"
+SCHEDULER_LIMIT = "20s"
 """For a scheduler to answer."""
 
 
@@ -56,7 +56,7 @@ def remote(scheduler: str, tell: Progress) -> Iterator[Solve]:
     from distributed import Client
 
     try:
-        client = Client(scheduler, timeout=PATIENCE)
+        client = Client(scheduler, timeout=SCHEDULER_LIMIT)
     except (OSError, ValueError) as error:
         raise InputError(f"--scheduler {scheduler}: does not answer ({error})") from error
     with client:

@@ -41,7 +41,7 @@ from cosim.ui.worker import Answer, SoFar, Start, answer, answer_of, motion_so_f
 Status = Literal["solving", "done", "at fault", "failed", "stopped", "waiting"]
 """`at fault`: a value cannot be solved with; `failed`: no equilibrium was found; `waiting`: a
 motion, which is solved when it is asked for."""
-PATIENCE = 4.0
+INTERRUPT_LIMIT = 4.0
 """s in which a solve that was interrupted ends; else its process is ended."""
 CALM = 1.0
 """s after an answer without a change, until it is solved once more from rest."""
@@ -372,7 +372,7 @@ class Desk:
             self._publish()
         if self._process is not None:
             self._process.kill()
-            self._thread.join(PATIENCE)
+            self._thread.join(INTERRUPT_LIMIT)
             self._process.end()
         self._room.cleanup()
 
@@ -464,7 +464,7 @@ class Desk:
             if self._running is running:
                 process.end_call()
 
-        timer = Timer(PATIENCE, end)
+        timer = Timer(INTERRUPT_LIMIT, end)
         timer.daemon = True
         timer.start()
 

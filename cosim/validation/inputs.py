@@ -23,7 +23,7 @@ from cosim.validation.versions import Key, Version, values_of_boards
 
 STUDY = "input_uncertainty"
 AS_IT_IS = "as it is"
-LEAST = 5
+LEAST_SAMPLES = 5
 """Samples with a number, of which there is no spread with less."""
 
 
@@ -80,7 +80,7 @@ def input_spreads(versions: Mapping[str, Sequence[Board]]) -> dict[Key, InputSpr
     spreads: dict[Key, InputSpread] = {}
     for key, own in nominal.items():
         values = [v for of_sample in sampled if (v := of_sample.get(key)) is not None]
-        if own is not None and len(values) >= LEAST:
+        if own is not None and len(values) >= LEAST_SAMPLES:
             spreads[key] = InputSpread(
                 nominal=own,
                 mean=float(np.mean(values)),

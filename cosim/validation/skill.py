@@ -35,7 +35,7 @@ FACTORS = {"no answer": 0.0, "halved": 0.5, "doubled": 2.0, "reversed": -1.0}
 """Null models by what the model's numbers are multiplied by."""
 NOTHING = "no answer"
 RESAMPLES, SEED, LEVEL = 2000, 1, 0.95
-MOST = 4.0
+MOST_COST = 4.0
 """A number's cost over what the answer 0 costs, or over the mean square of its unit, at most."""
 PERFECT_ENDS = (0.05, 0.95)
 """Between which quantiles the skill of a perfect model is told."""
@@ -112,7 +112,7 @@ def skill(
     others = (
         _null_answers(null, models) if answers is None else [answers[t] or 0.0 for t in targets]
     )
-    most = MOST * _scales(targets) ** 2
+    most = MOST_COST * _scales(targets) ** 2
     most_of_other = np.full(len(targets), np.inf) if answers is None else most
     trials = sorted({t.case for t in targets})
 
@@ -313,7 +313,7 @@ class HandData:
         )
         measured, weights = self.measured[:, at], self.weights[at]
         mean = measured.mean(axis=0)
-        most, no_most = MOST * np.maximum(mean**2, 1 / weights), np.full(len(at), np.inf)
+        most, no_most = MOST_COST * np.maximum(mean**2, 1 / weights), np.full(len(at), np.inf)
 
         def errors(values: Sequence[float | None], beside: Array, missing: Array | float) -> Array:
             gaps = np.array([np.nan if v is None else v for v in values]) - mean

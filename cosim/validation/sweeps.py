@@ -25,7 +25,7 @@ from cosim.validation.records import check_record
 FILE = "curves.toml"
 Joint = Literal["MCP", "PIP", "DIP"]
 JOINTS: tuple[Joint, ...] = ("MCP", "PIP", "DIP")
-ROUNDING = 1e-9
+ANGLE_ROUNDING = 1e-9
 """deg, of angles that are sums of steps."""
 Angle = Annotated[float, quantity(units.ANGLE, least="-30 deg", most="110 deg")]
 
@@ -52,7 +52,7 @@ class SweepConfig(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if degrees(self.last - self.first) < WINDOW - ROUNDING:
+        if degrees(self.last - self.first) < WINDOW - ANGLE_ROUNDING:
             raise fault(f"last must be at least {WINDOW:g} deg beyond first, a window")
         if self.joint in self.follow:
             raise fault(f"follow names {self.joint}, the joint that moves")
@@ -62,7 +62,7 @@ class SweepConfig(Table):
     def angles(self) -> Array:
         """The angles (n,), deg."""
         first, last, step = (degrees(a) for a in (self.first, self.last, self.step))
-        return np.round(np.arange(first, last + ROUNDING, step), 9)
+        return np.round(np.arange(first, last + ANGLE_ROUNDING, step), 9)
 
 
 class SweepsFile(Table):

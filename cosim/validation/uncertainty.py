@@ -26,7 +26,7 @@ from cosim.version import __version__
 
 FILE = "uncertainty.json"
 LEVEL = 0.95
-SAME = 1e-3
+SAME_NUMBER = 1e-3
 """A number that differs by more of itself is another than that whose uncertainty is known."""
 Judgement = Literal["model differs", "within uncertainty", "not found", "no u_val"]
 JUDGEMENTS: tuple[Judgement, ...] = get_args(Judgement)
@@ -178,7 +178,7 @@ def known_of(board: Board, rows: Mapping[Key, NumberUncertainty]) -> dict[Key, N
         found = rows.get(key)
         if found is None or row.model is None:
             continue
-        if abs(found.model - row.model) <= SAME * max(abs(row.model), 1e-3):
+        if abs(found.model - row.model) <= SAME_NUMBER * max(abs(row.model), 1e-3):
             known[key] = found
     return known
 

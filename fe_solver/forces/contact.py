@@ -35,7 +35,7 @@ from fe_solver.surfaces.shapes import Surface
 REACH = 1.5e-3
 """m of gap within which a point is watched for contact, and further where the smoothing is."""
 
-ROUNDING = 1e-9
+BAKED_END = 1e-9
 """m, of the end of a baked distance."""
 
 
@@ -121,7 +121,7 @@ class Contact:
             )
         level = float(np.max(self.offset, initial=0.0))
         needed = needed_distance(level, self.smoothing)
-        if self.surface.outside < needed - ROUNDING:
+        if self.surface.outside < needed - BAKED_END:
             raise InputError(
                 f"contact with body {self.body}: a point touches up to {1e3 * level:.3g} mm over "
                 f"the surface, whose distance is known up to {1e3 * self.surface.outside:.3g} mm; "

@@ -26,7 +26,7 @@ Triangles = tuple[Array, Ints]
 
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 INCREMENTS = 10
-SAME = 1e-9
+SAME_VALUE = 1e-9
 """m, or relative: what differs by less is one."""
 
 
@@ -208,7 +208,7 @@ def _supports(guides: Guides) -> tuple[PrescribedDisplacement, ...]:
     out = []
     for i in range(3):
         along = np.abs(guides.axes[:, i])
-        if not (np.abs(np.sort(along, axis=1) - [0, 0, 1]) < SAME).all():
+        if not (np.abs(np.sort(along, axis=1) - [0, 0, 1]) < SAME_VALUE).all():
             raise InputError("a tendon's end slides along no axis of its body; turn that body")
     which = np.abs(guides.axes).argmax(axis=1)  # (k, 3) the component of each axis
     for component in range(3):
@@ -255,7 +255,7 @@ def _pair(
     sheet = job.sheet
     half = node_means(sheet.thickness, sheet.quads, len(sheet.points))[contact.nodes] / 2
     gap = contact.offset - half - lift
-    if np.ptp(gap) > SAME:
+    if np.ptp(gap) > SAME_VALUE:
         raise InputError(f"the contact level over the body {name!r} varies from node to node")
     quads = np.flatnonzero(touching)
     return ContactPair(

@@ -29,9 +29,9 @@ from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 
 ALLOWED = 1e-12
 """Share of a motion's squared size that ties and guides may take before they forbid it."""
-ROUNDING = 10 * np.finfo(float).eps
+PRODUCT_ROUNDING = 10 * np.finfo(float).eps
 """Share of the sum of the products' magnitudes: a resistance below it is rounding error."""
-SAME = 1e-6
+NO_COMPONENT = 1e-6
 """Share of a motion's size: less of a component is none."""
 
 
@@ -54,7 +54,7 @@ class FreeMotions:
 
     def words(self) -> str:
         """The motions, as a person would tell them."""
-        turns = int(np.linalg.matrix_rank(self.turn, SAME))
+        turns = int(np.linalg.matrix_rank(self.turn, NO_COMPONENT))
         slides = len(self.turn) - turns
         if slides and not turns:
             return f"move along {_axes(self.shift)}"
@@ -70,7 +70,7 @@ class FreeMotions:
         size = np.linalg.norm(turn)
         point = self.middle + self.length * np.cross(turn, shift) / size**2
         place = ", ".join(f"{1e3 * v:.4g}" for v in point + 0.0)
-        screw = " and along it" if abs(shift @ turn) > SAME * size else ""
+        screw = " and along it" if abs(shift @ turn) > NO_COMPONENT * size else ""
         return f"{_axes(turn[None] / size)} through ({place}) mm{screw}"
 
 
@@ -87,7 +87,7 @@ def _axes(directions: Array) -> str:
 def _is_spanned(e: Array, directions: Array) -> bool:
     """Whether a unit vector (3,) lies in the span of directions (m, 3)."""
     basis = np.linalg.svd(directions, full_matrices=False)[2]
-    return bool(np.linalg.norm(basis @ e) > 1 - SAME)
+    return bool(np.linalg.norm(basis @ e) > 1 - NO_COMPONENT)
 
 
 def unsupported(job: Job, time: float, motions: Sequence[FreeMotions]) -> InputError:
@@ -230,7 +230,7 @@ def _free_combinations(tangent: Any, moved: Array, missed: float) -> Array:
     beside a residual `missed` (N over the piece's length)."""
     resistance = moved.T @ (tangent @ moved)
     sums = np.abs(moved) * (abs(tangent) @ np.abs(moved))
-    limit = ROUNDING * sums.sum(axis=0).max(initial=0.0) + missed
+    limit = PRODUCT_ROUNDING * sums.sum(axis=0).max(initial=0.0) + missed
     _, size, directions = np.linalg.svd(resistance)
     return np.asarray(directions[size <= limit].T)
 
@@ -238,4 +238,4 @@ def _free_combinations(tangent: Any, moved: Array, missed: float) -> Array:
 def _basis(motions: Array) -> Array:
     """The orthonormal rows (m, 6) that span the columns of motions (6, k)."""
     directions, size, _ = np.linalg.svd(motions, full_matrices=False)
-    return np.asarray(directions[:, size > SAME].T)
+    return np.asarray(directions[:, size > NO_COMPONENT].T)

@@ -65,7 +65,7 @@ LEAST_SLOPE = 1e-4
 HALVINGS = 30
 STIFF = 1e-3
 """Share of the tangent's largest entry: the first guess takes no line of the sheet for softer."""
-ROUNDING = 1e-2
+ENERGY_ROUNDING = 1e-2
 """Share of the barrier below which a rise of the energy is a rounding error."""
 
 ASYMPTOTIC = 40.0
@@ -600,7 +600,7 @@ def _descend(
         near = math.sqrt(X[0] ** 2 + X[1] ** 2 + 2 * X[2] ** 2) <= converged
         least = (X[0] + X[1]) / 2 - math.hypot((X[0] - X[1]) / 2, X[2])
         size = 1 / max(1.0, -least / TO_THE_EDGE)
-        noise = ROUNDING * (mu + abs(level) * 1e-13)
+        noise = ENERGY_ROUNDING * (mu + abs(level) * 1e-13)
         for _halving in range(HALVINGS):
             # L L' = 1 + size X, and A grown to A L
             L11 = math.sqrt(1 + size * X[0])

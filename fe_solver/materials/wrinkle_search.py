@@ -16,12 +16,12 @@ from fe_solver.materials.kernels import (
     CENTRAL,
     CONVERGED,
     DECADES,
+    ENERGY_ROUNDING,
     FEW_STEPS,
     HALVINGS,
     LEAST_SLOPE,
     MOST_STEPS,
     ROUGHLY,
-    ROUNDING,
     STIFF,
     TINY,
     TO_THE_EDGE,
@@ -181,7 +181,7 @@ def _search_along(
     along = np.einsum("mi,mi->m", sheet.slope(A, base), X)
     least = principal_values(X)[0][:, 1]
     share = 1 / np.maximum(1.0, -least / TO_THE_EDGE)
-    noise = ROUNDING * (barrier + np.abs(level) * 1e-13)
+    noise = ENERGY_ROUNDING * (barrier + np.abs(level) * 1e-13)
     for _ in range(HALVINGS):
         grown = grow(A, share[:, None] * X)
         after = sheet.base(grown)

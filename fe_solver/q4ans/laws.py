@@ -39,7 +39,7 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 FIRST, SECOND = np.array(PAIRS).T
 SHEAR = FIRST != SECOND
 ONE = np.array([1.0, 1, 1, 0, 0, 0])
-SAME = np.diag(np.where(SHEAR, 0.5, 1.0))
+IDENTITY = np.diag(np.where(SHEAR, 0.5, 1.0))
 """The symmetric identity of fourth order."""
 
 
@@ -114,7 +114,7 @@ def _linear_stiffness(law: Isotropic | Orthotropic) -> Array:
         return np.asarray(np.linalg.inv(_orthotropic_compliance(law)))
     mu = float(law.E) / (2 * (1 + float(law.nu)))
     stiff = 2 * mu * float(law.nu) / (1 - 2 * float(law.nu)) * np.outer(ONE, ONE)
-    return np.asarray(stiff + 2 * mu * SAME)
+    return np.asarray(stiff + 2 * mu * IDENTITY)
 
 
 def _orthotropic_compliance(law: Orthotropic) -> Array:
@@ -184,7 +184,7 @@ def _second(x: _Strained) -> tuple[Array, Array, Array]:
     trace = x.c @ ONE
     squares = x.c**2 @ np.where(SHEAR, 2.0, 1.0)
     slope = trace[..., None] * ONE - x.c
-    return _isochoric(x, 2, (trace**2 - squares) / 2, slope, np.outer(ONE, ONE) - SAME)
+    return _isochoric(x, 2, (trace**2 - squares) / 2, slope, np.outer(ONE, ONE) - IDENTITY)
 
 
 def _along(x: _Strained, angle: Real) -> tuple[Array, Array, Array]:

@@ -44,7 +44,7 @@ from fe_solver.solver.continuation import Effort, TimeSteps, free_share
 from fe_solver.solver.linear_algebra import Factor, has_mechanism, positions
 from fe_solver.vectors import cross
 
-TOLERANCE = 1e-7
+RESIDUAL_TOLERANCE = 1e-7
 """Residual over the largest force at a spring, in contact or of all reactions."""
 MOST_ITERATIONS = 40
 MOST_WHOLE = 25
@@ -55,7 +55,7 @@ in the next as in the last."""
 SEARCHED = (1e-6, 1e-2)
 """Residuals over forces between which a step must lower the residual: there only contact that
 opens and closes keeps Newton from the end."""
-PATIENCE = 12
+WHOLE_ITERATIONS = 12
 """Iterations after which every step must."""
 HALVINGS = 5
 SOFTER = (0.01, 0.1)
@@ -241,7 +241,7 @@ class _SolidSteps(TimeSteps[JobState]):
             for iteration in range(most):
                 force = m.imbalance(terms, loads)
                 missed, scale = m.miss(force), m.scale(force, terms)
-                if missed <= TOLERANCE * scale:
+                if missed <= RESIDUAL_TOLERANCE * scale:
                     terms = tuple(m.terms(z, loads))
                     return SolidEquilibrium(time, z, loads, terms, missed)
                 if not np.isfinite(missed):
@@ -255,7 +255,7 @@ class _SolidSteps(TimeSteps[JobState]):
                     longest = FIRST_STEP * 2.0**iteration * m.thickness
                     share = min(1.0, longest / float(np.abs(step).max()))
                     limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
-                    searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
+                    searched = limits[0] < missed < limits[1] or iteration >= WHOLE_ITERATIONS
                 z, terms = _move(m, z, terms, share * step, loads, missed if searched else np.inf)
                 self.effort = self.effort.plus(iterations=1)
         raise ConvergenceError(self._words(z, force, missed, scale, most))

@@ -28,7 +28,7 @@ LOOSE = 1e-3
 ROUND = 0.1
 """Share of its first residual to which a round is solved, other than the last: the next update
 changes about as much."""
-NEAR = 0.1
+NEAR_BALANCE = 0.1
 """Residual over the largest force up to which the second solution searches from where the first one
 ended, as all later ones do: whole steps go round in circles where points stick after one and slide
 after the next."""
@@ -100,7 +100,7 @@ def solve_augmented(
         first = missed / force if force > 0 else 0.0
         share = ROUND * first if left > 1 else 0.0
         tolerance = max(min(LOOSE, share), options.tolerance)
-        loose, near = replace(options, tolerance=tolerance), done > 0 or first <= NEAR
+        loose, near = replace(options, tolerance=tolerance), done > 0 or first <= NEAR_BALANCE
         solution = solve(model, solution.configuration, tension, loose, near, settle=settle)
         iterations, solves = iterations + solution.iterations, solves + solution.solves
     raise ConvergenceError(_stall_message(model, solution.configuration, looks, augment))

@@ -43,9 +43,9 @@ from fe_solver.vectors import cross
 
 MOST_STEPS, FEW_STEPS = 40, 4
 """From afar, and from the prediction of an equilibrium that is known."""
-CLOSE = 1e-4
+END_RESIDUAL = 1e-4
 """Residual over the largest force at which the steps end at the latest."""
-NEAR = 0.1
+CONSISTENT_BELOW = 0.1
 """Residual over the largest force below which the next tangent is the consistent one."""
 MOST_HALVINGS = 4
 """Of a step that would turn a director into the plane of an element, or crush one."""
@@ -58,8 +58,8 @@ UNDAMPED = 6
 """Steps from afar after which one that takes back what the last one closed or opened is halved."""
 ALMOST = 0.03
 """Residual over the largest force: where the consistent tangent's step leads from below that to
-above NEAR, what it meets is too crooked for whole steps, and the search goes on from below.  Below
-it the model settles."""
+above CONSISTENT_BELOW, what it meets is too crooked for whole steps, and the search goes on from
+below.  Below it the model settles."""
 PERIOD, AGAIN, CIRCLES = 4, 1e-2, 6
 """So many steps in turn that come back to the potential of one of the PERIOD before, but for that
 share of it, from another, and do not halve the least residual, go round in a circle: one slackens
@@ -113,12 +113,15 @@ def take_mixed_steps(
 ) -> MixedSteps:
     """Take up to `most` steps (MOST_STEPS) from `start` under `tension` (nt,) N, none longer than
     `max_step` (m) or turning a director by more than `max_turn` (rad), to a residual of `tolerance`
-    (at least CLOSE) of the largest force.  `before`: the forces that a known equilibrium nearby
-    predicts at the start.  Where the steps do not lead there, the configuration is the one of least
-    energy that they met, the start included, with no element folded or crushed; with `settle`, met
-    since the model settled last."""
+    (at least END_RESIDUAL) of the largest force.  `before`: the forces that a known equilibrium
+    nearby predicts at the start.  Where the steps do not lead there, the configuration is the one
+    of least energy that they met, the start included, with no element folded or crushed; with
+    `settle`, met since the model settled last."""
     walk = _Walk(model, tension, start, (max_step, max_turn), before)
-    most, tolerance = min(most, FEW_STEPS if walk.near else MOST_STEPS), max(tolerance, CLOSE)
+    most, tolerance = (
+        min(most, FEW_STEPS if walk.near else MOST_STEPS),
+        max(tolerance, END_RESIDUAL),
+    )
     for taken in range(most + 1):
         walk.note_place()
         pulse(ITERATION, taken, walk.residual, walk.force)
@@ -187,7 +190,7 @@ class _Walk:
         self.potential = self.model.potential(self.c, self.e.energy, self.tension)
         self.upright = not is_folded(self.model, self.c)
         nearer = self.residual < self.least_residual / 2
-        self.leaves = self.was_almost and self.residual > NEAR * self.force
+        self.leaves = self.was_almost and self.residual > CONSISTENT_BELOW * self.force
         self.was_almost = not self.near and self.residual <= ALMOST * self.force
         self.circling = 0 if nearer or not self._returns() else self.circling + 1
         self.least_residual = min(self.least_residual, self.residual)
@@ -253,7 +256,7 @@ class _Walk:
     def go_along(self, step: Array) -> bool:
         """Take the step, or the first of its halves that folds and crushes no element; where there
         is none, False."""
-        model, convex = self.model, self.residual > NEAR * self.force and not self.near
+        model, convex = self.model, self.residual > CONSISTENT_BELOW * self.force and not self.near
         for _ in range(1 + MOST_HALVINGS):
             trial = model.take_step(self.c, self.e.bases, _follow_springs(model, self.e, step))
             e = self._evaluate(trial, convex)

@@ -39,7 +39,7 @@ from fe_solver.solver.residual import (
 
 STUCK = 30
 """A residual up to so many limits that no step lowers is rounding error too."""
-NEAR = 0.1
+CONSISTENT_BELOW = 0.1
 """Step size, against the longest step allowed, below which the tangent is the consistent one."""
 CHORDS = 2
 """Iterations with an old factor that cost no more than one with a new tangent."""
@@ -322,7 +322,10 @@ class _Search:
             step[model.free] = -chord.factor.solve(self.e.reduced[model.free])
         except NotPositiveDefiniteError:
             return False
-        if not limit_step(step, self.options.max_step, self.options.max_turn)[1] <= NEAR:
+        if (
+            not limit_step(step, self.options.max_step, self.options.max_turn)[1]
+            <= CONSISTENT_BELOW
+        ):
             return False
         trial = model.take_step(self.c, self.e.bases, step)
         balance = model.evaluate(trial, self.tension, tangent=False)
@@ -372,7 +375,7 @@ class _Search:
         """Go to the first of ever shorter steps, from `first` of it on, that descends; and the part
         to go on from.  A long step's end has the `convex` tangent in any case."""
         step, size = limit_step(step, self.options.max_step, self.options.max_turn)
-        convex = convex or size > NEAR
+        convex = convex or size > CONSISTENT_BELOW
         place = self.model, self.c, self.e, self.tension
         reached, left = _line_search(*place, step, tries, convex, first)
         if reached is not None:

@@ -21,7 +21,7 @@ from fe_solver.solver.residual import length_scale, residual_norm
 WATER = Substance(1000.0)
 """Any density would do: the time step follows from it."""
 SHORTER, LONGER = 0.25, 1.5
-LEAST = 1e-6
+SHORTEST_STEP = 1e-6
 """Share of the first time step; where none so short succeeds, the motion is given up."""
 FAR = 10
 """Times the sheet's length; no body that could stop it is so far away."""
@@ -66,7 +66,7 @@ def relax(
             moved, _ = advance(model, state, tension, dt, WATER, newton)
         except ConvergenceError:
             dt, state, energy = SHORTER * dt, at_rest(state.configuration), 0.0
-            if dt < LEAST * first:
+            if dt < SHORTEST_STEP * first:
                 break
             continue
         if np.abs(moved.configuration.x - start.x).max() > FAR * length:

@@ -14,7 +14,7 @@ from fe_solver.surfaces.shapes import Distance, positive, vector
 MOST_ITERATIONS = 60
 """Most iterations for the ellipsoid's multiplier; some five are usual, and bisection alone would
 need about 55."""
-LEAST = 1e-150
+ALMOST_ZERO = 1e-150
 """Share of a semi-axis that stands for a coordinate of zero, to choose a side of the medial
 plane."""
 
@@ -65,7 +65,7 @@ def _foot(points: Array, semi: Array) -> Array:
     = 1 (Eberly, Distance from a point to an ellipse, an ellipsoid, or a hyperellipsoid, Geometric
     Tools 2013).  Newton on one less the norm's reciprocal, which is almost linear, kept in Eberly's
     bracket; the unknown is t + least^2, so that no digit is lost near the medial plane."""
-    size = np.maximum(np.abs(points), LEAST * semi)
+    size = np.maximum(np.abs(points), ALMOST_ZERO * semi)
     weighted = size * semi
     least = int(np.argmin(semi))
     over = (semi - semi[least]) * (semi + semi[least])

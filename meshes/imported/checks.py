@@ -26,7 +26,7 @@ WARPED = np.deg2rad(30.0)
 """Between the normals of a quad's two halves."""
 CLEARLY = 0.5
 """Other axes are named where the landmarks' distances are less than that with them."""
-NEAR = 12e-3
+NEAR_OWN = 12e-3
 """m, mean distance of the landmarks from our own hood's."""
 DORSAL = {"end_central": 9e-3, "tied_distal": 2.5e-3}
 """m above the chain of joint centres, of our own hood."""
@@ -243,7 +243,7 @@ def axes_fault(found: Mapping[str, Array], chain: Centreline, axes: Array) -> tu
     best = min((turn for turn in _all_turns() if turn[1] @ across > 0), key=miss)
     own = miss(np.eye(3))
     if across[1] > 0 and miss(best) > CLEARLY * own:
-        if own > NEAR:
+        if own > NEAR_OWN:
             return (
                 f"the hood's ends lie {1e3 * own:.0f} mm in the mean from where they would on this "
                 "finger, whichever way it is turned; check --posture, --unit and --axes"

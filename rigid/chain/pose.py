@@ -23,7 +23,7 @@ LEAST_WEIGHT = 1e-9
 MOST_STEPS = 200
 LITTLE = 1e-6
 """Share of the value that a step must promise to gain, or the search ends."""
-ROUNDING = 1e-16
+FIT_ROUNDING = 1e-16
 """m2, the same where the markers fit."""
 HALVINGS = 12
 NEARLY = 0.9
@@ -78,7 +78,7 @@ def estimate(finger: ChainFinger, markers: BodyMarkers, seen: Array, start: Arra
         weight = WEIGHT * (off @ off) + LEAST_WEIGHT
         normal = jacobian.T @ jacobian + weight * np.eye(len(angle))
         step = np.asarray(np.linalg.solve(normal, -slope), dtype=np.float64)
-        if -(slope @ step) <= LITTLE * (off @ off) + ROUNDING:
+        if -(slope @ step) <= LITTLE * (off @ off) + FIT_ROUNDING:
             break
         part, off, jacobian = _search(finger, markers, seen, angle, step, (off, jacobian))
         angle = angle + part * step

@@ -45,7 +45,7 @@ LOOSE = -1.0
 """m, a length that no band reaches: it bears only tension."""
 FIRM = f"{2 * STEP!r} 1", "0.9999 0.9999 0.001 0.5 2"
 """solref and solimp of MuJoCo's stiffest equality at STEP."""
-TOLERANCE = "1e-12"
+SOLVER_TOLERANCE = "1e-12"
 """Of MuJoCo's solver: with its usual 1e-8 a light follower trembles."""
 NO_DEFAULTS = {"armature": "0", "stiffness": "0", "frictionloss": "0"}
 """What a model's defaults may say of joints and tendons, which is not of the hood's."""
@@ -126,7 +126,7 @@ def add_hood(root: ET.Element, parts: HoodParts) -> ET.Element:
 def add_parts(root: ET.Element, parts: HoodParts, places: Mapping[str, Place]) -> ET.Element:
     """Add junctions (in the world where no place is given, else with a site of their name),
     followers, and for each band a tendon and a sensor of its tension (N), and return the model."""
-    section(root, "option").set("tolerance", TOLERANCE)
+    section(root, "option").set("tolerance", SOLVER_TOLERANCE)
     world = section(root, "worldbody")
     bodies = {body.get("name"): body for body in root.iter("body")}
     for name in parts.junctions:

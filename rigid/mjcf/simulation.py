@@ -29,7 +29,7 @@ STOP = 1.5
 """A curve is a stop where it is so many times as stiff as at its rest; it is not fitted there."""
 FLAT = 1e-3
 """Of the largest slope: below it a curve counts as flat."""
-NEAR = 0.05
+SMALL_TORQUE = 0.05
 """Of the largest torque: below it a curve's fit asks for the same difference everywhere."""
 DAMPING, ARMATURE = 1e-3, 1e-5
 """N m s/rad of joints without a stated damping, and kg m2: small beside muscles, large enough for
@@ -163,7 +163,7 @@ def _polynomial(curve: TorqueCurve) -> tuple[float, Array, Array]:
     )
     if within.sum() > len(_powers(angle[:1])[0]):
         angle, torque = angle[within], torque[within]
-    weight = 1 / (np.abs(torque) + NEAR * np.abs(torque).max())
+    weight = 1 / (np.abs(torque) + SMALL_TORQUE * np.abs(torque).max())
     powers = _powers(angle - rest)
     scale = np.abs(powers).max(axis=0)
     fitted = np.linalg.lstsq(weight[:, None] * powers / scale, -weight * torque, rcond=None)[0]

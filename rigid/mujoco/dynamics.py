@@ -32,7 +32,7 @@ from rigid.mujoco.step_data import Joints, Readings
 from rigid.mujoco.tendon_friction import NO_WORK, FrictionStep, FrictionWork
 from rigid.mujoco.tip_device import Device, Nothing
 
-TOLERANCE = 1e-10
+TORQUE_TOLERANCE = 1e-10
 """N m, of the torques in each step."""
 SETTLED_GRIP, MOST_ROUNDS = 1e-10, 40
 """Change of friction's grip in the last round of a step, and how many rounds there are at most."""
@@ -215,7 +215,7 @@ class FingerDynamics:
                 (pull.tension, pull.stiffness),
                 outside,
                 dt,
-                TOLERANCE,
+                TORQUE_TOLERANCE,
             )
             turned = dt * rates
             if rub is None or not done:

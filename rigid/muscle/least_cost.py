@@ -35,7 +35,7 @@ narrowest."""
 SOFTEST = 1e-7
 """Share of the largest curvature that DAQP is given where the cost has none; taken away again by
 proximal steps, each from the last solution."""
-ROUNDING = 1e-14
+COST_ROUNDING = 1e-14
 MOST_STEPS = 60
 NOTHING = 1e-6
 """N or N m: equations in which nothing is larger hold to an absolute miss."""
@@ -195,7 +195,7 @@ def _cubic(programme: Programme, cost: Array, x: Array) -> Array | None:
         if aim is None:
             return None
         part = 1.0
-        while value(x + part * (aim - x)) > now * (1 + ROUNDING) and part > 1e-6:
+        while value(x + part * (aim - x)) > now * (1 + COST_ROUNDING) and part > 1e-6:
             part *= 0.5
         step = part * (aim - x)
         x = x + step

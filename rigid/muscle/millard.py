@@ -26,9 +26,9 @@ from cosim.port import Array
 from rigid.muscle.curves import STEEP, NotConverged, increasing_root
 from rigid.muscle.parameters import Muscles
 
-TOLERANCE = 1e-13
+FIBRE_TOLERANCE = 1e-13
 """Share of a fibre length to which it is bracketed, by the shorter one of fibre and tendon."""
-CLOSE = 1e-6
+LAST_STEP = 1e-6
 """A last step of Newton's, likewise, after which what is left is below 1e-8 F0."""
 STEADY = 1e-4
 """A last step of Newton's in the fibre's velocity over its largest, for steps in time."""
@@ -175,7 +175,7 @@ def solve_balance(
     before the last, but for the tendon's pull: right to 1e-7, its slopes to 1e-3."""
     lower = muscles.shortest_along
     s = np.maximum(path - muscles.tendon_slack_length if muscles.rigid_tendon else start, lower)
-    close = CLOSE * muscles.scales.shorter
+    close = LAST_STEP * muscles.scales.shorter
     if rate > 0.0:
         close = np.minimum(close, STEADY / (muscles.scales.per_velocity * rate))
     for _ in range(ROUNDS):
@@ -207,7 +207,7 @@ def _bracket(muscles: Muscles, activation: Array, path: Array, before: Array, ra
         at = balance(muscles, activation, path, s, before, rate)
         return at.value, at.fibre_slope + at.tendon_slope
 
-    tolerance = TOLERANCE * muscles.scales.shorter
+    tolerance = FIBRE_TOLERANCE * muscles.scales.shorter
     try:
         return increasing_root(gap, lower, upper, upper, tolerance)
     except NotConverged as error:

@@ -39,7 +39,7 @@ OTHER_PATHS = ("FunctionBasedPath", "Scholz2015GeometryPath")
 """OpenSim's kinds of paths that are not imported."""
 STRETCHED = ("Ligament", "Blankevoort1991Ligament", "PathSpring", "ExpressionBasedPathForce")
 """Forces along a path that nothing controls."""
-TOLERANCE = 1e-4
+LENGTH_TOLERANCE = 1e-4
 """m, by which the length of a muscle may be off."""
 EXACT = 1e-6
 """m, up to which a length is taken to be OpenSim's."""
@@ -91,7 +91,9 @@ class Imported:
         return law_of(joints, self.limits, self.springs)
 
 
-def import_osim(path: Path, tolerance: float = TOLERANCE, only: Sequence[str] = ()) -> Imported:
+def import_osim(
+    path: Path, tolerance: float = LENGTH_TOLERANCE, only: Sequence[str] = ()
+) -> Imported:
     """Import an OpenSim model: MJCF text, muscles, limits, and a list of all that was dropped or
     changed.  A muscle whose length would be off by more than `tolerance` (m) is dropped.
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq, minimize
 
 from cosim.coupling.equilibrium import (
-    PATIENCE,
+    WHOLE_ROUNDS,
     CouplingOptions,
     Equilibrium,
     equilibrium,
@@ -354,7 +354,7 @@ def test_whole_steps_that_go_to_and_fro_between_kinks_are_halved(at, steep):
     found = couple(f, hood, np.zeros(2), (0.2, 0.0, 0.0), CouplingOptions(1e-9, 40))
     closed = (stiffness * rest + steep * at) / (stiffness + steep)
     assert found.finger_state.angles[0] == pytest.approx(closed, abs=1e-9)
-    assert found.iterations > PATIENCE
+    assert found.iterations > WHOLE_ROUNDS
 
 
 def test_a_wrong_derivative_by_tension_is_found_by_reciprocity():

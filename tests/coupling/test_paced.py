@@ -9,7 +9,7 @@ import pytest
 
 from cosim.case.file import load_case, resolved_toml
 from cosim.coupling.motion import Pace
-from cosim.coupling.paced import ROUNDING, _first_try
+from cosim.coupling.paced import DURATION_ROUNDING, _first_try
 from cosim.errors import ConvergenceError, InputError, StoppedError
 from cosim.pipeline import run_case
 from cosim.results.result import Result
@@ -142,7 +142,7 @@ def test_no_sliver_is_left_at_the_end():
     assert _first_try(0.31, 0.3) == 0.155
     assert _first_try(0.3, 0.3) == 0.3
     assert Pace(1.0).accepted == 0
-    assert ROUNDING < 1e-9
+    assert DURATION_ROUNDING < 1e-9
 
 
 def test_the_case_keeps_it():

@@ -16,7 +16,16 @@ from cosim.fingers.kinds import anatomy_of
 from cosim.hoods.fe_supports import head_arcs
 from cosim.models.build import hood_mesh, mesh_warnings
 from fe_solver.surfaces.shapes import Capsule
-from meshes.coarseness import GLIDE, LEAST, SHARE, Arc, arcs, aspect_ratios, coarse_rows, rows_on
+from meshes.coarseness import (
+    GLIDE,
+    LEAST_SAG,
+    SHARE,
+    Arc,
+    arcs,
+    aspect_ratios,
+    coarse_rows,
+    rows_on,
+)
 from meshes.hood_mesh import HoodMesh, write
 from meshes.skeleton import BODIES, Skeleton, index_finger
 
@@ -69,7 +78,7 @@ def test_rows_are_judged_by_the_sag_of_their_chord():
     assert coarse_rows(fine, FINGER, [arc]) == []
     (rows,) = coarse_rows(coarse, FINGER, [arc])
     assert rows.share == pytest.approx(2.4e-3**2 / (8 * arc.radius * COVER))
-    assert rows.share * (arc.spacing / rows.spacing) ** 2 == pytest.approx(1e-3 * LEAST / COVER)
+    assert rows.share * (arc.spacing / rows.spacing) ** 2 == pytest.approx(1e-3 * LEAST_SAG / COVER)
     thick = arc._replace(thickness=1e-3)
     assert thick.spacing**2 / (8 * arc.radius * thick.thickness) == pytest.approx(SHARE)
 

@@ -22,7 +22,7 @@ from cosim.port import Array, State
 from rigid.muscle.least_cost import Optimum, Power, Programme, least
 
 MOST_ROUNDS = 40
-PATIENCE = 6
+WHOLE_ROUNDS = 6
 """Rounds of whole steps; then steps stay within a region round the best tensions so far, which
 grows and shrinks by the part of its promise that a step makes, and only a gain counts."""
 LEAST_PART = 2.0**-8
@@ -99,7 +99,7 @@ def estimate(
     reached = _Reached(tension, at, _miss(demand, wanted, at))
     best, region, merit, idle = reached, np.inf, Merit(cost), 0
     for rounds in range(1, MOST_ROUNDS + 1):
-        if rounds == PATIENCE + 1:
+        if rounds == WHOLE_ROUNDS + 1:
             reached, region = best, LARGEST_STEP * float(best.tension.max())
         tension, at = reached.tension, reached.at
         box = Bounds(
@@ -121,7 +121,7 @@ def estimate(
         trial, there = _take_step(held, tension, at, solution.x)
         new = _Reached(trial, there, _miss(demand, wanted, there))
         is_taken = True
-        if rounds > PATIENCE:
+        if rounds > WHOLE_ROUNDS:
             part = merit.part_made(reached, solution.x, new, demand, wanted)
             if part < POOR:
                 region = (0.5 if part > REFUSED else 0.25) * length

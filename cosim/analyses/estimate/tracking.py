@@ -59,7 +59,7 @@ FOLLOWED, ASTRAY = 2.0, 0.5
 """deg, RMS of a joint that follows a motion; most that a joint strays where no plan corrects it."""
 NUDGE = 1e-6
 """Part by which tensions are larger where it is asked whether the finger keeps its way."""
-ROUNDING = 1e-6
+STEP_ROUNDING = 1e-6
 """Of a step, by which a motion may be too short for the last one."""
 
 
@@ -305,7 +305,7 @@ def _step(case: Case) -> float:
 
 
 def _steps(case: Case, motion: JointMotion) -> int:
-    return int((motion.time[-1] - motion.time[0]) / _step(case) + ROUNDING)
+    return int((motion.time[-1] - motion.time[0]) / _step(case) + STEP_ROUNDING)
 
 
 def forward_case(

@@ -35,7 +35,7 @@ from cosim.results.quantities import check_quantities
 STEP, SMALL_STEP = 0.01, 1e-4
 """Steps of the differences, in coordinates: of differences of solves, and of what the tangent
 predicts, which no tolerance of a solve blurs."""
-TOLERANCE = 1e-4
+SEARCH_TOLERANCE = 1e-4
 """Relative, of cost and step, at which the search ends."""
 NORMAL = 1.959964
 """Standard deviations of a 95 % interval of a normal distribution."""
@@ -309,8 +309,8 @@ class _Search:
             begin,
             self.slopes_that_pull,
             bounds=(self.low, self.high),
-            ftol=TOLERANCE,
-            xtol=TOLERANCE,
+            ftol=SEARCH_TOLERANCE,
+            xtol=SEARCH_TOLERANCE,
             max_nfev=max(1, self.most - int((begin != x).any())),
         )
         each = zip(self.parameters, solution.x, strict=True)

@@ -2,9 +2,9 @@
 
 The slopes of all rows, in their SDs, by the parameters, each over its whole range, are taken apart
 into singular values: by how many SDs the rows change together as the parameters go along a
-direction from one end to the other.  What changes them by less than `LEAST` they cannot tell.  Rows
-count as points here, bands too, and slopes are those at the start: a parameter that acts but
-elsewhere, as a slack spring, is not seen.
+direction from one end to the other.  What changes them by less than `LEAST_CHANGE` they cannot
+tell.  Rows count as points here, bands too, and slopes are those at the start: a parameter that
+acts but elsewhere, as a slack spring, is not seen.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array, Mask
 
-LEAST = 0.1
+LEAST_CHANGE = 0.1
 """SDs by which all rows together change, at least, over a direction that they can tell."""
-ROUNDING = 1e-6
+DIFFERENCE_NOISE = 1e-6
 """Of the largest singular value: what differences of solves do not show."""
 TAKES_PART = 0.1
 """Share of a direction, and of what is lost of a parameter, from which a parameter is named."""
@@ -44,7 +44,7 @@ class Information:
     def told(self) -> Mask:
         """Which directions (n,) the rows can tell."""
         largest = self.singular_values.max(initial=0.0)
-        return np.asarray(self.singular_values >= max(LEAST, ROUNDING * largest))
+        return np.asarray(self.singular_values >= max(LEAST_CHANGE, DIFFERENCE_NOISE * largest))
 
     @property
     def rank(self) -> int:
@@ -73,10 +73,10 @@ class Information:
         """Yield a line for each group of parameters that the rows cannot tell."""
         for group in self.lost:
             sizes = [float(self.changes[self.names.index(name)]) for name in group]
-            if len(group) == 1 or max(sizes) < LEAST:
+            if len(group) == 1 or max(sizes) < LEAST_CHANGE:
                 yield (
                     f"{' and '.join(group)}: from bound to bound all rows together change by "
-                    f"{max(sizes):.2g} SD, and it takes {LEAST:g} to tell"
+                    f"{max(sizes):.2g} SD, and it takes {LEAST_CHANGE:g} to tell"
                 )
             else:
                 yield (

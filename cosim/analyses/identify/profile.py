@@ -23,9 +23,9 @@ SIDE = 6
 """Points of the grid on each side of what was found."""
 REACH = 2.0
 """Half width of the grid over that of the linearised 95 % interval."""
-MOST = 12
+MOST_EVALUATIONS = 12
 """Evaluations for each point of the grid."""
-TOLERANCE = 1e-4
+PROFILE_TOLERANCE = 1e-4
 
 Vector = Callable[[Array], Array]
 
@@ -123,9 +123,9 @@ def _refit(
                 begin,
                 lambda y: slopes(whole(y))[:, others],
                 bounds=(bounds[0][others], bounds[1][others]),
-                ftol=TOLERANCE,
-                xtol=TOLERANCE,
-                max_nfev=MOST,
+                ftol=PROFILE_TOLERANCE,
+                xtol=PROFILE_TOLERANCE,
+                max_nfev=MOST_EVALUATIONS,
             )
         except (ConvergenceError, ValueError):  # no gradient, or nothing beside to begin with
             return x, np.nan

@@ -18,7 +18,7 @@ LOW, HIGH = "#0072b2", "#e69f00"
 """Blue and orange of Okabe and Ito's palette for colour-blind readers; hatched apart, for print."""
 SEEN = "#009e73"
 """The palette's green, of what was measured."""
-MOST = 22
+MOST_BARS = 22
 """Bars of a chart."""
 TELLING = 0.01
 """The part of the strongest effect below which a variation is named under the chart and not drawn.
@@ -35,7 +35,7 @@ def draw_tornado(result: Sensitivity, quantity: str, target: Target | None = Non
 
     every = bars(result, quantity)
     least = TELLING * every[0].swing if every else 0.0
-    drawn = [bar for bar in every if bar.swing > least][:MOST]
+    drawn = [bar for bar in every if bar.swing > least][:MOST_BARS]
     figure = Figure(figsize=(10.5, 2.2 + 0.34 * max(len(drawn), 1)), layout="constrained")
     axes = figure.subplots()
     for place, bar in enumerate(drawn):

@@ -364,8 +364,8 @@ def test_multipliers_and_limits_follow_the_whole_steps(monkeypatch):
 def test_whole_steps_circle_near_a_block_that_turns_back(monkeypatch):
     """From where it slid, the limits of friction as they were but for rounding."""
     solves = []
-    for near in (augmented_contact.NEAR, 0.0):
-        monkeypatch.setattr(augmented_contact, "NEAR", near)
+    for near in (augmented_contact.NEAR_BALANCE, 0.0):
+        monkeypatch.setattr(augmented_contact, "NEAR_BALANCE", near)
         model = press_sheet(0.1, shear=1e13)
         c = at_rest(model)
         for by in (0.02e-3, 0.1e-3, 0.2e-3, 0.19e-3):

@@ -12,7 +12,13 @@ from cosim.errors import ConvergenceError
 from cosim.port import Array
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.solver import mixed_steps
-from fe_solver.solver.mixed_steps import CLOSE, _predict, _reverses, _travel, take_mixed_steps
+from fe_solver.solver.mixed_steps import (
+    END_RESIDUAL,
+    _predict,
+    _reverses,
+    _travel,
+    take_mixed_steps,
+)
 from fe_solver.solver.model import Configuration, Forces, ShellModel
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.solver.residual import is_folded, residual_norm
@@ -121,7 +127,7 @@ def test_the_equilibrium_is_that_of_the_search(model, monkeypatch):
 def test_the_steps_end_close_to_equilibrium(model):
     found = take_mixed_steps(model, at_rest(model), TENSION, 40, 0.0, *LONGEST)
     residual, force = residual_norm(model, model.evaluate(found.configuration, TENSION, False))
-    assert residual <= CLOSE * force
+    assert residual <= END_RESIDUAL * force
     assert 0 < found.iterations <= found.solves
     assert not is_folded(model, found.configuration)
 
@@ -225,4 +231,4 @@ def test_a_step_far_from_where_the_walk_almost_arrived_ends_it(model, monkeypatc
         monkeypatch.setattr(mixed_steps, "residual_norm", lambda *_, share=share: (share, 1.0))
         walk.note_place()
         walk.taken += 1
-    assert walk.is_over(CLOSE) is over
+    assert walk.is_over(END_RESIDUAL) is over

@@ -46,7 +46,7 @@ Programme = Literal["linear", "quadratic"]
 BANDWIDTH = 10.0
 """rad/s, w: an assumption."""
 EQUAL = np.ones(len(MUSCLES))
-TOLERANCE = 1e-9
+MOTION_TOLERANCE = 1e-9
 """Tolerance of the motion, rad and rad/s."""
 SLACK = 1e-9
 """N."""
@@ -115,8 +115,8 @@ def flex(loop: ControlLoop, samples: int = 201) -> CoordinatedMotion:
         np.zeros(6),
         method="DOP853",
         t_eval=times,
-        rtol=TOLERANCE,
-        atol=TOLERANCE,
+        rtol=MOTION_TOLERANCE,
+        atol=MOTION_TOLERANCE,
     )
     asked = reference(times, loop.course, loop.table)[0]
     return CoordinatedMotion(times, found.y[:3].T, found.y[3:].T, asked)

@@ -25,7 +25,7 @@ from rigid.chain.pose import BodyMarkers
 from rigid.mujoco.finger import MujocoFinger
 
 MOST_ROUNDS = 30
-SMALL = 1e-6
+SMALL_MOVE = 1e-6
 """m, a move of the places that ends the search."""
 WEIGHT = 1e-6
 """Weight of the angles against the weighted squares: bounds what no measurement determines."""
@@ -85,7 +85,7 @@ def calibrate(
         places, zeros = np.split(move, [markers.place.size])
         markers = replace(markers, place=markers.place + places.reshape(-1, 3))
         zero[counted] += zeros
-        if np.abs(move).max() < SMALL:
+        if np.abs(move).max() < SMALL_MOVE:
             return Calibration(markers, np.where(spread.counted, zero, np.nan), angle)
     raise ConvergenceError(
         f"marker places: they still move by {1e3 * np.abs(move).max():.2g} mm after {MOST_ROUNDS} "
