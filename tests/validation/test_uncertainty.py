@@ -250,7 +250,6 @@ def test_the_command_finds_mesh_inputs_and_forms(tmp_path: Path):
     assert "95 % of u" in page
 
 
-@pytest.mark.xfail(strict=True, reason="owed but for Synek, Qiu and the strains")
 def test_the_committed_uncertainties_are_those_of_the_committed_scoreboard():
     told = read_committed()
     board = json.loads((CASES / "scoreboard.json").read_text(encoding="utf-8"))
