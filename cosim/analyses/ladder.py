@@ -8,31 +8,26 @@ import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.coupling.equilibrium import Equilibrium
 from cosim.errors import InputError
 from cosim.hoods.kind import HoodConfig
 from cosim.hoods.kinds import rungs
 from cosim.json_text import json_text
-from cosim.models.build import Models
 from cosim.models.fit import check_fit
-from cosim.outcome import outcome_of
-from cosim.port import AXES, Array
-from cosim.processes import process_pool
+from cosim.outcome import Outcome, outcome_of
+from cosim.pipeline import run_cases
+from cosim.port import AXES
 from cosim.report.templates import template
 from cosim.results.compare import number
 from cosim.results.conventions import vector_of
 from cosim.results.looks import Look, look
 from cosim.results.picture import as_png, data_address
-from cosim.results.static import observe_static
-from cosim.solve.solvers import solve
-from cosim.solve.states import States
+from cosim.results.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,6 +35,7 @@ if TYPE_CHECKING:
 
 RUNGS = rungs()
 """From the coarsest to the finest, with the packaged case that states each hood."""
+Status = Literal["converged", "failed", "does not apply"]
 
 
 @dataclass(frozen=True)
@@ -49,27 +45,42 @@ class Rung:
     name: str
     is_own: bool
     """Whether the hood is the one that the case states."""
-    status: Literal["converged", "failed", "does not apply"]
+    status: Status
     reason: str
     """Why there are no numbers; empty where there are."""
     wall: float
     """s, models and both equilibria."""
     summary: Mapping[str, Any]
-    """The summary, like that of a run."""
-    slips: Mapping[str, float]
-    """N, central and terminal; empty of a hood without slips."""
-    excursions: Mapping[str, float]
-    """mm, of the loaded tendons, loaded less unloaded."""
+    """Of the run; empty where there are no numbers."""
+
+    @property
+    def slips(self) -> Mapping[str, float]:
+        """N, central and terminal; empty of a hood without slips."""
+        return self.summary.get("slip_force_N", {})
+
+    @property
+    def excursions(self) -> dict[str, float]:
+        """mm, of the tendons that pull more when loaded, loaded less unloaded."""
+        loaded, unloaded = self.summary, self.summary.get("unloaded", {})
+        return {
+            name: value - unloaded[key][name]
+            for key in ("excursion_mm", "own_excursion_mm")
+            for name, value in loaded.get(key, {}).items()
+            if loaded["tension_N"][name] > unloaded["tension_N"][name]
+        }
 
 
-def solve_rungs(source: Path, settings: Sequence[str], workers: int) -> Iterator[Rung]:
-    """The rungs of a case, in their order, in so many processes (1: in this one).
+def solve_rungs(case: Case, workers: int) -> Iterator[Rung]:
+    """The rungs of a case as they end, in so many processes (1: in this one); a hood that does not
+    fit the case or has no equilibrium is one too, with the reason.
 
     Raises InputError for a case that is no equilibrium of a finger of ours."""
-    case = load_case(source, settings)
     _check(case)
-    with process_pool(workers) as pool:
-        yield from pool.in_order(partial(climb, source, tuple(settings)), rungs_of(case))
+    made = {name: outcome_of(partial(case_on_rung, case, name)) for name in rungs_of(case)}
+    cases = {name: of.value for name, of in made.items() if of.value is not None}
+    yield from (_rung(case, name, of) for name, of in made.items() if name not in cases)
+    for i, outcome in run_cases([*cases.values()], _summary, workers):
+        yield _rung(case, [*cases][i], outcome)
 
 
 def _check(case: Case) -> None:
@@ -102,37 +113,17 @@ def _hood(case: Case, name: str) -> HoodConfig:
     return hood.on_finger(case.finger.kind, laid)
 
 
-def climb(source: Path, settings: tuple[str, ...], name: str) -> Rung:
-    """One rung; a hood that does not fit the case or has no equilibrium is one too, with the
-    reason."""
-    case = load_case(source, settings)
-    is_own = name == case.hood.rung()
-    outcome = outcome_of(lambda: solve(case_on_rung(case, name)))
-    if outcome.value is None:
-        status: Literal["failed", "does not apply"] = (
-            "does not apply" if outcome.status == "refused" else "failed"
-        )
-        return Rung(name, is_own, status, outcome.reason, outcome.seconds, {}, {}, {})
-    models, states = outcome.value
-    summary = observe_static(case_on_rung(case, name), (models, states), outcome.seconds).summary
-    slips, excursions = models.slips_of(states.loaded) or {}, _excursions(models, states)
-    return Rung(name, is_own, "converged", "", outcome.seconds, summary, slips, excursions)
+def _summary(result: Result) -> Mapping[str, Any]:
+    return result.summary
 
 
-def _excursions(models: Models, states: States) -> dict[str, float]:
-    """Excursions (mm) of the tendons that pull more when loaded."""
-    ends = [
-        dict(zip(models.hood.tendons, e.excursion, strict=True))
-        | dict(zip(models.finger.tendons, -models.finger.path_lengths(e.finger_state), strict=True))
-        for e in (states.unloaded, states.loaded)
-    ]
-    change = np.concatenate([_tension(states.loaded), -_tension(states.unloaded)]).reshape(2, -1)
-    pulled = np.array([*models.hood.tendons, *models.finger.tendons])[change.sum(axis=0) > 0]
-    return {str(name): 1e3 * float(ends[1][name] - ends[0][name]) for name in pulled}
-
-
-def _tension(e: Equilibrium) -> Array:
-    return np.concatenate([e.hood_tension, e.finger_tension])
+def _rung(case: Case, name: str, outcome: Outcome[Any]) -> Rung:
+    is_own, seconds = name == case.hood.rung(), outcome.seconds
+    if outcome.error is not None:
+        refused = outcome.status == "refused"
+        status: Status = "does not apply" if refused else "failed"
+        return Rung(name, is_own, status, outcome.reason, seconds, {})
+    return Rung(name, is_own, "converged", "", seconds, outcome.result())
 
 
 JOINTS = ("MCP", "PIP", "DIP")
@@ -230,7 +221,8 @@ def to_csv(rungs: Sequence[Rung]) -> str:
 
 def to_json(rungs: Sequence[Rung]) -> str:
     """Everything, the runs' summaries too."""
-    return json_text([asdict(rung) for rung in rungs], 2, ensure_ascii=True) + "\n"
+    every = [{**asdict(r), "slips": dict(r.slips), "excursions": dict(r.excursions)} for r in rungs]
+    return json_text(every, 2, ensure_ascii=True) + "\n"
 
 
 def to_markdown(rungs: Sequence[Rung], title: str) -> str:

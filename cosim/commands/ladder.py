@@ -46,18 +46,17 @@ def ladder(
     with exit_on_error():
         if workers > 1:
             process_context()  # imports while the case is read
-
-        all_settings = tuple(settings or ())
-        checked = load_case(case, all_settings)
+        checked = load_case(case, settings or ())
         target = out / checked.name
         check_folder(target, MARK)
         names, rungs = rungs_of(checked), []
         with stages(checked.name, len(names)) as progress:
             progress.say(f"0/{len(names)}, from {names[0]} to {names[-1]}")
-            for rung in solve_rungs(checked.source, all_settings, workers):
+            for rung in solve_rungs(checked, workers):
                 rungs.append(rung)
                 how = rung.status if rung.status != "converged" else f"{rung.wall:.1f} s"
                 progress.end(f"{rung.name}: {how}")
+        rungs.sort(key=lambda rung: names.index(rung.name))
         with output_folder(target, MARK) as folder:
             _write(folder, rungs, checked.title)
     _show(rungs, checked.title)

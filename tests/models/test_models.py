@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.analyses.ladder import climb
+from cosim.analyses import ladder
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.hoods.shell.view import strain_summary
@@ -349,11 +349,12 @@ def test_a_material_that_is_none_names_its_region():
 
 
 @pytest.mark.parametrize("name", ["split_edc", "network_edc", "two_band_edc", "pulley_edc"])
-def test_a_run_and_the_ladder_have_the_same_forces_in_the_slips(name):
+def test_a_run_and_the_ladder_have_the_same_forces_in_the_slips(name, monkeypatch):
     """Whether the hood makes them or the finger's own tendons; none where there are no slips."""
     case = load_case(name, ["output.picture=false"])
     result = cosim.run(case)
-    rung = climb(case.source, ("output.picture=false",), case.hood.rung())
+    monkeypatch.setattr(ladder, "RUNGS", {case.hood.rung(): name})
+    (rung,) = ladder.solve_rungs(case, 1)
     assert result.slips == pytest.approx(dict(rung.slips), rel=1e-9)
     assert bool(result.slips) == (name != "pulley_edc")
 
