@@ -193,7 +193,7 @@ def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
         force = state.contact[i]
         if force.any():
             yield f"contact force on {name}", ", ".join(f"{v:.4g}" for v in force) + " N"
-    for r in reactions(result.job, state.reaction):
+    for r in reactions(result.job, state.reaction, state.time):
         if r.force.any():
             total = ", ".join(f"{v:.4g}" for v in r.force.sum(axis=0) + 0.0)
             yield f"reaction of {r.condition}", f"{total} N"

@@ -5,8 +5,10 @@ Lengths in m, forces in N, stresses in Pa, angles in rad; one right-handed world
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from cosim.port import Array, Ints
 from fe_solver.given import fill, indices, integers, numbers, several, spread
 from fe_solver.job.curves import Curve, Drive, check_curve, drive_from, drives_from
 from fe_solver.sheet import Sheet
+from fe_solver.solver.continuation import SAME_TIME
 from fe_solver.supports import WALL, ZERO, Body, ContactPair, SpringSet, Tied
 
 MOST_INCREMENTS = 1_000_000
@@ -33,6 +36,8 @@ class PrescribedDisplacement:
     """m."""
     name: str = field(default="", compare=False)
     """Under which its reaction is given."""
+    steps: tuple[int, ...] | None = None
+    """Numbers of the job's steps in which it is in force; None in all."""
 
     def __post_init__(self) -> None:
         _check_component(self.component)
@@ -50,6 +55,8 @@ class HeldDirector:
     """0, 1, 2: x, y, z."""
     name: str = field(default="", compare=False)
     """Under which its reaction is given."""
+    steps: tuple[int, ...] | None = None
+    """Numbers of the job's steps in which it is in force; None in all."""
 
     def __post_init__(self) -> None:
         _check_component(self.component)
@@ -185,7 +192,27 @@ class Job:
             ties = tuple(replace(t, body=wall) if t.body == WALL else t for t in ties)
         fill(self, ties=ties, bodies=bodies)
 
+    def during(self, step: int) -> Job:
+        """The job with the conditions of one of its steps, by number; itself where they are those
+        of all."""
+        kept: dict[str, Any] = {
+            name: tuple(c for c in getattr(self, name) if c.steps is None or step in c.steps)
+            for name in _OF_STEPS
+        }
+        bodies = tuple(b.during(step) for b in self.bodies)
+        same = all(a is b for a, b in zip(bodies, self.bodies, strict=True))
+        if same and all(len(now) == len(getattr(self, name)) for name, now in kept.items()):
+            return self
+        return replace(self, bodies=bodies, **kept)
 
+    def step_at(self, time: float) -> int:
+        """The number of the step that a time (s) is in or ends; after the last step, the last."""
+        ends = [s.end * (1 + SAME_TIME) for s in self.steps[:-1]]
+        return bisect_left(ends, time)
+
+
+_OF_STEPS = ("ties", "held", "held_directors", "contacts")
+"""The conditions that may be in force in some steps alone."""
 _KINDS = {
     "ties": Tied,
     "held": PrescribedDisplacement,

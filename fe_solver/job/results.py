@@ -44,7 +44,7 @@ def state_summary(job: Job, state: JobState) -> dict[str, Any]:
         }
         for s, f in zip(job.springs, state.spring_forces, strict=True)
     }
-    held = reactions(job, state.reaction)
+    held = reactions(job, state.reaction, state.time)
     bodies = {
         name: {f"{source}_N": w[i, :3].tolist() for source, w in state.wrench.items() if w[i].any()}
         for i, name in enumerate(state.bodies)
@@ -137,7 +137,7 @@ def _write_reactions(path: Path, result: JobResult) -> None:
         names = [f"force_{a}_N" for a in AXES] + [f"couple_{a}_Nmm" for a in AXES]
         out.writerow(["time", "condition", "node", *names])
         for state in result.states:
-            for r in reactions(result.job, state.reaction):
+            for r in reactions(result.job, state.reaction, state.time):
                 values = np.concatenate([r.force, 1e3 * r.couple], axis=1) + 0.0
                 for node, row in zip(result.job.sheet.node_ids[r.nodes], values, strict=True):
                     out.writerow([repr(state.time), r.condition, node, *map(repr, row.tolist())])

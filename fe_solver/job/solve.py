@@ -19,9 +19,12 @@ from cosim.processes import one_blas_thread
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import NodeSprings, Springs, node_spring_state, spring_state
 from fe_solver.given import numbers
+from fe_solver.job.checks import check_job
 from fe_solver.job.job import Job, Step
-from fe_solver.job.model import JobModel, JobOptions, job_model
+from fe_solver.job.model import JobModel, JobOptions, check_supports, job_model, next_model
+from fe_solver.job.phases import Phase, phases
 from fe_solver.job.rigid_modes import require_supports
+from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.continuation import SAME_TIME, Effort, TimeSteps, free_share
@@ -166,11 +169,15 @@ def solve_job(
     options = options or JobOptions()
     began = clock.process_time()
     wanted = output_times(job, until, times)
-    model = job_model(job, options)
+    first, *later = checked_phases(job)
+    stepper = _JobSteps(job_model(first.job, options), options, ways, first, len(job.contacts))
     setup = clock.process_time() - began
     began = clock.process_time()
-    stepper = _JobSteps(model, options, ways)
-    states = stepper.visit(way_marks(job, wanted[-1], options.increments), wanted)
+    marks, states = way_marks(job, wanted[-1], options.increments), list[ShellState]()
+    for phase in (first, *later):
+        if phase.begin < wanted[-1]:
+            stepper.enter(phase)
+            states += stepper.visit(phase.marks(marks), phase.within(wanted))
     effort = stepper.total(clock.process_time() - began)
     return ShellResult(job, tuple(states), setup, effort, touches=touches(job, stepper.contact))
 
@@ -227,6 +234,15 @@ def _up_to(times: Sequence[float], last: float) -> list[float]:
     return [t for t in times if t < last * (1 - SAME_TIME)] + [last]
 
 
+def checked_phases(job: Job) -> list[Phase]:
+    """The phases of a job.  Raises InputError as `check_job` and `check_supports` do for any."""
+    out = phases(job)
+    for phase in out if len(out) > 1 else ():
+        check_job(phase.job)
+        check_supports(phase.job)
+    return out
+
+
 def touches(job: Job, contact: ContactRecord) -> tuple[Touch, ...]:
     """What each contact pair of a job did."""
     return tuple(
@@ -255,23 +271,46 @@ class ContactRecord:
         self.touched = np.zeros(pairs, dtype=bool)
         self.nearest = np.full(pairs, np.inf)
 
-    def add(self, touched: Sequence[bool], gaps: Sequence[float]) -> None:
-        """Count a solved step, of whose pairs these touch and have these gaps (m)."""
-        self.touched |= np.array(touched, dtype=bool)
-        self.nearest = np.minimum(self.nearest, gaps)
+    def add(self, pairs: Sequence[int], touched: Sequence[bool], gaps: Sequence[float]) -> None:
+        """Count a solved step, of whose pairs (by number) these touch and have these gaps (m)."""
+        on = np.array(pairs, dtype=np.intp)
+        self.touched[on] |= np.array(touched, dtype=bool)
+        self.nearest[on] = np.minimum(self.nearest[on], gaps)
 
 
 class _JobSteps(TimeSteps[ShellState]):
     """The equilibria of a job's shell."""
 
-    def __init__(self, model: JobModel, options: JobOptions, ways: Sequence[str]) -> None:
+    def __init__(
+        self,
+        model: JobModel,
+        options: JobOptions,
+        ways: Sequence[str],
+        phase: Phase,
+        pairs: int,
+    ) -> None:
         super().__init__(options.shortest, options.turn, QUICK)
-        self.model, self.options, self.ways = model, options, ways
+        self.model, self.options, self.ways, self.phase = model, options, ways, phase
         self.solution: Solution | None = None
-        self.contact = ContactRecord(len(model.job.contacts))
-        pairs = [k.quads for k in model.job.contacts]
-        thin = min((float(model.job.sheet.thickness[q].mean()) for q in pairs), default=np.inf)
-        self.passage = max(thin, options.spacing)
+        self.contact = ContactRecord(pairs)
+        self._note_thickness()
+
+    def _note_thickness(self) -> None:
+        pairs = [k.quads for k in self.model.job.contacts]
+        thin = min((float(self.model.job.sheet.thickness[q].mean()) for q in pairs), default=np.inf)
+        self.passage = max(thin, self.options.spacing)
+
+    def enter(self, phase: Phase) -> None:
+        """Go on with the conditions of a phase.  Raises InputError as `next_model` does."""
+        last = self.solution
+        if last is None or phase is self.phase:
+            return
+        kept = dict(zip(self.phase.pairs, next_increment(last).contacts, strict=True))
+        self.model, shell, c = next_model(phase, last.configuration, kept, self.options)
+        e = shell.evaluate(c, NO_TENSION, tangent=True)
+        self.solution = Solution(shell, c, e, NO_TENSION, 0, 0, last.residual)
+        self.phase, self.stride, self.failed = phase, np.inf, False
+        self._note_thickness()
 
     def finish(self) -> None:
         """See `TimeSteps.finish`."""
@@ -305,6 +344,7 @@ class _JobSteps(TimeSteps[ShellState]):
         gaps = [k.gap(c.x, c.position, c.rotation) for k in contacts]
         known = [k.surface.outside - k.offset > g for k, g in zip(contacts, gaps, strict=True)]
         self.contact.add(
+            self.phase.pairs,
             [bool((g <= k.smoothing).any()) for k, g in zip(contacts, gaps, strict=True)],
             [float(g[near].min(initial=np.inf)) for g, near in zip(gaps, known, strict=True)],
         )
@@ -403,6 +443,10 @@ def predict(
     last_model, c, e = solution.model, solution.configuration, solution.evaluation
     turn = Rotation.from_matrix(rotation @ np.swapaxes(c.rotation, 1, 2)) if len(rotation) else None
     right = -loads_in_bases(model, c, e.bases) + loads_in_bases(last_model, c, e.bases)
+    carried = _carried(last_model, model)
+    if carried.any():
+        assert e.data is not None
+        right = right + model.pattern.full(e.data) @ carried
     if turn is not None:
         twist = np.hstack([position - c.position, turn.as_rotvec()])
         if twist.any():
@@ -410,6 +454,15 @@ def predict(
     step = np.zeros(model.pattern.size)
     step[model.free] = -solution.factor.solve(right[model.free])
     return model.move_bodies(model.take_step(c, e.bases, step), position, rotation)
+
+
+def _carried(before: ShellModel, after: ShellModel) -> Array:
+    """The motion (5n,) in the nodes' bases by which guided nodes are brought to other places on
+    their bodies."""
+    g, out = after.guides, np.zeros((len(after.reference), DOFS))
+    moved = np.einsum("kji,kj->ki", g.axes, g.origin - before.guides.origin)
+    out[g.node, :3] = np.where(g.held, moved, 0.0)
+    return out.ravel()
 
 
 def loads_in_bases(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:

@@ -22,6 +22,7 @@ from cosim.port import Array, Ints
 from fe_solver.forces.loads import pressure_forces, pressure_tangent
 from fe_solver.forces.springs import NodeSprings, Springs, node_springs, spring_forces
 from fe_solver.job.checks import check_job, within
+from fe_solver.job.curves import Curve
 from fe_solver.job.job import Job
 from fe_solver.job.model import (
     body_loads,
@@ -30,6 +31,7 @@ from fe_solver.job.model import (
     dead_loads,
     follower_pressure,
 )
+from fe_solver.job.phases import Phase, phases
 from fe_solver.materials.linear import Law
 from fe_solver.q4ans.element import (
     SolidTables,
@@ -49,7 +51,7 @@ from fe_solver.q4ans.facets import (
 from fe_solver.q4ans.laws import law_obstacle, normal_modulus
 from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.linear_algebra import Analysis, Factor, analyse
-from fe_solver.supports import ContactPair, links_of, springs_of
+from fe_solver.supports import ContactPair, Tied, links_of, springs_of
 from fe_solver.surfaces.closing import outwards
 
 ON_FACE = 1e-9
@@ -88,6 +90,11 @@ def _obstacles(job: Job) -> Iterator[str]:
                 f"{body.name!r}, so that in FEBio they do not touch; turn its facets over, or name "
                 "the other face"
             )
+    for phase in phases(job):
+        yield from _loose_directors(phase.job)
+
+
+def _loose_directors(job: Job) -> Iterator[str]:
     for d in job.held_directors:
         given = [h.nodes for h in job.held if h.component == d.component]
         loose = np.setdiff1d(d.nodes, np.concatenate([*given, *(t.nodes for t in job.ties)]))
@@ -151,6 +158,17 @@ class Source(Enum):
     PRESSURE = "pressure"
 
 
+class Coming(NamedTuple):
+    """What the begin of a phase changes, which comes in over its first increment."""
+
+    fade: Curve
+    """What is left of it."""
+    off: Array
+    """(2n, 3) m by which given components are off their places."""
+    force: Array
+    """(2n, 3) N with which released conditions still act."""
+
+
 class Term(NamedTuple):
     """A part of the balance."""
 
@@ -199,6 +217,10 @@ class SolidModel:
     facets: tuple[Facets, ...]
     springs: Springs
     links: NodeSprings
+    attached: Array
+    """(2n, 3) m, the places of tied nodes in their bodies' frames; zero elsewhere."""
+    coming: Coming | None = None
+    """Of a phase that others go before: what it sets and releases at its begin."""
 
     @cached_property
     def pairs(self) -> Ints:
@@ -217,6 +239,8 @@ class SolidModel:
             # half on each face: the mass lies evenly between them
             np.add.at(dead, self.job.sheet.quads, weight / 2)
             np.add.at(dead, self.job.sheet.quads + n, weight / 2)
+        if self.coming is not None:
+            dead += self.coming.fade.at(time) * self.coming.force
         if multipliers is None:
             multipliers = (0.0,) * len(self.facets)
         met = (None,) * len(self.facets)
@@ -246,8 +270,10 @@ class SolidModel:
         for t in job.ties:
             body = job.bodies[t.body]
             position, rotation = body.pose(time)
-            nodes = np.concatenate([t.nodes, n + t.nodes]) if t.clamped else t.nodes
-            out[nodes] = position + (self.rest[nodes] - body.origin) @ rotation.T
+            nodes = _tied_nodes(t, n)
+            out[nodes] = position + self.attached[nodes] @ rotation.T
+        if self.coming is not None:
+            out += self.coming.fade.at(time) * self.coming.off
         return out
 
     def contacts(self, z: Array, loads: Loads) -> list[Pressed]:
@@ -335,6 +361,30 @@ def solid_model(job: Job) -> SolidModel:
     reasons = obstacles(job)
     if reasons:
         raise InputError(f"{job.name}: --element q4ans does not cover it: {'; '.join(reasons)}")
+    rest = _rest_nodes(job.sheet)
+    origins = np.array([b.origin for b in job.bodies]).reshape(-1, 3)
+    upright = np.tile(np.eye(3), (len(origins), 1, 1))
+    return _model_from(job, rest, origins, upright)
+
+
+def next_model(
+    phase: Phase, z: Array, loads: Loads, multipliers: tuple[Array | float, ...]
+) -> SolidModel:
+    """The model of a phase that goes on from the nodes (2n, 3) m and loads at the end of another,
+    of which they are an equilibrium, with the multipliers of its own contact pairs."""
+    job, time = phase.job, phase.begin
+    job = replace(job, bodies=phase.bodies(loads.position, loads.rotation))
+    model = _model_from(job, z, *body_poses(job.bodies, time))
+    nothing = np.zeros_like(z)
+    off = np.where(model.free, 0.0, z - model.place(z, time))
+    model = replace(model, coming=Coming(phase.fade, off, nothing))
+    now = model.at(time, multipliers)
+    left = model.imbalance(tuple(model.terms(z, now)), now)
+    return replace(model, coming=Coming(phase.fade, off, np.where(model.free, left, 0.0)))
+
+
+def _model_from(job: Job, z: Array, position: Array, rotation: Array) -> SolidModel:
+    """The model of a job whose nodes z (2n, 3) m are tied to its bodies where these are."""
     sheet, quads = job.sheet, job.sheet.quads
     rest = _rest_nodes(sheet)
     parts = [_part(job, np.flatnonzero(sheet.part == i), p) for i, p in enumerate(sheet.parts)]
@@ -347,7 +397,16 @@ def solid_model(job: Job) -> SolidModel:
         _facets(job, pair, _penalty(job, pair, volume, modulus)) for pair in job.contacts
     )
     springs, links = springs_of(job.springs), links_of(job.springs)
-    return SolidModel(job, rest, _free(job), tuple(parts), facets, springs, links)
+    attached = np.zeros_like(rest)
+    for t in job.ties:
+        nodes = _tied_nodes(t, len(sheet.points))
+        attached[nodes] = (z[nodes] - position[t.body]) @ rotation[t.body]
+    return SolidModel(job, rest, _free(job), tuple(parts), facets, springs, links, attached)
+
+
+def _tied_nodes(tie: Tied, n: int) -> Ints:
+    """Those of the n pairs of nodes that move with the body of a tie."""
+    return np.concatenate([tie.nodes, n + tie.nodes]) if tie.clamped else tie.nodes
 
 
 def _part(job: Job, elements: Ints, part: ShellPart) -> SolidPart:

@@ -22,11 +22,13 @@ from cosim.port import Array
 from cosim.processes import one_blas_thread
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions, body_poses
+from fe_solver.job.phases import Phase
 from fe_solver.job.rigid_modes import FreeMotions, Pieces, free_motions, unsupported
 from fe_solver.job.solve import (
     ContactRecord,
     JobResult,
     JobState,
+    checked_phases,
     output_times,
     touches,
     way_marks,
@@ -36,6 +38,7 @@ from fe_solver.q4ans.model import (
     Loads,
     SolidModel,
     Term,
+    next_model,
     obstacles,
     solid_model,
 )
@@ -94,10 +97,15 @@ def solve_solid(
     options = options or JobOptions(penetration=None)
     began = clock.process_time()
     wanted = output_times(job, until, times)
-    stepper = _SolidSteps(solid_model(job), options)
+    first, *later = checked_phases(job)
+    stepper = _SolidSteps(solid_model(first.job), options, first, len(job.contacts))
     setup = clock.process_time() - began
     began = clock.process_time()
-    states = stepper.visit(way_marks(job, wanted[-1], options.increments), wanted)
+    marks, states = way_marks(job, wanted[-1], options.increments), list[JobState]()
+    for phase in (first, *later):
+        if phase.begin < wanted[-1]:
+            stepper.enter(phase)
+            states += stepper.visit(phase.marks(marks), phase.within(wanted))
     effort = stepper.total(clock.process_time() - began)
     told = touches(job, stepper.contact)
     return JobResult(job, tuple(states), setup, effort, "q4ans", told)
@@ -106,15 +114,37 @@ def solve_solid(
 class _SolidSteps(TimeSteps[JobState]):
     """The equilibria of a job's `q4ans` elements."""
 
-    def __init__(self, model: SolidModel, options: JobOptions) -> None:
+    def __init__(self, model: SolidModel, options: JobOptions, phase: Phase, pairs: int) -> None:
         super().__init__(options.shortest, TURN, QUICK)
-        self.model, self.options = model, options
-        loads = self.model.at(0.0)
-        terms = tuple(self.model.terms(self.model.rest, loads))
-        self.pattern = self.model.pattern(terms)
-        self.last = SolidEquilibrium(0.0, self.model.rest, loads, terms, 0.0)
-        self.contact = ContactRecord(len(model.facets))
+        self.options, self.contact = options, ContactRecord(pairs)
+        self._begin(model, phase, model.rest, 0.0, None)
+
+    def _begin(
+        self,
+        model: SolidModel,
+        phase: Phase,
+        z: Array,
+        residual: float,
+        multipliers: tuple[Array | float, ...] | None,
+    ) -> None:
+        """Stand at an equilibrium z (2n, 3) m of a model at the begin of its phase."""
+        self.model, self.phase = model, phase
+        loads = model.at(phase.begin, multipliers)
+        terms = tuple(model.terms(z, loads))
+        self.pattern = model.pattern(terms)
+        self.last = SolidEquilibrium(phase.begin, z, loads, terms, residual)
         self.factor: tuple[SolidEquilibrium, Factor] | None = None
+
+    def enter(self, phase: Phase) -> None:
+        """Go on with the conditions of a phase."""
+        if phase is self.phase:
+            return
+        last = self.last
+        kept = dict(zip(self.phase.pairs, last.loads.multipliers, strict=True))
+        multipliers = tuple(kept.get(pair, 0.0) for pair in phase.pairs)
+        model = next_model(phase, last.z, last.loads, multipliers)
+        self._begin(model, phase, last.z, last.residual, multipliers)
+        self.stride, self.failed = np.inf, False
 
     def finish(self) -> None:
         """See `TimeSteps.finish`."""
@@ -143,6 +173,7 @@ class _SolidSteps(TimeSteps[JobState]):
         self.last = found
         pressed = self.model.contacts(found.z, found.loads)
         self.contact.add(
+            self.phase.pairs,
             [bool((p.pressure > 0).any()) for p in pressed],
             [nearest(p.depth) for p in pressed],
         )
