@@ -25,6 +25,7 @@ from fe_solver.job.curves import (
     product_of,
     sum_of,
 )
+from fe_solver.job.job import RigidLoad
 from fe_solver.supports import Body, Given
 
 AXES = "xyz"
@@ -50,6 +51,8 @@ DOFS = (
     *(Dof(f"R{turn}_dof", f"R{turn}", "rigid_rotation") for turn in "uvw"),
 )
 """Displacements along x, y, z, then the components of the rotation vector."""
+RIGID_LOADS = ("rigid_force", "rigid_moment")
+FORCES, MOMENTS = ("Rx", "Ry", "Rz"), ("Ru", "Rv", "Rw")
 RIGID_CONDITIONS = ("rigid_fixed", "rigid_displacement", "rigid_rotation")
 
 
@@ -326,6 +329,36 @@ def _motions_of(
     return _Motions(tuple(always), free, by_step if differs else ())
 
 
+def read_rigid_loads(model: Model, tags: list[FebTag]) -> tuple[RigidLoad, ...]:
+    """Forces and moments on bodies, at their centres of mass, along the world's axes; a force of
+    `load_type` 1 turns with its body (FEBioMech/FERigidForce.cpp, FERigidBodyForce).
+
+    Raises InputError for a load that is not read."""
+    out = []
+    for t in tags:
+        is_force = t.kind_of("rigid load", RIGID_LOADS) == RIGID_LOADS[0]
+        body, names = model.body_of(t, t.word("rb", "")), FORCES if is_force else MOMENTS
+        dof, kind = t.word("dof", ""), t.word("load_type", "0").upper()
+        if dof not in names:
+            raise t.fault(f"expected <dof> with one of {', '.join(names)}")
+        if kind not in ("0", "LOAD", *(("1", "FOLLOW") if is_force else ())):
+            raise t.fault(
+                f"<load_type> {kind} is not read: a force is 0 (it keeps its direction) or 1 (it "
+                "turns with the body), a moment is 0"
+            )
+        if t.flag("relative"):
+            raise t.fault("<relative> other than 0 is not read")
+        units = model.units
+        unit = units.force if is_force else units.force * units.length
+        drive = model.drive(t.needed("value", "a number"), unit)
+        x, y, z = (drive if name == dof else Drive() for name in names)
+        if is_force:
+            out.append(RigidLoad(body, force=(x, y, z), follows=kind in ("1", "FOLLOW")))
+        else:
+            out.append(RigidLoad(body, moment=(x, y, z)))
+    return tuple(out)
+
+
 def _read_motion(model: Model, t: FebTag) -> tuple[int, Drive, Drive]:
     """Which motion a condition prescribes, at all times and while its step lasts."""
     names = {d.name: i for i, d in enumerate(DOFS) if d.kind == t.attribute("type")}
@@ -342,11 +375,17 @@ def _check_motions(model: Model, name: str, by_step: tuple[tuple[Drive | Given, 
     for step, motions in enumerate(by_step, 1):
         where = f" in step {step}" if len(by_step) > 1 else ""
         free = [d.name for d, own in zip(DOFS, motions, strict=True) if own is Given.FREE]
-        if free:
+        if free and m.centre is None:
             raise m.tag.fault(
-                f"the rigid body {name!r} is free in {', '.join(free)}{where}, and only bodies "
-                "whose motion is given are read: fix it by rigid_fixed, or prescribe it by "
-                "rigid_displacement or rigid_rotation"
+                f"the rigid body {name!r} is free in {', '.join(free)}{where}: <center_of_mass>, "
+                "at which its loads act and about which it turns, is missing"
+            )
+        turns = {type(own) if isinstance(own, Drive) else own for own in motions[3:]}
+        if {Drive, Given.FREE} <= turns:
+            raise m.tag.fault(
+                f"the rotation of the rigid body {name!r} is prescribed in part and free in "
+                f"part{where}, which FEBio ends with an error, too: fix or prescribe all of Ru, Rv "
+                "and Rw, or prescribe none"
             )
         if m.centre is None and any(isinstance(d, Drive) and d.value for d in motions[3:]):
             raise m.tag.fault(f"the body {name!r} turns: <center_of_mass>, about which, is missing")

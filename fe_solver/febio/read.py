@@ -21,6 +21,7 @@ from fe_solver.febio.bodies import (
     owners,
     read_bodies,
     read_curves,
+    read_rigid_loads,
     triangles_of,
 )
 from fe_solver.febio.conditions import (
@@ -53,7 +54,7 @@ LOADING = ("Loads", "Initial")
 """Sections whose conditions may belong to one of several steps."""
 MOTIONS = (
     *("zero displacement", "prescribed displacement"),
-    *("rigid_fixed", "rigid_displacement", "rigid_rotation"),
+    *("rigid_fixed", "rigid_displacement", "rigid_rotation", "rigid_force", "rigid_moment"),
 )
 """Conditions of which each step may have another, of the same nodes or body."""
 REFUSED = ("Constraints", "MeshAdaptor", "Include", "Code")
@@ -242,6 +243,7 @@ def _job(
         forces=read_forces(model, sections.all("Loads", "nodal_load")),
         pressures=read_pressures(model, parts, sections.all("Loads", "surface_load")),
         body_forces=read_body_forces(model, parts, sections.all("Loads", "body_load")),
+        rigid_loads=read_rigid_loads(model, sections.all("Rigid", "rigid_load")),
         contacts=contacts,
         bodies=bodies,
         steps=steps,

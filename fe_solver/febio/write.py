@@ -65,6 +65,8 @@ def _check_names(job: Job) -> None:
         raise InputError(f"{job.name}: a force on the mass of elements is not written for FEBio")
     if not job.steps:
         raise InputError(f"{job.name}: it has no time steps to write")
+    if job.rigid_loads or any(any(b.free) for b in job.bodies):
+        raise InputError(f"{job.name}: free bodies and loads on bodies are not written for FEBio")
     if len(phases(job)) > 1:
         raise InputError(f"{job.name}: conditions of some of several steps are not written")
 

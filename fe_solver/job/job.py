@@ -18,7 +18,7 @@ from fe_solver.given import fill, indices, integers, numbers, several, spread
 from fe_solver.job.curves import Curve, Drive, check_curve, drive_from, drives_from
 from fe_solver.sheet import Sheet
 from fe_solver.solver.continuation import SAME_TIME
-from fe_solver.supports import WALL, ZERO, Body, ContactPair, SpringSet, Tied
+from fe_solver.supports import STILL, WALL, ZERO, Body, ContactPair, SpringSet, Tied
 
 MOST_INCREMENTS = 1_000_000
 """Of a step."""
@@ -126,6 +126,33 @@ class BodyForce:
 
 
 @dataclass(frozen=True)
+class RigidLoad:
+    """A force and a moment on a body, at its origin, in the world frame; they move it where
+    equilibrium finds its motion (`Body.free`)."""
+
+    body: int
+    """Its number."""
+    force: tuple[Drive, Drive, Drive] = STILL
+    """N along x, y, z."""
+    moment: tuple[Drive, Drive, Drive] = STILL
+    """N m about x, y, z; they keep their axes while the body turns."""
+    follows: bool = False
+    """Whether the force turns with the body."""
+
+    def __post_init__(self) -> None:
+        fill(
+            self,
+            force=drives_from("force (N)", self.force),
+            moment=drives_from("moment (N m)", self.moment),
+        )
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """The force (3,) N, of one that follows in the body's frame, and the moment (3,) N m."""
+        force, moment = (np.array([d.at(time) for d in m]) for m in (self.force, self.moment))
+        return force, moment
+
+
+@dataclass(frozen=True)
 class Step:
     """A stretch of time."""
 
@@ -170,6 +197,8 @@ class Job:
     """Pressures that follow the elements."""
     body_forces: Sequence[BodyForce] = ()
     """Forces on the mass of the elements."""
+    rigid_loads: Sequence[RigidLoad] = ()
+    """Forces and moments on bodies."""
     contacts: Sequence[ContactPair] = ()
     """Faces of the sheet that touch a body."""
     bodies: Sequence[Body] = ()
@@ -221,6 +250,7 @@ _KINDS = {
     "forces": NodalForce,
     "pressures": Pressure,
     "body_forces": BodyForce,
+    "rigid_loads": RigidLoad,
     "contacts": ContactPair,
     "bodies": Body,
     "steps": Step,

@@ -196,6 +196,7 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
     for surfaces that have no inside."""
     check_job(job)
     check_supports(job)
+    _check_given(job)
     origins = np.array([b.origin for b in job.bodies]).reshape(-1, 3)
     upright = np.tile(np.eye(3), (len(origins), 1, 1))
     rest = Configuration(job.sheet.points, job.sheet.directors, origins, upright)
@@ -212,6 +213,7 @@ def next_model(
     Raises InputError for a director that is to be held where it is not, and for friction whose
     memory of the way does not fit the phase."""
     job, count, time = phase.job, len(phase.job.bodies), phase.begin
+    _check_given(job)
     _check_directors(job, last.d)
     bodies = phase.bodies(last.position[:count], last.rotation[:count])
     job = replace(job, bodies=bodies)
@@ -230,6 +232,16 @@ def next_model(
     force, couple = displacements(left.bases, loose)
     model = replace(model, coming=Coming(phase.fade, off, force, couple))
     return model, model.at(time), c
+
+
+def _check_given(job: Job) -> None:
+    """Check that the motion of each body is given.  Raises InputError."""
+    free = [b.name for b in job.bodies if any(b.free)]
+    if free:
+        raise InputError(
+            f"{job.name}: the rigid body {free[0]!r} is free, and our own shell takes bodies whose "
+            "motion is given; solve it with FEBio's (--element q4ans), or fix or prescribe it"
+        )
 
 
 def _check_directors(job: Job, d: Array) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cosim.files import output_folder
-from cosim.port import Array
+from cosim.port import Array, rotation_vector
 from fe_solver.elements.mitc9 import IN_TURN
 from fe_solver.job.job import Job
 from fe_solver.job.reactions import AXES, reactions
@@ -30,6 +30,17 @@ def farthest(job: Job, state: JobState) -> tuple[float, int]:
     """The largest displacement, m, and the number of its node in the file."""
     size = np.linalg.norm(displacement(job, state), axis=1)
     return float(size.max()), int(job.sheet.node_ids[size.argmax()])
+
+
+def body_motions(job: Job, state: JobState) -> dict[str, tuple[Array, Array]]:
+    """By name of the bodies that equilibrium moves: displacement of the origin (3,) m, and the
+    rotation vector (3,) degrees, of turns beyond half of one the shorter way."""
+    c, step = state.configuration, job.step_at(state.time) if job.steps else 0
+    return {
+        b.name: (c.position[i] - b.origin, np.degrees(rotation_vector(c.rotation[i])))
+        for i, b in enumerate(b.during(step) for b in job.bodies)
+        if any(b.free)
+    }
 
 
 def state_summary(job: Job, state: JobState) -> dict[str, Any]:
@@ -54,6 +65,10 @@ def state_summary(job: Job, state: JobState) -> dict[str, Any]:
         "largest_displacement_mm": 1e3 * largest,
         "largest_displacement_node": node,
         "force_on_bodies": bodies,
+        "motion_of_bodies": {
+            name: {"displacement_mm": (1e3 * at).tolist(), "rotation_deg": turned.tolist()}
+            for name, (at, turned) in body_motions(job, state).items()
+        },
         "reactions": {r.condition: {"force_N": r.force.sum(axis=0).tolist()} for r in held},
         "springs": springs,
         "penetration_um": 1e6 * state.penetration,

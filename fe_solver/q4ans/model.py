@@ -9,9 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,7 +20,6 @@ from cosim.port import Array, Ints
 from fe_solver.forces.loads import pressure_forces, pressure_tangent
 from fe_solver.forces.springs import NodeSprings, Springs, node_springs, spring_forces
 from fe_solver.job.checks import check_job, within
-from fe_solver.job.curves import Curve
 from fe_solver.job.job import Job
 from fe_solver.job.model import (
     body_loads,
@@ -33,9 +30,10 @@ from fe_solver.job.model import (
 )
 from fe_solver.job.phases import Phase, phases
 from fe_solver.materials.linear import Law
+from fe_solver.q4ans.balance import Coming, Loads, Source, Term, Unbalanced, turns
+from fe_solver.q4ans.bodies import BodyFactor, BodySystem, Pull
 from fe_solver.q4ans.element import (
     SolidTables,
-    Stressed,
     cross_matrix,
     solid_response,
     solid_tables,
@@ -54,6 +52,8 @@ from fe_solver.solver.linear_algebra import Analysis, Factor, analyse
 from fe_solver.supports import ContactPair, Tied, links_of, springs_of
 from fe_solver.surfaces.closing import outwards
 
+ROUNDING = 0.2
+"""Of the last bit of a coordinate, what is lost in its differences."""
 ON_FACE = 1e-9
 """Share of the thickness by which a node may lie off the sheet's face."""
 
@@ -131,65 +131,6 @@ def _rest(sheet: Sheet, elements: Ints) -> Array:
     return np.concatenate([low, high], axis=1)
 
 
-class Loads(NamedTuple):
-    """The loads of one time, and the state of contact."""
-
-    position: Array
-    """(nb, 3) m, of the bodies."""
-    rotation: Array
-    """(nb, 3, 3), of the bodies."""
-    dead: Array
-    """(2n, 3) N."""
-    pressure: Array | None
-    """(ne,) Pa, which follows the quads."""
-    multipliers: tuple[Array | float, ...]
-    """(k, 4) Pa of each contact pair."""
-    met: tuple[Ints | None, ...]
-    """(k, 4) triangles of each contact pair; None where they are to be looked for."""
-
-
-class Source(Enum):
-    """What resists."""
-
-    ELEMENT = "element"
-    CONTACT = "contact"
-    SPRING = "spring"
-    LINK = "spring between nodes"
-    PRESSURE = "pressure"
-
-
-class Coming(NamedTuple):
-    """What the begin of a phase changes, which comes in over its first increment."""
-
-    fade: Curve
-    """What is left of it."""
-    off: Array
-    """(2n, 3) m by which given components are off their places."""
-    force: Array
-    """(2n, 3) N with which released conditions still act."""
-
-
-class Term(NamedTuple):
-    """A part of the balance."""
-
-    source: Source
-    nodes: Ints
-    """(k, m)."""
-    force: Array
-    """(k, m, 3) N, with which the nodes resist."""
-    stiffness: Array
-    """(k, 3m, 3m) N/m, its derivative."""
-    body: Ints | None = None
-    """(k,) on which the nodes act; None where there is none."""
-    stressed: Stressed | None = None
-    """What elements bear."""
-
-    def product(self, moved: Array) -> Array:
-        """The change (k, m, 3) N of the forces by displacements (k, m, 3) m of the nodes."""
-        flat = moved.reshape(len(moved), 3 * moved.shape[1], 1)
-        return np.asarray((self.stiffness @ flat).reshape(moved.shape))
-
-
 @dataclass(frozen=True)
 class SolidPart:
     """k elements of one law."""
@@ -229,8 +170,33 @@ class SolidModel:
             [self.job.sheet.quads, self.job.sheet.quads + len(self.job.sheet.points)], axis=1
         )
 
-    def at(self, time: float, multipliers: tuple[Array | float, ...] | None = None) -> Loads:
-        """The loads of a time; contact without multipliers where None."""
+    @cached_property
+    def bodies(self) -> BodySystem | None:
+        """The system of the nodes with the bodies that equilibrium moves; None without such."""
+        motions = np.array([b.free for b in self.job.bodies], dtype=bool).reshape(-1, 6)
+        if not motions.any():
+            return None
+        tied = np.full(len(self.rest), -1)
+        for t in self.job.ties:
+            tied[_tied_nodes(t, len(self.job.sheet.points))] = t.body
+        volume = sum(float(p.tables.volume.sum()) for p in self.parts)
+        length = np.sqrt(volume / self.thickness / len(self.job.sheet.quads))
+        return BodySystem(self.free, motions, tied, float(length))
+
+    def at(
+        self,
+        time: float,
+        multipliers: tuple[Array | float, ...] | None = None,
+        last: Loads | None = None,
+    ) -> Loads:
+        """The loads of a time; contact without multipliers where None.  What equilibrium moves of
+        the bodies is where it is in the `last` ones, or else where their drives have it."""
+        position, rotation = body_poses(self.job.bodies, time)
+        if last is not None and self.bodies is not None:
+            motions = self.bodies.motions
+            position = np.where(motions[:, :3], last.position, position)
+            turned = np.asarray(motions[:, 3:].any(axis=1))[:, None, None]
+            rotation = np.where(turned, last.rotation, rotation)
         n, pressure = len(self.job.sheet.points), follower_pressure(self.job, time)
         dead = np.zeros_like(self.rest)
         dead[:n] = dead_loads(self.job, time)
@@ -244,7 +210,25 @@ class SolidModel:
         if multipliers is None:
             multipliers = (0.0,) * len(self.facets)
         met = (None,) * len(self.facets)
-        return Loads(*body_poses(self.job.bodies, time), dead, pressure, multipliers, met)
+        return Loads(time, position, rotation, dead, pressure, multipliers, met)
+
+    def poses(self, time: float, before: Loads, after: Loads) -> tuple[Array, Array]:
+        """Positions (nb, 3) m and rotations (nb, 3, 3) of the bodies at a time between those of
+        loads; what equilibrium moves of them goes evenly."""
+        position, rotation = body_poses(self.job.bodies, time)
+        if self.bodies is None:
+            return position, rotation
+        share = (time - before.time) / (after.time - before.time)
+        twists = np.hstack(
+            [after.position - before.position, turns(before.rotation, after.rotation)]
+        )
+        evenly = before.carry(share * twists)
+        motions = self.bodies.motions
+        turned = np.asarray(motions[:, 3:].any(axis=1))[:, None, None]
+        return (
+            np.where(motions[:, :3], evenly.position, position),
+            np.where(turned, evenly.rotation, rotation),
+        )
 
     def search_contacts(self, z: Array, loads: Loads) -> Loads:
         """The loads with contact kept to the triangles that it meets at z."""
@@ -259,19 +243,18 @@ class SolidModel:
         facets = tuple(replace(f, penalty=share * f.penalty) for f in self.facets)
         return replace(self, facets=facets)
 
-    def place(self, z: Array, time: float) -> Array:
-        """z (2n, 3) with what is given at a time: ties to bodies and held displacements."""
-        job, n, out = self.job, len(self.job.sheet.points), z.copy()
+    def place(self, z: Array, loads: Loads) -> Array:
+        """z (2n, 3) with what is given at the loads' time: ties to bodies and held
+        displacements."""
+        job, n, out, time = self.job, len(self.job.sheet.points), z.copy(), loads.time
         for h in job.held:
             out[h.nodes, h.component] = self.rest[h.nodes, h.component] + h.displacement.at(time)
         for d in job.held_directors:
             moved = out[d.nodes, d.component] - self.rest[d.nodes, d.component]
             out[n + d.nodes, d.component] = self.rest[n + d.nodes, d.component] + moved
         for t in job.ties:
-            body = job.bodies[t.body]
-            position, rotation = body.pose(time)
             nodes = _tied_nodes(t, n)
-            out[nodes] = position + self.attached[nodes] @ rotation.T
+            out[nodes] = loads.position[t.body] + self.attached[nodes] @ loads.rotation[t.body].T
         if self.coming is not None:
             out += self.coming.fade.at(time) * self.coming.off
         return out
@@ -322,15 +305,49 @@ class SolidModel:
             np.add.at(out, term.nodes, term.force)
         return out
 
-    def miss(self, unbalanced: Array) -> float:
-        """The norm (N) of what does not balance; infinite where a law has no answer."""
-        size = float(np.linalg.norm(unbalanced[self.free]))
-        return size if np.isfinite(size) else np.inf
+    def unbalanced(self, z: Array, loads: Loads, terms: Sequence[Term]) -> Unbalanced:
+        """What does not balance at z (2n, 3) m."""
+        nodes, bodies = self.imbalance(terms, loads), self.bodies
+        if bodies is None:
+            return Unbalanced(nodes, nodes[self.free])
+        spread = bodies.spread(z, loads.position)
+        pulls, wrench = _pulls(terms), self.wrench(loads)[0]
+        full = bodies.unbalanced(z, loads.position, pulls, nodes, wrench)
+        return Unbalanced(nodes, spread.T @ full)
+
+    def wrench(self, loads: Loads) -> tuple[Array, Array]:
+        """The loads (nb, 6) N and N m on the bodies at their origins, and the forces (nb, 3) N of
+        these that turn with their bodies."""
+        out, follower = np.zeros((len(self.job.bodies), 6)), np.zeros((len(self.job.bodies), 3))
+        for load in self.job.rigid_loads:
+            force, moment = load.at(loads.time)
+            if load.follows:
+                force = loads.rotation[load.body] @ force
+                follower[load.body] += force
+            out[load.body] += np.concatenate([force, moment])
+        if self.coming is not None:
+            out += self.coming.fade.at(loads.time) * self.coming.wrench
+        return out, follower
+
+    def body_factor(
+        self, bodies: BodySystem, z: Array, loads: Loads, terms: Sequence[Term]
+    ) -> BodyFactor:
+        """The tangent of nodes and bodies.  Raises SingularError."""
+        nodes, (_, follower) = self.imbalance(terms, loads), self.wrench(loads)
+        full = bodies.tangent(z, loads.position, _pulls(terms), nodes, follower)
+        return BodyFactor.of(bodies, full, bodies.spread(z, loads.position))
 
     def scale(self, unbalanced: Array, terms: Sequence[Term]) -> float:
         """The largest (N) of the reactions' norm and the forces on nodes by all but elements."""
         outer = [np.abs(t.force).max(initial=0.0) for t in terms if t.source != Source.ELEMENT]
         return float(max(self.least_force, np.linalg.norm(unbalanced[~self.free]), *outer))
+
+    def rounding(self, z: Array, terms: Sequence[Term]) -> float:
+        """What of the unknowns' balance is rounding error (N): the last bit of the coordinates
+        times the stiffest entry, of all of them."""
+        stiffest = max(float(np.abs(t.stiffness).max(initial=0.0)) for t in terms)
+        error = ROUNDING * np.finfo(float).eps * stiffest * float(np.abs(z).max())
+        return error * float(np.sqrt(np.count_nonzero(self.free)))
 
     @cached_property
     def thickness(self) -> float:
@@ -351,6 +368,10 @@ class SolidModel:
     def pattern(self, terms: Sequence[Term]) -> SolidPattern:
         """The pattern of the tangent's free part, which is the same for all terms of a model."""
         return _pattern([t.nodes for t in terms], self.free)
+
+
+def _pulls(terms: Sequence[Term]) -> list[Pull]:
+    return [Pull(t.nodes, t.force, t.stiffness, t.body) for t in terms]
 
 
 def solid_model(job: Job) -> SolidModel:
@@ -375,12 +396,15 @@ def next_model(
     job, time = phase.job, phase.begin
     job = replace(job, bodies=phase.bodies(loads.position, loads.rotation))
     model = _model_from(job, z, *body_poses(job.bodies, time))
-    nothing = np.zeros_like(z)
-    off = np.where(model.free, 0.0, z - model.place(z, time))
-    model = replace(model, coming=Coming(phase.fade, off, nothing))
-    now = model.at(time, multipliers)
-    left = model.imbalance(tuple(model.terms(z, now)), now)
-    return replace(model, coming=Coming(phase.fade, off, np.where(model.free, left, 0.0)))
+    now, still = model.at(time, multipliers, loads), np.zeros((len(job.bodies), 6))
+    off = np.where(model.free, 0.0, z - model.place(z, now))
+    terms = tuple(model.terms(z, now))
+    left = model.imbalance(terms, now)
+    force, wrench = np.where(model.free, left, 0.0), still
+    if model.bodies is not None:
+        full = model.bodies.unbalanced(z, now.position, _pulls(terms), left, model.wrench(now)[0])
+        wrench = np.where(model.bodies.motions, model.bodies.borne(z, now.position, full), 0.0)
+    return replace(model, coming=Coming(phase.fade, off, force, wrench))
 
 
 def _model_from(job: Job, z: Array, position: Array, rotation: Array) -> SolidModel:

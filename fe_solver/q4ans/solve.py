@@ -15,13 +15,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial.transform import Rotation
 
-from cosim.errors import ConvergenceError
+from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
 from cosim.processes import one_blas_thread
 from fe_solver.job.job import Job
-from fe_solver.job.model import JobOptions, body_poses
+from fe_solver.job.model import JobOptions
 from fe_solver.job.phases import Phase
 from fe_solver.job.rigid_modes import FreeMotions, Pieces, free_motions, unsupported
 from fe_solver.job.solve import (
@@ -33,11 +32,11 @@ from fe_solver.job.solve import (
     touches,
     way_marks,
 )
+from fe_solver.q4ans.balance import Loads, Term, turns
+from fe_solver.q4ans.bodies import BodyFactor, BodySystem, SingularError
 from fe_solver.q4ans.facets import SEARCH_RADIUS, facet_gaps, facet_ways, nearest
 from fe_solver.q4ans.model import (
-    Loads,
     SolidModel,
-    Term,
     next_model,
     obstacles,
     solid_model,
@@ -65,12 +64,17 @@ SOFTER = (0.01, 0.1)
 """Shares of contact's penalty, taken one after the other where the first step from rest fails."""
 TURN = 0.25
 """rad that a body turns at most in one step in time."""
+MOTIONS = ("x", "y", "z", "Ru", "Rv", "Rw")
+"""Of a body."""
 QUICK = 20
 """Iterations up to which the next step is twice as long."""
 SEARCHES = 10
 """Iterations after which contact keeps to the triangles that it has met, as FEBio's seg_up asks: a
 point that slides over a bone's sharp edge would come and go for ever."""
 MOST_AUGMENTATIONS = 30
+MOST_SPIN = 1.2
+"""rad that a body which equilibrium moves turns at most in the first whole step of an equilibrium:
+what goes further is far from what the step predicts."""
 FINEST = 0.25e-3
 """m: a step is foreseen to press a facet in by up to the thickness, or so much of a thin sheet."""
 
@@ -109,6 +113,10 @@ def solve_solid(
     effort = stepper.total(clock.process_time() - began)
     told = touches(job, stepper.contact)
     return JobResult(job, tuple(states), setup, effort, "q4ans", told)
+
+
+class _TurnsFarError(ConvergenceError):
+    """A body turns too far in one step."""
 
 
 class _SolidSteps(TimeSteps[JobState]):
@@ -162,14 +170,36 @@ class _SolidSteps(TimeSteps[JobState]):
         try:
             self._accept(self._equilibrium(self.model, z, loads, time))
             return
+        except SingularError as error:
+            if not self.effort.steps:
+                raise self._loose(error, self.time) from error
+            raise
         except ConvergenceError:
             if self.effort.steps or not self.model.facets:
                 raise
         for share in SOFTER:
-            z = self._equilibrium(self.model.with_penalty(share), z, loads, time).z
+            found = self._equilibrium(self.model.with_penalty(share), z, loads, time)
+            z, loads = found.z, found.loads
         self._accept(self._equilibrium(self.model, z, loads, time))
 
+    def _loose(self, error: SingularError, time: float) -> InputError:
+        """The error for bodies that can move without resistance."""
+        job, bodies = self.model.job, self.model.bodies
+        assert bodies is not None
+        moved = np.abs(error.bodies) * np.repeat([1.0, bodies.length], 3)
+        body = int(moved.max(axis=1).argmax())
+        motions = [n for n, m in zip(MOTIONS, moved[body], strict=True) if m > 0.1 * moved.max()]
+        carried = " with what is tied to it" if (bodies.tied == body).any() else ""
+        return InputError(
+            f"{job.name}: at t = {time:.6g} the rigid body {job.bodies[body].name!r}{carried} can "
+            f"move freely ({', '.join(motions)}), and nothing resists it: the answer would be one "
+            "of many. Fix or prescribe these motions, tie it to a sheet that is held, or give it "
+            "springs that are taut or contact that presses"
+        )
+
     def _accept(self, found: SolidEquilibrium) -> None:
+        if self.model.bodies is not None and self._share(found.z, found.loads) < 1.0:
+            raise ConvergenceError("A free body goes too far in a step, past what it touches")
         self.last = found
         pressed = self.model.contacts(found.z, found.loads)
         self.contact.add(
@@ -180,12 +210,23 @@ class _SolidSteps(TimeSteps[JobState]):
 
     def free_share(self, time: float) -> float:
         """See `TimeSteps.free_share`."""
-        m, last, new = self.model, self.last, self.model.at(time)
+        m, last = self.model, self.last
+        if not m.facets:
+            return 1.0
+        new = m.at(time, last=last.loads)
         still = np.array_equal(last.loads.position, new.position)
         still &= np.array_equal(last.loads.rotation, new.rotation)
-        if not m.facets or (still and np.array_equal(m.place(last.z, time), last.z)):
+        if still and np.array_equal(m.place(last.z, new), last.z):
             return 1.0
-        moved = self._predict(time)[0] - last.z
+        return self._share(*self._predict(time))
+
+    def _share(self, z: Array, new: Loads) -> float:
+        """The share of the way to nodes z (2n, 3) m and loads on which nothing is passed
+        through."""
+        m, last = self.model, self.last
+        if not m.facets:
+            return 1.0
+        moved = z - last.z
         reach = min(max(m.thickness, FINEST), SEARCH_RADIUS / 2)
         far, way = [], 0.0
         for f in m.facets:
@@ -198,8 +239,8 @@ class _SolidSteps(TimeSteps[JobState]):
             way = max(way, float(ways.max(initial=0.0)))
 
         def gaps(share: float) -> Array:
-            z, then = last.z + share * moved, self.time + share * (time - self.time)
-            poses = body_poses(m.job.bodies, then)
+            z, then = last.z + share * moved, last.time + share * (new.time - last.time)
+            poses = m.poses(then, last.loads, new)
             found = [facet_gaps(f, z, *(p[f.body] for p in poses)) for f in far if len(f.quads)]
             return np.concatenate([g.ravel() for g in found])
 
@@ -216,8 +257,10 @@ class _SolidSteps(TimeSteps[JobState]):
 
     def largest_turn(self, time: float) -> float:
         """See `TimeSteps.largest_turn`."""
-        before, after = self.last.loads.rotation, self.model.at(time).rotation
-        return float(np.linalg.norm(_turns(before, after), axis=1).max(initial=0.0))
+        before, after = self.last.loads, self.model.at(time, last=self.last.loads)
+        return float(
+            np.linalg.norm(turns(before.rotation, after.rotation), axis=1).max(initial=0.0)
+        )
 
     def _factorise(self, terms: Sequence[Term]) -> Factor:
         self.effort = self.effort.plus(solves=1)
@@ -229,12 +272,14 @@ class _SolidSteps(TimeSteps[JobState]):
         A body that moves by w leaves the forces on it as they would be if the nodes moved by -w and
         all turned with it.  From rest, where no spring is taut yet, loads are left to Newton."""
         m, last = self.model, self.last
-        new = m.at(time, last.loads.multipliers)
-        given = m.place(last.z, time) - last.z
+        new = m.at(time, last.loads.multipliers, last.loads)
+        given = m.place(last.z, new) - last.z
+        if m.bodies is not None:
+            return self._predict_with(m.bodies, new, given)
         right = np.zeros_like(last.z)
         if self.effort.steps:
             right[:] = last.loads.dead - new.dead
-        turn = _turns(last.loads.rotation, new.rotation)
+        turn = turns(last.loads.rotation, new.rotation)
         shift = new.position - last.loads.position
         for t in last.terms:
             moved = given[t.nodes]
@@ -250,7 +295,39 @@ class _SolidSteps(TimeSteps[JobState]):
             self.factor = last, self._factorise(last.terms)
         step = np.zeros_like(last.z)
         step[m.free] = -self.factor[1].solve(right[m.free])
-        return m.place(last.z + given + step, time), new
+        return m.place(last.z + given + step, new), new
+
+    def _predict_with(self, bodies: BodySystem, new: Loads, given: Array) -> tuple[Array, Loads]:
+        """The same, with bodies that equilibrium moves."""
+        m, last = self.model, self.last
+        twists = np.hstack(
+            [new.position - last.loads.position, turns(last.loads.rotation, new.rotation)]
+        )
+        motion = np.concatenate([given.ravel(), twists.ravel()])
+        if not motion.any():
+            return last.z, new
+        factor = self._body_factor(bodies, last.z, last.loads, last.terms)
+        right = factor.full @ motion
+        nodes, twists = bodies.split(factor.step(factor.spread.T @ right))
+        new = new.carry(twists)
+        return m.place(last.z + given + nodes, new), new
+
+    def _body_factor(
+        self, bodies: BodySystem, z: Array, loads: Loads, terms: Sequence[Term]
+    ) -> BodyFactor:
+        self.effort = self.effort.plus(solves=1)
+        return self.model.body_factor(bodies, z, loads, terms)
+
+    def _step(
+        self, m: SolidModel, z: Array, loads: Loads, terms: Sequence[Term], left: Array
+    ) -> tuple[Array, Array]:
+        """The steps of the nodes (2n, 3) m and of the bodies (nb, 6) m and rad."""
+        if m.bodies is not None:
+            factor = self._body_factor(m.bodies, z, loads, terms)
+            return m.bodies.split(factor.step(left))
+        step = np.zeros_like(z)
+        step[m.free] = -self._factorise(terms).solve(left)
+        return step, np.zeros((len(loads.position), 6))
 
     def _equilibrium(self, m: SolidModel, z: Array, loads: Loads, time: float) -> SolidEquilibrium:
         """By whole steps where nothing opens and closes, or else by short ones.  Raises
@@ -258,6 +335,8 @@ class _SolidSteps(TimeSteps[JobState]):
         if not m.facets and not np.any(m.springs.tension_only):
             try:
                 return self._by_newton(m, z, loads, time, MOST_WHOLE, short=False)
+            except _TurnsFarError:
+                raise
             except ConvergenceError:
                 pass
         return self._by_newton(m, z, loads, time, MOST_ITERATIONS, short=True)
@@ -270,24 +349,30 @@ class _SolidSteps(TimeSteps[JobState]):
         with np.errstate(all="ignore"):
             terms = tuple(m.terms(z, loads))
             for iteration in range(most):
-                force = m.imbalance(terms, loads)
-                missed, scale = m.miss(force), m.scale(force, terms)
-                if missed <= TOLERANCE * scale:
+                force, left = unbalanced = m.unbalanced(z, loads, terms)
+                missed, scale = unbalanced.size, m.scale(force, terms)
+                if missed <= TOLERANCE * scale or missed <= m.rounding(z, terms):
                     terms = tuple(m.terms(z, loads))
                     return SolidEquilibrium(time, z, loads, terms, missed)
                 if not np.isfinite(missed):
                     break
                 if iteration == SEARCHES:
                     loads = m.search_contacts(z, loads)
-                step = np.zeros_like(z)
-                step[m.free] = -self._factorise(terms).solve(force[m.free])
+                step, twists = self._step(m, z, loads, terms, left)
+                turned = float(np.linalg.norm(twists[:, 3:], axis=1).max(initial=0.0))
                 share, searched = 1.0, False
+                if not short and iteration == 0 and turned > MOST_SPIN:
+                    raise _TurnsFarError(f"A body turns by {turned:.3g} rad in one step")
                 if short:
                     longest = FIRST_STEP * 2.0**iteration * m.thickness
-                    share = min(1.0, longest / float(np.abs(step).max()))
+                    way = [np.abs(step).max(), np.abs(twists[:, :3]).max(initial=0.0)]
+                    if m.bodies is not None:
+                        way.append(turned * m.bodies.length)
+                    share = min(1.0, longest / float(max(way)))
                     limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
                     searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
-                z, terms = _move(m, z, terms, share * step, loads, missed if searched else np.inf)
+                limit, part = missed if searched else np.inf, (share * step, share * twists)
+                z, loads, terms = _move(m, z, terms, part, loads, limit)
                 self.effort = self.effort.plus(iterations=1)
         raise ConvergenceError(self._words(z, force, missed, scale, most))
 
@@ -325,7 +410,14 @@ class _SolidSteps(TimeSteps[JobState]):
         )
 
     def _require_supports(self) -> None:
-        """Check the supports.  Raises InputError where the sheet can move without resistance."""
+        """Check the supports.  Raises InputError where the sheet or a body can move without
+        resistance."""
+        if self.model.bodies is not None:
+            try:
+                self._body_factor(self.model.bodies, self.last.z, self.last.loads, self.last.terms)
+            except SingularError as error:
+                raise self._loose(error, self.last.time) from error
+            return
         data = self.pattern.data(self.last.terms)
         if has_mechanism(data, self.pattern.slots):
             raise unsupported(self.model.job, self.last.time, self._free_motions(data))
@@ -341,29 +433,26 @@ class _SolidSteps(TimeSteps[JobState]):
         return free_motions(pieces, moves, m.free.ravel(), tangent, float(np.abs(missed).sum()))
 
 
-def _turns(before: Array, after: Array) -> Array:
-    """The rotation vectors (nb, 3) rad between rotations (nb, 3, 3)."""
-    if not len(before):
-        return np.zeros((0, 3))
-    return Rotation.from_matrix(after @ np.swapaxes(before, 1, 2)).as_rotvec()
-
-
 def _move(
     model: SolidModel,
     z: Array,
     terms: tuple[Term, ...],
-    step: Array,
+    step: tuple[Array, Array],
     loads: Loads,
     limit: float,
-) -> tuple[Array, tuple[Term, ...]]:
-    """After a step, or the first of ever shorter ones whose residual is below the limit (N), or the
-    best of them."""
-    tried: list[tuple[float, Array, tuple[Term, ...]]] = []
+) -> tuple[Array, Loads, tuple[Term, ...]]:
+    """After a step of nodes (2n, 3) m and bodies (nb, 6) m and rad, or the first of ever shorter
+    ones whose residual is below the limit (N), or the best of them."""
+    tried: list[tuple[float, Array, Loads, tuple[Term, ...]]] = []
     for halving in range(HALVINGS):
-        part = step / 2**halving
-        found = tuple(model.terms(z + part, loads, (terms, part)))
-        missed = model.miss(model.imbalance(found, loads))
-        tried.append((missed, z + part, found))
+        part, twists = (s / 2**halving for s in step)
+        to, moved = z + part, loads
+        if model.bodies is not None:
+            moved = loads.carry(twists)
+            to = model.place(to, moved)
+        found = tuple(model.terms(to, moved, (terms, part)))
+        missed = model.unbalanced(to, moved, found).size
+        tried.append((missed, to, moved, found))
         if missed < limit or limit == np.inf:
             break
     return min(tried, key=lambda t: t[0])[1:]

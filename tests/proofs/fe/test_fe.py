@@ -10,6 +10,7 @@ from tests.proofs.fe import (
     contact_rows,
     element_rows,
     fibre_rows,
+    free_bodies,
     hood_rows,
     manufactured_rows,
     material_rows,
@@ -110,6 +111,14 @@ def test_hood(judge):
 @pytest.mark.slow
 def test_threads(judge):
     judge(thread_rows.rows())
+
+
+def test_free_bodies(judge):
+    judge(free_bodies.rows())
+
+
+def test_conditions_of_single_steps(judge):
+    judge(free_bodies.step_rows())
 
 
 def test_plate(judge):
