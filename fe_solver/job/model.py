@@ -22,9 +22,11 @@ from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.job.checks import check_job
 from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.free_bodies import load_wrenches
 from fe_solver.job.job import Job
 from fe_solver.job.phases import Phase
 from fe_solver.sheet import Sheet
+from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.solver.newton_step import displacements
@@ -93,6 +95,8 @@ class Coming:
     """(n, 3) N with which released conditions still act on the nodes."""
     couple: Array
     """(n, 3) N m, on the directors."""
+    wrench: Array
+    """(nb, 6) N and N m, on the bodies."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,18 @@ class JobModel:
     def poses(self, time: float) -> tuple[Array, Array]:
         """Positions (nb, 3) m and rotations (nb, 3, 3) of the bodies."""
         return body_poses(self.bodies, time)
+
+    @property
+    def motions(self) -> NDArray[np.bool_]:
+        """Which of the six motions (nb, 6) of each body equilibrium finds."""
+        return np.array([b.free for b in self.bodies], dtype=bool).reshape(-1, 6)
+
+    def body_loads(self, time: float, rotation: Array) -> tuple[Array, Array]:
+        """See `load_wrenches`; with what released motions still bear."""
+        wrench, follower = load_wrenches(self.job.rigid_loads, time, rotation)
+        if self.coming is not None:
+            wrench += self.coming.fade.at(time) * self.coming.wrench
+        return wrench, follower
 
     def at(self, time: float, contacts: tuple[Contact, ...] | None = None) -> ShellModel:
         """The model under the loads of a time, with the contacts in another state if given; it
@@ -196,7 +212,6 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
     for surfaces that have no inside."""
     check_job(job)
     check_supports(job)
-    _check_given(job)
     origins = np.array([b.origin for b in job.bodies]).reshape(-1, 3)
     upright = np.tile(np.eye(3), (len(origins), 1, 1))
     rest = Configuration(job.sheet.points, job.sheet.directors, origins, upright)
@@ -213,7 +228,6 @@ def next_model(
     Raises InputError for a director that is to be held where it is not, and for friction whose
     memory of the way does not fit the phase."""
     job, count, time = phase.job, len(phase.job.bodies), phase.begin
-    _check_given(job)
     _check_directors(job, last.d)
     bodies = phase.bodies(last.position[:count], last.rotation[:count])
     job = replace(job, bodies=bodies)
@@ -223,25 +237,18 @@ def next_model(
     c, g = Configuration(last.x, last.d, *model.poses(time)), model.base.guides
     placed = model.base.move_bodies(c, c.position, c.rotation)
     off = np.einsum("kji,kj->ki", c.rotation[g.body], (c.x - placed.x)[g.node])
-    nothing = np.zeros_like(c.x)
-    model = replace(model, coming=Coming(phase.fade, off, nothing, nothing))
+    nothing, still = np.zeros_like(c.x), np.zeros((len(c.position), 6))
+    model = replace(model, coming=Coming(phase.fade, off, nothing, nothing, still))
     shell = model.at(time)
     left = shell.evaluate(c, NO_TENDON, tangent=False)
+    borne = np.asarray(sum(wrenches(shell, c, left, NO_TENDON).values()))
+    unborne = -borne - model.body_loads(time, c.rotation)[0]
     loose = np.zeros(shell.pattern.size)
     loose[shell.free] = left.reduced[shell.free]
     force, couple = displacements(left.bases, loose)
-    model = replace(model, coming=Coming(phase.fade, off, force, couple))
+    wrench = np.where(model.motions, unborne, 0.0)
+    model = replace(model, coming=Coming(phase.fade, off, force, couple, wrench))
     return model, model.at(time), c
-
-
-def _check_given(job: Job) -> None:
-    """Check that the motion of each body is given.  Raises InputError."""
-    free = [b.name for b in job.bodies if any(b.free)]
-    if free:
-        raise InputError(
-            f"{job.name}: the rigid body {free[0]!r} is free, and our own shell takes bodies whose "
-            "motion is given; solve it with FEBio's (--element q4ans), or fix or prescribe it"
-        )
 
 
 def _check_directors(job: Job, d: Array) -> None:

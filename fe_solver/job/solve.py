@@ -20,6 +20,7 @@ from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import NodeSprings, Springs, node_spring_state, spring_state
 from fe_solver.given import numbers
 from fe_solver.job.checks import check_job
+from fe_solver.job.free_bodies import FreeBodies
 from fe_solver.job.job import Job, Step
 from fe_solver.job.model import JobModel, JobOptions, check_supports, job_model, next_model
 from fe_solver.job.phases import Phase, phases
@@ -29,6 +30,7 @@ from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, s
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.continuation import SAME_TIME, Effort, TimeSteps, free_share
 from fe_solver.solver.fields import Fields, contact_pressure, fields
+from fe_solver.solver.mixed_steps import Prediction
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.solver.newton import Solution, solve
 from fe_solver.solver.relaxation import RelaxOptions, relax
@@ -293,12 +295,25 @@ class _JobSteps(TimeSteps[ShellState]):
         self.model, self.options, self.ways, self.phase = model, options, ways, phase
         self.solution: Solution | None = None
         self.contact = ContactRecord(pairs)
-        self._note_thickness()
+        self._prepare()
 
-    def _note_thickness(self) -> None:
+    def _prepare(self) -> None:
+        """Note what the model of the phase says of steps."""
         pairs = [k.quads for k in self.model.job.contacts]
         thin = min((float(self.model.job.sheet.thickness[q].mean()) for q in pairs), default=np.inf)
         self.passage = max(thin, self.options.spacing)
+        self.free: FreeBodies | None = None
+        if self.model.motions.any():
+            longest = self.passage if pairs else np.inf
+            self.free = FreeBodies(self.model.motions, self.model.body_loads, longest)
+
+    def _poses(self, time: float) -> tuple[Array, Array]:
+        """Positions (nb, 3) m and rotations (nb, 3, 3) of the bodies at a time; what equilibrium
+        moves is where it was last."""
+        poses = self.model.poses(time)
+        if self.free is None or self.solution is None:
+            return poses
+        return self.free.place(poses, self.solution.configuration)
 
     def enter(self, phase: Phase) -> None:
         """Go on with the conditions of a phase.  Raises InputError as `next_model` does."""
@@ -310,7 +325,7 @@ class _JobSteps(TimeSteps[ShellState]):
         e = shell.evaluate(c, NO_TENSION, tangent=True)
         self.solution = Solution(shell, c, e, NO_TENSION, 0, 0, last.residual)
         self.phase, self.stride, self.failed = phase, np.inf, False
-        self._note_thickness()
+        self._prepare()
 
     def finish(self) -> None:
         """See `TimeSteps.finish`."""
@@ -319,6 +334,8 @@ class _JobSteps(TimeSteps[ShellState]):
         require_supports(
             self.model.job, self.time, solution.model, solution.configuration, solution.evaluation
         )
+        if self.free is not None:
+            self.free.check(solution, self.time, self.model.job.name)
 
     def state(self, effort: Effort) -> ShellState:
         """See `TimeSteps.state`."""
@@ -328,11 +345,24 @@ class _JobSteps(TimeSteps[ShellState]):
     def solve_step(self, time: float, is_last: bool) -> None:
         """By Newton from a prediction."""
         model, start = self._predict(time)
-        self._accept(self._equilibrium(model, start, self.solution is not None, is_last))
+        found = self._equilibrium(model, start, self.solution is not None, is_last)
+        self._accept(self._balance(found, time, is_last))
+
+    def _balance(self, found: Solution, time: float, is_last: bool) -> Solution:
+        """The equilibrium of the sheet and of the bodies that it moves, from the sheet's own."""
+        if self.free is None:
+            return found
+        if self.solution is None:
+            self.free.check(found, time, self.model.job.name)
+
+        def reach(last: Solution, start: Configuration, forces: Prediction) -> Solution:
+            return self._equilibrium(last.model, start, True, is_last, forces)
+
+        return self.free.balance(found, time, reach)
 
     def _predict(self, time: float) -> tuple[ShellModel, Configuration]:
         """The model of a time, and a first guess at its equilibrium."""
-        model, poses = self._model(time), self.model.poses(time)
+        model, poses = self._model(time), self._poses(time)
         if self.solution is None:
             return model, model.move_bodies(self.model.start(), *poses)
         return model, predict(model, self.solution, *poses)
@@ -352,8 +382,8 @@ class _JobSteps(TimeSteps[ShellState]):
     def free_share(self, time: float) -> float:
         """See `TimeSteps.free_share`; a point that is pushed out to another side than it came from
         has passed through, too."""
-        contacts, (at, turned) = self.model.base.contacts, self.model.poses(self.time)
-        after = self.model.poses(time)
+        contacts, (at, turned) = self.model.base.contacts, self._poses(self.time)
+        after = self._poses(time)
         if not contacts or (np.array_equal(at, after[0]) and np.array_equal(turned, after[1])):
             return 1.0
         begin = self.model.start() if self.solution is None else self.solution.configuration
@@ -362,7 +392,7 @@ class _JobSteps(TimeSteps[ShellState]):
 
         def gaps(share: float) -> Array:
             x = begin.x + share * moved
-            pose, out = self.model.poses(self.time + share * (time - self.time)), []
+            pose, out = self._poses(self.time + share * (time - self.time)), []
             for k, outwards in zip(contacts, entered, strict=True):
                 value, normal, _ = k.surface.distance(k.local(x, *pose))
                 gap = value - k.offset
@@ -377,8 +407,8 @@ class _JobSteps(TimeSteps[ShellState]):
 
     def largest_turn(self, time: float) -> float:
         """See `TimeSteps.largest_turn`."""
-        _, before = self.model.poses(self.time)
-        _, after = self.model.poses(time)
+        _, before = self._poses(self.time)
+        _, after = self._poses(time)
         turn = after @ np.swapaxes(before, 1, 2)
         cosine = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
         return float(np.arccos(np.clip(cosine, -1, 1)).max(initial=0.0))
@@ -389,7 +419,12 @@ class _JobSteps(TimeSteps[ShellState]):
         return self.model.at(time, next_increment(self.solution).contacts)
 
     def _equilibrium(
-        self, model: ShellModel, start: Configuration, near: bool, end: bool
+        self,
+        model: ShellModel,
+        start: Configuration,
+        near: bool,
+        end: bool,
+        forces: Prediction | None = None,
     ) -> Solution:
         """By Newton; augmented where a wanted state penetrates too deep, and wherever friction
         remembers the path."""
@@ -397,7 +432,7 @@ class _JobSteps(TimeSteps[ShellState]):
         augment = AugmentOptions(penetration=o.penetration or np.inf)
         if any(k.friction > 0 for k in model.contacts):
             return solve_augmented(model, start, NO_TENSION, o.newton, augment)
-        plain = solve(model, start, NO_TENSION, o.newton, near)
+        plain = solve(model, start, NO_TENSION, o.newton, near, forces=forces)
         if not end or penetration(plain) <= augment.penetration:
             return plain
         more = solve_augmented(model, plain.configuration, NO_TENSION, o.newton, augment)
@@ -409,9 +444,10 @@ class _JobSteps(TimeSteps[ShellState]):
         """By a damped motion."""
         model = self._model(time)
         last = self.model.start() if self.solution is None else self.solution.configuration
-        c = model.move_bodies(last, *self.model.poses(time))
+        c = model.move_bodies(last, *self._poses(time))
         try:
             solution = self._relax_then_solve(model, c, is_last)
+            solution = self._balance(solution, time, is_last)
         except ConvergenceError as failed:
             raise ConvergenceError(
                 f"{self.model.job.name}: no equilibrium was found at t = {time:.6g}, after "
@@ -490,6 +526,13 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
     loads = nodal_loads(shell, c.x)
     arms = np.cross(c.x, loads) + (0.0 if shell.couples is None else np.cross(c.d, shell.couples))
     applied = np.concatenate([loads.sum(axis=0), arms.sum(axis=0)])
+    borne = model.body_loads(time, c.rotation)[0]
+    rigid = np.concatenate(
+        [
+            borne[:, :3].sum(axis=0),
+            (borne[:, 3:] + np.cross(c.position, borne[:, :3])).sum(axis=0),
+        ]
+    )
     total = np.asarray(sum(wrench.values()))
     force = total[:, :3].sum(axis=0) - applied[:3]
     moment = (total[:, 3:] + np.cross(c.position, total[:, :3])).sum(axis=0) - applied[3:]
@@ -499,7 +542,7 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
         shell.bodies,
         _spring_forces(model.job, shell, c),
         wrench,
-        applied,
+        applied + rigid,
         penetration(solution),
         solution.residual,
         (float(np.linalg.norm(force)), float(np.linalg.norm(moment))),

@@ -20,6 +20,7 @@ from cosim.port import Array, Ints
 from fe_solver.forces.loads import pressure_forces, pressure_tangent
 from fe_solver.forces.springs import NodeSprings, Springs, node_springs, spring_forces
 from fe_solver.job.checks import check_job, within
+from fe_solver.job.free_bodies import load_wrenches
 from fe_solver.job.job import Job
 from fe_solver.job.model import (
     body_loads,
@@ -318,13 +319,7 @@ class SolidModel:
     def wrench(self, loads: Loads) -> tuple[Array, Array]:
         """The loads (nb, 6) N and N m on the bodies at their origins, and the forces (nb, 3) N of
         these that turn with their bodies."""
-        out, follower = np.zeros((len(self.job.bodies), 6)), np.zeros((len(self.job.bodies), 3))
-        for load in self.job.rigid_loads:
-            force, moment = load.at(loads.time)
-            if load.follows:
-                force = loads.rotation[load.body] @ force
-                follower[load.body] += force
-            out[load.body] += np.concatenate([force, moment])
+        out, follower = load_wrenches(self.job.rigid_loads, loads.time, loads.rotation)
         if self.coming is not None:
             out += self.coming.fade.at(loads.time) * self.coming.wrench
         return out, follower

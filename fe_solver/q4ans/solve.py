@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
 from cosim.processes import one_blas_thread
+from fe_solver.job.free_bodies import MOTIONS, loose_words
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
 from fe_solver.job.phases import Phase
@@ -64,8 +65,6 @@ SOFTER = (0.01, 0.1)
 """Shares of contact's penalty, taken one after the other where the first step from rest fails."""
 TURN = 0.25
 """rad that a body turns at most in one step in time."""
-MOTIONS = ("x", "y", "z", "Ru", "Rv", "Rw")
-"""Of a body."""
 QUICK = 20
 """Iterations up to which the next step is twice as long."""
 SEARCHES = 10
@@ -189,13 +188,8 @@ class _SolidSteps(TimeSteps[JobState]):
         moved = np.abs(error.bodies) * np.repeat([1.0, bodies.length], 3)
         body = int(moved.max(axis=1).argmax())
         motions = [n for n, m in zip(MOTIONS, moved[body], strict=True) if m > 0.1 * moved.max()]
-        carried = " with what is tied to it" if (bodies.tied == body).any() else ""
-        return InputError(
-            f"{job.name}: at t = {time:.6g} the rigid body {job.bodies[body].name!r}{carried} can "
-            f"move freely ({', '.join(motions)}), and nothing resists it: the answer would be one "
-            "of many. Fix or prescribe these motions, tie it to a sheet that is held, or give it "
-            "springs that are taut or contact that presses"
-        )
+        tied = bool((bodies.tied == body).any())
+        return InputError(loose_words(job.name, time, job.bodies[body].name, motions, tied))
 
     def _accept(self, found: SolidEquilibrium) -> None:
         if self.model.bodies is not None and self._share(found.z, found.loads) < 1.0:

@@ -3,7 +3,7 @@ conditions of single steps, against beams."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from cosim.port import Array, rotation_vector
 from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, RigidLoad, Step
 from fe_solver.job.reactions import reactions
-from fe_solver.job.solve import JobState
+from fe_solver.job.solve import JobResult, JobState, solve_job
 from fe_solver.materials.linear import Isotropic
 from fe_solver.q4ans.solve import solve_solid
 from fe_solver.sheet import plate
@@ -21,6 +21,8 @@ from fe_solver.supports import WALL, Body, Given, Tied
 
 LENGTH, WIDTH, THICK, E = 20e-3, 4e-3, 0.2e-3, 100e6
 BENDING = E * WIDTH * THICK**3 / 12
+Solve = Callable[..., JobResult]
+ELEMENTS: dict[Solve, str] = {solve_job: "our own shell", solve_solid: "q4ans"}
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 BEAM, ELASTICA = "beam theory", "a pure moment rolls a beam into an arc of M / E I"
 MIDDLE = np.array([LENGTH, WIDTH / 2, -THICK / 2])
@@ -54,35 +56,35 @@ def with_motions(*given: int) -> Body:
     return Body("block", MIDDLE, free=tuple(i not in given for i in range(6)))
 
 
-def load_rows() -> Iterator[Row]:
+def load_rows(solve: Solve) -> Iterator[Row]:
     """Small loads: a force at the end, along the axis too, a moment, and both with a roller."""
     force, moment = 1e-5, 1e-6
-    (state,) = solve_solid(blocked(rigid_loads=[RigidLoad(0, along(2, force))])).states
+    (state,) = solve(blocked(rigid_loads=[RigidLoad(0, along(2, force))])).states
     at, turned = moved(state)
     name = "block at a cantilever's end, force across"
     yield Row(name, "deflection", force * LENGTH**3 / (3 * BENDING), at[2], 2e-3, BEAM)
     yield Row(name, "turn", -force * LENGTH**2 / (2 * BENDING), turned[1], 2e-3, BEAM)
     clamp = reactions(blocked(), state.reaction)[0]
     yield Row(name, "reaction of the clamp, N", -force, clamp.force[:, 2].sum(), 1e-5, "statics")
-    (state,) = solve_solid(blocked(rigid_loads=[RigidLoad(0, along(0, 1e-3))])).states
+    (state,) = solve(blocked(rigid_loads=[RigidLoad(0, along(0, 1e-3))])).states
     target = 1e-3 * LENGTH / (E * WIDTH * THICK)
     name = "block at a cantilever's end, force along"
     yield Row(name, "stretch", target, moved(state)[0][0], 1e-3, "E A")
     held = with_motions(2)
     job = blocked(held, rigid_loads=[RigidLoad(0, moment=along(1, moment))])
-    (state,) = solve_solid(job).states
+    (state,) = solve(job).states
     name = "block on a roller, moment"
     yield Row(name, "turn", moment * LENGTH / (4 * BENDING), moved(state)[1][1], 3e-3, BEAM)
     roller = state.wrench["tie"][0, 2]
     yield Row(name, "force on the roller, N", -1.5 * moment / LENGTH, roller, 3e-3, BEAM)
 
 
-def arc_rows() -> Iterator[Row]:
+def arc_rows(solve: Solve) -> Iterator[Row]:
     """Pure moments, to a whole circle."""
     for share in (0.25, 0.5, 1.0):
         angle = 2 * np.pi * share
         load = RigidLoad(0, moment=along(1, -angle * BENDING / LENGTH))
-        (state,) = solve_solid(blocked(rigid_loads=[load])).states
+        (state,) = solve(blocked(rigid_loads=[load])).states
         at, turned = moved(state)
         end = LENGTH * np.array([np.sin(angle) / angle - 1, (1 - np.cos(angle)) / angle])
         name = f"block under a moment that rolls the strip by {360 * share:g} degrees"
@@ -93,13 +95,13 @@ def arc_rows() -> Iterator[Row]:
         yield Row(name, "turn over the arc's", 1.0, 1 + more / angle, 0.01, ELASTICA)
 
 
-def follower_rows() -> Iterator[Row]:
+def follower_rows(solve: Solve) -> Iterator[Row]:
     """A force that turns with the block, large: the moment at the clamp is the force times the arm
     as it is; a rod shorter than the end's way under a force that keeps its direction."""
     force = 1.5 * BENDING / LENGTH**2
     for follows in (False, True):
         load = RigidLoad(0, along(2, force), follows=follows)
-        (state,) = solve_solid(blocked(rigid_loads=[load])).states
+        (state,) = solve(blocked(rigid_loads=[load])).states
         c = state.configuration
         acting = c.rotation[0] @ [0, 0, force] if follows else np.array([0, 0, force])
         clamp = reactions(blocked(), state.reaction)[0]
@@ -114,14 +116,14 @@ def follower_rows() -> Iterator[Row]:
                   "statics", "absolute")  # fmt: skip
 
 
-def step_rows() -> Iterator[Row]:
+def step_rows(solve: Solve) -> Iterator[Row]:
     """A load of the first step, and a block that it holds, gone in the second."""
     force = 1e-5
     deflection = force * LENGTH**3 / (3 * BENDING)
     steps = (Step("first", 1.0, 4), Step("second", 2.0, 4))
     window = LoadCurve((0.0, 1.0, 1.25), (0.0, 1.0, 0.0))
     load = RigidLoad(0, (Drive(), Drive(), Drive(force, window)))
-    bent, back = solve_solid(blocked(steps=steps, rigid_loads=[load])).states
+    bent, back = solve(blocked(steps=steps, rigid_loads=[load])).states
     name = "load of the first step on a block"
     yield Row(name, "deflection at its end", deflection, moved(bent)[0][2], 2e-3, BEAM)
     left = moved(back)[0][2] / deflection
@@ -131,7 +133,7 @@ def step_rows() -> Iterator[Row]:
     for what, motions in (("released", (held, free)), ("fixed", (free, held))):
         block = Body("block", MIDDLE, motions=motions)
         job = blocked(block, steps=steps, rigid_loads=[constant])
-        first, second = solve_solid(job).states
+        first, second = solve(job).states
         name = f"block that the second step has {what}"
         ends = (0.0, deflection) if what == "released" else (deflection, deflection)
         for state, target in zip((first, second), ends, strict=True):
@@ -142,7 +144,7 @@ def step_rows() -> Iterator[Row]:
     prop = PrescribedDisplacement(end, 2, name="prop", steps=(0,))
     bare = Job(blocked().sheet, ties=[Tied(blocked().sheet.edge("x0"), WALL)])
     job = replace(bare, steps=steps, held=[prop], forces=[NodalForce(end, [0, 0, force / 3])])
-    propped, loose = solve_solid(job).states
+    propped, loose = solve(job).states
     value = (loose.configuration.x - job.sheet.points)[end, 2].mean()
     name = "support of the first step"
     yield Row(name, "deflection at its end, m", 0.0,
@@ -151,8 +153,8 @@ def step_rows() -> Iterator[Row]:
     yield Row(name, "deflection once it is gone", deflection, value, 2e-3, BEAM)
 
 
-def rows() -> Iterator[Row]:
-    """Loads small and large."""
-    yield from load_rows()
-    yield from arc_rows()
-    yield from follower_rows()
+def rows(solve: Solve) -> Iterator[Row]:
+    """Loads small and large, and single steps, by one of the two elements."""
+    for each in (load_rows, arc_rows, follower_rows, step_rows):
+        for row in each(solve):
+            yield replace(row, name=f"{row.name}, {ELEMENTS[solve]}")

@@ -113,12 +113,9 @@ def test_threads(judge):
     judge(thread_rows.rows())
 
 
-def test_free_bodies(judge):
-    judge(free_bodies.rows())
-
-
-def test_conditions_of_single_steps(judge):
-    judge(free_bodies.step_rows())
+@pytest.mark.parametrize("solve", free_bodies.ELEMENTS)
+def test_free_bodies_and_single_steps(judge, solve):
+    judge(free_bodies.rows(solve))
 
 
 def test_plate(judge):
