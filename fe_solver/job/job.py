@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import unexpected
+from cosim.errors import InputError, unexpected
 from cosim.port import Array, Ints
 from fe_solver.given import fill, indices, integers, numbers, several, spread
 from fe_solver.job.curves import Curve, Drive, check_curve, drive_from, drives_from
@@ -220,6 +220,24 @@ class Job:
             bodies = (*bodies[:wall], STANDING, *bodies[wall + 1 :])
             ties = tuple(replace(t, body=wall) if t.body == WALL else t for t in ties)
         fill(self, ties=ties, bodies=bodies)
+        self._check_steps()
+
+    def _check_steps(self) -> None:
+        """Check what belongs to single steps.  Raises InputError."""
+        count = len(self.steps)
+        for name in _OF_STEPS:
+            for steps in (c.steps for c in getattr(self, name) if c.steps is not None):
+                wrong = [i for i in steps if i not in range(count)]
+                if wrong:
+                    raise InputError(
+                        f"{self.name}: one of the {name} names the step {wrong[0]}, and there are "
+                        f"{count}, from 0 on"
+                    )
+        for b in self.bodies:
+            if len(b.free) != 6 or not all(len(m) == 6 for m in b.motions):
+                raise unexpected(f"body {b.name!r}", "six motions", b.motions or b.free)
+            if b.motions and len(b.motions) != count:
+                raise unexpected(f"body {b.name!r}: motions", f"of {count} steps", len(b.motions))
 
     def during(self, step: int) -> Job:
         """The job with the conditions of one of its steps, by number; itself where they are those

@@ -213,13 +213,13 @@ class SolidModel:
         met = (None,) * len(self.facets)
         return Loads(time, position, rotation, dead, pressure, multipliers, met)
 
-    def poses(self, time: float, before: Loads, after: Loads) -> tuple[Array, Array]:
-        """Positions (nb, 3) m and rotations (nb, 3, 3) of the bodies at a time between those of
+    def poses(self, share: float, before: Loads, after: Loads) -> tuple[Array, Array]:
+        """Positions (nb, 3) m and rotations (nb, 3, 3) of the bodies at a share of the time between
         loads; what equilibrium moves of them goes evenly."""
+        time = before.time + share * (after.time - before.time)
         position, rotation = body_poses(self.job.bodies, time)
         if self.bodies is None:
             return position, rotation
-        share = (time - before.time) / (after.time - before.time)
         twists = np.hstack(
             [after.position - before.position, turns(before.rotation, after.rotation)]
         )

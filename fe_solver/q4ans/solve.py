@@ -233,8 +233,7 @@ class _SolidSteps(TimeSteps[JobState]):
             way = max(way, float(ways.max(initial=0.0)))
 
         def gaps(share: float) -> Array:
-            z, then = last.z + share * moved, last.time + share * (new.time - last.time)
-            poses = m.poses(then, last.loads, new)
+            z, poses = last.z + share * moved, m.poses(share, last.loads, new)
             found = [facet_gaps(f, z, *(p[f.body] for p in poses)) for f in far if len(f.quads)]
             return np.concatenate([g.ravel() for g in found])
 
@@ -251,10 +250,9 @@ class _SolidSteps(TimeSteps[JobState]):
 
     def largest_turn(self, time: float) -> float:
         """See `TimeSteps.largest_turn`."""
-        before, after = self.last.loads, self.model.at(time, last=self.last.loads)
-        return float(
-            np.linalg.norm(turns(before.rotation, after.rotation), axis=1).max(initial=0.0)
-        )
+        last = self.last.loads
+        turned = turns(last.rotation, self.model.at(time, last=last).rotation)
+        return float(np.linalg.norm(turned, axis=1).max(initial=0.0))
 
     def _factorise(self, terms: Sequence[Term]) -> Factor:
         self.effort = self.effort.plus(solves=1)

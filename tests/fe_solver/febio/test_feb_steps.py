@@ -16,7 +16,7 @@ from fe_solver.job.phases import phases
 from fe_solver.job.reactions import reactions
 from fe_solver.job.solve import JobState, solve_job
 from fe_solver.q4ans.solve import solve_solid
-from fe_solver.supports import Body, Given
+from fe_solver.supports import Body, Given, Tied
 from tests.fe_solver.febio.test_feb_loads import (
     CONST,
     GRAVITY,
@@ -197,6 +197,20 @@ def test_a_body_stays_where_a_step_fixes_it() -> None:
 def test_conditions_of_some_steps_are_not_written(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="conditions of some of several steps are not written"):
         write_feb(two_steps(tmp_path, PROP, ""), tmp_path / "out.feb")
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"ties": [Tied([0], 0, steps=(2,))]}, "names the step 2, and there are 2, from 0 on"),
+        ({"bodies": [Body("b", free=(True,))]}, "body 'b': expected six motions"),
+        ({"bodies": [Body("b", motions=((Given.FREE,) * 6,))]}, "motions: expected of 2 steps"),
+    ],
+)
+def test_steps_that_are_not_there_are_refused(more: dict, words: str) -> None:
+    steps = (Step("a", 1.0, 1), Step("b", 2.0, 1))
+    with pytest.raises(InputError, match=words):
+        Job(strip(1, 1).sheet, steps=steps, **{"bodies": [Body("b")], **more})
 
 
 def test_springs_of_a_step_are_refused(tmp_path: Path) -> None:
