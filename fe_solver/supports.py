@@ -6,7 +6,8 @@ Lengths in m, forces in N, angles in rad.  A body is known by its number among t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,14 @@ rounded."""
 NO_NODES = np.zeros(0, dtype=np.intp)
 
 
+class Given(Enum):
+    """What gives a degree of freedom of a body where no drive does: equilibrium, or the place that
+    it has at the begin of the step."""
+
+    FREE = "free"
+    STAYS = "stays"
+
+
 @dataclass(frozen=True)
 class Body:
     """A rigid body, moved in a job as its drives say; its frame is the world's at time 0, moved to
@@ -49,6 +58,10 @@ class Body:
     surface: Surface | None = None
     """Its surface by signed distance in its frame, as a sphere's or an ellipsoid's; contact then
     needs no triangles."""
+    free: tuple[bool, ...] = (False,) * 6
+    """Which of its displacements along x, y, z and its turns about them equilibrium finds."""
+    motions: tuple[tuple[Drive | Given, ...], ...] = ()
+    """Of each step of the job, what gives each of the six; empty where that is the same in all."""
 
     def __post_init__(self) -> None:
         fill(
@@ -59,6 +72,15 @@ class Body:
             displacement=drives_from("displacement (m)", self.displacement),
             rotation=drives_from("rotation (rad)", self.rotation),
         )
+
+    def during(self, step: int) -> Body:
+        """The body as it moves in a step of the job; what stays is at zero."""
+        if not self.motions:
+            return self
+        own = self.motions[step]
+        x, y, z, u, v, w = (m if isinstance(m, Drive) else ZERO for m in own)
+        free = tuple(m is Given.FREE for m in own)
+        return replace(self, displacement=(x, y, z), rotation=(u, v, w), free=free, motions=())
 
     def pose(self, time: float) -> tuple[Array, Array]:
         """Position (3,) m of the origin and rotation (3, 3) at a time."""
@@ -78,6 +100,9 @@ class Tied:
     """Whether the nodes' directors turn with it too."""
     name: str = field(default="", compare=False)
     """Under which its reaction is given."""
+    steps: tuple[int, ...] | None = None
+    """Numbers of the job's steps in which it is in force, from where the nodes are at its begin on;
+    None in all."""
 
     def __post_init__(self) -> None:
         fill(self, nodes=indices("nodes", self.nodes))
@@ -169,6 +194,8 @@ class ContactPair:
     """Coulomb's coefficient."""
     gap: float = 0.0
     """m that is kept between the faces."""
+    steps: tuple[int, ...] | None = None
+    """Numbers of the job's steps in which it is in force; None in all."""
 
     def __post_init__(self) -> None:
         quads = indices("quads", self.quads)

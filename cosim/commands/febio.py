@@ -26,7 +26,7 @@ from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions, move_to_mid_surface
 from fe_solver.job.reactions import reactions
-from fe_solver.job.results import SUMMARY, farthest, write_job
+from fe_solver.job.results import SUMMARY, body_motions, farthest, write_job
 from fe_solver.job.solve import JobResult, JobState, solve_job, spread_times
 from fe_solver.q4ans.model import obstacles
 from fe_solver.q4ans.solve import alternatives, solve_solid
@@ -189,11 +189,14 @@ def _show(result: JobResult) -> None:
 def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
     largest, node = farthest(result.job, state)
     yield "largest displacement", f"{1e3 * largest:.5g} mm at node {node}"
+    for name, (at, turned) in body_motions(result.job, state).items():
+        for word, values, unit in (("motion", 1e3 * at, "mm"), ("turn", turned, "degrees")):
+            yield f"{word} of {name}", ", ".join(f"{v:.4g}" for v in values + 0.0) + f" {unit}"
     for i, name in enumerate(state.bodies):
         force = state.contact[i]
         if force.any():
             yield f"contact force on {name}", ", ".join(f"{v:.4g}" for v in force) + " N"
-    for r in reactions(result.job, state.reaction):
+    for r in reactions(result.job, state.reaction, state.time):
         if r.force.any():
             total = ", ".join(f"{v:.4g}" for v in r.force.sum(axis=0) + 0.0)
             yield f"reaction of {r.condition}", f"{total} N"

@@ -25,7 +25,8 @@ from fe_solver.job.curves import (
     product_of,
     sum_of,
 )
-from fe_solver.supports import Body
+from fe_solver.job.job import RigidLoad
+from fe_solver.supports import Body, Given
 
 AXES = "xyz"
 GROUND = "ground"
@@ -50,6 +51,8 @@ DOFS = (
     *(Dof(f"R{turn}_dof", f"R{turn}", "rigid_rotation") for turn in "uvw"),
 )
 """Displacements along x, y, z, then the components of the rotation vector."""
+RIGID_LOADS = ("rigid_force", "rigid_moment")
+FORCES, MOMENTS = ("Rx", "Ry", "Rz"), ("Ru", "Rv", "Rw")
 RIGID_CONDITIONS = ("rigid_fixed", "rigid_displacement", "rigid_rotation")
 
 
@@ -71,18 +74,19 @@ class Model:
     notes: list[str]
     windows: tuple[LoadCurve, ...] = ()
     """Of each of several steps, what is 1 while it lasts."""
-    step: Mapping[int, int] = field(default_factory=dict)
-    """By the `id` of a condition's tag in one of several steps, the number of that step."""
+    step: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    """By the `id` of a condition's tag in some of several steps, the numbers of these."""
 
     def drive(self, tag: FebTag, unit: float) -> Drive:
         """A number or a formula of the time, times a load curve."""
         return self.drives(tag, unit, 1)[0]
 
-    def drives(self, tag: FebTag, unit: float, count: int) -> list[Drive]:
+    def drives(self, tag: FebTag, unit: float, count: int, lasts: bool = True) -> list[Drive]:
         """So many numbers or formulas of the time, each times the load curve, while the step that
-        the tag belongs to lasts.  Raises InputError for any other kind of value."""
+        the tag belongs to `lasts`, or at all times.  Raises InputError for any other kind of
+        value."""
         out = []
-        step = self.step_of(tag)
+        step = self.step_of(tag) if lasts else None
         window = None if step is None else self.windows[step]
         curve = product_of(self._controller(tag), window)
         for f in tag.formulas(count, ("t",)):
@@ -92,24 +96,18 @@ class Model:
                 out.append(Drive(float(f.value({})) * unit, curve))
         return out
 
-    def step_of(self, tag: FebTag) -> int | None:
-        """The number of the step that the condition which the tag is of lasts; None where it lasts
-        at all times."""
+    def steps_of(self, tag: FebTag) -> tuple[int, ...] | None:
+        """The numbers of the steps that the condition which the tag is of lasts; None where it
+        lasts at all times."""
         condition: FebTag | None = tag
         while condition is not None and id(condition) not in self.step:
             condition = condition.parent
         return None if condition is None else self.step[id(condition)]
 
-    def joined(self, tag: FebTag, what: str, by_step: Mapping[int, Drive]) -> Drive:
-        """A motion that each step gives, from one step to the next.  Raises InputError where one
-        does not."""
-        missing = [i + 1 for i in range(len(self.windows)) if i not in by_step]
-        if missing:
-            raise tag.fault(
-                f"{what} is given in some of several steps and free in number {missing[0]}: what "
-                "is held stays the same in a solve; give it in every step, or solve them apart"
-            )
-        return sum_of(list(by_step.values()))
+    def step_of(self, tag: FebTag) -> int | None:
+        """The number of the only step of a load or a motion; None where it lasts at all times."""
+        steps = self.steps_of(tag)
+        return None if steps is None else steps[0]
 
     def points(self, tag: FebTag) -> LoadCurve | None:
         """The points of the load curve that a tag's `lc` names.  Raises InputError for a
@@ -263,59 +261,131 @@ def read_bodies(
                 model.origin(i),
                 model.local(i, nodes),
                 triangles,
-                (motion[i][0], motion[i][1], motion[i][2]),
-                (motion[i][3], motion[i][4], motion[i][5]),
+                (motion[i].always[0], motion[i].always[1], motion[i].always[2]),
+                (motion[i].always[3], motion[i].always[4], motion[i].always[5]),
+                free=motion[i].free,
+                motions=motion[i].by_step,
             )
         )
         vertices.append(nodes)
     return tuple(bodies), vertices
 
 
-def _motions(model: Model, tags: list[FebTag]) -> list[list[Drive]]:
+class _Motions(NamedTuple):
+    """What gives the six motions of a body."""
+
+    always: tuple[Drive, ...]
+    """In all steps, where `by_step` is empty."""
+    free: tuple[bool, ...]
+    """Which equilibrium finds, likewise."""
+    by_step: tuple[tuple[Drive | Given, ...], ...]
+    """Of each of several steps, where some fix or free what others do not."""
+
+
+def _motions(model: Model, tags: list[FebTag]) -> list[_Motions]:
     """Each body's displacement along x, y, z and the components of its rotation vector."""
-    given: list[dict[int, Drive]] = [{} for _ in model.rigid]
-    fixed: list[set[int]] = [set() for _ in model.rigid]
-    stepped: dict[tuple[int, int], dict[int, Drive]] = {}
-    last = {}
+    count = max(len(model.windows), 1)
+    # by body, motion and step: what gives it there, and as one of several that follow each other
+    given: dict[tuple[int, int], dict[int, tuple[Drive | Given, Drive]]] = {}
     for t in tags:
         body, step = model.body_of(t, t.word("rb", "")), model.step_of(t)
+        motions: list[tuple[int, Drive | Given, Drive]] = []
         if t.kind_of("rigid condition", RIGID_CONDITIONS) == RIGID_CONDITIONS[0]:
-            still = {i for i, d in enumerate(DOFS) if t.flag(d.fixed)}
-            fixed[body] |= still if step is None else set()
-            motions = [] if step is None else [(i, Drive()) for i in still]
+            still = [i for i, d in enumerate(DOFS) if t.flag(d.fixed)]
+            motions = [(i, Given.STAYS, Drive()) for i in still]
         else:
             motions = [_read_motion(model, t)]
-        for i, drive in motions:
-            own = given[body] if step is None else stepped.setdefault((body, i), {})
-            key = i if step is None else step
-            if key in own:
-                raise t.fault(f"this motion of {model.rigid[body]!r} is prescribed twice")
-            own[key], last[body, i] = drive, t
-    for (body, i), by_step in stepped.items():
-        what = f"{DOFS[i].name} of {model.rigid[body]!r}"
-        given[body][i] = model.joined(last[body, i], what, by_step)
-    for body, name in enumerate(model.rigid):
-        _check_motion(model, name, given[body], fixed[body])
-    return [[by_dof.get(i, Drive()) for i in range(6)] for by_dof in given]
+        for i, own, joined in motions:
+            by_step = given.setdefault((body, i), {})
+            for s in range(count) if step is None else (step,):
+                before = by_step.get(s, (Given.STAYS, Drive()))[0]
+                if before is not Given.STAYS and own is not Given.STAYS:
+                    raise t.fault(f"this motion of {model.rigid[body]!r} is prescribed twice")
+                if own is not Given.STAYS or s not in by_step:
+                    by_step[s] = own, joined
+    return [_motions_of(model, body, given, count) for body in range(len(model.rigid))]
 
 
-def _read_motion(model: Model, t: FebTag) -> tuple[int, Drive]:
+def _motions_of(
+    model: Model,
+    body: int,
+    given: Mapping[tuple[int, int], Mapping[int, tuple[Drive | Given, Drive]]],
+    count: int,
+) -> _Motions:
+    """What gives the motions of a body in so many steps.  Raises InputError as `_check_motions`."""
+    by_dof = [given.get((body, i), {}) for i in range(6)]
+    by_step = tuple(
+        tuple(by_dof[i][s][0] if s in by_dof[i] else Given.FREE for i in range(6))
+        for s in range(count)
+    )
+    _check_motions(model, model.rigid[body], by_step)
+    always, differs = [], False
+    for i, own in enumerate(by_dof):
+        kinds = {type(step[i]) if isinstance(step[i], Drive) else step[i] for step in by_step}
+        differs = differs or len(kinds) > 1
+        joined = list(dict.fromkeys(drive for _, drive in own.values()))
+        always.append(sum_of(joined))
+    free = tuple(m is Given.FREE for m in by_step[0])
+    return _Motions(tuple(always), free, by_step if differs else ())
+
+
+def read_rigid_loads(model: Model, tags: list[FebTag]) -> tuple[RigidLoad, ...]:
+    """Forces and moments on bodies, at their centres of mass, along the world's axes; a force of
+    `load_type` 1 turns with its body (FEBioMech/FERigidForce.cpp, FERigidBodyForce).
+
+    Raises InputError for a load that is not read."""
+    out = []
+    for t in tags:
+        is_force = t.kind_of("rigid load", RIGID_LOADS) == RIGID_LOADS[0]
+        body, names = model.body_of(t, t.word("rb", "")), FORCES if is_force else MOMENTS
+        dof, kind = t.word("dof", ""), t.word("load_type", "0").upper()
+        if dof not in names:
+            raise t.fault(f"expected <dof> with one of {', '.join(names)}")
+        if kind not in ("0", "LOAD", *(("1", "FOLLOW") if is_force else ())):
+            raise t.fault(
+                f"<load_type> {kind} is not read: a force is 0 (it keeps its direction) or 1 (it "
+                "turns with the body), a moment is 0"
+            )
+        if t.flag("relative"):
+            raise t.fault("<relative> other than 0 is not read")
+        units = model.units
+        unit = units.force if is_force else units.force * units.length
+        drive = model.drive(t.needed("value", "a number"), unit)
+        x, y, z = (drive if name == dof else Drive() for name in names)
+        if is_force:
+            out.append(RigidLoad(body, force=(x, y, z), follows=kind in ("1", "FOLLOW")))
+        else:
+            out.append(RigidLoad(body, moment=(x, y, z)))
+    return tuple(out)
+
+
+def _read_motion(model: Model, t: FebTag) -> tuple[int, Drive, Drive]:
+    """Which motion a condition prescribes, at all times and while its step lasts."""
     names = {d.name: i for i, d in enumerate(DOFS) if d.kind == t.attribute("type")}
     dof, value = t.word("dof", ""), t.one("value")
     if dof not in names or value is None:
         raise t.fault(f"expected <dof> with one of {', '.join(names)}, and <value>")
     t.all("relative")
-    return names[dof], model.drive(value, DOFS[names[dof]].unit(model.units))
+    unit = DOFS[names[dof]].unit(model.units)
+    return names[dof], model.drives(value, unit, 1, lasts=False)[0], model.drive(value, unit)
 
 
-def _check_motion(model: Model, name: str, given: dict[int, Drive], fixed: set[int]) -> None:
+def _check_motions(model: Model, name: str, by_step: tuple[tuple[Drive | Given, ...], ...]) -> None:
     m = next(m for m in model.materials if m.name == name)
-    free = [d.name for i, d in enumerate(DOFS) if i not in {*given, *fixed}]
-    if free:
-        raise m.tag.fault(
-            f"the rigid body {name!r} is free in {', '.join(free)}, and only bodies whose motion "
-            "is given are read: fix it by rigid_fixed, or prescribe it by rigid_displacement or "
-            "rigid_rotation"
-        )
-    if m.centre is None and any(i > 2 and d.value for i, d in given.items()):
-        raise m.tag.fault(f"the body {name!r} turns: <center_of_mass>, about which, is missing")
+    for step, motions in enumerate(by_step, 1):
+        where = f" in step {step}" if len(by_step) > 1 else ""
+        free = [d.name for d, own in zip(DOFS, motions, strict=True) if own is Given.FREE]
+        if free and m.centre is None:
+            raise m.tag.fault(
+                f"the rigid body {name!r} is free in {', '.join(free)}{where}: <center_of_mass>, "
+                "at which its loads act and about which it turns, is missing"
+            )
+        turns = {type(own) if isinstance(own, Drive) else own for own in motions[3:]}
+        if {Drive, Given.FREE} <= turns:
+            raise m.tag.fault(
+                f"the rotation of the rigid body {name!r} is prescribed in part and free in "
+                f"part{where}, which FEBio ends with an error, too: fix or prescribe all of Ru, Rv "
+                "and Rw, or prescribe none"
+            )
+        if m.centre is None and any(isinstance(d, Drive) and d.value for d in motions[3:]):
+            raise m.tag.fault(f"the body {name!r} turns: <center_of_mass>, about which, is missing")

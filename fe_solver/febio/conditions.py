@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +15,7 @@ from fe_solver.febio.bodies import AXES, Model, read_curve
 from fe_solver.febio.mesh import Facets
 from fe_solver.febio.parts import Parts
 from fe_solver.febio.xml import FebTag
-from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.curves import Curve, Drive, sum_of
 from fe_solver.job.job import BodyForce, HeldDirector, NodalForce, PrescribedDisplacement, Pressure
 from fe_solver.sheet import Sheet
 from fe_solver.supports import SpringLaw, SpringSet, Tied
@@ -44,7 +47,7 @@ def read_ties(model: Model, tags: list[FebTag]) -> tuple[Tied, ...]:
         nodes = model.shell[model.mesh.held_nodes_of(t, t.attribute("node_set"))]
         if (nodes >= 0).any():
             clamped = t.value("clamp_shells", 1.0) != 0
-            out.append(Tied(nodes[nodes >= 0], body, clamped, _name(t)))
+            out.append(Tied(nodes[nodes >= 0], body, clamped, _name(t), model.steps_of(t)))
     shared = (model.shell >= 0) & (model.body >= 0)
     for body in np.unique(model.body[shared]):
         out.append(Tied(model.shell[shared & (model.body == body)], int(body)))
@@ -81,8 +84,9 @@ def read_displacements(
     known = ("rigid", "zero displacement", "prescribed displacement", "zero shell displacement")
     for t in tags:
         t.kind_of("boundary condition", known)
-    taken = np.concatenate([np.zeros(0, dtype=np.intp), *[t.nodes for t in tied]])
-    held, stepped = [], []
+    always = [t.nodes for t in tied if t.steps is None]
+    taken = np.concatenate([np.zeros(0, dtype=np.intp), *always])
+    held, stepped = [], list[_Stepped]()
     for t in _conditions(tags, "zero displacement"):
         nodes = _free(model, t, taken)
         still = [
@@ -91,8 +95,7 @@ def read_displacements(
             if t.flag(f"{axis}_dof")
         ]
         held += still if model.step_of(t) is None else []
-        stepped += [(t, h) for h in still if model.step_of(t) is not None]
-    at_rest = tuple(held)
+        stepped += [_Stepped(t, h, Drive()) for h in still if model.step_of(t) is not None]
     for t in _conditions(tags, "prescribed displacement"):
         dof, value = t.word("dof", ""), t.one("value")
         if dof not in tuple(AXES) or value is None:
@@ -103,32 +106,44 @@ def read_displacements(
         if model.step_of(t) is None:
             held.append(moved)
         else:
-            stepped.append((t, moved))
-    held = [h for h in [*held, *_joined(model, stepped)] if len(h.nodes)]
-    return tuple(held), _read_director_supports(model, tags, at_rest, taken)
+            (bare,) = model.drives(value, model.units.length, 1, lasts=False)
+            stepped.append(_Stepped(t, moved, bare))
+    held = [h for h in [*held, *_join_steps(model, stepped)] if len(h.nodes)]
+    return tuple(held), _read_director_supports(model, tags, held, taken)
 
 
-def _joined(
-    model: Model, stepped: list[tuple[FebTag, PrescribedDisplacement]]
-) -> list[PrescribedDisplacement]:
-    """Displacements that several steps give, from one step to the next.  Raises InputError for a
-    node that some step leaves free."""
-    by_node: dict[tuple[int, int], dict[int, Drive]] = {}
-    last = {}
-    for t, h in stepped:
-        step = model.step_of(t)
+class _Stepped(NamedTuple):
+    """A displacement that one step gives."""
+
+    tag: FebTag
+    held: PrescribedDisplacement
+    """While its step lasts."""
+    bare: Drive
+    """At all times, m."""
+
+
+def _join_steps(model: Model, stepped: list[_Stepped]) -> list[PrescribedDisplacement]:
+    """Displacements that single steps give: where each does, from one step to the next; otherwise
+    as conditions of their steps.  Raises InputError for one that a step gives twice."""
+    by_node: dict[tuple[int, int], dict[int, _Stepped]] = {}
+    for s in stepped:
+        step = model.step_of(s.tag)
         assert step is not None
-        for n in h.nodes.tolist():
-            own = by_node.setdefault((h.component, n), {})
-            if own.get(step, h.displacement) != h.displacement:
-                raise t.fault("it gives a displacement that this step gives otherwise too")
-            own[step], last[h.component, n] = h.displacement, t
-    together: dict[tuple[int, Drive, str], list[int]] = {}
-    names = model.mesh.node_ids[np.flatnonzero(model.shell >= 0)]
+        for n in s.held.nodes.tolist():
+            own = by_node.setdefault((s.held.component, n), {})
+            if step in own and own[step].bare != s.bare:
+                raise s.tag.fault("it gives a displacement that this step gives otherwise too")
+            own[step] = s
+    together: dict[tuple[int, Drive, str, tuple[int, ...] | None], list[int]] = {}
     for (component, n), own in by_node.items():
-        what = f"the displacement {AXES[component]} of node {names[n]}"
-        drive = model.joined(last[component, n], what, dict(sorted(own.items())))
-        together.setdefault((component, drive, _name(last[component, n])), []).append(n)
+        if len(own) == len(model.windows):
+            drive = sum_of([own[i].held.displacement for i in sorted(own)])
+            name = _name(own[max(own)].tag)
+            together.setdefault((component, drive, name, None), []).append(n)
+            continue
+        for step, s in own.items():
+            key = (component, s.bare, _name(s.tag), (step,))
+            together.setdefault(key, []).append(n)
     return [PrescribedDisplacement(np.array(n), *held) for held, n in together.items()]
 
 
@@ -147,23 +162,33 @@ def _free(model: Model, t: FebTag, taken: Ints) -> Ints:
 
 
 def _read_director_supports(
-    model: Model, tags: list[FebTag], held: tuple[PrescribedDisplacement, ...], taken: Ints
+    model: Model, tags: list[FebTag], held: list[PrescribedDisplacement], taken: Ints
 ) -> tuple[HeldDirector, ...]:
     out = []
     for t in _conditions(tags, "zero shell displacement"):
-        nodes = _free(model, t, taken)
+        nodes, steps = _free(model, t, taken), model.steps_of(t)
         for i, axis in enumerate(AXES):
             if t.flag(f"s{axis}_dof") and len(nodes):
-                front = [h.nodes for h in held if h.component == i]
-                if not np.isin(nodes, np.concatenate(front) if front else []).all():
+                if not np.isin(nodes, _at_rest(held, i, steps or range(len(model.windows)))).all():
                     raise t.fault(
                         f"the back face is held along {axis} (s{axis}_dof) where the front face is "
                         f"free ({axis}_dof): the solver's shell has a director for its back face, "
                         "so that both are held together or neither; set "
                         f"{axis}_dof to 1 too, or s{axis}_dof to 0"
                     )
-                out.append(HeldDirector(nodes, i, _name(t)))
+                out.append(HeldDirector(nodes, i, _name(t), steps))
     return tuple(out)
+
+
+def _at_rest(held: list[PrescribedDisplacement], component: int, steps: Sequence[int]) -> Ints:
+    """The nodes (k,) whose displacement along an axis is zero in each of some steps; where there is
+    but one step, `steps` is empty."""
+    still = [h for h in held if h.component == component and h.displacement == Drive()]
+    none, out = np.zeros(0, dtype=np.intp), list[Ints]()
+    for step in steps or (0,):
+        fronts = [h.nodes for h in still if h.steps is None or step in h.steps]
+        out.append(np.concatenate([none, *fronts]))
+    return reduce(np.intersect1d, out)
 
 
 def read_forces(model: Model, tags: list[FebTag]) -> tuple[NodalForce, ...]:

@@ -21,6 +21,7 @@ from fe_solver.febio.bodies import (
     owners,
     read_bodies,
     read_curves,
+    read_rigid_loads,
     triangles_of,
 )
 from fe_solver.febio.conditions import (
@@ -53,7 +54,7 @@ LOADING = ("Loads", "Initial")
 """Sections whose conditions may belong to one of several steps."""
 MOTIONS = (
     *("zero displacement", "prescribed displacement"),
-    *("rigid_fixed", "rigid_displacement", "rigid_rotation"),
+    *("rigid_fixed", "rigid_displacement", "rigid_rotation", "rigid_force", "rigid_moment"),
 )
 """Conditions of which each step may have another, of the same nodes or body."""
 REFUSED = ("Constraints", "MeshAdaptor", "Include", "Code")
@@ -102,9 +103,8 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     job = _job(path.stem, model, parts, sections, steps)
     if sections.step:
         notes.append(
-            "Step: loads and motions of a step rise, and those of the one before fall, over its "
-            "first increment; FEBio changes them at once, which is the same at the ends of "
-            "increments"
+            "Step: conditions of a step come in, and those of the one before go, over its first "
+            "increment; FEBio changes them at once, which is the same at the ends of increments"
         )
     return replace(job, notes=collect_notes(root, notes))
 
@@ -117,14 +117,14 @@ class _Sections:
         self.root = root
         holder = root.one("Step")
         self.steps = holder.all("step") if holder is not None else []
-        self.step: dict[int, int] = {}
-        """By the `id` of a condition's tag in one of several steps, the number of that step."""
+        self.step: dict[int, tuple[int, ...]] = {}
+        """By the `id` of a condition's tag in some of several steps, the numbers of these."""
 
     def all(self, section: str, kind: str) -> list[FebTag]:
-        """The tags of one kind in a section, those of several steps once where each has them alike.
+        """The tags of one kind in a section, those that several steps have alike once; but of loads
+        and motions, of which each step may have another, only where all have them.
 
-        Raises InputError for a condition of some of several steps that is neither load nor motion:
-        what holds or touches the sheet does not change in a solve."""
+        Raises InputError for springs of some of several steps, and for a relative condition."""
         top = _within(self.root, section, kind)
         by_step = [_within(step, section, kind) for step in self.steps]
         if len(by_step) < 2:
@@ -135,19 +135,18 @@ class _Sections:
             for t, sign in zip(tags, own, strict=True):
                 if t.flag("relative"):
                     raise t.fault("<relative> other than 0 is not read in one of several steps")
-                if section in LOADING or t.attributes.get("type") in MOTIONS:
-                    alike = section not in LOADING and all(sign in other for other in signs)
-                else:
-                    alike = all(sign in other for other in signs)
-                    if not alike:
-                        raise t.fault(
-                            "it belongs to some of several steps, and what holds or touches the "
-                            "shell stays the same in a solve: give it in every step alike or at "
-                            "the top level; or solve the steps apart"
-                        )
+                steps = tuple(k for k, other in enumerate(signs) if sign in other)
+                alike = section not in LOADING and len(steps) == len(signs)
+                if section == "Discrete" and not alike:
+                    raise t.fault(
+                        "springs of some of several steps are not read, nor does FEBio's manual "
+                        "(4.1) name them among what a step may have: give them at the top level"
+                    )
+                if not alike and (section in LOADING or t.attributes.get("type") in MOTIONS):
+                    steps = (i,)
                 if not alike:
-                    self.step[id(t)] = i
-                if not alike or i == 0:
+                    self.step[id(t)] = steps
+                if i == steps[0]:
                     out.append(t)
                 else:
                     t.pass_over()
@@ -244,6 +243,7 @@ def _job(
         forces=read_forces(model, sections.all("Loads", "nodal_load")),
         pressures=read_pressures(model, parts, sections.all("Loads", "surface_load")),
         body_forces=read_body_forces(model, parts, sections.all("Loads", "body_load")),
+        rigid_loads=read_rigid_loads(model, sections.all("Rigid", "rigid_load")),
         contacts=contacts,
         bodies=bodies,
         steps=steps,
@@ -336,4 +336,5 @@ def _contact(model: Model, t: FebTag, quads: Ints, triangles: Ints, body: int) -
         automatic,
         friction,
         t.value("offset", 0.0) * units.length,
+        model.steps_of(t),
     )

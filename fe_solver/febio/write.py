@@ -19,6 +19,7 @@ from fe_solver.febio.write_conditions import SAME_POINT, Conditions, controller_
 from fe_solver.febio.xml import Element, tag, write_xml
 from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import Job
+from fe_solver.job.phases import phases
 from fe_solver.materials.linear import Law
 
 PLOTTED = ("displacement", "stress", "shell thickness", "contact gap", "discrete element force")
@@ -64,6 +65,10 @@ def _check_names(job: Job) -> None:
         raise InputError(f"{job.name}: a force on the mass of elements is not written for FEBio")
     if not job.steps:
         raise InputError(f"{job.name}: it has no time steps to write")
+    if job.rigid_loads or any(any(b.free) for b in job.bodies):
+        raise InputError(f"{job.name}: free bodies and loads on bodies are not written for FEBio")
+    if len(phases(job)) > 1:
+        raise InputError(f"{job.name}: conditions of some of several steps are not written")
 
 
 def face_points(job: Job, points: Array) -> Array:

@@ -36,6 +36,7 @@ def check_job(job: Job) -> None:
         check_mesh(job.sheet.points, job.sheet.quads, job.sheet.node, job.sheet.element)
         _check_values(job)
         _check_pieces(job)
+        _check_bodies(job)
 
 
 @contextmanager
@@ -57,6 +58,25 @@ def _check_pieces(job: Job) -> None:
     holds += [s.nodes[s.body >= 0] for s in job.springs]
     held = np.concatenate([np.zeros(0, dtype=np.intp), *holds])
     check_supports(job.sheet.quads, held, joined, job.sheet.node)
+
+
+def _check_bodies(job: Job) -> None:
+    """No body whose motion is to be found is alone, and no rotation is given in part."""
+    held = {t.body for t in job.ties} | {c.body for c in job.contacts}
+    held |= {int(b) for s in job.springs for b in s.body}
+    for i, b in enumerate(job.bodies):
+        if any(b.free) and i not in held:
+            raise InputError(
+                f"the rigid body {b.name!r} is free, and nothing holds it: no tie, spring or "
+                "contact; fix it, prescribe its motion, or tie it to the sheet"
+            )
+        turns = zip(b.rotation, b.free[3:], strict=True)
+        if any(b.free[3:]) and any(d.value and not is_free for d, is_free in turns):
+            raise InputError(
+                f"the rotation of the body {b.name!r} is free in part, and turns in part as it is "
+                "told: its components do not add up; give all of them, or hold those that are not "
+                "free"
+            )
 
 
 def check_mesh(points: Array, quads: Ints, node: Name, element: Name) -> None:
@@ -211,6 +231,7 @@ def _check_values(job: Job) -> None:
     quads += [c.quads for c in job.contacts]
     bodies = [np.array([c.body for c in job.ties] + [c.body for c in job.contacts], dtype=np.intp)]
     bodies += [c.body[c.body != -1] for c in job.springs]
+    bodies += [np.array([c.body for c in job.rigid_loads], dtype=np.intp)]
     _check_range("node", nodes, len(s.points))
     _check_range("element", quads, len(s.quads))
     _check_range("body", bodies, len(job.bodies))

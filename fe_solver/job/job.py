@@ -5,17 +5,20 @@ Lengths in m, forces in N, stresses in Pa, angles in rad; one right-handed world
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from cosim.errors import unexpected
+from cosim.errors import InputError, unexpected
 from cosim.port import Array, Ints
 from fe_solver.given import fill, indices, integers, numbers, several, spread
 from fe_solver.job.curves import Curve, Drive, check_curve, drive_from, drives_from
 from fe_solver.sheet import Sheet
-from fe_solver.supports import WALL, ZERO, Body, ContactPair, SpringSet, Tied
+from fe_solver.solver.continuation import SAME_TIME
+from fe_solver.supports import STILL, WALL, ZERO, Body, ContactPair, SpringSet, Tied
 
 MOST_INCREMENTS = 1_000_000
 """Of a step."""
@@ -33,6 +36,8 @@ class PrescribedDisplacement:
     """m."""
     name: str = field(default="", compare=False)
     """Under which its reaction is given."""
+    steps: tuple[int, ...] | None = None
+    """Numbers of the job's steps in which it is in force; None in all."""
 
     def __post_init__(self) -> None:
         _check_component(self.component)
@@ -50,6 +55,8 @@ class HeldDirector:
     """0, 1, 2: x, y, z."""
     name: str = field(default="", compare=False)
     """Under which its reaction is given."""
+    steps: tuple[int, ...] | None = None
+    """Numbers of the job's steps in which it is in force; None in all."""
 
     def __post_init__(self) -> None:
         _check_component(self.component)
@@ -119,6 +126,33 @@ class BodyForce:
 
 
 @dataclass(frozen=True)
+class RigidLoad:
+    """A force and a moment on a body, at its origin, in the world frame; they move it where
+    equilibrium finds its motion (`Body.free`)."""
+
+    body: int
+    """Its number."""
+    force: tuple[Drive, Drive, Drive] = STILL
+    """N along x, y, z."""
+    moment: tuple[Drive, Drive, Drive] = STILL
+    """N m about x, y, z; they keep their axes while the body turns."""
+    follows: bool = False
+    """Whether the force turns with the body."""
+
+    def __post_init__(self) -> None:
+        fill(
+            self,
+            force=drives_from("force (N)", self.force),
+            moment=drives_from("moment (N m)", self.moment),
+        )
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """The force (3,) N, of one that follows in the body's frame, and the moment (3,) N m."""
+        force, moment = (np.array([d.at(time) for d in m]) for m in (self.force, self.moment))
+        return force, moment
+
+
+@dataclass(frozen=True)
 class Step:
     """A stretch of time."""
 
@@ -163,6 +197,8 @@ class Job:
     """Pressures that follow the elements."""
     body_forces: Sequence[BodyForce] = ()
     """Forces on the mass of the elements."""
+    rigid_loads: Sequence[RigidLoad] = ()
+    """Forces and moments on bodies."""
     contacts: Sequence[ContactPair] = ()
     """Faces of the sheet that touch a body."""
     bodies: Sequence[Body] = ()
@@ -184,8 +220,46 @@ class Job:
             bodies = (*bodies[:wall], STANDING, *bodies[wall + 1 :])
             ties = tuple(replace(t, body=wall) if t.body == WALL else t for t in ties)
         fill(self, ties=ties, bodies=bodies)
+        self._check_steps()
+
+    def _check_steps(self) -> None:
+        """Check what belongs to single steps.  Raises InputError."""
+        count = len(self.steps)
+        for name in _OF_STEPS:
+            for steps in (c.steps for c in getattr(self, name) if c.steps is not None):
+                wrong = [i for i in steps if i not in range(count)]
+                if wrong:
+                    raise InputError(
+                        f"{self.name}: one of the {name} names the step {wrong[0]}, and there are "
+                        f"{count}, from 0 on"
+                    )
+        for b in self.bodies:
+            if len(b.free) != 6 or not all(len(m) == 6 for m in b.motions):
+                raise unexpected(f"body {b.name!r}", "six motions", b.motions or b.free)
+            if b.motions and len(b.motions) != count:
+                raise unexpected(f"body {b.name!r}: motions", f"of {count} steps", len(b.motions))
+
+    def during(self, step: int) -> Job:
+        """The job with the conditions of one of its steps, by number; itself where they are those
+        of all."""
+        kept: dict[str, Any] = {
+            name: tuple(c for c in getattr(self, name) if c.steps is None or step in c.steps)
+            for name in _OF_STEPS
+        }
+        bodies = tuple(b.during(step) for b in self.bodies)
+        same = all(a is b for a, b in zip(bodies, self.bodies, strict=True))
+        if same and all(len(now) == len(getattr(self, name)) for name, now in kept.items()):
+            return self
+        return replace(self, bodies=bodies, **kept)
+
+    def step_at(self, time: float) -> int:
+        """The number of the step that a time (s) is in or ends; after the last step, the last."""
+        ends = [s.end * (1 + SAME_TIME) for s in self.steps[:-1]]
+        return bisect_left(ends, time)
 
 
+_OF_STEPS = ("ties", "held", "held_directors", "contacts")
+"""The conditions that may be in force in some steps alone."""
 _KINDS = {
     "ties": Tied,
     "held": PrescribedDisplacement,
@@ -194,6 +268,7 @@ _KINDS = {
     "forces": NodalForce,
     "pressures": Pressure,
     "body_forces": BodyForce,
+    "rigid_loads": RigidLoad,
     "contacts": ContactPair,
     "bodies": Body,
     "steps": Step,

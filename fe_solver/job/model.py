@@ -6,7 +6,7 @@ distance of the body's surface, closed where it is open, with a stiffness taken 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,11 +21,15 @@ from fe_solver.forces.contact import Contact, needed_distance
 from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.job.checks import check_job
-from fe_solver.job.curves import Drive
+from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.free_bodies import load_wrenches
 from fe_solver.job.job import Job
+from fe_solver.job.phases import Phase
 from fe_solver.sheet import Sheet
+from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
+from fe_solver.solver.newton_step import displacements
 from fe_solver.supports import (
     STILL,
     ZERO,
@@ -39,6 +43,9 @@ from fe_solver.supports import (
 from fe_solver.surfaces.closing import close_surface
 from fe_solver.surfaces.spline_distance import SplineDistance, Surface
 
+NO_TENDON = np.zeros(0)
+SAME_DIRECTOR = 1e-6
+"""By which a component of a director may differ and be the same."""
 BEYOND = 1e-3
 """m past what contact needs that a baked distance reaches."""
 
@@ -77,6 +84,22 @@ class JobOptions:
 
 
 @dataclass(frozen=True)
+class Coming:
+    """What the begin of a phase changes, which comes in over its first increment."""
+
+    fade: Curve
+    """What is left of it."""
+    off: Array
+    """(k, 3) m by which guided nodes are off their places, in the bodies' frames."""
+    force: Array
+    """(n, 3) N with which released conditions still act on the nodes."""
+    couple: Array
+    """(n, 3) N m, on the directors."""
+    wrench: Array
+    """(nb, 6) N and N m, on the bodies."""
+
+
+@dataclass(frozen=True)
 class JobModel:
     """The model of a job's shell and of its bodies."""
 
@@ -85,6 +108,8 @@ class JobModel:
     """The model at time 0 without loads."""
     bodies: tuple[Body, ...]
     """The job's own, then those that carry nodes whose displacement is given."""
+    coming: Coming | None = None
+    """Of a phase that others go before: what it sets and releases at its begin."""
 
     def start(self) -> Configuration:
         """The sheet as the job has it, its bodies where they are at time 0."""
@@ -97,6 +122,18 @@ class JobModel:
         """Positions (nb, 3) m and rotations (nb, 3, 3) of the bodies."""
         return body_poses(self.bodies, time)
 
+    @property
+    def motions(self) -> NDArray[np.bool_]:
+        """Which of the six motions (nb, 6) of each body equilibrium finds."""
+        return np.array([b.free for b in self.bodies], dtype=bool).reshape(-1, 6)
+
+    def body_loads(self, time: float, rotation: Array) -> tuple[Array, Array]:
+        """See `load_wrenches`; with what released motions still bear."""
+        wrench, follower = load_wrenches(self.job.rigid_loads, time, rotation)
+        if self.coming is not None:
+            wrench += self.coming.fade.at(time) * self.coming.wrench
+        return wrench, follower
+
     def at(self, time: float, contacts: tuple[Contact, ...] | None = None) -> ShellModel:
         """The model under the loads of a time, with the contacts in another state if given; it
         shares its sparsity with all others."""
@@ -108,7 +145,20 @@ class JobModel:
             np.add.at(dead, quads, weight)
             couples = np.zeros_like(dead)
             np.add.at(couples, quads, (tables.height * tables.mitre)[:, :, None] * weight)
-        return self.base.with_changes(dead=dead, couples=couples, pressure=pressure, contacts=kept)
+        if self.coming is None:
+            return self.base.with_changes(
+                dead=dead, couples=couples, pressure=pressure, contacts=kept
+            )
+        left, guides = self.coming.fade.at(time), self.base.guides
+        dead += left * self.coming.force
+        more = left * self.coming.couple
+        return self.base.with_changes(
+            dead=dead,
+            couples=more if couples is None else couples + more,
+            pressure=pressure,
+            contacts=kept,
+            guides=replace(guides, origin=guides.origin + left * self.coming.off),
+        )
 
 
 def body_poses(bodies: Sequence[Body], time: float) -> tuple[Array, Array]:
@@ -162,18 +212,76 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
     for surfaces that have no inside."""
     check_job(job)
     check_supports(job)
-    sheet = job.sheet
     origins = np.array([b.origin for b in job.bodies]).reshape(-1, 3)
     upright = np.tile(np.eye(3), (len(origins), 1, 1))
-    ties = ties_of(job.ties, sheet.points, sheet.directors, origins, upright)
-    guides, carriers = _guides(job, sheet.directors, ties.node)
+    rest = Configuration(job.sheet.points, job.sheet.directors, origins, upright)
+    return _model_from(job, rest, options, {})
+
+
+def next_model(
+    phase: Phase, last: Configuration, kept: Mapping[int, Contact], options: JobOptions
+) -> tuple[JobModel, ShellModel, Configuration]:
+    """The model of a phase that goes on from the last configuration of another, whose contacts
+    `kept` are by the number of their pair; its shell at the begin, and the configuration, which is
+    an equilibrium of it.
+
+    Raises InputError for a director that is to be held where it is not, and for friction whose
+    memory of the way does not fit the phase."""
+    job, count, time = phase.job, len(phase.job.bodies), phase.begin
+    _check_directors(job, last.d)
+    bodies = phase.bodies(last.position[:count], last.rotation[:count])
+    job = replace(job, bodies=bodies)
+    at = Configuration(last.x, last.d, *body_poses(bodies, time))
+    own = {i: kept[k] for i, k in enumerate(phase.pairs) if k in kept}
+    model = _model_from(job, at, options, own)
+    c, g = Configuration(last.x, last.d, *model.poses(time)), model.base.guides
+    placed = model.base.move_bodies(c, c.position, c.rotation)
+    off = np.einsum("kji,kj->ki", c.rotation[g.body], (c.x - placed.x)[g.node])
+    nothing, still = np.zeros_like(c.x), np.zeros((len(c.position), 6))
+    model = replace(model, coming=Coming(phase.fade, off, nothing, nothing, still))
+    shell = model.at(time)
+    left = shell.evaluate(c, NO_TENDON, tangent=False)
+    borne = np.asarray(sum(wrenches(shell, c, left, NO_TENDON).values()))
+    unborne = -borne - model.body_loads(time, c.rotation)[0]
+    loose = np.zeros(shell.pattern.size)
+    loose[shell.free] = left.reduced[shell.free]
+    force, couple = displacements(left.bases, loose)
+    wrench = np.where(model.motions, unborne, 0.0)
+    model = replace(model, coming=Coming(phase.fade, off, force, couple, wrench))
+    return model, model.at(time), c
+
+
+def _check_directors(job: Job, d: Array) -> None:
+    """Check that held directors (n, 3) have the components that they keep.  Raises InputError."""
+    tied = [np.zeros(0, dtype=np.intp), *[t.nodes for t in job.ties]]
+    for h in job.held_directors:
+        nodes = np.setdiff1d(h.nodes, np.concatenate(tied))
+        off = np.abs((d - job.sheet.directors)[nodes, h.component])
+        if (off > SAME_DIRECTOR).any():
+            raise InputError(
+                f"{job.name}: the director of {job.sheet.node(nodes[off.argmax()])} is held from a "
+                "step on before which it has turned, and our own shell cannot turn it back; hold "
+                "it in all steps, or solve with --element q4ans"
+            )
+
+
+def _model_from(
+    job: Job, at: Configuration, options: JobOptions, kept: Mapping[int, Contact]
+) -> JobModel:
+    """The model of a job whose sheet is tied to its bodies where it is `at`, with the contacts
+    `kept` by number where their nodes are the same."""
+    sheet = job.sheet
+    ties = ties_of(job.ties, at.x, at.d, at.position, at.rotation)
+    guides, carriers = _guides(job, at, ties.node)
     bodies = (*job.bodies, *carriers)
+    given = _immovable(ties, guides)
+    contacts = [_contact(job, k, given, options, kept.get(i)) for i, k in enumerate(job.contacts)]
     base = sheet.model(
         springs=springs_of(job.springs),
         ties=ties,
         guides=guides,
         share=np.zeros((0, len(guides.node))),
-        contacts=tuple(_contact(job, k, _immovable(ties, guides), options) for k in job.contacts),
+        contacts=tuple(contacts),
         bodies=tuple(b.name for b in bodies),
         links=links_of(job.springs),
         groups=tuple(s.name for s in job.springs),
@@ -194,8 +302,9 @@ def check_supports(job: Job) -> None:
     _drives(job, unique)
 
 
-def _guides(job: Job, directors: Array, tied: Ints) -> tuple[Guides, tuple[Body, ...]]:
-    """Nodes that are held in part, and the bodies that carry them besides the job's own."""
+def _guides(job: Job, at: Configuration, tied: Ints) -> tuple[Guides, tuple[Body, ...]]:
+    """Nodes that are held in part, and the bodies that carry them besides the job's own, which are
+    where they are `at`."""
     hinges = [t for t in job.ties if not t.clamped]
     pinned = np.concatenate([np.zeros(0, dtype=np.intp), *[t.nodes for t in hinges]])
     drives = _drives(job, np.union1d(tied, pinned))
@@ -211,8 +320,12 @@ def _guides(job: Job, directors: Array, tied: Ints) -> tuple[Guides, tuple[Body,
     ]
     node, body = (np.array([h[i] for h in held], dtype=np.intp) for i in (0, 1))
     fixed = np.array([h[2] for h in held], dtype=bool).reshape(-1, 3)
-    origins = np.array([b.origin for b in (*job.bodies, *carriers)] or [np.zeros(3)])
-    guides = Guides.on_body_axes(node, body, job.sheet.points[node] - origins[body], fixed)
+    origin = job.sheet.points[node].copy()
+    own = body < len(job.bodies)
+    on = body[own]
+    arm = at.x[node[own]] - at.position[on]
+    origin[own] = np.einsum("kji,kj->ki", at.rotation[on], arm)
+    guides = Guides.on_body_axes(node, body, origin, fixed)
     level, still = _levels(job, node)
     return replace(guides, level=level, still=still), carriers
 
@@ -256,9 +369,19 @@ def _immovable(ties: Ties, guides: Guides) -> Ints:
     return np.union1d(ties.node, guides.node[guides.held.all(axis=1)])
 
 
-def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> Contact:
+def _contact(
+    job: Job, pair: ContactPair, given: Ints, options: JobOptions, kept: Contact | None
+) -> Contact:
     sheet, quads = job.sheet, job.sheet.quads[pair.quads]
     nodes = np.setdiff1d(quads, given)
+    if kept is not None and np.array_equal(kept.nodes, nodes):
+        return kept
+    if kept is not None and pair.friction > 0:
+        raise InputError(
+            f"{job.name}: contact {pair.name!r} has friction, which remembers the way of its "
+            "nodes, and a step holds or releases some of them; leave them out of the "
+            "contact, or hold them in all steps"
+        )
     area = node_areas(sheet.points, quads)
     # how far the face that is meant lies beyond the nodes, towards the body
     beyond = pair.side[:, None] * sheet.height[pair.quads] + sheet.thickness[pair.quads] / 2

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cosim.files import output_folder
-from cosim.port import Array
+from cosim.port import Array, rotation_vector
 from fe_solver.elements.mitc9 import IN_TURN
 from fe_solver.job.job import Job
 from fe_solver.job.reactions import AXES, reactions
@@ -32,6 +32,17 @@ def farthest(job: Job, state: JobState) -> tuple[float, int]:
     return float(size.max()), int(job.sheet.node_ids[size.argmax()])
 
 
+def body_motions(job: Job, state: JobState) -> dict[str, tuple[Array, Array]]:
+    """By name of the bodies that equilibrium moves: displacement of the origin (3,) m, and the
+    rotation vector (3,) degrees, of turns beyond half of one the shorter way."""
+    c, step = state.configuration, job.step_at(state.time) if job.steps else 0
+    return {
+        b.name: (c.position[i] - b.origin, np.degrees(rotation_vector(c.rotation[i])))
+        for i, b in enumerate(b.during(step) for b in job.bodies)
+        if any(b.free)
+    }
+
+
 def state_summary(job: Job, state: JobState) -> dict[str, Any]:
     """The numbers one asks for first; keys end in their unit."""
     largest, node = farthest(job, state)
@@ -44,7 +55,7 @@ def state_summary(job: Job, state: JobState) -> dict[str, Any]:
         }
         for s, f in zip(job.springs, state.spring_forces, strict=True)
     }
-    held = reactions(job, state.reaction)
+    held = reactions(job, state.reaction, state.time)
     bodies = {
         name: {f"{source}_N": w[i, :3].tolist() for source, w in state.wrench.items() if w[i].any()}
         for i, name in enumerate(state.bodies)
@@ -54,6 +65,10 @@ def state_summary(job: Job, state: JobState) -> dict[str, Any]:
         "largest_displacement_mm": 1e3 * largest,
         "largest_displacement_node": node,
         "force_on_bodies": bodies,
+        "motion_of_bodies": {
+            name: {"displacement_mm": (1e3 * at).tolist(), "rotation_deg": turned.tolist()}
+            for name, (at, turned) in body_motions(job, state).items()
+        },
         "reactions": {r.condition: {"force_N": r.force.sum(axis=0).tolist()} for r in held},
         "springs": springs,
         "penetration_um": 1e6 * state.penetration,
@@ -137,7 +152,7 @@ def _write_reactions(path: Path, result: JobResult) -> None:
         names = [f"force_{a}_N" for a in AXES] + [f"couple_{a}_Nmm" for a in AXES]
         out.writerow(["time", "condition", "node", *names])
         for state in result.states:
-            for r in reactions(result.job, state.reaction):
+            for r in reactions(result.job, state.reaction, state.time):
                 values = np.concatenate([r.force, 1e3 * r.couple], axis=1) + 0.0
                 for node, row in zip(result.job.sheet.node_ids[r.nodes], values, strict=True):
                     out.writerow([repr(state.time), r.condition, node, *map(repr, row.tolist())])

@@ -19,13 +19,18 @@ from cosim.processes import one_blas_thread
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import NodeSprings, Springs, node_spring_state, spring_state
 from fe_solver.given import numbers
+from fe_solver.job.checks import check_job
+from fe_solver.job.free_bodies import FreeBodies
 from fe_solver.job.job import Job, Step
-from fe_solver.job.model import JobModel, JobOptions, job_model
+from fe_solver.job.model import JobModel, JobOptions, check_supports, job_model, next_model
+from fe_solver.job.phases import Phase, phases
 from fe_solver.job.rigid_modes import require_supports
+from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.continuation import SAME_TIME, Effort, TimeSteps, free_share
 from fe_solver.solver.fields import Fields, contact_pressure, fields
+from fe_solver.solver.mixed_steps import Prediction
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.solver.newton import Solution, solve
 from fe_solver.solver.relaxation import RelaxOptions, relax
@@ -166,11 +171,15 @@ def solve_job(
     options = options or JobOptions()
     began = clock.process_time()
     wanted = output_times(job, until, times)
-    model = job_model(job, options)
+    first, *later = checked_phases(job)
+    stepper = _JobSteps(job_model(first.job, options), options, ways, first, len(job.contacts))
     setup = clock.process_time() - began
     began = clock.process_time()
-    stepper = _JobSteps(model, options, ways)
-    states = stepper.visit(way_marks(job, wanted[-1], options.increments), wanted)
+    marks, states = way_marks(job, wanted[-1], options.increments), list[ShellState]()
+    for phase in (first, *later):
+        if phase.begin < wanted[-1]:
+            stepper.enter(phase)
+            states += stepper.visit(phase.marks(marks), phase.within(wanted))
     effort = stepper.total(clock.process_time() - began)
     return ShellResult(job, tuple(states), setup, effort, touches=touches(job, stepper.contact))
 
@@ -227,6 +236,15 @@ def _up_to(times: Sequence[float], last: float) -> list[float]:
     return [t for t in times if t < last * (1 - SAME_TIME)] + [last]
 
 
+def checked_phases(job: Job) -> list[Phase]:
+    """The phases of a job.  Raises InputError as `check_job` and `check_supports` do for any."""
+    out = phases(job)
+    for phase in out if len(out) > 1 else ():
+        check_job(phase.job)
+        check_supports(phase.job)
+    return out
+
+
 def touches(job: Job, contact: ContactRecord) -> tuple[Touch, ...]:
     """What each contact pair of a job did."""
     return tuple(
@@ -255,23 +273,59 @@ class ContactRecord:
         self.touched = np.zeros(pairs, dtype=bool)
         self.nearest = np.full(pairs, np.inf)
 
-    def add(self, touched: Sequence[bool], gaps: Sequence[float]) -> None:
-        """Count a solved step, of whose pairs these touch and have these gaps (m)."""
-        self.touched |= np.array(touched, dtype=bool)
-        self.nearest = np.minimum(self.nearest, gaps)
+    def add(self, pairs: Sequence[int], touched: Sequence[bool], gaps: Sequence[float]) -> None:
+        """Count a solved step, of whose pairs (by number) these touch and have these gaps (m)."""
+        on = np.array(pairs, dtype=np.intp)
+        self.touched[on] |= np.array(touched, dtype=bool)
+        self.nearest[on] = np.minimum(self.nearest[on], gaps)
 
 
 class _JobSteps(TimeSteps[ShellState]):
     """The equilibria of a job's shell."""
 
-    def __init__(self, model: JobModel, options: JobOptions, ways: Sequence[str]) -> None:
+    def __init__(
+        self,
+        model: JobModel,
+        options: JobOptions,
+        ways: Sequence[str],
+        phase: Phase,
+        pairs: int,
+    ) -> None:
         super().__init__(options.shortest, options.turn, QUICK)
-        self.model, self.options, self.ways = model, options, ways
+        self.model, self.options, self.ways, self.phase = model, options, ways, phase
         self.solution: Solution | None = None
-        self.contact = ContactRecord(len(model.job.contacts))
-        pairs = [k.quads for k in model.job.contacts]
-        thin = min((float(model.job.sheet.thickness[q].mean()) for q in pairs), default=np.inf)
-        self.passage = max(thin, options.spacing)
+        self.contact = ContactRecord(pairs)
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Note what the model of the phase says of steps."""
+        pairs = [k.quads for k in self.model.job.contacts]
+        thin = min((float(self.model.job.sheet.thickness[q].mean()) for q in pairs), default=np.inf)
+        self.passage = max(thin, self.options.spacing)
+        self.free: FreeBodies | None = None
+        if self.model.motions.any():
+            longest = self.passage if pairs else np.inf
+            self.free = FreeBodies(self.model.motions, self.model.body_loads, longest)
+
+    def _poses(self, time: float) -> tuple[Array, Array]:
+        """Positions (nb, 3) m and rotations (nb, 3, 3) of the bodies at a time; what equilibrium
+        moves is where it was last."""
+        poses = self.model.poses(time)
+        if self.free is None or self.solution is None:
+            return poses
+        return self.free.place(poses, self.solution.configuration)
+
+    def enter(self, phase: Phase) -> None:
+        """Go on with the conditions of a phase.  Raises InputError as `next_model` does."""
+        last = self.solution
+        if last is None or phase is self.phase:
+            return
+        kept = dict(zip(self.phase.pairs, next_increment(last).contacts, strict=True))
+        self.model, shell, c = next_model(phase, last.configuration, kept, self.options)
+        e = shell.evaluate(c, NO_TENSION, tangent=True)
+        self.solution = Solution(shell, c, e, NO_TENSION, 0, 0, last.residual)
+        self.phase, self.stride, self.failed = phase, np.inf, False
+        self._prepare()
 
     def finish(self) -> None:
         """See `TimeSteps.finish`."""
@@ -280,6 +334,8 @@ class _JobSteps(TimeSteps[ShellState]):
         require_supports(
             self.model.job, self.time, solution.model, solution.configuration, solution.evaluation
         )
+        if self.free is not None:
+            self.free.check(solution, self.time, self.model.job.name)
 
     def state(self, effort: Effort) -> ShellState:
         """See `TimeSteps.state`."""
@@ -289,11 +345,24 @@ class _JobSteps(TimeSteps[ShellState]):
     def solve_step(self, time: float, is_last: bool) -> None:
         """By Newton from a prediction."""
         model, start = self._predict(time)
-        self._accept(self._equilibrium(model, start, self.solution is not None, is_last))
+        found = self._equilibrium(model, start, self.solution is not None, is_last)
+        self._accept(self._balance(found, time, is_last))
+
+    def _balance(self, found: Solution, time: float, is_last: bool) -> Solution:
+        """The equilibrium of the sheet and of the bodies that it moves, from the sheet's own."""
+        if self.free is None:
+            return found
+        if self.solution is None:
+            self.free.check(found, time, self.model.job.name)
+
+        def reach(last: Solution, start: Configuration, forces: Prediction) -> Solution:
+            return self._equilibrium(last.model, start, True, is_last, forces)
+
+        return self.free.balance(found, time, reach)
 
     def _predict(self, time: float) -> tuple[ShellModel, Configuration]:
         """The model of a time, and a first guess at its equilibrium."""
-        model, poses = self._model(time), self.model.poses(time)
+        model, poses = self._model(time), self._poses(time)
         if self.solution is None:
             return model, model.move_bodies(self.model.start(), *poses)
         return model, predict(model, self.solution, *poses)
@@ -305,6 +374,7 @@ class _JobSteps(TimeSteps[ShellState]):
         gaps = [k.gap(c.x, c.position, c.rotation) for k in contacts]
         known = [k.surface.outside - k.offset > g for k, g in zip(contacts, gaps, strict=True)]
         self.contact.add(
+            self.phase.pairs,
             [bool((g <= k.smoothing).any()) for k, g in zip(contacts, gaps, strict=True)],
             [float(g[near].min(initial=np.inf)) for g, near in zip(gaps, known, strict=True)],
         )
@@ -312,8 +382,8 @@ class _JobSteps(TimeSteps[ShellState]):
     def free_share(self, time: float) -> float:
         """See `TimeSteps.free_share`; a point that is pushed out to another side than it came from
         has passed through, too."""
-        contacts, (at, turned) = self.model.base.contacts, self.model.poses(self.time)
-        after = self.model.poses(time)
+        contacts, (at, turned) = self.model.base.contacts, self._poses(self.time)
+        after = self._poses(time)
         if not contacts or (np.array_equal(at, after[0]) and np.array_equal(turned, after[1])):
             return 1.0
         begin = self.model.start() if self.solution is None else self.solution.configuration
@@ -322,7 +392,7 @@ class _JobSteps(TimeSteps[ShellState]):
 
         def gaps(share: float) -> Array:
             x = begin.x + share * moved
-            pose, out = self.model.poses(self.time + share * (time - self.time)), []
+            pose, out = self._poses(self.time + share * (time - self.time)), []
             for k, outwards in zip(contacts, entered, strict=True):
                 value, normal, _ = k.surface.distance(k.local(x, *pose))
                 gap = value - k.offset
@@ -337,8 +407,8 @@ class _JobSteps(TimeSteps[ShellState]):
 
     def largest_turn(self, time: float) -> float:
         """See `TimeSteps.largest_turn`."""
-        _, before = self.model.poses(self.time)
-        _, after = self.model.poses(time)
+        _, before = self._poses(self.time)
+        _, after = self._poses(time)
         turn = after @ np.swapaxes(before, 1, 2)
         cosine = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
         return float(np.arccos(np.clip(cosine, -1, 1)).max(initial=0.0))
@@ -349,7 +419,12 @@ class _JobSteps(TimeSteps[ShellState]):
         return self.model.at(time, next_increment(self.solution).contacts)
 
     def _equilibrium(
-        self, model: ShellModel, start: Configuration, near: bool, end: bool
+        self,
+        model: ShellModel,
+        start: Configuration,
+        near: bool,
+        end: bool,
+        forces: Prediction | None = None,
     ) -> Solution:
         """By Newton; augmented where a wanted state penetrates too deep, and wherever friction
         remembers the path."""
@@ -357,7 +432,7 @@ class _JobSteps(TimeSteps[ShellState]):
         augment = AugmentOptions(penetration=o.penetration or np.inf)
         if any(k.friction > 0 for k in model.contacts):
             return solve_augmented(model, start, NO_TENSION, o.newton, augment)
-        plain = solve(model, start, NO_TENSION, o.newton, near)
+        plain = solve(model, start, NO_TENSION, o.newton, near, forces=forces)
         if not end or penetration(plain) <= augment.penetration:
             return plain
         more = solve_augmented(model, plain.configuration, NO_TENSION, o.newton, augment)
@@ -369,9 +444,10 @@ class _JobSteps(TimeSteps[ShellState]):
         """By a damped motion."""
         model = self._model(time)
         last = self.model.start() if self.solution is None else self.solution.configuration
-        c = model.move_bodies(last, *self.model.poses(time))
+        c = model.move_bodies(last, *self._poses(time))
         try:
             solution = self._relax_then_solve(model, c, is_last)
+            solution = self._balance(solution, time, is_last)
         except ConvergenceError as failed:
             raise ConvergenceError(
                 f"{self.model.job.name}: no equilibrium was found at t = {time:.6g}, after "
@@ -403,6 +479,10 @@ def predict(
     last_model, c, e = solution.model, solution.configuration, solution.evaluation
     turn = Rotation.from_matrix(rotation @ np.swapaxes(c.rotation, 1, 2)) if len(rotation) else None
     right = -loads_in_bases(model, c, e.bases) + loads_in_bases(last_model, c, e.bases)
+    carried = _carried(last_model, model)
+    if carried.any():
+        assert e.data is not None
+        right = right + model.pattern.full(e.data) @ carried
     if turn is not None:
         twist = np.hstack([position - c.position, turn.as_rotvec()])
         if twist.any():
@@ -410,6 +490,15 @@ def predict(
     step = np.zeros(model.pattern.size)
     step[model.free] = -solution.factor.solve(right[model.free])
     return model.move_bodies(model.take_step(c, e.bases, step), position, rotation)
+
+
+def _carried(before: ShellModel, after: ShellModel) -> Array:
+    """The motion (5n,) in the nodes' bases by which guided nodes are brought to other places on
+    their bodies."""
+    g, out = after.guides, np.zeros((len(after.reference), DOFS))
+    moved = np.einsum("kji,kj->ki", g.axes, g.origin - before.guides.origin)
+    out[g.node, :3] = np.where(g.held, moved, 0.0)
+    return out.ravel()
 
 
 def loads_in_bases(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:
@@ -437,6 +526,13 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
     loads = nodal_loads(shell, c.x)
     arms = np.cross(c.x, loads) + (0.0 if shell.couples is None else np.cross(c.d, shell.couples))
     applied = np.concatenate([loads.sum(axis=0), arms.sum(axis=0)])
+    borne = model.body_loads(time, c.rotation)[0]
+    rigid = np.concatenate(
+        [
+            borne[:, :3].sum(axis=0),
+            (borne[:, 3:] + np.cross(c.position, borne[:, :3])).sum(axis=0),
+        ]
+    )
     total = np.asarray(sum(wrench.values()))
     force = total[:, :3].sum(axis=0) - applied[:3]
     moment = (total[:, 3:] + np.cross(c.position, total[:, :3])).sum(axis=0) - applied[3:]
@@ -446,7 +542,7 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
         shell.bodies,
         _spring_forces(model.job, shell, c),
         wrench,
-        applied,
+        applied + rigid,
         penetration(solution),
         solution.residual,
         (float(np.linalg.norm(force)), float(np.linalg.norm(moment))),

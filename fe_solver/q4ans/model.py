@@ -9,9 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,6 +20,7 @@ from cosim.port import Array, Ints
 from fe_solver.forces.loads import pressure_forces, pressure_tangent
 from fe_solver.forces.springs import NodeSprings, Springs, node_springs, spring_forces
 from fe_solver.job.checks import check_job, within
+from fe_solver.job.free_bodies import load_wrenches
 from fe_solver.job.job import Job
 from fe_solver.job.model import (
     body_loads,
@@ -30,10 +29,12 @@ from fe_solver.job.model import (
     dead_loads,
     follower_pressure,
 )
+from fe_solver.job.phases import Phase, phases
 from fe_solver.materials.linear import Law
+from fe_solver.q4ans.balance import Coming, Loads, Source, Term, Unbalanced, turns
+from fe_solver.q4ans.bodies import BodyFactor, BodySystem, Pull
 from fe_solver.q4ans.element import (
     SolidTables,
-    Stressed,
     cross_matrix,
     solid_response,
     solid_tables,
@@ -49,9 +50,11 @@ from fe_solver.q4ans.facets import (
 from fe_solver.q4ans.laws import law_obstacle, normal_modulus
 from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.linear_algebra import Analysis, Factor, analyse
-from fe_solver.supports import ContactPair, links_of, springs_of
+from fe_solver.supports import ContactPair, Tied, links_of, springs_of
 from fe_solver.surfaces.closing import outwards
 
+COORDINATE_ROUNDING = 0.2
+"""Of the last bit of a coordinate, what is lost in its differences."""
 ON_FACE = 1e-9
 """Share of the thickness by which a node may lie off the sheet's face."""
 
@@ -88,6 +91,11 @@ def _obstacles(job: Job) -> Iterator[str]:
                 f"{body.name!r}, so that in FEBio they do not touch; turn its facets over, or name "
                 "the other face"
             )
+    for phase in phases(job):
+        yield from _loose_directors(phase.job)
+
+
+def _loose_directors(job: Job) -> Iterator[str]:
     for d in job.held_directors:
         given = [h.nodes for h in job.held if h.component == d.component]
         loose = np.setdiff1d(d.nodes, np.concatenate([*given, *(t.nodes for t in job.ties)]))
@@ -124,54 +132,6 @@ def _rest(sheet: Sheet, elements: Ints) -> Array:
     return np.concatenate([low, high], axis=1)
 
 
-class Loads(NamedTuple):
-    """The loads of one time, and the state of contact."""
-
-    position: Array
-    """(nb, 3) m, of the bodies."""
-    rotation: Array
-    """(nb, 3, 3), of the bodies."""
-    dead: Array
-    """(2n, 3) N."""
-    pressure: Array | None
-    """(ne,) Pa, which follows the quads."""
-    multipliers: tuple[Array | float, ...]
-    """(k, 4) Pa of each contact pair."""
-    met: tuple[Ints | None, ...]
-    """(k, 4) triangles of each contact pair; None where they are to be looked for."""
-
-
-class Source(Enum):
-    """What resists."""
-
-    ELEMENT = "element"
-    CONTACT = "contact"
-    SPRING = "spring"
-    LINK = "spring between nodes"
-    PRESSURE = "pressure"
-
-
-class Term(NamedTuple):
-    """A part of the balance."""
-
-    source: Source
-    nodes: Ints
-    """(k, m)."""
-    force: Array
-    """(k, m, 3) N, with which the nodes resist."""
-    stiffness: Array
-    """(k, 3m, 3m) N/m, its derivative."""
-    body: Ints | None = None
-    """(k,) on which the nodes act; None where there is none."""
-    stressed: Stressed | None = None
-    """What elements bear."""
-
-    def product(self, moved: Array) -> Array:
-        """The change (k, m, 3) N of the forces by displacements (k, m, 3) m of the nodes."""
-        flat = moved.reshape(len(moved), 3 * moved.shape[1], 1)
-        return np.asarray((self.stiffness @ flat).reshape(moved.shape))
-
-
 @dataclass(frozen=True)
 class SolidPart:
     """k elements of one law."""
@@ -199,6 +159,10 @@ class SolidModel:
     facets: tuple[Facets, ...]
     springs: Springs
     links: NodeSprings
+    attached: Array
+    """(2n, 3) m, the places of tied nodes in their bodies' frames; zero elsewhere."""
+    coming: Coming | None = None
+    """Of a phase that others go before: what it sets and releases at its begin."""
 
     @cached_property
     def pairs(self) -> Ints:
@@ -207,8 +171,33 @@ class SolidModel:
             [self.job.sheet.quads, self.job.sheet.quads + len(self.job.sheet.points)], axis=1
         )
 
-    def at(self, time: float, multipliers: tuple[Array | float, ...] | None = None) -> Loads:
-        """The loads of a time; contact without multipliers where None."""
+    @cached_property
+    def bodies(self) -> BodySystem | None:
+        """The system of the nodes with the bodies that equilibrium moves; None without such."""
+        motions = np.array([b.free for b in self.job.bodies], dtype=bool).reshape(-1, 6)
+        if not motions.any():
+            return None
+        tied = np.full(len(self.rest), -1)
+        for t in self.job.ties:
+            tied[_tied_nodes(t, len(self.job.sheet.points))] = t.body
+        volume = sum(float(p.tables.volume.sum()) for p in self.parts)
+        length = np.sqrt(volume / self.thickness / len(self.job.sheet.quads))
+        return BodySystem(self.free, motions, tied, float(length))
+
+    def at(
+        self,
+        time: float,
+        multipliers: tuple[Array | float, ...] | None = None,
+        last: Loads | None = None,
+    ) -> Loads:
+        """The loads of a time; contact without multipliers where None.  What equilibrium moves of
+        the bodies is where it is in the `last` ones, or else where their drives have it."""
+        position, rotation = body_poses(self.job.bodies, time)
+        if last is not None and self.bodies is not None:
+            motions = self.bodies.motions
+            position = np.where(motions[:, :3], last.position, position)
+            turned = np.asarray(motions[:, 3:].any(axis=1))[:, None, None]
+            rotation = np.where(turned, last.rotation, rotation)
         n, pressure = len(self.job.sheet.points), follower_pressure(self.job, time)
         dead = np.zeros_like(self.rest)
         dead[:n] = dead_loads(self.job, time)
@@ -217,10 +206,30 @@ class SolidModel:
             # half on each face: the mass lies evenly between them
             np.add.at(dead, self.job.sheet.quads, weight / 2)
             np.add.at(dead, self.job.sheet.quads + n, weight / 2)
+        if self.coming is not None:
+            dead += self.coming.fade.at(time) * self.coming.force
         if multipliers is None:
             multipliers = (0.0,) * len(self.facets)
         met = (None,) * len(self.facets)
-        return Loads(*body_poses(self.job.bodies, time), dead, pressure, multipliers, met)
+        return Loads(time, position, rotation, dead, pressure, multipliers, met)
+
+    def poses(self, share: float, before: Loads, after: Loads) -> tuple[Array, Array]:
+        """Positions (nb, 3) m and rotations (nb, 3, 3) of the bodies at a share of the time between
+        loads; what equilibrium moves of them goes evenly."""
+        time = before.time + share * (after.time - before.time)
+        position, rotation = body_poses(self.job.bodies, time)
+        if self.bodies is None:
+            return position, rotation
+        twists = np.hstack(
+            [after.position - before.position, turns(before.rotation, after.rotation)]
+        )
+        evenly = before.carry(share * twists)
+        motions = self.bodies.motions
+        turned = np.asarray(motions[:, 3:].any(axis=1))[:, None, None]
+        return (
+            np.where(motions[:, :3], evenly.position, position),
+            np.where(turned, evenly.rotation, rotation),
+        )
 
     def search_contacts(self, z: Array, loads: Loads) -> Loads:
         """The loads with contact kept to the triangles that it meets at z."""
@@ -235,19 +244,20 @@ class SolidModel:
         facets = tuple(replace(f, penalty=share * f.penalty) for f in self.facets)
         return replace(self, facets=facets)
 
-    def place(self, z: Array, time: float) -> Array:
-        """z (2n, 3) with what is given at a time: ties to bodies and held displacements."""
-        job, n, out = self.job, len(self.job.sheet.points), z.copy()
+    def place(self, z: Array, loads: Loads) -> Array:
+        """z (2n, 3) with what is given at the loads' time: ties to bodies and held
+        displacements."""
+        job, n, out, time = self.job, len(self.job.sheet.points), z.copy(), loads.time
         for h in job.held:
             out[h.nodes, h.component] = self.rest[h.nodes, h.component] + h.displacement.at(time)
         for d in job.held_directors:
             moved = out[d.nodes, d.component] - self.rest[d.nodes, d.component]
             out[n + d.nodes, d.component] = self.rest[n + d.nodes, d.component] + moved
         for t in job.ties:
-            body = job.bodies[t.body]
-            position, rotation = body.pose(time)
-            nodes = np.concatenate([t.nodes, n + t.nodes]) if t.clamped else t.nodes
-            out[nodes] = position + (self.rest[nodes] - body.origin) @ rotation.T
+            nodes = _tied_nodes(t, n)
+            out[nodes] = loads.position[t.body] + self.attached[nodes] @ loads.rotation[t.body].T
+        if self.coming is not None:
+            out += self.coming.fade.at(time) * self.coming.off
         return out
 
     def contacts(self, z: Array, loads: Loads) -> list[Pressed]:
@@ -296,15 +306,43 @@ class SolidModel:
             np.add.at(out, term.nodes, term.force)
         return out
 
-    def miss(self, unbalanced: Array) -> float:
-        """The norm (N) of what does not balance; infinite where a law has no answer."""
-        size = float(np.linalg.norm(unbalanced[self.free]))
-        return size if np.isfinite(size) else np.inf
+    def unbalanced(self, z: Array, loads: Loads, terms: Sequence[Term]) -> Unbalanced:
+        """What does not balance at z (2n, 3) m."""
+        nodes, bodies = self.imbalance(terms, loads), self.bodies
+        if bodies is None:
+            return Unbalanced(nodes, nodes[self.free])
+        spread = bodies.spread(z, loads.position)
+        pulls, wrench = _pulls(terms), self.wrench(loads)[0]
+        full = bodies.unbalanced(z, loads.position, pulls, nodes, wrench)
+        return Unbalanced(nodes, spread.T @ full)
+
+    def wrench(self, loads: Loads) -> tuple[Array, Array]:
+        """The loads (nb, 6) N and N m on the bodies at their origins, and the forces (nb, 3) N of
+        these that turn with their bodies."""
+        out, follower = load_wrenches(self.job.rigid_loads, loads.time, loads.rotation)
+        if self.coming is not None:
+            out += self.coming.fade.at(loads.time) * self.coming.wrench
+        return out, follower
+
+    def body_factor(
+        self, bodies: BodySystem, z: Array, loads: Loads, terms: Sequence[Term]
+    ) -> BodyFactor:
+        """The tangent of nodes and bodies.  Raises SingularError."""
+        nodes, (_, follower) = self.imbalance(terms, loads), self.wrench(loads)
+        full = bodies.tangent(z, loads.position, _pulls(terms), nodes, follower)
+        return BodyFactor.of(bodies, full, bodies.spread(z, loads.position))
 
     def scale(self, unbalanced: Array, terms: Sequence[Term]) -> float:
         """The largest (N) of the reactions' norm and the forces on nodes by all but elements."""
         outer = [np.abs(t.force).max(initial=0.0) for t in terms if t.source != Source.ELEMENT]
         return float(max(self.least_force, np.linalg.norm(unbalanced[~self.free]), *outer))
+
+    def rounding(self, z: Array, terms: Sequence[Term]) -> float:
+        """What of the unknowns' balance is rounding error (N): the last bit of the coordinates
+        times the stiffest entry, of all of them."""
+        stiffest = max(float(np.abs(t.stiffness).max(initial=0.0)) for t in terms)
+        error = COORDINATE_ROUNDING * np.finfo(float).eps * stiffest * float(np.abs(z).max())
+        return error * float(np.sqrt(np.count_nonzero(self.free)))
 
     @cached_property
     def thickness(self) -> float:
@@ -327,6 +365,10 @@ class SolidModel:
         return _pattern([t.nodes for t in terms], self.free)
 
 
+def _pulls(terms: Sequence[Term]) -> list[Pull]:
+    return [Pull(t.nodes, t.force, t.stiffness, t.body) for t in terms]
+
+
 def solid_model(job: Job) -> SolidModel:
     """The model of a job.  Raises InputError for what `check_job` and `check_supports` find, for
     surfaces that are not wound alike, and naming what is not covered."""
@@ -335,6 +377,33 @@ def solid_model(job: Job) -> SolidModel:
     reasons = obstacles(job)
     if reasons:
         raise InputError(f"{job.name}: --element q4ans does not cover it: {'; '.join(reasons)}")
+    rest = _rest_nodes(job.sheet)
+    origins = np.array([b.origin for b in job.bodies]).reshape(-1, 3)
+    upright = np.tile(np.eye(3), (len(origins), 1, 1))
+    return _model_from(job, rest, origins, upright)
+
+
+def next_model(
+    phase: Phase, z: Array, loads: Loads, multipliers: tuple[Array | float, ...]
+) -> SolidModel:
+    """The model of a phase that goes on from the nodes (2n, 3) m and loads at the end of another,
+    of which they are an equilibrium, with the multipliers of its own contact pairs."""
+    job, time = phase.job, phase.begin
+    job = replace(job, bodies=phase.bodies(loads.position, loads.rotation))
+    model = _model_from(job, z, *body_poses(job.bodies, time))
+    now, still = model.at(time, multipliers, loads), np.zeros((len(job.bodies), 6))
+    off = np.where(model.free, 0.0, z - model.place(z, now))
+    terms = tuple(model.terms(z, now))
+    left = model.imbalance(terms, now)
+    force, wrench = np.where(model.free, left, 0.0), still
+    if model.bodies is not None:
+        full = model.bodies.unbalanced(z, now.position, _pulls(terms), left, model.wrench(now)[0])
+        wrench = np.where(model.bodies.motions, model.bodies.borne(z, now.position, full), 0.0)
+    return replace(model, coming=Coming(phase.fade, off, force, wrench))
+
+
+def _model_from(job: Job, z: Array, position: Array, rotation: Array) -> SolidModel:
+    """The model of a job whose nodes z (2n, 3) m are tied to its bodies where these are."""
     sheet, quads = job.sheet, job.sheet.quads
     rest = _rest_nodes(sheet)
     parts = [_part(job, np.flatnonzero(sheet.part == i), p) for i, p in enumerate(sheet.parts)]
@@ -347,7 +416,16 @@ def solid_model(job: Job) -> SolidModel:
         _facets(job, pair, _penalty(job, pair, volume, modulus)) for pair in job.contacts
     )
     springs, links = springs_of(job.springs), links_of(job.springs)
-    return SolidModel(job, rest, _free(job), tuple(parts), facets, springs, links)
+    attached = np.zeros_like(rest)
+    for t in job.ties:
+        nodes = _tied_nodes(t, len(sheet.points))
+        attached[nodes] = (z[nodes] - position[t.body]) @ rotation[t.body]
+    return SolidModel(job, rest, _free(job), tuple(parts), facets, springs, links, attached)
+
+
+def _tied_nodes(tie: Tied, n: int) -> Ints:
+    """Those of the n pairs of nodes that move with the body of a tie."""
+    return np.concatenate([tie.nodes, n + tie.nodes]) if tie.clamped else tie.nodes
 
 
 def _part(job: Job, elements: Ints, part: ShellPart) -> SolidPart:

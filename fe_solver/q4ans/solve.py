@@ -15,27 +15,30 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial.transform import Rotation
 
-from cosim.errors import ConvergenceError
+from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
 from cosim.processes import one_blas_thread
+from fe_solver.job.free_bodies import MOTIONS, loose_words
 from fe_solver.job.job import Job
-from fe_solver.job.model import JobOptions, body_poses
+from fe_solver.job.model import JobOptions
+from fe_solver.job.phases import Phase
 from fe_solver.job.rigid_modes import FreeMotions, Pieces, free_motions, unsupported
 from fe_solver.job.solve import (
     ContactRecord,
     JobResult,
     JobState,
+    checked_phases,
     output_times,
     touches,
     way_marks,
 )
+from fe_solver.q4ans.balance import Loads, Term, turns
+from fe_solver.q4ans.bodies import BodyFactor, BodySystem, SingularError
 from fe_solver.q4ans.facets import SEARCH_RADIUS, facet_gaps, facet_ways, nearest
 from fe_solver.q4ans.model import (
-    Loads,
     SolidModel,
-    Term,
+    next_model,
     obstacles,
     solid_model,
 )
@@ -68,6 +71,9 @@ SEARCHES = 10
 """Iterations after which contact keeps to the triangles that it has met, as FEBio's seg_up asks: a
 point that slides over a bone's sharp edge would come and go for ever."""
 MOST_AUGMENTATIONS = 30
+MOST_SPIN = 1.2
+"""rad that a body which equilibrium moves turns at most in the first whole step of an equilibrium:
+what goes further is far from what the step predicts."""
 FINEST = 0.25e-3
 """m: a step is foreseen to press a facet in by up to the thickness, or so much of a thin sheet."""
 
@@ -94,27 +100,58 @@ def solve_solid(
     options = options or JobOptions(penetration=None)
     began = clock.process_time()
     wanted = output_times(job, until, times)
-    stepper = _SolidSteps(solid_model(job), options)
+    first, *later = checked_phases(job)
+    stepper = _SolidSteps(solid_model(first.job), options, first, len(job.contacts))
     setup = clock.process_time() - began
     began = clock.process_time()
-    states = stepper.visit(way_marks(job, wanted[-1], options.increments), wanted)
+    marks, states = way_marks(job, wanted[-1], options.increments), list[JobState]()
+    for phase in (first, *later):
+        if phase.begin < wanted[-1]:
+            stepper.enter(phase)
+            states += stepper.visit(phase.marks(marks), phase.within(wanted))
     effort = stepper.total(clock.process_time() - began)
     told = touches(job, stepper.contact)
     return JobResult(job, tuple(states), setup, effort, "q4ans", told)
 
 
+class _TurnsFarError(ConvergenceError):
+    """A body turns too far in one step."""
+
+
 class _SolidSteps(TimeSteps[JobState]):
     """The equilibria of a job's `q4ans` elements."""
 
-    def __init__(self, model: SolidModel, options: JobOptions) -> None:
+    def __init__(self, model: SolidModel, options: JobOptions, phase: Phase, pairs: int) -> None:
         super().__init__(options.shortest, TURN, QUICK)
-        self.model, self.options = model, options
-        loads = self.model.at(0.0)
-        terms = tuple(self.model.terms(self.model.rest, loads))
-        self.pattern = self.model.pattern(terms)
-        self.last = SolidEquilibrium(0.0, self.model.rest, loads, terms, 0.0)
-        self.contact = ContactRecord(len(model.facets))
+        self.options, self.contact = options, ContactRecord(pairs)
+        self._begin(model, phase, model.rest, 0.0, None)
+
+    def _begin(
+        self,
+        model: SolidModel,
+        phase: Phase,
+        z: Array,
+        residual: float,
+        multipliers: tuple[Array | float, ...] | None,
+    ) -> None:
+        """Stand at an equilibrium z (2n, 3) m of a model at the begin of its phase."""
+        self.model, self.phase = model, phase
+        loads = model.at(phase.begin, multipliers)
+        terms = tuple(model.terms(z, loads))
+        self.pattern = model.pattern(terms)
+        self.last = SolidEquilibrium(phase.begin, z, loads, terms, residual)
         self.factor: tuple[SolidEquilibrium, Factor] | None = None
+
+    def enter(self, phase: Phase) -> None:
+        """Go on with the conditions of a phase."""
+        if phase is self.phase:
+            return
+        last = self.last
+        kept = dict(zip(self.phase.pairs, last.loads.multipliers, strict=True))
+        multipliers = tuple(kept.get(pair, 0.0) for pair in phase.pairs)
+        model = next_model(phase, last.z, last.loads, multipliers)
+        self._begin(model, phase, last.z, last.residual, multipliers)
+        self.stride, self.failed = np.inf, False
 
     def finish(self) -> None:
         """See `TimeSteps.finish`."""
@@ -132,29 +169,58 @@ class _SolidSteps(TimeSteps[JobState]):
         try:
             self._accept(self._equilibrium(self.model, z, loads, time))
             return
+        except SingularError as error:
+            if not self.effort.steps:
+                raise self._loose(error, self.time) from error
+            raise
         except ConvergenceError:
             if self.effort.steps or not self.model.facets:
                 raise
         for share in SOFTER:
-            z = self._equilibrium(self.model.with_penalty(share), z, loads, time).z
+            found = self._equilibrium(self.model.with_penalty(share), z, loads, time)
+            z, loads = found.z, found.loads
         self._accept(self._equilibrium(self.model, z, loads, time))
 
+    def _loose(self, error: SingularError, time: float) -> InputError:
+        """The error for bodies that can move without resistance."""
+        job, bodies = self.model.job, self.model.bodies
+        assert bodies is not None
+        moved = np.abs(error.bodies) * np.repeat([1.0, bodies.length], 3)
+        body = int(moved.max(axis=1).argmax())
+        motions = [n for n, m in zip(MOTIONS, moved[body], strict=True) if m > 0.1 * moved.max()]
+        tied = bool((bodies.tied == body).any())
+        return InputError(loose_words(job.name, time, job.bodies[body].name, motions, tied))
+
     def _accept(self, found: SolidEquilibrium) -> None:
+        if self.model.bodies is not None and self._share(found.z, found.loads) < 1.0:
+            raise ConvergenceError("A free body goes too far in a step, past what it touches")
         self.last = found
         pressed = self.model.contacts(found.z, found.loads)
         self.contact.add(
+            self.phase.pairs,
             [bool((p.pressure > 0).any()) for p in pressed],
             [nearest(p.depth) for p in pressed],
         )
 
     def free_share(self, time: float) -> float:
         """See `TimeSteps.free_share`."""
-        m, last, new = self.model, self.last, self.model.at(time)
+        m, last = self.model, self.last
+        if not m.facets:
+            return 1.0
+        new = m.at(time, last=last.loads)
         still = np.array_equal(last.loads.position, new.position)
         still &= np.array_equal(last.loads.rotation, new.rotation)
-        if not m.facets or (still and np.array_equal(m.place(last.z, time), last.z)):
+        if still and np.array_equal(m.place(last.z, new), last.z):
             return 1.0
-        moved = self._predict(time)[0] - last.z
+        return self._share(*self._predict(time))
+
+    def _share(self, z: Array, new: Loads) -> float:
+        """The share of the way to nodes z (2n, 3) m and loads on which nothing is passed
+        through."""
+        m, last = self.model, self.last
+        if not m.facets:
+            return 1.0
+        moved = z - last.z
         reach = min(max(m.thickness, FINEST), SEARCH_RADIUS / 2)
         far, way = [], 0.0
         for f in m.facets:
@@ -167,8 +233,7 @@ class _SolidSteps(TimeSteps[JobState]):
             way = max(way, float(ways.max(initial=0.0)))
 
         def gaps(share: float) -> Array:
-            z, then = last.z + share * moved, self.time + share * (time - self.time)
-            poses = body_poses(m.job.bodies, then)
+            z, poses = last.z + share * moved, m.poses(share, last.loads, new)
             found = [facet_gaps(f, z, *(p[f.body] for p in poses)) for f in far if len(f.quads)]
             return np.concatenate([g.ravel() for g in found])
 
@@ -185,8 +250,9 @@ class _SolidSteps(TimeSteps[JobState]):
 
     def largest_turn(self, time: float) -> float:
         """See `TimeSteps.largest_turn`."""
-        before, after = self.last.loads.rotation, self.model.at(time).rotation
-        return float(np.linalg.norm(_turns(before, after), axis=1).max(initial=0.0))
+        last = self.last.loads
+        turned = turns(last.rotation, self.model.at(time, last=last).rotation)
+        return float(np.linalg.norm(turned, axis=1).max(initial=0.0))
 
     def _factorise(self, terms: Sequence[Term]) -> Factor:
         self.effort = self.effort.plus(solves=1)
@@ -198,12 +264,14 @@ class _SolidSteps(TimeSteps[JobState]):
         A body that moves by w leaves the forces on it as they would be if the nodes moved by -w and
         all turned with it.  From rest, where no spring is taut yet, loads are left to Newton."""
         m, last = self.model, self.last
-        new = m.at(time, last.loads.multipliers)
-        given = m.place(last.z, time) - last.z
+        new = m.at(time, last.loads.multipliers, last.loads)
+        given = m.place(last.z, new) - last.z
+        if m.bodies is not None:
+            return self._predict_with(m.bodies, new, given)
         right = np.zeros_like(last.z)
         if self.effort.steps:
             right[:] = last.loads.dead - new.dead
-        turn = _turns(last.loads.rotation, new.rotation)
+        turn = turns(last.loads.rotation, new.rotation)
         shift = new.position - last.loads.position
         for t in last.terms:
             moved = given[t.nodes]
@@ -219,7 +287,39 @@ class _SolidSteps(TimeSteps[JobState]):
             self.factor = last, self._factorise(last.terms)
         step = np.zeros_like(last.z)
         step[m.free] = -self.factor[1].solve(right[m.free])
-        return m.place(last.z + given + step, time), new
+        return m.place(last.z + given + step, new), new
+
+    def _predict_with(self, bodies: BodySystem, new: Loads, given: Array) -> tuple[Array, Loads]:
+        """The same, with bodies that equilibrium moves."""
+        m, last = self.model, self.last
+        twists = np.hstack(
+            [new.position - last.loads.position, turns(last.loads.rotation, new.rotation)]
+        )
+        motion = np.concatenate([given.ravel(), twists.ravel()])
+        if not motion.any():
+            return last.z, new
+        factor = self._body_factor(bodies, last.z, last.loads, last.terms)
+        right = factor.full @ motion
+        nodes, twists = bodies.split(factor.step(factor.spread.T @ right))
+        new = new.carry(twists)
+        return m.place(last.z + given + nodes, new), new
+
+    def _body_factor(
+        self, bodies: BodySystem, z: Array, loads: Loads, terms: Sequence[Term]
+    ) -> BodyFactor:
+        self.effort = self.effort.plus(solves=1)
+        return self.model.body_factor(bodies, z, loads, terms)
+
+    def _step(
+        self, m: SolidModel, z: Array, loads: Loads, terms: Sequence[Term], left: Array
+    ) -> tuple[Array, Array]:
+        """The steps of the nodes (2n, 3) m and of the bodies (nb, 6) m and rad."""
+        if m.bodies is not None:
+            factor = self._body_factor(m.bodies, z, loads, terms)
+            return m.bodies.split(factor.step(left))
+        step = np.zeros_like(z)
+        step[m.free] = -self._factorise(terms).solve(left)
+        return step, np.zeros((len(loads.position), 6))
 
     def _equilibrium(self, m: SolidModel, z: Array, loads: Loads, time: float) -> SolidEquilibrium:
         """By whole steps where nothing opens and closes, or else by short ones.  Raises
@@ -227,6 +327,8 @@ class _SolidSteps(TimeSteps[JobState]):
         if not m.facets and not np.any(m.springs.tension_only):
             try:
                 return self._by_newton(m, z, loads, time, MOST_WHOLE, short=False)
+            except _TurnsFarError:
+                raise
             except ConvergenceError:
                 pass
         return self._by_newton(m, z, loads, time, MOST_ITERATIONS, short=True)
@@ -239,24 +341,30 @@ class _SolidSteps(TimeSteps[JobState]):
         with np.errstate(all="ignore"):
             terms = tuple(m.terms(z, loads))
             for iteration in range(most):
-                force = m.imbalance(terms, loads)
-                missed, scale = m.miss(force), m.scale(force, terms)
-                if missed <= RESIDUAL_TOLERANCE * scale:
+                force, left = unbalanced = m.unbalanced(z, loads, terms)
+                missed, scale = unbalanced.size, m.scale(force, terms)
+                if missed <= RESIDUAL_TOLERANCE * scale or missed <= m.rounding(z, terms):
                     terms = tuple(m.terms(z, loads))
                     return SolidEquilibrium(time, z, loads, terms, missed)
                 if not np.isfinite(missed):
                     break
                 if iteration == SEARCHES:
                     loads = m.search_contacts(z, loads)
-                step = np.zeros_like(z)
-                step[m.free] = -self._factorise(terms).solve(force[m.free])
+                step, twists = self._step(m, z, loads, terms, left)
+                turned = float(np.linalg.norm(twists[:, 3:], axis=1).max(initial=0.0))
                 share, searched = 1.0, False
+                if not short and iteration == 0 and turned > MOST_SPIN:
+                    raise _TurnsFarError(f"A body turns by {turned:.3g} rad in one step")
                 if short:
                     longest = FIRST_STEP * 2.0**iteration * m.thickness
-                    share = min(1.0, longest / float(np.abs(step).max()))
+                    way = [np.abs(step).max(), np.abs(twists[:, :3]).max(initial=0.0)]
+                    if m.bodies is not None:
+                        way.append(turned * m.bodies.length)
+                    share = min(1.0, longest / float(max(way)))
                     limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
                     searched = limits[0] < missed < limits[1] or iteration >= WHOLE_ITERATIONS
-                z, terms = _move(m, z, terms, share * step, loads, missed if searched else np.inf)
+                limit, part = missed if searched else np.inf, (share * step, share * twists)
+                z, loads, terms = _move(m, z, terms, part, loads, limit)
                 self.effort = self.effort.plus(iterations=1)
         raise ConvergenceError(self._words(z, force, missed, scale, most))
 
@@ -294,7 +402,14 @@ class _SolidSteps(TimeSteps[JobState]):
         )
 
     def _require_supports(self) -> None:
-        """Check the supports.  Raises InputError where the sheet can move without resistance."""
+        """Check the supports.  Raises InputError where the sheet or a body can move without
+        resistance."""
+        if self.model.bodies is not None:
+            try:
+                self._body_factor(self.model.bodies, self.last.z, self.last.loads, self.last.terms)
+            except SingularError as error:
+                raise self._loose(error, self.last.time) from error
+            return
         data = self.pattern.data(self.last.terms)
         if has_mechanism(data, self.pattern.slots):
             raise unsupported(self.model.job, self.last.time, self._free_motions(data))
@@ -310,29 +425,26 @@ class _SolidSteps(TimeSteps[JobState]):
         return free_motions(pieces, moves, m.free.ravel(), tangent, float(np.abs(missed).sum()))
 
 
-def _turns(before: Array, after: Array) -> Array:
-    """The rotation vectors (nb, 3) rad between rotations (nb, 3, 3)."""
-    if not len(before):
-        return np.zeros((0, 3))
-    return Rotation.from_matrix(after @ np.swapaxes(before, 1, 2)).as_rotvec()
-
-
 def _move(
     model: SolidModel,
     z: Array,
     terms: tuple[Term, ...],
-    step: Array,
+    step: tuple[Array, Array],
     loads: Loads,
     limit: float,
-) -> tuple[Array, tuple[Term, ...]]:
-    """After a step, or the first of ever shorter ones whose residual is below the limit (N), or the
-    best of them."""
-    tried: list[tuple[float, Array, tuple[Term, ...]]] = []
+) -> tuple[Array, Loads, tuple[Term, ...]]:
+    """After a step of nodes (2n, 3) m and bodies (nb, 6) m and rad, or the first of ever shorter
+    ones whose residual is below the limit (N), or the best of them."""
+    tried: list[tuple[float, Array, Loads, tuple[Term, ...]]] = []
     for halving in range(HALVINGS):
-        part = step / 2**halving
-        found = tuple(model.terms(z + part, loads, (terms, part)))
-        missed = model.miss(model.imbalance(found, loads))
-        tried.append((missed, z + part, found))
+        part, twists = (s / 2**halving for s in step)
+        to, moved = z + part, loads
+        if model.bodies is not None:
+            moved = loads.carry(twists)
+            to = model.place(to, moved)
+        found = tuple(model.terms(to, moved, (terms, part)))
+        missed = model.unbalanced(to, moved, found).size
+        tried.append((missed, to, moved, found))
         if missed < limit or limit == np.inf:
             break
     return min(tried, key=lambda t: t[0])[1:]

@@ -10,9 +10,10 @@ from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.springs import node_spring_state, spring_state
 from fe_solver.job.solve import JobState, forces_by_set
+from fe_solver.q4ans.balance import Loads, Source, Term
 from fe_solver.q4ans.element import solid_strain
 from fe_solver.q4ans.laws import solid_stress
-from fe_solver.q4ans.model import Loads, SolidModel, Source, Term
+from fe_solver.q4ans.model import SolidModel
 from fe_solver.solver.continuation import Effort
 from fe_solver.solver.fields import Fields
 from fe_solver.solver.model import Configuration
@@ -58,7 +59,7 @@ def solid_state(model: SolidModel, found: SolidEquilibrium, effort: Effort) -> J
         (*(b.name for b in job.bodies), GROUND),
         forces_by_set(job, (model.springs, to_bodies), (model.links, between)),
         wrench,
-        applied,
+        applied + _rigid_wrench(model, loads),
         max(model.deepest(z, loads), 0.0),
         found.residual,
         (float(np.linalg.norm(force)), float(np.linalg.norm(moment))),
@@ -117,6 +118,13 @@ def _load_wrench(model: SolidModel, equilibrium: SolidEquilibrium) -> Array:
         (term,) = (t for t in equilibrium.terms if t.source == Source.PRESSURE)
         out -= _about(equilibrium.z[term.nodes].reshape(-1, 3), term.force.reshape(-1, 3))
     return out
+
+
+def _rigid_wrench(model: SolidModel, loads: Loads) -> Array:
+    """The wrench (6,) N and N m of the loads on bodies about the world's origin."""
+    wrench = model.wrench(loads)[0]
+    moment = wrench[:, 3:] + cross(loads.position, wrench[:, :3])
+    return np.concatenate([wrench[:, :3].sum(axis=0), moment.sum(axis=0)])
 
 
 def _fields(model: SolidModel, z: Array) -> Fields:

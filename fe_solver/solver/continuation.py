@@ -127,9 +127,10 @@ class TimeSteps(ABC, Generic[S]):
         """Return what is kept of the equilibrium, which took that effort."""
 
     def visit(self, marks: Sequence[float], times: Sequence[float]) -> list[S]:
-        """The states at `times`, of a way that goes by the `marks` alone (both ascend, the last is
-        the same): a time between them is reached aside, from the equilibrium before it, so that
-        what is kept has no part in what is found.  Raises as `solve_at_last` and `finish` do."""
+        """The states at `times`, of a way that goes by the `marks` alone (both ascend, no time is
+        beyond the last mark): a time between them is reached aside, from the equilibrium before it,
+        so that what is kept has no part in what is found.  Raises as `solve_at_last` and `finish`
+        do."""
         out, left = [], list(times)
         for mark in marks:
             spent, began, span = self.effort, clock.process_time(), mark - self.time

@@ -30,6 +30,10 @@ FIXED = (
     '<z_dof>1</z_dof></bc><bc name="s" node_set="left" type="zero shell displacement"><sx_dof>1'
     "</sx_dof><sy_dof>1</sy_dof><sz_dof>1</sz_dof></bc>"
 )
+BLOCK = (
+    '<material id="2" name="block" type="rigid body"><density>1</density><center_of_mass>'
+    f"{LENGTH},{WIDTH / 2},0</center_of_mass></material>"
+)
 RAMP = (
     '<load_controller id="1" type="loadcurve"><points><pt>0,0</pt><pt>1,1</pt></points>'
     "</load_controller>"
@@ -53,9 +57,11 @@ def strip_text(
     steps: str = "",
     bow: float = 0.0,
     nu: float = 0.0,
+    rigid: str | None = None,
 ) -> str:
     """A strip from x = 0, where it is clamped, to LENGTH: `cells` by two cells, arched by `bow`
-    (mm); its end nodes are the set "right"."""
+    (mm); its end nodes are the set "right".  With conditions `rigid` there is a rigid body, the
+    block, about the end's middle."""
     number: dict[tuple[int, int], int] = {}
     rows = []
     for i in range(cells):
@@ -75,13 +81,15 @@ def strip_text(
     elements = "".join(
         f'<elem id="{i}">{",".join(map(str, row))}</elem>' for i, row in enumerate(rows, 1)
     )
+    block = "" if rigid is None else BLOCK
     return f"""<?xml version="1.0"?><febio_spec version="4.0"><Module type="solid"/>{control}
 <Material><material id="1" name="skin" type="isotropic elastic">{density}{modulus}<v>{nu}</v>
-</material></Material>
+</material>{block}</Material>
 <Mesh><Nodes name="all">{nodes}</Nodes><Elements type="{kind}" name="strip">{elements}</Elements>
 <NodeSet name="left">{left}</NodeSet><NodeSet name="right">{right}</NodeSet>{sets}</Mesh>
 <MeshDomains><ShellDomain name="strip" mat="skin">{thickness}</ShellDomain></MeshDomains>
-<MeshData>{data}</MeshData><Boundary>{boundary}</Boundary><Loads>{loads}</Loads>{steps}
+<MeshData>{data}</MeshData><Boundary>{boundary}</Boundary><Rigid>{rigid or ""}</Rigid>
+<Loads>{loads}</Loads>{steps}
 <LoadData>{curves}</LoadData></febio_spec>"""
 
 

@@ -342,7 +342,7 @@ BAD: dict[str, tuple[Sections, str]] = {
     ),
     "unknown spring": (change_section("Discrete", "tension-only linear spring", "Hill"), "Hill"),
     "unknown motion": (change_section("Rigid", "rigid_rotation", "rigid_force"), "rigid_force"),
-    "free body": (change_section("Rigid", "<Rw_dof>1", "<Rw_dof>0"), "free in Rw"),
+    "free body": (change_section("Rigid", "<Rw_dof>1", "<Rw_dof>0"), "free in part"),
     "no centre": (
         change_section("Material", "<center_of_mass>1,2,3</center_of_mass>", ""),
         "about which",

@@ -50,8 +50,8 @@ STRANGE: dict[str, tuple[Sections, str]] = {
         "rigid_connector.*may change",
     ),
     "rigid load": (
-        change_section("Rigid", "<Rigid>", "<Rigid><rigid_load/>"),
-        "rigid_load.*may change",
+        change_section("Rigid", "<Rigid>", '<Rigid><rigid_load type="rigid_spring"/>'),
+        "'rigid_spring' is not read",
     ),
     "prestrain": ({"Initial": '<Initial><ic type="prestrain"/></Initial>'}, "'prestrain' is not"),
     "body force": (

@@ -10,6 +10,7 @@ from tests.proofs.fe import (
     contact_rows,
     element_rows,
     fibre_rows,
+    free_bodies,
     hood_rows,
     manufactured_rows,
     material_rows,
@@ -110,6 +111,11 @@ def test_hood(judge):
 @pytest.mark.slow
 def test_threads(judge):
     judge(thread_rows.rows())
+
+
+@pytest.mark.parametrize("solve", free_bodies.ELEMENTS)
+def test_free_bodies_and_single_steps(judge, solve):
+    judge(free_bodies.rows(solve))
 
 
 def test_plate(judge):
