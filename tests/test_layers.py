@@ -163,7 +163,7 @@ KNOW_THE_SOLVERS = {
     "cosim.tendons.friction",
     "cosim.tendons.signals",
     "cosim.tendons.muscles",
-    "cosim.validation.published_hood",
+    "cosim.validation.run",
 }
 
 

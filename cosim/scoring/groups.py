@@ -20,7 +20,7 @@ from cosim.scoring.names import FingerName
 from cosim.tendons.table import TendonConfig
 from cosim.validation.clamped import ABDUCTION, QIU, cadaver_arm_group, qiu_groups
 from cosim.validation.clamped import DIFFERENCES as DIFFERENCE_QUANTITIES
-from cosim.validation.plan import cadaver_groups, lee_groups, rows_of
+from cosim.validation.plan import LEE_LOAD, cadaver_groups, lee_groups, rows_of
 from cosim.validation.ratios import BUFORD, COHN, cohn_groups, share_group, share_rows
 from cosim.validation.trial import Summaries, Trial, TrialGroup, angles_of, posture_settings
 
@@ -47,8 +47,6 @@ LOAD = 0.1
 UNKNOWN_STRENGTH = 3.277
 """N, with which a muscle pulls whose greatest force the model does not state; the load of Synek et
 al. 2019.  Forces are taken over the tension."""
-LEE = 11.8
-"""N in EDC, Lee et al. 2008."""
 MARKED = "strain_lee2008_average_ti"
 """The packaged case with Lee's markers on its hood."""
 WITH_SLIPS = ("shell", "network", "cable", "two_band")
@@ -228,7 +226,7 @@ def _load(
         return model.tendons[:1], None
     muscles = tuple(m for m in HEADS.get(muscle, (muscle,)) if m in model.tendons)
     if group.name in (SLIPS, STRAINS):
-        return muscles, LEE
+        return muscles, LEE_LOAD
     if group.finger == "middle":
         stated = load_case(trial.case).tendons
         return muscles, next((t.tension for t in stated.values() if t.tension), None)

@@ -36,6 +36,8 @@ FALLS = {"IP joints flex": "IP", "MCP flexes": "MCP"}
 """Losses of the collection: with the IP joints, and with the MCP as the IP joints are straight."""
 MODULI = {"soft": -1.0, "average": 0.0, "stiff": 1.0}
 """SD from the means of the thesis's table 4."""
+LEE_LOAD = 11.8
+"""N in EDC."""
 MARKERS = "difference.grid_strain_percent.markers"
 """Strains between Lee's markers, whose layout is an assumption of `cases/strain`."""
 POSTURES = {"minorflex": "40/55/35", "majorflex": "55/57/25"}

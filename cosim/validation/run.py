@@ -22,8 +22,7 @@ from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison, Kind, Target, number, tally, write_json
 from cosim.results.result import Result
 from cosim.validation.lengths import measure_lengths
-from cosim.validation.plan import groups, rows_of, split_answers
-from cosim.validation.published_hood import published_summary
+from cosim.validation.plan import LEE_LOAD, MODULI, groups, rows_of, split_answers
 from cosim.validation.reasons import explain_misses
 from cosim.validation.skill import (
     FACTORS,
@@ -40,6 +39,7 @@ from cosim.validation.skill import (
     skill,
 )
 from cosim.validation.trial import Summaries, Trial, TrialGroup
+from fe_solver.febio.published_hood import qian_moduli, solve_published_hood
 
 MODEL, SPLIT = "model", "fixed split"
 """The answer that is judged, and the null model that has no hood."""
@@ -203,7 +203,8 @@ def _solve_other(trial: Trial, settings: tuple[str, ...]) -> tuple[str, Outcome[
     """The outcome of a trial that is not the run of one case.  Raises InputError."""
     if trial.study:
         return trial.name, measure_lengths(trial.study, [*trial.settings, *settings])
-    return trial.name, Outcome("converged", published_summary(trial))
+    solved = solve_published_hood(trial.case, qian_moduli(MODULI[trial.published]), LEE_LOAD)
+    return trial.name, Outcome("converged", solved.summary())
 
 
 def _save(result: Result, folder: Path) -> Summary:

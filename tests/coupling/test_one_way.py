@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cosim.analyses.tip_bound import greatest_tip_force
 from cosim.case.file import load_case
 from cosim.coupling.one_way import JOINT_CONTACT, LUMPING, FrozenHood, joint_forces
 from cosim.pipeline import run_case
@@ -21,6 +20,7 @@ from meshes.skeleton import BODIES
 from rigid.chain.support import HELD
 from tests.helpers.fingers import POSTURE, mujoco_finger
 from tests.proofs.coupling import thesis_rows as verification_thesis
+from tests.proofs.coupling.tip_bound import greatest_tip_force
 
 ONE_WAY = 'coupling.scheme="one_way"'
 ALLOWED = "coupling.allow_double_counting=true"
