@@ -1,4 +1,4 @@
-"""The commands that solve a case many times: `cosim sensitivity` and `cosim identify`."""
+"""`cosim identify`, and `cosim study --sensitivity`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from cosim.analyses.identify.sensitivity import Sensitivity, bars, study, to_csv
 from cosim.analyses.identify.tornado import draw_tornado
 from cosim.analyses.identify.variations import variations
 from cosim.case.file import base_name, load_case
-from cosim.commands.options import CaseName, Settings, Workers
+from cosim.commands.options import Settings, Workers
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
 from cosim.files import check_file, output_file
@@ -36,11 +36,16 @@ STRONGEST = 6
 
 
 def sensitivity(
-    case: CaseName,
+    of: Annotated[
+        str,
+        typer.Option(
+            "--sensitivity",
+            metavar="CASE",
+            help="How the results of this case depend on what it assumes.",
+        ),
+    ],
     settings: Settings = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for table and charts.")] = Path(
-        "sensitivity"
-    ),
+    out: Path = Path("sensitivity"),
     quantity: Annotated[
         list[str] | None,
         typer.Option(
@@ -56,42 +61,40 @@ def sensitivity(
     data: Annotated[
         Path | None,
         typer.Option(
-            help="CSV of measured numbers, as `cosim report --data` takes them: their quantities "
+            help="CSV of measured numbers, as `cosim show --data` takes them: their quantities "
             "are included, and shown in the charts."
         ),
     ] = None,
-    workers: Workers = 2,
+    workers: int = 2,
 ) -> None:
-    """How a case's results depend on what it assumes: moduli, thickness, rest lengths, ligaments,
-    fibres, contact, joints, posture, mesh; a tornado chart for each quantity, and a table."""
-    with exit_on_error():
-        all_settings = tuple(settings or ())
-        checked = load_case(case, all_settings)
-        folder = out / checked.name
-        check_file(folder / "sensitivity.csv")
-        varied = _choose(variations(checked), only or ())
-        targets = [t for t in read_targets(data) if t.case in ("", checked.name)] if data else []
-        also = [t.quantity for t in targets]
-        with _run_counter(checked.name) as progress:
-            result = study(
-                checked.source,
-                all_settings,
-                varied,
-                quantity or (),
-                also,
-                workers=workers,
-                progress=progress,
-            )
-        for name, text in (
-            ("sensitivity.csv", to_csv(result)),
-            ("sensitivity.json", to_json(result)),
-        ):
-            with output_file(folder / name) as part:
-                part.write_text(text, encoding="utf-8")
-        typer.echo(f"{checked.name}: drawing the charts", err=True)
-        charts = _write_charts(folder, result, targets)
-        _show_sensitivity(result)
-        typer.echo(f"table and {charts} charts in {folder}")
+    """Vary each thing that a case assumes alone; a chart for each quantity, and a table."""
+    all_settings = tuple(settings or ())
+    checked = load_case(of, all_settings)
+    folder = out / checked.name
+    check_file(folder / "sensitivity.csv")
+    varied = _choose(variations(checked), only or ())
+    targets = [t for t in read_targets(data) if t.case in ("", checked.name)] if data else []
+    also = [t.quantity for t in targets]
+    with _run_counter(checked.name) as progress:
+        result = study(
+            checked.source,
+            all_settings,
+            varied,
+            quantity or (),
+            also,
+            workers=workers,
+            progress=progress,
+        )
+    for name, text in (
+        ("sensitivity.csv", to_csv(result)),
+        ("sensitivity.json", to_json(result)),
+    ):
+        with output_file(folder / name) as part:
+            part.write_text(text, encoding="utf-8")
+    typer.echo(f"{checked.name}: drawing the charts", err=True)
+    charts = _write_charts(folder, result, targets)
+    _show_sensitivity(result)
+    typer.echo(f"table and {charts} charts in {folder}")
 
 
 def _choose(every: Sequence[Variation], only: Sequence[str]) -> list[Variation]:
@@ -164,7 +167,7 @@ def identify(
     targets: Annotated[
         Path,
         typer.Option(
-            help="CSV of measured numbers, as `cosim report --data` takes them. A band counts if "
+            help="CSV of measured numbers, as `cosim show --data` takes them. A band counts if "
             "the model lies outside it; SDs are the weights, 1 unit if there is none. The column "
             "case says which case a row is for; empty: for each."
         ),

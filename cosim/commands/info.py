@@ -37,15 +37,30 @@ PURPOSES = {
 """Libraries that serve one purpose; they are imported when it is asked for."""
 
 
-ClearCache = Annotated[
-    bool, typer.Option("--clear-cache", help="Empty the cache of arrays, and say what that freed.")
-]
-
-
-def info(clear_cache: ClearCache = False) -> None:
+def info(
+    clear_cache: Annotated[
+        bool,
+        typer.Option("--clear-cache", help="Empty the cache of arrays, and say what that freed."),
+    ] = False,
+    warm: Annotated[
+        bool,
+        typer.Option(
+            "--warm",
+            help="Compile the kernels and bake the distances of the bones that the shipped cases "
+            "need, so that no later run waits for it: after an installation, or while an image of "
+            "a container is built.",
+        ),
+    ] = False,
+) -> None:
     """What is installed and in use, what is kept in the user's cache, and what would be faster."""
     if clear_cache:
         typer.echo(_clear_cache())
+    if warm:
+        from cosim.commands.warm import warm_everything
+
+        with exit_on_error():
+            warm_everything()
+    if clear_cache or warm:
         return
     with exit_on_error():
         installed = dict(facts()) | dict(_for_purposes())

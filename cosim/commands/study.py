@@ -1,4 +1,4 @@
-"""`cosim study` and `cosim status`."""
+"""`cosim study`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import typer
 from rich import box
 from rich.table import Table
 
+from cosim.commands.door import door
+from cosim.commands.identify import sensitivity
 from cosim.commands.options import Settings
 from cosim.commands.terminal import console, exit_on_error, print_table, warn
 from cosim.errors import InputError, span
@@ -37,7 +39,7 @@ REASONS = 8
 """Told in the terminal."""
 
 
-def study(
+def solve_study(
     file: Annotated[
         str, typer.Argument(metavar="STUDY", help="Study file, or name of a packaged study.")
     ],
@@ -82,12 +84,15 @@ def study(
         typer.Option("--allow-poor", help="Answer with a poor surrogate too."),
     ] = False,
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="Folder for the study's table and page.")
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            help="Folder for the study's table and page; of --sensitivity the folder sensitivity.",
+        ),
     ] = Path("studies"),
 ) -> None:
-    """Solve a case for many values of its parameters, and say what its results depend on.  A study
-    that was cut off continues where it was; a finished run is never repeated.  Exit code 1 where a
-    run has no answer."""
+    """Solve the runs of a study that are not yet in its store, and write what they say."""
     with exit_on_error():
         check_libraries(scheduler is not None)
         points = None if surrogate is None else _points(surrogate)
@@ -222,20 +227,37 @@ def _show_fits(results: StudyResults) -> None:
 
 
 def status(
-    store: Annotated[Path, typer.Argument(metavar="STORE", help="Folder of finished runs.")],
+    folder: Annotated[
+        Path,
+        typer.Option(
+            "--status",
+            metavar="STORE",
+            help="How far the studies of a folder of finished runs are.",
+        ),
+    ],
 ) -> None:
     """Show the progress of the studies in a store."""
-    with exit_on_error():
-        studies = notes(store)
-        if not studies:
-            typer.echo(f"{store}: no study has begun")
-            return
-        header = ("study", "done", "failed", "handed out", "waiting", "rate", "left", "")
-        table = Table(*header, box=box.SIMPLE, pad_edge=False)
-        for n in studies:
-            rate = "-" if n.rate is None else f"{n.rate:.3g}/s"
-            left = "-" if n.remaining is None else span(n.remaining)
-            waiting = n.total - n.done - n.handed_out
-            counts = (f"{n.done}/{n.total}", str(n.failed), str(n.handed_out), str(waiting))
-            table.add_row(n.name, *counts, rate, left, state_text(n, time.time()))
-        console().print(table)
+    studies = notes(folder)
+    if not studies:
+        typer.echo(f"{folder}: no study has begun")
+        return
+    header = ("study", "done", "failed", "handed out", "waiting", "rate", "left", "")
+    table = Table(*header, box=box.SIMPLE, pad_edge=False)
+    for n in studies:
+        rate = "-" if n.rate is None else f"{n.rate:.3g}/s"
+        left = "-" if n.remaining is None else span(n.remaining)
+        waiting = n.total - n.done - n.handed_out
+        counts = (f"{n.done}/{n.total}", str(n.failed), str(n.handed_out), str(waiting))
+        table.add_row(n.name, *counts, rate, left, state_text(n, time.time()))
+    console().print(table)
+
+
+@door({"": solve_study, "--sensitivity": sensitivity, "--status": status})
+def study() -> None:
+    """Solve a case for many values of its parameters, and say what its results depend on.  A study
+    that was cut off continues where it was; a finished run is never repeated.  Exit code 1 where a
+    run has no answer.
+
+    With --sensitivity no file of a study is needed: each thing that the case assumes is varied
+    alone: moduli, thickness, rest lengths, ligaments, fibres, contact, joints, posture, mesh; a
+    tornado chart for each quantity, and a table."""

@@ -36,7 +36,7 @@ def ui(
         str | None,
         typer.Option(
             metavar="CASE.toml",
-            help="The case with a reduced hood (`cosim reduce`), solved while a slider moves.",
+            help="The case with a reduced hood (`cosim export`), solved while a slider moves.",
         ),
     ] = None,
     port: Port = 0,
