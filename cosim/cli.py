@@ -192,15 +192,13 @@ class _Lazily(TyperGroup):
 
 
 def _load(name: str, listed: Command) -> Any:
-    module, _, function = listed.place.partition(".")
-    app = getattr(import_module(f"cosim.commands.{module}"), function)
-    if not isinstance(app, typer.Typer):
-        alone = typer.Typer(
-            add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
-        )
-        alone.command(name, context_settings=HELP)(app)
-        app = alone
-    command = get_command(app)
+    from cosim.commands.terminal import exit_on_error
+
+    module, _, function_name = listed.place.partition(".")
+    function = getattr(import_module(f"cosim.commands.{module}"), function_name)
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    alone.command(name, context_settings=HELP)(exit_on_error()(function))
+    command = get_command(alone)
     command.name = name
     command.epilog = f"\b\nExample:\n  {listed.example}"  # \b: as it is, not wrapped
     return command

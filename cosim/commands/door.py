@@ -10,7 +10,6 @@ from typing import Annotated, Any, get_args
 
 import typer
 
-from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
 
 Way = Callable[..., None]
@@ -37,18 +36,17 @@ def door(ways: Mapping[str, Way]) -> Callable[[Way], Way]:
                 takers.setdefault(name, []).append(key)
 
         def command(ctx: typer.Context, **values: Any) -> None:
-            with exit_on_error():
-                labels = {p.name: _label(p) for p in ctx.command.params}
-                given = {name: value for name, value in values.items() if _is_given(ctx, name)}
-                key = _key(ways, given, labels)
-                takes = signature(ways[key]).parameters
-                for name in given:
-                    if name not in takes:
-                        raise InputError(_refusal(labels[name], takers.get(name, ()), key))
-                for name, parameter in takes.items():
-                    if parameter.default is Parameter.empty and name not in given:
-                        raise InputError(f"{labels[name]} is missing; see {ctx.command_path} -h")
-                ways[key](**given)
+            labels = {p.name: _label(p) for p in ctx.command.params}
+            given = {name: value for name, value in values.items() if _is_given(ctx, name)}
+            key = _key(ways, given, labels)
+            takes = signature(ways[key]).parameters
+            for name in given:
+                if name not in takes:
+                    raise InputError(_refusal(labels[name], takers.get(name, ()), key))
+            for name, parameter in takes.items():
+                if parameter.default is Parameter.empty and name not in given:
+                    raise InputError(f"{labels[name]} is missing; see {ctx.command_path} -h")
+            ways[key](**given)
 
         own = [_as_option(p, takers[name]) for name, p in every.items() if name not in shared]
         shown = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in (*shared.values(), *own)]

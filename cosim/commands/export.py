@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from math import degrees
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -14,7 +13,7 @@ from cosim.case.file import load_case
 from cosim.commands.door import door
 from cosim.commands.febio import export as feb
 from cosim.commands.mjcf import attach, mjcf
-from cosim.commands.options import Settings
+from cosim.commands.options import Settings, to
 from cosim.commands.reduce import reduce
 from cosim.commands.terminal import stages
 from cosim.files import check_file, shown_path
@@ -23,22 +22,15 @@ from cosim.fmu_export.write import write_fmu
 from cosim.models.build import hood_mesh
 
 
-class FmuPart(StrEnum):
-    """What of a case goes into the FMU."""
-
-    hood = "hood"
-    finger = "finger"
-    coupled = "coupled"
-
-
 def fmu(
     case: str,
     out: Path,
-    part: Annotated[FmuPart, typer.Option(help="What goes into it.")] = FmuPart.hood,
+    part: Annotated[
+        Literal["hood", "finger", "coupled"], typer.Option(help="What goes into it.")
+    ] = "hood",
     fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of the standard.")] = 2,
     tangent: Annotated[
-        bool,
-        typer.Option(help="Also exchange the derivatives of the hood's load."),
+        bool, typer.Option(help="Also exchange the derivatives of the hood's load.")
     ] = True,
     settings: Settings = None,
 ) -> None:
@@ -46,9 +38,9 @@ def fmu(
     checked = load_case(case, settings or ())
     check_file(out)
     with stages(checked.name) as progress:
-        progress.say(f"building and describing its {part.value}")
-        write_fmu(checked, part.value, fmi, out, tangent=tangent)
-    typer.echo(f"{part.value} in {out}, FMI {fmi}")
+        progress.say(f"building and describing its {part}")
+        write_fmu(checked, part, fmi, out, tangent=tangent)
+    typer.echo(f"{part} in {out}, FMI {fmi}")
 
 
 def mesh(
@@ -88,10 +80,7 @@ def export(
         str | None, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")
     ] = None,
     settings: Settings = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", help="The file to write; its ending says what."),
-    ] = None,
+    out: Annotated[Path | None, to("The file to write; its ending says what.")] = None,
 ) -> None:
     """Write a case, or what is made of it, for other programs; the ending of --out says what.
 

@@ -12,7 +12,7 @@ import typer
 from cosim.analyses.opensim.loads import Handover, mass_centres, write_loads
 from cosim.analyses.opensim.tensions import read_tensions, tensions_at, write_case
 from cosim.commands.door import door
-from cosim.commands.options import one_of, pairs_of, quantity, three_numbers
+from cosim.commands.options import one_of, pairs_of, quantity, three_numbers, to
 from cosim.errors import InputError
 from cosim.port import Array
 from cosim.schema import units
@@ -29,8 +29,7 @@ def import_model(
     files: list[Path],
     out: Path,
     tolerance: Annotated[
-        str,
-        typer.Option(help="By how much the length of an imported muscle may be off OpenSim's."),
+        str, typer.Option(help="By how much the length of an imported muscle may be off OpenSim's.")
     ] = "0.1 mm",
     only: Annotated[
         list[str] | None,
@@ -146,8 +145,7 @@ def loads(
     force_unit: Annotated[ForceUnit, typer.Option(help="FEBio's.")] = "N",
     length_unit: Annotated[LengthUnit, typer.Option(help="FEBio's, of moments.")] = "mm",
     columns: Annotated[
-        str,
-        typer.Option(help='Of records that are named otherwise: "Fx;Fy;Fz".'),
+        str, typer.Option(help='Of records that are named otherwise: "Fx;Fy;Fz".')
     ] = "",
 ) -> None:
     """Write the reactions of rigid bodies that FEBio logged as OpenSim's external loads."""
@@ -180,10 +178,7 @@ def import_file(
             "FEBio's log, or data files of rigid_body_data.",
         ),
     ],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", help="The file to write; its ending says what is read."),
-    ] = None,
+    out: Annotated[Path | None, to("The file to write; its ending says what is read.")] = None,
 ) -> None:
     """Take in a file of OpenSim, or what FEBio found for OpenSim; the ending of --out says which.
 
@@ -219,7 +214,7 @@ def _points(names: Sequence[str], model: Path | None, texts: Sequence[str]) -> d
     """The point (3,) m at which each body's force acts."""
     centres = {} if model is None else mass_centres(model)
     stated = {}
-    for name, text in (_split_point(text) for text in texts):
+    for name, text in pairs_of("--point", texts, 'proximal="0.02 0 0"'):
         if name not in names:
             raise InputError(f"--point {name}={text}: {name!r} is no body named with --body")
         stated[name] = np.array(three_numbers(f"--point {name}", text, "0.02 0 0"))
@@ -232,7 +227,3 @@ def _points(names: Sequence[str], model: Path | None, texts: Sequence[str]) -> d
                 f'taken, or --point {name}="X Y Z"'
             )
     return {name: stated[name] if name in stated else centres[name] for name in names}
-
-
-def _split_point(text: str) -> tuple[str, str]:
-    return _pairs([text], "--point", 'proximal="0.02 0 0"')[0]

@@ -11,7 +11,6 @@ import typer
 
 from cosim.array_cache import OFF, ArrayCache, Contents, user_cache
 from cosim.array_cache import VARIABLE as VARIABLE_OF_CACHE
-from cosim.commands.terminal import exit_on_error
 from cosim.extras import DISTRIBUTIONS, EXTRAS, install_command, is_installed
 from cosim.files import shown_path
 from cosim.version import __version__
@@ -46,9 +45,8 @@ def info(
         bool,
         typer.Option(
             "--warm",
-            help="Compile the kernels and bake the distances of the bones that the shipped cases "
-            "need, so that no later run waits for it: after an installation, or while an image of "
-            "a container is built.",
+            help="Compile the kernels and bake the distances of the bones of the shipped cases, so "
+            "that no later run waits: after an installation, or while a container is built.",
         ),
     ] = False,
 ) -> None:
@@ -58,12 +56,10 @@ def info(
     if warm:
         from cosim.commands.warm import warm_everything
 
-        with exit_on_error():
-            warm_everything()
+        warm_everything()
     if clear_cache or warm:
         return
-    with exit_on_error():
-        installed = dict(facts()) | dict(_for_purposes())
+    installed = dict(facts()) | dict(_for_purposes())
     wide = max(map(len, installed))
     for name, value in installed.items():
         typer.echo(f"{name:{wide}}  {value}")

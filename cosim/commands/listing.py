@@ -16,7 +16,8 @@ from rich.table import Table
 
 from cosim.case.file import json_schema, packaged_cases
 from cosim.commands.door import door
-from cosim.commands.terminal import console, exit_on_error, print_table
+from cosim.commands.options import to
+from cosim.commands.terminal import console, print_table
 from cosim.errors import InputError, nearest_names
 from cosim.files import output_file
 from cosim.hoods.kinds import KINDS
@@ -55,15 +56,14 @@ def list_things(
 ) -> None:
     """The packaged cases and studies, the trials of `cosim validate`, the kinds of finger, hood and
     material, the numbers of a run, and the sources of what was measured, with a line for each."""
-    with exit_on_error():
-        if html is not None:
-            if what is not Things.MEASURED:
-                raise InputError(f"--html: there is a page of measured, none of {what}")
-            write_measured_page(html)
-            typer.echo(f"{html}: open it in a browser")
-            return
-        header, rows = LISTS[what]()
-        print_table("", header, rows, of_words=True)
+    if html is not None:
+        if what is not Things.MEASURED:
+            raise InputError(f"--html: there is a page of measured, none of {what}")
+        write_measured_page(html)
+        typer.echo(f"{html}: open it in a browser")
+        return
+    header, rows = LISTS[what]()
+    print_table("", header, rows, of_words=True)
 
 
 def tell_meaning(word: str = "") -> None:
@@ -100,10 +100,7 @@ def tell_schema(
         ),
     ],
     word: str = "case",
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="FOLDER", help="Write both schemas there instead."),
-    ] = None,
+    out: Annotated[Path | None, to("Write both schemas there instead.", "FOLDER")] = None,
 ) -> None:
     """Print the schema of a case or of a study file, or write both."""
     texts = {

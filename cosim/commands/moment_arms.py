@@ -17,8 +17,8 @@ from cosim.analyses.moment_arms import (
     sweep,
 )
 from cosim.case.file import load_case
-from cosim.commands.options import CaseName, Settings
-from cosim.commands.terminal import exit_on_error, print_table, stages
+from cosim.commands.options import CaseName, Settings, to
+from cosim.commands.terminal import print_table, stages
 from cosim.files import check_file, output_file
 from cosim.fingers.kinds import joint_ranges
 from cosim.models.build import build, tensions
@@ -32,30 +32,27 @@ if TYPE_CHECKING:
 def moment_arms(
     case: CaseName,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for table and plot.")] = Path(
-        "moment_arms"
-    ),
+    out: Annotated[Path, to("Folder for table and plot.")] = Path("moment_arms"),
     steps: Annotated[int, typer.Option(min=2, max=1000, help="Postures of each joint.")] = 9,
 ) -> None:
     """Moment arms of all tendons while each joint passes its range, beside published ones."""
-    with exit_on_error():
-        checked = load_case(case, settings or ())
-        check_file(out / "moment_arms.csv")
-        with stages(checked.name) as progress:
-            progress.say("building the models")
-            models = build(checked)
-            tension, _ = tensions(checked, models)
-            ranges = joint_ranges(models.finger)
-            table, lost = sweep(models, tension, ranges, steps, progress.say)
-        known = published_arms(checked.finger.kind)
-        compared = None if known.empty else compare_published(models, known)
-        _write(out, table, compared, draw(table, checked.title, known, models.posture))
-        _show(table)
-        if compared is not None:
-            _show_published(compared)
-        for reason in lost:
-            typer.echo(f"left out, the hood found no equilibrium: {reason}", err=True)
-        typer.echo(f"table and plot in {out}")
+    checked = load_case(case, settings or ())
+    check_file(out / "moment_arms.csv")
+    with stages(checked.name) as progress:
+        progress.say("building the models")
+        models = build(checked)
+        tension, _ = tensions(checked, models)
+        ranges = joint_ranges(models.finger)
+        table, lost = sweep(models, tension, ranges, steps, progress.say)
+    known = published_arms(checked.finger.kind)
+    compared = None if known.empty else compare_published(models, known)
+    _write(out, table, compared, draw(table, checked.title, known, models.posture))
+    _show(table)
+    if compared is not None:
+        _show_published(compared)
+    for reason in lost:
+        typer.echo(f"left out, the hood found no equilibrium: {reason}", err=True)
+    typer.echo(f"table and plot in {out}")
 
 
 def _write(

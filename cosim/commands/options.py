@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -25,6 +25,11 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="Say only what is wrong.")]
 AsJsonLines = Annotated[
     bool, typer.Option("--json", help="Print stages and results as lines of JSON, for machines.")
 ]
+
+
+def to(what: str, metavar: str | None = None) -> Any:
+    """The option --out, of a file or folder."""
+    return typer.Option("--out", "-o", metavar=metavar, help=what)
 
 
 def one_of(paths: Sequence[Path], what: str) -> Path:

@@ -14,7 +14,7 @@ from cosim.analyses.reduction.reduce import Reduction, read_grid, reduce_case
 from cosim.analyses.reduction.walks import SPREAD
 from cosim.case.file import base_name, load_case
 from cosim.commands.options import Settings, Workers
-from cosim.commands.terminal import print_table
+from cosim.commands.terminal import print_table, say
 from cosim.files import check_file, output_file
 
 
@@ -58,7 +58,7 @@ def reduce(
         stated,
         read_grid(grid or ()),
         workers,
-        lambda text: typer.echo(text, err=True),
+        say,
         spread,
         samples,
     )

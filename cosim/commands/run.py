@@ -18,12 +18,11 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.case.usual import unusual_values
 from cosim.commands.door import door
-from cosim.commands.options import AsJsonLines, Cases, Quiet, Settings, Workers
+from cosim.commands.options import AsJsonLines, Cases, Quiet, Settings, Workers, to
 from cosim.commands.terminal import (
     CODES,
     INCOMPLETE,
     console,
-    exit_on_error,
     note,
     stages,
     tell,
@@ -31,13 +30,7 @@ from cosim.commands.terminal import (
     warn_of_audits,
 )
 from cosim.coupling.checkpoint import NAME
-from cosim.errors import (
-    InputError,
-    Progress,
-    StoppedError,
-    quiet,
-    span,
-)
+from cosim.errors import InputError, Progress, StoppedError, quiet, span
 from cosim.extras import require
 from cosim.files import clear_leftovers, shown_path
 from cosim.json_text import json_text
@@ -87,9 +80,7 @@ def load_cases(names: Sequence[str], settings: Sequence[str] | None) -> list[Cas
 def begin(
     cases: Cases,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path(
-        "runs"
-    ),
+    out: Annotated[Path, to("Folder for the results.")] = Path("runs"),
     workers: Workers = 1,
     pictures: Annotated[
         bool, typer.Option("--pictures/--no-pictures", help="Draw each case's pictures, or none.")
@@ -110,20 +101,18 @@ def begin(
     as_json: AsJsonLines = False,
 ) -> None:
     """Run cases from their beginning."""
-    with exit_on_error():
-        if workers > 1:
-            process_context()  # imports while the cases are read
-        if watch:
-            require("the page", "starlette", "uvicorn")
+    if workers > 1:
+        process_context()  # imports while the cases are read
+    if watch:
+        require("the page", "starlette", "uvicorn")
     none = () if pictures else ("output.picture=false",)
     checked = load_cases(cases, (*(settings or ()), *none))
     warn({case.name: list(unusual_values(case)) for case in checked})
     note({case.name: case.dropped for case in checked})
-    with exit_on_error():
-        _check_targets(checked, out)
-        if watch and len(checked) > 1:
-            raise InputError(f"--watch: shows one case, not {len(checked)}; run them one by one")
-        _check_unfinished(checked, out, restart)
+    _check_targets(checked, out)
+    if watch and len(checked) > 1:
+        raise InputError(f"--watch: shows one case, not {len(checked)}; run them one by one")
+    _check_unfinished(checked, out, restart)
     voice = _voice(quiet, as_json)
     if watch:
         _run_watched(checked[0], out, voice, browser)
@@ -135,16 +124,15 @@ def _run_watched(case: Case, out: Path, voice: Voice, opens: bool) -> None:
     from cosim.ui.desk import Desk
     from cosim.ui.server import serving, wait_for_end
 
-    with exit_on_error():
-        desk = Desk(case, out, is_live=False)
-        with serving(desk, 0, opens, lambda text: typer.echo(text, err=True)):
-            try:
-                _run_all([case], out, voice, desk=desk)
-            except typer.Exit as ended:
-                if ended.exit_code != CODES[StoppedError]:
-                    typer.echo("the page stays until you press Ctrl-C", err=True)
-                    wait_for_end()
-                raise
+    desk = Desk(case, out, is_live=False)
+    with serving(desk, 0, opens, lambda text: typer.echo(text, err=True)):
+        try:
+            _run_all([case], out, voice, desk=desk)
+        except typer.Exit as ended:
+            if ended.exit_code != CODES[StoppedError]:
+                typer.echo("the page stays until you press Ctrl-C", err=True)
+                wait_for_end()
+            raise
 
 
 def _run_all(

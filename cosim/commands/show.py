@@ -12,7 +12,7 @@ import typer
 
 import cosim
 from cosim.commands.door import door
-from cosim.commands.options import one_of
+from cosim.commands.options import one_of, to
 from cosim.commands.terminal import stages
 from cosim.errors import InputError
 from cosim.extras import require
@@ -129,10 +129,7 @@ def sto(runs: list[Path], out: Path) -> None:
 )
 def show(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN", help="Folders of runs.")],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", help="The file to write; its ending says what it shows."),
-    ] = None,
+    out: Annotated[Path | None, to("The file to write; its ending says what it shows.")] = None,
 ) -> None:
     """Show a run in a window: hood, bones, tendons and forces; a motion plays.  Space plays and
     stops, the slider chooses a time or state, the mouse turns.

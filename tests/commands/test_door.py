@@ -14,6 +14,7 @@ from typer.testing import CliRunner, Result
 
 from cosim.cli import COMMANDS, MOVED, app
 from cosim.commands.door import door
+from cosim.commands.terminal import exit_on_error
 from tests.helpers.folders import ROOT
 
 Place = Annotated[Path | None, typer.Option("--out", "-o", help="Where.")]
@@ -46,7 +47,7 @@ def command(
 
 def called(*words: str) -> Result:
     alone = typer.Typer()
-    alone.command()(command)
+    alone.command()(exit_on_error()(command))
     return CliRunner().invoke(alone, words, prog_name="it")
 
 
