@@ -144,7 +144,7 @@ def test_the_given_thickness_is_taken_before_the_files(files: Path, tmp_path: Pa
 
 
 def test_a_mesh_is_not_written_to_an_ending_that_says_something_else(tmp_path: Path):
-    done = CliRunner().invoke(app, ["export", "no_case", "-o", str(tmp_path / "hood.obj")])
+    done = CliRunner().invoke(app, ["export", "no_case", "--mesh", "-o", str(tmp_path / "a.obj")])
     assert done.exit_code == 2
     assert "ending in .json" in done.stderr
     assert ".feb, .inp, .msh, .stl, .vtu" in " ".join(done.stderr.split())
