@@ -42,29 +42,14 @@ COMMANDS = {
     "Run cases": {
         "run": Command(
             "run.run",
-            "Run cases; each leaves its results in a folder.",
+            "Run cases, each into a folder; go on with a motion.",
             "cosim run isometric_edc --set 'tendons.EDC.tension=\"5 N\"'",
         ),
-        "resume": Command(
-            "run.resume",
-            "Go on with a motion that was stopped or killed.",
-            "cosim resume runs/motion_edc_fdp",
-        ),
         "check": Command("run.check", "Check cases and run nothing.", "cosim check isometric_edc"),
-        "report": Command(
-            "report.report",
-            "Show runs, beside measured values, in one HTML page.",
-            "cosim report runs/isometric_edc -o edc.html",
-        ),
-        "view": Command(
-            "view.view",
-            "Show a run in a window, where a motion plays.",
-            "cosim view runs/isometric_edc",
-        ),
-        "film": Command(
-            "film.film",
-            "Write a run as a film (.gif or .mp4).",
-            "cosim film runs/motion_edc_fdp -o motion.gif",
+        "show": Command(
+            "show.show",
+            "A run as a window, page, film or tables.",
+            "cosim show runs/isometric_edc -o edc.html",
         ),
         "ui": Command(
             "ui.ui",
@@ -82,7 +67,7 @@ COMMANDS = {
             "cosim ladder pulley_edc -o ladder",
         ),
         "moment-arms": Command(
-            "finger.moment_arms",
+            "moment_arms.moment_arms",
             "Moment arms over each joint's range.",
             "cosim moment-arms split_edc",
         ),
@@ -93,28 +78,13 @@ COMMANDS = {
             "A case of your own hood mesh, bones and finger.",
             'cosim new mine --hood hood.inp --finger finger.xml --posture "20 40 11"',
         ),
-        "mesh": Command(
-            "view.mesh",
-            "Write the hood mesh of a case, for a case or for other programs.",
-            "cosim mesh isometric_edc --set hood.mesh.quads=2400 --out hood.inp",
-        ),
         "list": Command(
             "listing.list_things", "Cases, studies, trials and kinds.", "cosim list materials"
         ),
         "explain": Command(
             "listing.explain",
-            "What a key of a case file or a word means.",
+            "What a key of a case file or a word means; schemas.",
             "cosim explain hood.regions",
-        ),
-        "schema": Command(
-            "run.schema",
-            "JSON Schemas of case and study files, for editors.",
-            "cosim schema --out .",
-        ),
-        "reduce": Command(
-            "reduce.reduce",
-            "Fit a network hood to a case's shell or cables.",
-            "cosim reduce fingertip_fibres_edc -o reduced.toml",
         ),
     },
     "Estimate, fit and study": {
@@ -128,50 +98,24 @@ COMMANDS = {
             "Fit parameters to measured values.",
             "cosim identify lengths_edc --targets rows.csv --out found.toml",
         ),
-        "sensitivity": Command(
-            "identify.sensitivity",
-            "How results depend on what a case assumes.",
-            "cosim sensitivity isometric_edc",
-        ),
         "study": Command(
             "study.study",
-            "Solve a case for many values of its parameters.",
+            "A case for many values of its parameters; sensitivities.",
             "cosim study network_saltelli --workers 2",
-        ),
-        "status": Command(
-            "study.status", "How far the studies of a store are.", "cosim status studies/store"
         ),
     },
     "Exchange": {
-        "fmu": Command(
-            "fmu.fmu",
-            "Write hood, finger or both as an FMU.",
-            "cosim fmu pulley_edc --part hood --fmi 3",
-        ),
-        "opensim": Command(
-            "opensim.opensim",
-            "Muscle forces from OpenSim, reactions to it.",
-            "cosim opensim tensions forces.sto --out mine.toml",
-        ),
-        "sto": Command(
-            "opensim.sto", "Write a run as .sto tables for OpenSim.", "cosim sto runs/split_edc"
+        "export": Command(
+            "export.export",
+            "A case for FEBio, MuJoCo, FMI or meshers; a reduced hood.",
+            "cosim export network_edc --hood network -o finger.xml",
         ),
         "import": Command(
-            "opensim.import_model",
-            "Turn an OpenSim model into MJCF.",
-            "cosim import model.osim --out finger.xml",
-        ),
-        "mjcf": Command(
-            "finger.mjcf",
-            "Write finger and hood for MuJoCo, or a hood onto a hand.",
-            "cosim mjcf network_edc --hood network --out finger.xml",
+            "imports.import_file",
+            "OpenSim's models and forces; FEBio's reactions for it.",
+            "cosim import model.osim -o finger.xml",
         ),
         "solve": Command("febio.solve", "Solve a FEBio model.", "cosim solve model.feb"),
-        "export": Command(
-            "febio.export",
-            "Write the shell hood of a case as a FEBio model.",
-            "cosim export thesis_strain_average --out hood.feb",
-        ),
     },
     "Trust and understand": {
         "validate": Command(
@@ -197,11 +141,29 @@ COMMANDS = {
             "Compute a paper's figures and tables anew.",
             "cosim reproduce networks",
         ),
-        "info": Command("info.info", "What is installed and in use.", "cosim info"),
-        "warm": Command("warm.warm", "Compile and bake ahead of the first run.", "cosim warm"),
+        "info": Command(
+            "info.info", "What is installed and in use; compile ahead.", "cosim info --warm"
+        ),
     },
 }
 """The commands by heading and name."""
+MOVED = {
+    "report": "show RUN... -o report.html",
+    "view": "show RUN",
+    "film": "show RUN -o film.gif",
+    "sto": "show RUN -o run.sto",
+    "mjcf": "export CASE -o finger.xml",
+    "fmu": "export CASE -o hood.fmu",
+    "mesh": "export CASE -o hood.inp",
+    "reduce": "export CASE -o reduced.toml",
+    "opensim": "import FORCES.sto -o case.toml, or of FEBio's logs: import LOG... -o loads.mot",
+    "schema": "explain --schema",
+    "sensitivity": "study --sensitivity CASE",
+    "status": "study --status STORE",
+    "resume": "run --resume RUN",
+    "warm": "info --warm",
+}
+"""What is typed now for commands that there were."""
 HELP = {"help_option_names": ["-h", "--help"]}
 
 
@@ -214,6 +176,8 @@ class _Lazily(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in self.commands:
             every = {name: c for named in COMMANDS.values() for name, c in named.items()}
+            if cmd_name in MOVED:
+                ctx.fail(f"No such command {cmd_name!r}. It is now: cosim {MOVED[cmd_name]}")
             if cmd_name not in every:
                 names: Any = dict.fromkeys(every)  # of which the nearest are named
                 self.commands.update(names)
@@ -228,15 +192,13 @@ class _Lazily(TyperGroup):
 
 
 def _load(name: str, listed: Command) -> Any:
-    module, _, function = listed.place.partition(".")
-    app = getattr(import_module(f"cosim.commands.{module}"), function)
-    if not isinstance(app, typer.Typer):
-        alone = typer.Typer(
-            add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
-        )
-        alone.command(name, context_settings=HELP)(app)
-        app = alone
-    command = get_command(app)
+    from cosim.commands.terminal import exit_on_error
+
+    module, _, function_name = listed.place.partition(".")
+    function = getattr(import_module(f"cosim.commands.{module}"), function_name)
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    alone.command(name, context_settings=HELP)(exit_on_error()(function))
+    command = get_command(alone)
     command.name = name
     command.epilog = f"\b\nExample:\n  {listed.example}"  # \b: as it is, not wrapped
     return command

@@ -1,6 +1,7 @@
 """The extensor hood: a generator that lays a quadrilateral shell over the bones.
 
-`cosim mesh CASE --set hood.mesh.quads=600 --out FILE` writes one; `meshes/hoods` holds the default.
+`cosim export CASE --set hood.mesh.quads=600 -o hood.json` writes one; `meshes/hoods` holds
+the default.
 
 The sheet is a structured grid of rows (stations s, mm along the straight chain of the index
 finger's joint centres, MCP at 0, PIP at 42.6, DIP at 67.7; on another finger each phalanx takes its

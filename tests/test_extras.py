@@ -26,10 +26,10 @@ MODULES = {library for libraries in EXTRAS.values() for library in libraries}
 HIDDEN = sorted(MODULES | {"vtkmodules", "vtk"})
 VTU = '<VTKFile type="UnstructuredGrid"/>'
 NEEDS = [
-    ("pyvista", "view", "view run", "a window in space"),
+    ("pyvista", "view", "show run", "a window in space"),
     ("uvicorn", "ui", "ui pulley_edc", "the page"),
     ("starlette", "ui", "run pulley_edc --watch", "the page"),
-    ("imageio_ffmpeg", "film", "film run -o a.mp4", "a film as .mp4 (a .gif needs no more)"),
+    ("imageio_ffmpeg", "film", "show run -o a.mp4", "a film as .mp4 (a .gif needs no more)"),
     (
         "pyvista",
         "view",
@@ -41,8 +41,8 @@ NEEDS = [
     ("sklearn", "surrogate", "study network_saltelli --surrogate a.csv", "a surrogate"),
     ("SALib", "study", "check network_saltelli", "sampling.kind = 'saltelli'"),
     ("distributed", "study", "study network_saltelli --scheduler tcp://h:1", "--scheduler"),
-    ("pythonfmu", "fmu", "fmu pulley_edc --part hood --fmi 2", "writing an FMU of FMI 2"),
-    ("pythonfmu3", "fmu", "fmu pulley_edc --part hood --fmi 3", "writing an FMU of FMI 3"),
+    ("pythonfmu", "fmu", "export pulley_edc -o a.fmu --fmi 2", "writing an FMU of FMI 2"),
+    ("pythonfmu3", "fmu", "export pulley_edc -o a.fmu --fmi 3", "writing an FMU of FMI 3"),
 ]
 
 
@@ -104,7 +104,7 @@ import sys
 sys.modules.update(dict.fromkeys({HIDDEN}))
 from cosim.cli import app
 shell = "isometric_edc --set hood.mesh.quads=120"
-for words in (f"run {{shell}}", "report runs/isometric_edc -o a.html", "info"):
+for words in (f"run {{shell}}", "show runs/isometric_edc -o a.html", "info"):
     app(words.split(), standalone_mode=False)
 """
     done = subprocess.run(

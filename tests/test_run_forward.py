@@ -80,7 +80,8 @@ def test_a_motion_leaves_its_history(tmp_path: Path) -> None:
     assert data.sizes["time"] == 601
     told = json.loads((folder / "summary.json").read_text())
     assert data.tip_force.values[-1, 0] == pytest.approx(told["fingertip_force_N"]["distal"])
-    assert CliRunner().invoke(app, ["sto", str(folder)]).exit_code == 0
+    shown = CliRunner().invoke(app, ["show", str(folder), "-o", str(folder / "run.sto")])
+    assert shown.exit_code == 0
     assert "came to rest" in done.stdout
 
 

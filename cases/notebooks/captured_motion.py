@@ -62,8 +62,8 @@ missed.to_series().round(2)
 # and its film and page show force and strain over the motion:
 #
 #     cosim run motion_flexion
-#     cosim film runs/motion_flexion -o flexion.gif
-#     cosim report runs/motion_flexion -o flexion.html
+#     cosim show runs/motion_flexion -o flexion.gif
+#     cosim show runs/motion_flexion -o flexion.html
 
 # %% [markdown]
 # The tensions, which stay between zero and what each muscle can pull.

@@ -7,7 +7,7 @@
 # %% [markdown]
 # # The hood in another simulator
 #
-# `cosim fmu` writes the hood, the finger or both as a Functional Mock-up Unit, for any simulator
+# `cosim export` writes the hood, the finger or both as a Functional Mock-up Unit, for any simulator
 # that reads FMI 2 or 3. Here FMPy loads a hood and asks it for its load on the bones. Writing needs
 # `pip install '.[fmu]'`.
 

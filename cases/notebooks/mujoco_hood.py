@@ -10,8 +10,8 @@
 # Hand models in MuJoCo run each extensor over the finger on one fixed path, so that the extensor
 # digitorum communis (EDC) has the same arm at the PIP joint whatever the DIP joint does and however
 # hard it pulls. In a hand its tension parts between a central slip, which ends behind the PIP, and
-# lateral bands, which run on to the DIP. `cosim mjcf --attach` puts such a hood into the model, in
-# MuJoCo's own words: it runs without this package.
+# lateral bands, which run on to the DIP. `cosim export --attach` puts such a hood into the model,
+# in MuJoCo's own words: it runs without this package.
 #
 # Name your hand by the environment variable `HAND`, for example MyoSuite's
 # `myosuite/simhive/myo_sim/hand/myohand.xml`. Without it the notebook takes a stand-in: a finger of
@@ -38,7 +38,7 @@ if "HAND" not in os.environ:
     print("no HAND is named: a stand-in takes its place")
     hand.write_text(mjcf_of(load_case("free_split_edc")), encoding="utf-8")
 hooded = Path("hand_with_hood.xml")
-command = [sys.executable, "-m", "cosim", "mjcf", "--attach", str(hand), "-o", str(hooded)]
+command = [sys.executable, "-m", "cosim", "export", "--attach", str(hand), "-o", str(hooded)]
 print(subprocess.run(command, check=True, capture_output=True, encoding="utf-8").stdout)
 
 # %% [markdown]

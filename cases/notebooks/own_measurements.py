@@ -40,8 +40,8 @@ except cosim.InputError as error:
     print(error)
 
 # %% [markdown]
-# `cosim report RUN --data measured.csv` puts the same rows into one HTML page with the finger in
-# space. `cosim identify` fits parameters of a case to such rows.
+# `cosim show RUN --data measured.csv -o page.html` puts the same rows into one HTML page with
+# the finger in space. `cosim identify` fits parameters of a case to such rows.
 
 # %% [markdown]
 # Each number of the model over what was measured, with one SD:

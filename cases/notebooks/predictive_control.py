@@ -8,7 +8,7 @@
 # # Model-predictive control on a reduced hood
 #
 # All eight tendons of an index finger hold the three components of its fingertip's force. A hood
-# that `cosim reduce` fitted to a net of cables answers fast enough to be linearised at every step,
+# that `cosim export` fitted to a net of cables answers fast enough to be linearised at every step,
 # and a quadratic programme chooses the tensions. Beside it stands a proportional and integral
 # controller (PI), tuned for this very task; the table at the end says what the programme buys.
 # It needs nothing but numpy and SciPy.

@@ -53,8 +53,8 @@ cosim.plot_over(
 
 # %% [markdown]
 # For thousands of points, with distributions and sensitivity indices, write a study file:
-# `cosim study network_saltelli --workers 2` is one. `cosim sensitivity CASE` varies what a case
-# assumes, one thing at a time.
+# `cosim study network_saltelli --workers 2` is one. `cosim study --sensitivity CASE` varies what a
+# case assumes, one thing at a time.
 
 # %%
 figure, axes = plt.subplots(layout="constrained")

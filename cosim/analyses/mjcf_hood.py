@@ -117,10 +117,10 @@ def _advice(case: Case, made: MujocoHood | None) -> str:
     if case.hood.lies_on_bones:
         return (
             f"{case.hood.title}. MuJoCo has no such sheet or net with contact: fit a potential to "
-            f"it first, cosim reduce {case.name} -o reduced.toml, then "
-            "cosim mjcf reduced.toml --hood reduced"
+            f"it first, cosim export {case.name} -o reduced.toml, then "
+            "cosim export reduced.toml --hood reduced -o finger.xml"
         )
-    return f"{case.hood.title}. A network, two bands and what cosim reduce wrote can be written"
+    return f"{case.hood.title}. A network, two bands and a reduced hood can be written"
 
 
 def hood_file(
@@ -257,7 +257,7 @@ def attached_hood(path: Path, finger: str) -> Mapping[str, Any] | None:
             "case": str(note["case"]),
         }
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path}: its text {NOTE}{finger} is not what cosim mjcf wrote") from error
+        raise InputError(f"{path}: its text {NOTE}{finger} is none of cosim export") from error
 
 
 def _notes(case: Case, hood: MujocoHood, parts: HoodParts) -> Iterator[str]:
@@ -287,7 +287,7 @@ def _notes(case: Case, hood: MujocoHood, parts: HoodParts) -> Iterator[str]:
 
 
 def _errors_of_reduction(case: Case) -> Iterator[str]:
-    """What the case file says, as `cosim reduce` wrote it, of the reduced hood's own errors."""
+    """What the case file says, as `cosim export` wrote it, of the reduced hood's own errors."""
     lines = case.source.read_text(encoding="utf-8").splitlines() if case.source.is_file() else []
     words = [line.removeprefix("#").strip() for line in lines if line.startswith("#")]
     first = next((i for i, line in enumerate(words) if line.startswith(REDUCTION_ERRORS)), None)

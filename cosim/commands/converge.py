@@ -18,8 +18,8 @@ from cosim.analyses.converge import (
 )
 from cosim.analyses.mesh_errors import add_errors, keep_errors
 from cosim.case.file import load_case
-from cosim.commands.options import CaseName, Settings, Workers
-from cosim.commands.terminal import exit_on_error, print_table, stages, warn_of_audits
+from cosim.commands.options import CaseName, Settings, Workers, to
+from cosim.commands.terminal import print_table, stages, warn_of_audits
 from cosim.files import check_file, check_folder, output_folder
 from cosim.processes import process_context
 
@@ -32,9 +32,7 @@ def converge(
     meshes: Annotated[
         int, typer.Option(min=2, max=MOST_MESHES, help="How many; an order takes three.")
     ] = 3,
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder for the tables.")
-    ] = Path("converge"),
+    out: Annotated[Path, to("Folder for the tables.", "FOLDER")] = Path("converge"),
     workers: Workers = 1,
     add_to: Annotated[
         Path | None,
@@ -44,26 +42,25 @@ def converge(
     """Run a case on coarser and finer meshes of one family: order of convergence, limit, and the
     error and grid convergence index (GCI) of its first numbers.  `cosim run` shows them from then
     on beside the same case's numbers.  Exit code 1 where a mesh has no result."""
-    with exit_on_error():
-        if workers > 1:
-            process_context()  # imports while the case is read
-        checked = load_case(case, settings or ())
-        target = out / checked.name
-        check_folder(target, MARK)
+    if workers > 1:
+        process_context()  # imports while the case is read
+    checked = load_case(case, settings or ())
+    target = out / checked.name
+    check_folder(target, MARK)
+    if add_to is not None:
+        check_file(add_to)
+    sizes = [each.hood.generated_quads for each in meshes_of(checked, meshes)]
+    with stages(checked.name, meshes) as progress:
+        progress.say(f"0/{meshes}, {sizes[0]} to {sizes[-1]} quads")
+        study = solve_meshes(checked, meshes, workers, progress.end)
+    with output_folder(target, MARK) as folder:
+        (folder / MARK).write_text(to_json(study), encoding="utf-8")
+        (folder / "converge.csv").write_text(to_csv(study), encoding="utf-8")
+    missed = warn_of_audits(study.missed)
+    if not (missed or study.reasons):
+        keep_errors(study)
         if add_to is not None:
-            check_file(add_to)
-        sizes = [each.hood.generated_quads for each in meshes_of(checked, meshes)]
-        with stages(checked.name, meshes) as progress:
-            progress.say(f"0/{meshes}, {sizes[0]} to {sizes[-1]} quads")
-            study = solve_meshes(checked, meshes, workers, progress.end)
-        with output_folder(target, MARK) as folder:
-            (folder / MARK).write_text(to_json(study), encoding="utf-8")
-            (folder / "converge.csv").write_text(to_csv(study), encoding="utf-8")
-        missed = warn_of_audits(study.missed)
-        if not (missed or study.reasons):
-            keep_errors(study)
-            if add_to is not None:
-                add_errors(study, add_to)
+            add_errors(study, add_to)
     _show(study)
     typer.echo(f"tables in {target}")
     raise typer.Exit(1 if study.reasons else missed)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -35,36 +34,16 @@ from cosim.analyses.estimate.of_case import (
 )
 from cosim.analyses.estimate.tracking import Tracking, setup_to_follow, track
 from cosim.case.file import load_case
-from cosim.commands.options import CaseName, Settings, quantities, quantity
-from cosim.commands.terminal import exit_on_error, print_table, warn_of_audits
+from cosim.commands.options import CaseName, Settings, quantities, quantity, to
+from cosim.commands.terminal import print_table, say, warn_of_audits
 from cosim.errors import InputError
 from cosim.files import check_folder, shown_path
 from cosim.models.build import Models
 from cosim.port import Array
 from cosim.schema import units
 
-
-class CostName(StrEnum):
-    """The power of the cost, a sum of (tension over weight) to that power."""
-
-    LINEAR = "linear"
-    QUADRATIC = "quadratic"
-    CUBIC = "cubic"
-
-
-POWER: dict[CostName, Literal[1, 2, 3]] = {
-    CostName.LINEAR: 1,
-    CostName.QUADRATIC: 2,
-    CostName.CUBIC: 3,
-}
-
-
-class WeightName(StrEnum):
-    """What a tension is divided by in the cost."""
-
-    PCSA = "pcsa"
-    F0 = "F0"
-    ONE = "one"
+POWER: dict[str, Literal[1, 2, 3]] = {"linear": 1, "quadratic": 2, "cubic": 3}
+"""Powers of the cost, a sum of (tension over weight) to that power."""
 
 
 def estimate(
@@ -99,12 +78,13 @@ def estimate(
             "distal_mm, radial_mm, dorsal_mm)."
         ),
     ] = None,
-    cost: Annotated[CostName, typer.Option(help="Power of the tensions in the cost.")] = (
-        CostName.QUADRATIC
-    ),
-    weights: Annotated[WeightName, typer.Option(help="What a tension is divided by.")] = (
-        WeightName.PCSA
-    ),
+    cost: Annotated[
+        Literal["linear", "quadratic", "cubic"],
+        typer.Option(help="Power of the tensions in the cost."),
+    ] = "quadratic",
+    weights: Annotated[
+        Literal["pcsa", "F0", "one"], typer.Option(help="What a tension is divided by.")
+    ] = "pcsa",
     area: Annotated[
         list[str] | None,
         typer.Option(metavar='NAME="2 cm**2"', help="A muscle's area; repeatable."),
@@ -135,87 +115,76 @@ def estimate(
         ),
     ] = False,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path(
-        "estimates"
-    ),
+    out: Annotated[Path, to("Folder for the results.")] = Path("estimates"),
 ) -> None:
     """Estimate muscle tensions from a fingertip force, joint torques or a motion, with the hood of
     a case, and the set of possible fingertip forces (without a target the set alone)."""
-    with exit_on_error():
-        given = [
-            o for o, v in (("--force", force), ("--torque", torque), ("--motion", motion)) if v
-        ]
-        if len(given) > 1:
-            raise InputError(f"{' and '.join(given)}: one of them")
-        if motion is None and (forward or (samples, cutoff, reserve, markers) != (None,) * 4):
-            raise InputError(
-                "--samples, --cutoff, --reserve, --markers and --forward belong to --motion"
-            )
-        if forward and reserve is not None:
-            raise InputError("--reserve: leave it out with --forward, which takes what is nearest")
-        if motion is not None and (markers is None) == (motion.suffix.lower() == ".trc"):
-            raise InputError("--markers belongs to a --motion of markers, a .trc, and that to it")
-        started, faults = time.perf_counter(), list[str]()
-        checked = load_case(case, settings or ())
-        folder = out / checked.name
-        check_folder(folder, "estimate.json")
-        _say("building the models")
-        areas, forces = (
-            quantities("--area", area, units.AREA),
-            quantities("--most", most, units.FORCE),
+    given = [o for o, v in (("--force", force), ("--torque", torque), ("--motion", motion)) if v]
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)}: one of them")
+    if motion is None and (forward or (samples, cutoff, reserve, markers) != (None,) * 4):
+        raise InputError(
+            "--samples, --cutoff, --reserve, --markers and --forward belong to --motion"
         )
-        highest = None if cutoff is None else quantity("--cutoff", cutoff, units.FREQUENCY)
+    if forward and reserve is not None:
+        raise InputError("--reserve: leave it out with --forward, which takes what is nearest")
+    if motion is not None and (markers is None) == (motion.suffix.lower() == ".trc"):
+        raise InputError("--markers belongs to a --motion of markers, a .trc, and that to it")
+    started, faults = time.perf_counter(), list[str]()
+    checked = load_case(case, settings or ())
+    folder = out / checked.name
+    check_folder(folder, "estimate.json")
+    say("building the models")
+    areas, forces = (
+        quantities("--area", area, units.AREA),
+        quantities("--most", most, units.FORCE),
+    )
+    highest = None if cutoff is None else quantity("--cutoff", cutoff, units.FREQUENCY)
 
-        def read(path: Path, models: Models) -> JointMotion:
-            return read_any_motion(
-                path, markers, models.finger, models.posture, samples, highest, _say
-            )
+    def read(path: Path, models: Models) -> JointMotion:
+        return read_any_motion(path, markers, models.finger, models.posture, samples, highest, say)
 
-        if motion is not None and forward:
-            problem, asked = setup_to_follow(
-                checked, weights.value, POWER[cost], areas, forces, partial(read, motion)
-            )
-            tracking = track(problem, asked, _say)
-            write_tracking(folder, problem, tracking, time.perf_counter() - started)
-            _show_tracking(problem, tracking, folder)
-            faults = tracking.faults()
-            if tracking.stopped is not None:
-                reached, whole = tracking.step_time[-1], asked.time[-1] - asked.time[0]
-                typer.echo(f"{reached:.4g} of {whole:.4g} s are kept in {folder}", err=True)
-                raise tracking.stopped
-        else:
-            problem = setup(checked, weights.value, POWER[cost], areas, forces)
-        if motion is not None and not forward:
-            asked = read(motion, problem.models)
-            lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
-            estimated = for_motion(problem, asked, _say, lacking)
-            write_motion(folder, problem, estimated, time.perf_counter() - started)
-            _show_motion(problem, estimated)
-            if estimated.stopped is not None:
-                kept = f"{len(estimated.tension)} of {len(asked.time)} times"
-                typer.echo(f"{kept} are kept in {folder}", err=True)
-                raise estimated.stopped
-        elif motion is None:
-            answer = _answer(problem, force, torque)
-            feasible = _forces(problem, answer)
-            write_answer(folder, problem, answer, feasible, time.perf_counter() - started)
-            if answer is not None:
-                _show(problem, answer)
-        typer.echo(f"results in {folder}")
-        if code := warn_of_audits({checked.name: faults}):
-            raise typer.Exit(code)
-
-
-def _say(text: str) -> None:
-    typer.echo(text, err=True)
+    if motion is not None and forward:
+        problem, asked = setup_to_follow(
+            checked, weights, POWER[cost], areas, forces, partial(read, motion)
+        )
+        tracking = track(problem, asked, say)
+        write_tracking(folder, problem, tracking, time.perf_counter() - started)
+        _show_tracking(problem, tracking, folder)
+        faults = tracking.faults()
+        if tracking.stopped is not None:
+            reached, whole = tracking.step_time[-1], asked.time[-1] - asked.time[0]
+            typer.echo(f"{reached:.4g} of {whole:.4g} s are kept in {folder}", err=True)
+            raise tracking.stopped
+    else:
+        problem = setup(checked, weights, POWER[cost], areas, forces)
+    if motion is not None and not forward:
+        asked = read(motion, problem.models)
+        lacking = 0.0 if reserve is None else quantity("--reserve", reserve, units.TORQUE)
+        estimated = for_motion(problem, asked, say, lacking)
+        write_motion(folder, problem, estimated, time.perf_counter() - started)
+        _show_motion(problem, estimated)
+        if estimated.stopped is not None:
+            kept = f"{len(estimated.tension)} of {len(asked.time)} times"
+            typer.echo(f"{kept} are kept in {folder}", err=True)
+            raise estimated.stopped
+    elif motion is None:
+        answer = _answer(problem, force, torque)
+        feasible = _forces(problem, answer)
+        write_answer(folder, problem, answer, feasible, time.perf_counter() - started)
+        if answer is not None:
+            _show(problem, answer)
+    typer.echo(f"results in {folder}")
+    if code := warn_of_audits({checked.name: faults}):
+        raise typer.Exit(code)
 
 
 def _answer(s: Setup, force: str | None, torque: list[str] | None) -> EstimateAnswer | None:
     """The tensions for a force or for torques; None where neither is asked for."""
     if force is not None:
-        return for_force(s, parse_force(force), _say)
+        return for_force(s, parse_force(force), say)
     if torque:
-        return for_torques(s, quantities("--torque", torque, units.TORQUE), _say)
+        return for_torques(s, quantities("--torque", torque, units.TORQUE), say)
     return None
 
 

@@ -1,4 +1,4 @@
-"""The commands of stand-alone shell models: `cosim solve`, `cosim export` and two benches."""
+"""Stand-alone shell models: `cosim solve`, and what `cosim export` writes as .feb."""
 
 from __future__ import annotations
 

@@ -1,18 +1,14 @@
-"""The commands that solve a case many times: `cosim sensitivity` and `cosim identify`."""
+"""`cosim identify`, and `cosim study --sensitivity`."""
 
 from __future__ import annotations
 
 import re
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
-from rich.progress import Progress
 
 from cosim.analyses.identify.case_text import case_text, check_loads, check_same_settings
 from cosim.analyses.identify.cases import FitCase, fit_cases, stated_cases
@@ -23,8 +19,8 @@ from cosim.analyses.identify.sensitivity import Sensitivity, bars, study, to_csv
 from cosim.analyses.identify.tornado import draw_tornado
 from cosim.analyses.identify.variations import variations
 from cosim.case.file import base_name, load_case
-from cosim.commands.options import CaseName, Settings, Workers
-from cosim.commands.terminal import exit_on_error, print_table
+from cosim.commands.options import Settings, Workers, to
+from cosim.commands.terminal import print_table, say, stages
 from cosim.errors import InputError
 from cosim.files import check_file, output_file
 from cosim.hoods.variation import Variation
@@ -36,11 +32,16 @@ STRONGEST = 6
 
 
 def sensitivity(
-    case: CaseName,
+    of: Annotated[
+        str,
+        typer.Option(
+            "--sensitivity",
+            metavar="CASE",
+            help="How the results of this case depend on what it assumes.",
+        ),
+    ],
     settings: Settings = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for table and charts.")] = Path(
-        "sensitivity"
-    ),
+    out: Path = Path("sensitivity"),
     quantity: Annotated[
         list[str] | None,
         typer.Option(
@@ -56,42 +57,37 @@ def sensitivity(
     data: Annotated[
         Path | None,
         typer.Option(
-            help="CSV of measured numbers, as `cosim report --data` takes them: their quantities "
+            help="CSV of measured numbers, as `cosim show --data` takes them: their quantities "
             "are included, and shown in the charts."
         ),
     ] = None,
-    workers: Workers = 2,
+    workers: int = 2,
 ) -> None:
-    """How a case's results depend on what it assumes: moduli, thickness, rest lengths, ligaments,
-    fibres, contact, joints, posture, mesh; a tornado chart for each quantity, and a table."""
-    with exit_on_error():
-        all_settings = tuple(settings or ())
-        checked = load_case(case, all_settings)
-        folder = out / checked.name
-        check_file(folder / "sensitivity.csv")
-        varied = _choose(variations(checked), only or ())
-        targets = [t for t in read_targets(data) if t.case in ("", checked.name)] if data else []
-        also = [t.quantity for t in targets]
-        with _run_counter(checked.name) as progress:
-            result = study(
-                checked.source,
-                all_settings,
-                varied,
-                quantity or (),
-                also,
-                workers=workers,
-                progress=progress,
-            )
-        for name, text in (
-            ("sensitivity.csv", to_csv(result)),
-            ("sensitivity.json", to_json(result)),
-        ):
-            with output_file(folder / name) as part:
-                part.write_text(text, encoding="utf-8")
-        typer.echo(f"{checked.name}: drawing the charts", err=True)
-        charts = _write_charts(folder, result, targets)
-        _show_sensitivity(result)
-        typer.echo(f"table and {charts} charts in {folder}")
+    """Vary each thing that a case assumes alone; a chart for each quantity, and a table."""
+    all_settings = tuple(settings or ())
+    checked = load_case(of, all_settings)
+    folder = out / checked.name
+    check_file(folder / "sensitivity.csv")
+    varied = _choose(variations(checked), only or ())
+    targets = [t for t in read_targets(data) if t.case in ("", checked.name)] if data else []
+    also = [t.quantity for t in targets]
+    with stages(checked.name) as told:
+        result = study(
+            checked.source,
+            all_settings,
+            varied,
+            quantity or (),
+            also,
+            workers,
+            lambda done, total, what: told.say(f"{done}/{total} {what}"),
+        )
+    for name, text in (("sensitivity.csv", to_csv(result)), ("sensitivity.json", to_json(result))):
+        with output_file(folder / name) as part:
+            part.write_text(text, encoding="utf-8")
+    typer.echo(f"{checked.name}: drawing the charts", err=True)
+    charts = _write_charts(folder, result, targets)
+    _show_sensitivity(result)
+    typer.echo(f"table and {charts} charts in {folder}")
 
 
 def _choose(every: Sequence[Variation], only: Sequence[str]) -> list[Variation]:
@@ -104,20 +100,6 @@ def _choose(every: Sequence[Variation], only: Sequence[str]) -> list[Variation]:
             + "; ".join(v.name for v in every)
         )
     return chosen
-
-
-@contextmanager
-def _run_counter(name: str) -> Iterator[Callable[[int, int, str], None]]:
-    """Show the runs: a bar on a terminal, else a line for each."""
-    if not sys.stderr.isatty():
-        yield lambda done, total, what: typer.echo(f"{name}: {done}/{total} {what}", err=True)
-        return
-
-    with Progress(console=Console(stderr=True)) as bar:
-        task = bar.add_task(name)
-        yield lambda done, total, what: bar.update(
-            task, completed=done, total=total, description=f"{name}: {what}"
-        )
 
 
 def _write_charts(folder: Path, result: Sensitivity, targets: Sequence[Target]) -> int:
@@ -164,7 +146,7 @@ def identify(
     targets: Annotated[
         Path,
         typer.Option(
-            help="CSV of measured numbers, as `cosim report --data` takes them. A band counts if "
+            help="CSV of measured numbers, as `cosim show --data` takes them. A band counts if "
             "the model lies outside it; SDs are the weights, 1 unit if there is none. The column "
             "case says which case a row is for; empty: for each."
         ),
@@ -189,12 +171,7 @@ def identify(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="CASE.toml",
-            help="Case file to write, extending CASE; of several CASEs the settings alone.",
-        ),
+        to("Case file to write, extending CASE; of several CASEs the settings alone.", "CASE.toml"),
     ] = None,
     profiles: Annotated[
         Path | None,
@@ -227,31 +204,30 @@ def identify(
     """Fit parameters of one or several cases to measured numbers, within bounds; say with
     intervals, correlations and singular values what the numbers do not determine.  Where they
     cannot tell a parameter at all, there is no fit unless --allow-unidentified."""
-    with exit_on_error():
-        stated = stated_cases(cases, tuple(settings or ()), free)
-        wanted = read_targets(targets)
-        apart = read_targets(held_out) if held_out is not None else ()
-        chosen = fit_cases(stated, free, wanted, apart)
-        if out is not None:
-            check_file(out)
-            check_same_settings(chosen)
-        if profiles is not None:
-            check_file(profiles / "profiles.csv")
-        fit = fit_all(
-            chosen,
-            workers,
-            most,
-            lambda text: typer.echo(text, err=True),
-            allow_unidentified=allow_unidentified,
-            profiles=profiles is not None,
-        )
-        _show_fit(fit, len(chosen) > 1)
-        if profiles is not None:
-            _write_profiles(profiles, fit)
-        if out is not None:
-            _write_fit(out, fit, chosen, tuple(settings or ()), targets.name)
-        else:
-            typer.echo("nothing was written: --out CASE.toml writes the fitted case")
+    stated = stated_cases(cases, tuple(settings or ()), free)
+    wanted = read_targets(targets)
+    apart = read_targets(held_out) if held_out is not None else ()
+    chosen = fit_cases(stated, free, wanted, apart)
+    if out is not None:
+        check_file(out)
+        check_same_settings(chosen)
+    if profiles is not None:
+        check_file(profiles / "profiles.csv")
+    fit = fit_all(
+        chosen,
+        workers,
+        most,
+        say,
+        allow_unidentified=allow_unidentified,
+        profiles=profiles is not None,
+    )
+    _show_fit(fit, len(chosen) > 1)
+    if profiles is not None:
+        _write_profiles(profiles, fit)
+    if out is not None:
+        _write_fit(out, fit, chosen, tuple(settings or ()), targets.name)
+    else:
+        typer.echo("nothing was written: --out CASE.toml writes the fitted case")
 
 
 def _write_profiles(folder: Path, fit: Fit) -> None:

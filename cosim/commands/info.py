@@ -11,7 +11,6 @@ import typer
 
 from cosim.array_cache import OFF, ArrayCache, Contents, user_cache
 from cosim.array_cache import VARIABLE as VARIABLE_OF_CACHE
-from cosim.commands.terminal import exit_on_error
 from cosim.extras import DISTRIBUTIONS, EXTRAS, install_command, is_installed
 from cosim.files import shown_path
 from cosim.version import __version__
@@ -37,18 +36,30 @@ PURPOSES = {
 """Libraries that serve one purpose; they are imported when it is asked for."""
 
 
-ClearCache = Annotated[
-    bool, typer.Option("--clear-cache", help="Empty the cache of arrays, and say what that freed.")
-]
-
-
-def info(clear_cache: ClearCache = False) -> None:
+def info(
+    clear_cache: Annotated[
+        bool,
+        typer.Option("--clear-cache", help="Empty the cache of arrays, and say what that freed."),
+    ] = False,
+    warm: Annotated[
+        bool,
+        typer.Option(
+            "--warm",
+            help="Compile the kernels and bake the distances of the bones of the shipped cases, so "
+            "that no later run waits: after an installation, or while a container is built.",
+        ),
+    ] = False,
+) -> None:
     """What is installed and in use, what is kept in the user's cache, and what would be faster."""
     if clear_cache:
         typer.echo(_clear_cache())
+    if warm:
+        from cosim.commands.warm import warm_everything
+
+        warm_everything()
+    if clear_cache or warm:
         return
-    with exit_on_error():
-        installed = dict(facts()) | dict(_for_purposes())
+    installed = dict(facts()) | dict(_for_purposes())
     wide = max(map(len, installed))
     for name, value in installed.items():
         typer.echo(f"{name:{wide}}  {value}")

@@ -22,8 +22,8 @@ from cosim.analyses.ladder import (
     to_markdown,
 )
 from cosim.case.file import load_case
-from cosim.commands.options import CaseName, Settings, Workers
-from cosim.commands.terminal import exit_on_error, print_table, stages
+from cosim.commands.options import CaseName, Settings, Workers, to
+from cosim.commands.terminal import print_table, stages
 from cosim.files import check_folder, output_folder
 from cosim.processes import process_context
 from cosim.results.picture import write_figure
@@ -34,31 +34,27 @@ MARK = "ladder.json"
 def ladder(
     case: CaseName,
     settings: Settings = None,
-    out: Annotated[
-        Path,
-        typer.Option("--out", "-o", metavar="FOLDER", help="Folder for page and tables."),
-    ] = Path("ladder"),
+    out: Annotated[Path, to("Folder for page and tables.", "FOLDER")] = Path("ladder"),
     workers: Workers = 1,
 ) -> None:
     """Run one case with every hood, from a fixed split to a shell with fibres, side by side; a hood
     that does not fit the case is a column with its reason.  Exit code 1 where one that fits did not
     converge."""
-    with exit_on_error():
-        if workers > 1:
-            process_context()  # imports while the case is read
-        checked = load_case(case, settings or ())
-        target = out / checked.name
-        check_folder(target, MARK)
-        names, rungs = rungs_of(checked), []
-        with stages(checked.name, len(names)) as progress:
-            progress.say(f"0/{len(names)}, from {names[0]} to {names[-1]}")
-            for rung in solve_rungs(checked, workers):
-                rungs.append(rung)
-                how = rung.status if rung.status != "converged" else f"{rung.wall:.1f} s"
-                progress.end(f"{rung.name}: {how}")
-        rungs.sort(key=lambda rung: names.index(rung.name))
-        with output_folder(target, MARK) as folder:
-            _write(folder, rungs, checked.title)
+    if workers > 1:
+        process_context()  # imports while the case is read
+    checked = load_case(case, settings or ())
+    target = out / checked.name
+    check_folder(target, MARK)
+    names, rungs = rungs_of(checked), []
+    with stages(checked.name, len(names)) as progress:
+        progress.say(f"0/{len(names)}, from {names[0]} to {names[-1]}")
+        for rung in solve_rungs(checked, workers):
+            rungs.append(rung)
+            how = rung.status if rung.status != "converged" else f"{rung.wall:.1f} s"
+            progress.end(f"{rung.name}: {how}")
+    rungs.sort(key=lambda rung: names.index(rung.name))
+    with output_folder(target, MARK) as folder:
+        _write(folder, rungs, checked.title)
     _show(rungs, checked.title)
     typer.echo(f"page, tables and picture in {target}")
     raise typer.Exit(1 if any(rung.status == "failed" for rung in rungs) else 0)

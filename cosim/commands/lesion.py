@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 from rich.table import Table as Grid
@@ -13,8 +13,8 @@ from rich.table import Table as Grid
 from cosim.analyses.lesion import TIPS, both_sides, freed_text, lesion_text, named_parts
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.commands.options import Settings, Workers
-from cosim.commands.terminal import console, exit_on_error, stages, warn_of_audits
+from cosim.commands.options import Settings, Workers, to
+from cosim.commands.terminal import console, stages, warn_of_audits
 from cosim.files import check_file, output_file
 from cosim.pipeline import run_cases
 from cosim.report.clinical_signs import sign_sentences
@@ -26,12 +26,11 @@ from cosim.report.lesion_page import (
     tables_of_lesion,
 )
 from cosim.report.tables import ReportTable, as_csv, as_json, as_markdown, cell_text
+from cosim.report.write import Form
 from cosim.results.audit import describe_misses
 from cosim.results.read import read_run
 from cosim.results.result import Result
 from cosim.results.write import check_target
-
-Format = Literal["html", "csv", "json", "md"]
 
 
 def lesion(
@@ -43,21 +42,18 @@ def lesion(
         Path | None, typer.Option(metavar="FILE", help="The report to write; else CASE.html.")
     ] = None,
     form: Annotated[
-        Format, typer.Option("--format", help="A page, or its tables alone as csv, json or md.")
+        Form, typer.Option("--format", help="A page, or its tables alone as csv, json or md.")
     ] = "html",
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the four runs.")] = Path(
-        "runs"
-    ),
+    out: Annotated[Path, to("Folder for the four runs.")] = Path("runs"),
     workers: Workers = 2,
 ) -> None:
     """Solve a case without its lesion and with it, fingertip free and held, and report both:
     posture, slip forces, fingertip force, strain maps."""
-    with exit_on_error():
-        checked = load_case(case, settings or ())
-        where = page or Path(f"{checked.name}.{form}")
-        check_file(where)
-        pairs = _solve_runs(checked, out, workers)
-        tables = _write(checked, pairs, where, form)
+    checked = load_case(case, settings or ())
+    where = page or Path(f"{checked.name}.{form}")
+    check_file(where)
+    pairs = _solve_runs(checked, out, workers)
+    tables = _write(checked, pairs, where, form)
     for text in (*freed_text(checked), *limit_sentences(pairs)):
         typer.echo(f"{text}\n")
     for text in sign_sentences(signs_of(pairs)):
@@ -77,7 +73,7 @@ def _solve_runs(case: Case, out: Path, workers: int) -> list[RunPair]:
         check_target(out, one.name)
     with stages(case.name, len(cases)) as progress:
         progress.say(f"0/{len(cases)} before and after, fingertip free and held")
-        for i, outcome in run_cases(cases, partial(_save, out=out), workers):
+        for i, outcome in run_cases(cases, partial(Result.save, folder=out), workers):
             progress.end(f"{cases[i].title}{'' if outcome.error is None else ': failed'}")
             if outcome.error is not None:
                 errors[i] = outcome.error
@@ -88,11 +84,7 @@ def _solve_runs(case: Case, out: Path, workers: int) -> list[RunPair]:
     return [RunPair(tip, runs[tip, "before"], runs[tip, "after"]) for tip in TIPS]
 
 
-def _save(result: Result, out: Path) -> Path:
-    return result.save(out)
-
-
-def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Format) -> list[ReportTable]:
+def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Form) -> list[ReportTable]:
     tables = tables_of_lesion(pairs)
     if form == "html":
         text = lesion_page(

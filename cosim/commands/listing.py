@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import StrEnum
 from importlib.resources import files
@@ -14,13 +15,17 @@ from rich.markdown import Markdown
 from rich.table import Table
 
 from cosim.case.file import json_schema, packaged_cases
-from cosim.commands.terminal import console, exit_on_error, print_table
+from cosim.commands.door import door
+from cosim.commands.options import to
+from cosim.commands.terminal import console, print_table
 from cosim.errors import InputError, nearest_names
+from cosim.files import output_file
 from cosim.hoods.kinds import KINDS
 from cosim.report.measured_page import source_rows, write_measured_page
 from cosim.results.compare import unit_of
 from cosim.results.quantities import QUANTITIES, STATE
-from cosim.study.file import packaged_studies
+from cosim.schema.json_schema import CASE_SCHEMA, STUDY_SCHEMA
+from cosim.study.file import packaged_studies, study_schema
 from cosim.text_tables import read_toml
 from cosim.validation.plan import groups
 
@@ -51,39 +56,29 @@ def list_things(
 ) -> None:
     """The packaged cases and studies, the trials of `cosim validate`, the kinds of finger, hood and
     material, the numbers of a run, and the sources of what was measured, with a line for each."""
-    with exit_on_error():
-        if html is not None:
-            if what is not Things.MEASURED:
-                raise InputError(f"--html: there is a page of measured, none of {what}")
-            write_measured_page(html)
-            typer.echo(f"{html}: open it in a browser")
-            return
-        header, rows = LISTS[what]()
-        print_table("", header, rows, of_words=True)
+    if html is not None:
+        if what is not Things.MEASURED:
+            raise InputError(f"--html: there is a page of measured, none of {what}")
+        write_measured_page(html)
+        typer.echo(f"{html}: open it in a browser")
+        return
+    header, rows = LISTS[what]()
+    print_table("", header, rows, of_words=True)
 
 
-def explain(
-    word: Annotated[
-        str,
-        typer.Argument(
-            help='Key of a case file, for example "hood.regions", or a word of cases, results and '
-            "reports; none: the top of a case file, and the glossary."
-        ),
-    ] = "",
-) -> None:
-    """What a key of a case file may hold, its unit, range and default; or what a word means."""
+def tell_meaning(word: str = "") -> None:
+    """What a key or a word means."""
     entries = {
         name: meaning
         for name, meaning in read_glossary().items()
         if word.casefold() in f"{name} {meaning}".casefold()
     }
     described: Sequence[tuple[str, str, Rows]] = ()
-    with exit_on_error():
-        try:
-            described = list(describe_key(json_schema(), word))
-        except InputError as error:
-            if not entries:
-                raise InputError(f"{error}; the glossary has no such word either") from error
+    try:
+        described = list(describe_key(json_schema(), word))
+    except InputError as error:
+        if not entries:
+            raise InputError(f"{error}; the glossary has no such word either") from error
     for title, text, rows in described:
         typer.echo(title)
         if text:
@@ -95,6 +90,45 @@ def explain(
         for name, meaning in entries.items():
             table.add_row(name, Markdown(meaning))
         console().print(table)
+
+
+def tell_schema(
+    schema: Annotated[
+        bool,
+        typer.Option(
+            "--schema", help='The JSON Schema of a case file, or with the word "study" of a study.'
+        ),
+    ],
+    word: str = "case",
+    out: Annotated[Path | None, to("Write both schemas there instead.", "FOLDER")] = None,
+) -> None:
+    """Print the schema of a case or of a study file, or write both."""
+    texts = {
+        kind: json.dumps(whole, indent=2, ensure_ascii=False)
+        for kind, whole in (("case", json_schema()), ("study", study_schema()))
+    }
+    if word not in texts:
+        raise InputError(f"{word}: there are schemas of {' and '.join(texts)}; name one of them")
+    if out is None:
+        typer.echo(texts[word])
+        return
+    for kind, name in (("case", CASE_SCHEMA), ("study", STUDY_SCHEMA)):
+        with output_file(out / name) as part:
+            part.write_text(texts[kind] + "\n", encoding="utf-8")
+        typer.echo(f"schema of a {kind} file in {out / name}")
+
+
+@door({"": tell_meaning, "--schema": tell_schema})
+def explain(
+    word: Annotated[
+        str,
+        typer.Argument(
+            help='Key of a case file, for example "hood.regions", or a word of cases, results and '
+            "reports; none: the top of a case file, and the glossary."
+        ),
+    ] = "",
+) -> None:
+    """What a key of a case file may hold, its unit, range and default; or what a word means."""
 
 
 def read_glossary() -> dict[str, str]:

@@ -13,8 +13,7 @@ import typer
 
 from cosim.anatomy.case_folder import new_case
 from cosim.anatomy.read import UserAnatomy
-from cosim.commands.options import pairs_of, quantity, three_numbers
-from cosim.commands.terminal import exit_on_error
+from cosim.commands.options import pairs_of, quantity, three_numbers, to
 from cosim.errors import InputError
 from cosim.schema import units
 from cosim.text_tables import read_toml
@@ -54,15 +53,13 @@ def new(
         typer.Option(help="body: each bone in its body's frame; hood: all in the hood's; myohand."),
     ] = "body",
     axes: Annotated[
-        str,
-        typer.Option(help='Axes of the file that run distal, radial and dorsal, as "z -x y".'),
+        str, typer.Option(help='Axes of the file that run distal, radial and dorsal, as "z -x y".')
     ] = "x y z",
     origin: Annotated[
         str, typer.Option(help="The MCP's centre in the hood's file, in its unit and axes.")
     ] = "0 0 0",
     posture: Annotated[
-        str,
-        typer.Option(help="Flexion of MCP, PIP and DIP, deg, in which the hood was laid."),
+        str, typer.Option(help="Flexion of MCP, PIP and DIP, deg, in which the hood was laid.")
     ] = "0 0 0",
     thickness: Annotated[
         str | None,
@@ -83,28 +80,25 @@ def new(
             help='A TOML file of such names: end_central = "NSET_12"; or myohand, for MyoSuite\'s.'
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The folder to write; else NAME.")
-    ] = None,
+    out: Annotated[Path | None, to("The folder to write; else NAME.")] = None,
 ) -> None:
     """Make a case of your own hood mesh, bones and finger, and say what was found, assumed and
     dropped."""
-    with exit_on_error():
-        centre = np.array(three_numbers("--origin", origin, "0 0 0"))
-        placing = Placing(unit, parse_axes(axes), centre)
-        given = UserAnatomy(
-            hood,
-            bones or (),
-            finger,
-            _names(names, set_name or ()),
-            placing,
-            bone_unit or unit,
-            bone_frame,
-            _posture(posture),
-            _thickness(thickness),
-            _scale(length_scale, finger),
-        )
-        case, report = new_case(name, given, out or Path(name))
+    centre = np.array(three_numbers("--origin", origin, "0 0 0"))
+    placing = Placing(unit, parse_axes(axes), centre)
+    given = UserAnatomy(
+        hood,
+        bones or (),
+        finger,
+        _names(names, set_name or ()),
+        placing,
+        bone_unit or unit,
+        bone_frame,
+        _posture(posture),
+        _thickness(thickness),
+        _scale(length_scale, finger),
+    )
+    case, report = new_case(name, given, out or Path(name))
     _show(case, report, given)
 
 

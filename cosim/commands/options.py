@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
@@ -12,7 +13,9 @@ from cosim.number_text import read_numbers
 from cosim.schema import units
 
 CaseName = Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")]
-Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
+Cases = Annotated[
+    list[str], typer.Argument(metavar="CASE", help="Case files, or names of packaged cases.")
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
@@ -22,6 +25,18 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="Say only what is wrong.")]
 AsJsonLines = Annotated[
     bool, typer.Option("--json", help="Print stages and results as lines of JSON, for machines.")
 ]
+
+
+def to(what: str, metavar: str | None = None) -> Any:
+    """The option --out, of a file or folder."""
+    return typer.Option("--out", "-o", metavar=metavar, help=what)
+
+
+def one_of(paths: Sequence[Path], what: str) -> Path:
+    """The only path.  Raises InputError for several."""
+    if len(paths) > 1:
+        raise InputError(f"{what}: of one file or folder, not of {len(paths)}; name one")
+    return paths[0]
 
 
 def pairs_of(option: str, texts: Sequence[str] | None, example: str) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""`cosim reduce`."""
+"""A hood reduced to a network: what `cosim export` writes as .toml."""
 
 from __future__ import annotations
 
@@ -13,20 +13,15 @@ from cosim.analyses.reduction.errors import errors
 from cosim.analyses.reduction.reduce import Reduction, read_grid, reduce_case
 from cosim.analyses.reduction.walks import SPREAD
 from cosim.case.file import base_name, load_case
-from cosim.commands.options import CaseName, Settings, Workers
-from cosim.commands.terminal import exit_on_error, print_table
+from cosim.commands.options import Settings, Workers
+from cosim.commands.terminal import print_table, say
 from cosim.files import check_file, output_file
 
 
 def reduce(
-    case: CaseName,
+    case: str,
+    out: Path,
     settings: Settings = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="CASE.toml", help="Case file to write, extending CASE."
-        ),
-    ] = None,
     grid: Annotated[
         list[str] | None,
         typer.Option(
@@ -36,14 +31,14 @@ def reduce(
         ),
     ] = None,
     spread: Annotated[
-        int | None,
+        int,
         typer.Option(
             min=1,
             max=10_000,
             help="Postures between the grid's points in which each tendon pulls alone; a third "
-            "more in which all pull. Fewer are quicker and less exact. Without it 512.",
+            "more in which all pull. Fewer are quicker and less exact.",
         ),
-    ] = None,
+    ] = SPREAD,
     samples: Annotated[
         Path | None,
         typer.Option(
@@ -54,29 +49,25 @@ def reduce(
     ] = None,
     workers: Workers = 2,
 ) -> None:
-    """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
-    for use in real time; the error is that of postures held out."""
-    with exit_on_error():
-        stated = tuple(settings or ())
-        checked = load_case(case, stated)
-        if out is not None:
-            check_file(out)
-        reduction = reduce_case(
-            checked.source,
-            stated,
-            read_grid(grid or ()),
-            workers,
-            lambda text: typer.echo(text, err=True),
-            SPREAD if spread is None else spread,
-            samples,
-        )
-        _show(reduction)
-        if out is not None:
-            base, title = base_name(checked.source, out.parent), f"{checked.title}, hood reduced"
-            with output_file(out) as part:
-                part.write_text(case_text(reduction, title, base, stated), encoding="utf-8")
-                check_loads(part)
-            typer.echo(f"case in {out}")
+    """A case that extends `case`, with a network hood fitted to its shell or cables."""
+    stated = tuple(settings or ())
+    checked = load_case(case, stated)
+    check_file(out)
+    reduction = reduce_case(
+        checked.source,
+        stated,
+        read_grid(grid or ()),
+        workers,
+        say,
+        spread,
+        samples,
+    )
+    _show(reduction)
+    base, title = base_name(checked.source, out.parent), f"{checked.title}, hood reduced"
+    with output_file(out) as part:
+        part.write_text(case_text(reduction, title, base, stated), encoding="utf-8")
+        check_loads(part)
+    typer.echo(f"case in {out}")
 
 
 def _show(reduction: Reduction) -> None:

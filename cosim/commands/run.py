@@ -1,4 +1,4 @@
-"""The commands that run cases or check them: `cosim run`, `resume`, `check` and `schema`."""
+"""The commands that run cases or check them: `cosim run` and `check`."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import typer
 
 from cosim.analyses.mesh_errors import known_errors
-from cosim.case.file import json_schema, load_case
+from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.case.usual import unusual_values
-from cosim.commands.options import AsJsonLines, Cases, Quiet, Settings, Workers
+from cosim.commands.door import door
+from cosim.commands.options import AsJsonLines, Cases, Quiet, Settings, Workers, to
 from cosim.commands.terminal import (
     CODES,
     INCOMPLETE,
     console,
-    exit_on_error,
     note,
     stages,
     tell,
@@ -30,15 +30,9 @@ from cosim.commands.terminal import (
     warn_of_audits,
 )
 from cosim.coupling.checkpoint import NAME
-from cosim.errors import (
-    InputError,
-    Progress,
-    StoppedError,
-    quiet,
-    span,
-)
+from cosim.errors import InputError, Progress, StoppedError, quiet, span
 from cosim.extras import require
-from cosim.files import clear_leftovers, output_file, shown_path
+from cosim.files import clear_leftovers, shown_path
 from cosim.json_text import json_text
 from cosim.models.build import mesh_warnings
 from cosim.models.fit import check_fit
@@ -50,10 +44,9 @@ from cosim.results.audit import describe_misses
 from cosim.results.result import Result
 from cosim.results.summary_tables import batch_table, tables
 from cosim.results.write import check_target, without_nan, write_run
-from cosim.schema.json_schema import CASE_SCHEMA, STUDY_SCHEMA
 from cosim.solve.motion import UNFINISHED, check_not_begun, checkpoint_folder
 from cosim.solve.session import Session
-from cosim.study.file import is_study, study_schema
+from cosim.study.file import is_study
 from cosim.study.plan import read_plan
 
 if TYPE_CHECKING:
@@ -84,12 +77,10 @@ def load_cases(names: Sequence[str], settings: Sequence[str] | None) -> list[Cas
     return cases
 
 
-def run(
+def begin(
     cases: Cases,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path(
-        "runs"
-    ),
+    out: Annotated[Path, to("Folder for the results.")] = Path("runs"),
     workers: Workers = 1,
     pictures: Annotated[
         bool, typer.Option("--pictures/--no-pictures", help="Draw each case's pictures, or none.")
@@ -109,22 +100,19 @@ def run(
     quiet: Quiet = False,
     as_json: AsJsonLines = False,
 ) -> None:
-    """Run cases; each writes its results to a folder of its name.  One case prints its results;
-    several print a counter, and a table of all at the end."""
-    with exit_on_error():
-        if workers > 1:
-            process_context()  # imports while the cases are read
-        if watch:
-            require("the page", "starlette", "uvicorn")
+    """Run cases from their beginning."""
+    if workers > 1:
+        process_context()  # imports while the cases are read
+    if watch:
+        require("the page", "starlette", "uvicorn")
     none = () if pictures else ("output.picture=false",)
     checked = load_cases(cases, (*(settings or ()), *none))
     warn({case.name: list(unusual_values(case)) for case in checked})
     note({case.name: case.dropped for case in checked})
-    with exit_on_error():
-        _check_targets(checked, out)
-        if watch and len(checked) > 1:
-            raise InputError(f"--watch: shows one case, not {len(checked)}; run them one by one")
-        _check_unfinished(checked, out, restart)
+    _check_targets(checked, out)
+    if watch and len(checked) > 1:
+        raise InputError(f"--watch: shows one case, not {len(checked)}; run them one by one")
+    _check_unfinished(checked, out, restart)
     voice = _voice(quiet, as_json)
     if watch:
         _run_watched(checked[0], out, voice, browser)
@@ -136,16 +124,15 @@ def _run_watched(case: Case, out: Path, voice: Voice, opens: bool) -> None:
     from cosim.ui.desk import Desk
     from cosim.ui.server import serving, wait_for_end
 
-    with exit_on_error():
-        desk = Desk(case, out, is_live=False)
-        with serving(desk, 0, opens, lambda text: typer.echo(text, err=True)):
-            try:
-                _run_all([case], out, voice, desk=desk)
-            except typer.Exit as ended:
-                if ended.exit_code != CODES[StoppedError]:
-                    typer.echo("the page stays until you press Ctrl-C", err=True)
-                    wait_for_end()
-                raise
+    desk = Desk(case, out, is_live=False)
+    with serving(desk, 0, opens, lambda text: typer.echo(text, err=True)):
+        try:
+            _run_all([case], out, voice, desk=desk)
+        except typer.Exit as ended:
+            if ended.exit_code != CODES[StoppedError]:
+                typer.echo("the page stays until you press Ctrl-C", err=True)
+                wait_for_end()
+            raise
 
 
 def _run_all(
@@ -254,7 +241,7 @@ def _side_by_side(
     except KeyboardInterrupt:
         begun = [checkpoint_folder(cases[i], out) for i in sorted(waiting)]
         kept = [shown_path(folder) for folder in begun if folder is not None and folder.exists()]
-        words = f"; go on with: cosim resume {', '.join(kept)}" if kept else ""
+        words = f"; go on with: cosim run --resume {', '.join(kept)}" if kept else ""
         stopped = StoppedError(f"stopped with {len(waiting)} cases left{words}")
         yield cases[min(waiting)], Outcome("failed", None, stopped)
 
@@ -282,7 +269,7 @@ def _count(name: str, done: int, total: int, seconds: float) -> None:
 def _what_stays(unfinished: Path | None) -> str:
     if unfinished is None or not (unfinished / NAME).is_file():
         return "nothing of this run is kept"
-    return f"what was kept before stays. Go on with: cosim resume {shown_path(unfinished)}"
+    return f"what was kept before stays. Go on with: cosim run --resume {shown_path(unfinished)}"
 
 
 def _forget(unfinished: Path | None) -> None:
@@ -300,21 +287,34 @@ def _check_unfinished(cases: Sequence[Case], out: Path, restart: bool) -> None:
 
 
 def resume(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run that was cut off.")],
+    run: Annotated[
+        Path,
+        typer.Option(
+            "--resume",
+            metavar="RUN",
+            help="Go on with a motion that was stopped or killed, from its last checkpoint: the "
+            "folder of its run.",
+        ),
+    ],
     quiet: Quiet = False,
     as_json: AsJsonLines = False,
 ) -> None:
-    """Go on with a motion that was stopped or killed, from its last checkpoint."""
+    """Go on with a motion that was cut off."""
     name = run.name.removesuffix(UNFINISHED)
-    with exit_on_error():
-        file = run.with_name(name + UNFINISHED) / "case.toml"
-        if not file.is_file():
-            raise InputError(
-                f"{run}: no motion was cut off here: only one that was stopped or killed "
-                f"leaves a folder RUN{UNFINISHED}"
-            )
-        case = load_case(file).model_copy(update={"name": name})
+    file = run.with_name(name + UNFINISHED) / "case.toml"
+    if not file.is_file():
+        raise InputError(
+            f"{run}: no motion was cut off here: only one that was stopped or killed "
+            f"leaves a folder RUN{UNFINISHED}"
+        )
+    case = load_case(file).model_copy(update={"name": name})
     _run_all([case], run.parent, _voice(quiet, as_json))
+
+
+@door({"": begin, "--resume": resume})
+def run() -> None:
+    """Run cases; each writes its results to a folder of its name.  One case prints its results;
+    several print a counter, and a table of all at the end."""
 
 
 @contextmanager
@@ -367,28 +367,3 @@ def check(cases: Cases, settings: Settings = None) -> None:
         except InputError as error:
             codes.append(tell(InputError(f"{case.name}: {error}")))
     raise typer.Exit(max(codes))
-
-
-def schema(
-    what: Annotated[
-        Literal["case", "study"], typer.Argument(help="Which file's schema.", show_default=True)
-    ] = "case",
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="FOLDER", help="Write both schemas there instead."),
-    ] = None,
-) -> None:
-    """Print the JSON Schema of a case or of a study file, or write both, for editors."""
-    if out is None:
-        typer.echo(_schema_text(what))
-        return
-    with exit_on_error():
-        for kind, name in (("case", CASE_SCHEMA), ("study", STUDY_SCHEMA)):
-            with output_file(out / name) as part:
-                part.write_text(_schema_text(kind) + "\n", encoding="utf-8")
-            typer.echo(f"schema of a {kind} file in {out / name}")
-
-
-def _schema_text(what: str) -> str:
-    whole = json_schema() if what == "case" else study_schema()
-    return json.dumps(whole, indent=2, ensure_ascii=False)

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from cosim.commands.options import Workers, quantity
-from cosim.commands.terminal import console, exit_on_error, print_table, stages
+from cosim.commands.options import Workers, quantity, to
+from cosim.commands.terminal import console, print_table, stages
 from cosim.errors import InputError
 from cosim.files import check_file
 from cosim.schema import units
@@ -32,12 +32,9 @@ def score(
             help="MuJoCo (.xml) or OpenSim (.osim) hands, cases, or shipped names.",
         ),
     ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", "-o", help="Folder for score.html and score.csv, or the page's file."
-        ),
-    ] = Path("scores"),
+    out: Annotated[Path, to("Folder for score.html and .csv, or the page's file.")] = Path(
+        "scores"
+    ),
     names: Annotated[
         list[str] | None,
         typer.Option(
@@ -67,23 +64,15 @@ def score(
     answer, its place among reference models (An's normative paths, MyoHand, a fixed split, our
     hoods), and what to doubt; writes one page and a table.  Ends with code 2 where a model has no
     finger or no muscle that can be found."""
-    with exit_on_error():
-        if update and not REFERENCES.is_file():
-            raise InputError(f"--update: there is no {REFERENCES} here; run it in a checkout")
-        check_file(out if out.suffix == ".html" else out / PAGE)
-        off = quantity("--tolerance", tolerance, units.LENGTH)
-        with stages("score") as progress:
-            scores = score_models(
-                models,
-                _names(names or ()),
-                finger,
-                off,
-                workers,
-                progress.say,
-            )
-        page, table = scores.write(out)
-        if update:
-            update_references(REFERENCES, list(scores.judged_values()))
+    if update and not REFERENCES.is_file():
+        raise InputError(f"--update: there is no {REFERENCES} here; run it in a checkout")
+    check_file(out if out.suffix == ".html" else out / PAGE)
+    off = quantity("--tolerance", tolerance, units.LENGTH)
+    with stages("score") as progress:
+        scores = score_models(models, _names(names or ()), finger, off, workers, progress.say)
+    page, table = scores.write(out)
+    if update:
+        update_references(REFERENCES, list(scores.judged_values()))
     _show(scores)
     typer.echo(f"page in {page}, table in {table}")
     for why in scores.refused.values():

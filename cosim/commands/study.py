@@ -1,4 +1,4 @@
-"""`cosim study` and `cosim status`."""
+"""`cosim study`."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich import box
-from rich.table import Table
 
-from cosim.commands.options import Settings
-from cosim.commands.terminal import console, exit_on_error, print_table, warn
+from cosim.commands.door import door
+from cosim.commands.identify import sensitivity
+from cosim.commands.options import Settings, to
+from cosim.commands.terminal import print_table, say, warn
 from cosim.errors import InputError, span
 from cosim.extras import require
 from cosim.files import output_file
@@ -37,7 +37,7 @@ REASONS = 8
 """Told in the terminal."""
 
 
-def study(
+def solve_study(
     file: Annotated[
         str, typer.Argument(metavar="STUDY", help="Study file, or name of a packaged study.")
     ],
@@ -78,35 +78,31 @@ def study(
         ),
     ] = None,
     allow_poor: Annotated[
-        bool,
-        typer.Option("--allow-poor", help="Answer with a poor surrogate too."),
+        bool, typer.Option("--allow-poor", help="Answer with a poor surrogate too.")
     ] = False,
-    out: Annotated[
-        Path, typer.Option("--out", "-o", help="Folder for the study's table and page.")
-    ] = Path("studies"),
+    out: Annotated[Path, to("Folder of table and page; of --sensitivity: sensitivity.")] = Path(
+        "studies"
+    ),
 ) -> None:
-    """Solve a case for many values of its parameters, and say what its results depend on.  A study
-    that was cut off continues where it was; a finished run is never repeated.  Exit code 1 where a
-    run has no answer."""
-    with exit_on_error():
-        check_libraries(scheduler is not None)
-        points = None if surrogate is None else _points(surrogate)
-        plan = read_plan(file, case, tuple(settings or ()), samples, over)
-        if workers == 0 and scheduler is None and plan.most_seconds is not None:
-            raise InputError("limits.time needs a process that can be ended: --workers 1 or more")
-        typer.echo(f"{plan.name}: {cost_of(plan)}", err=True)
-        kept = Store((store or out / "store").absolute()).open()
-        try:
-            with _engine(workers, scheduler) as solve, progress(plan.name, kept) as tell:
-                done = execute_study(plan, kept, solve, retry, tell)
-        except KeyboardInterrupt:
-            typer.echo(f"stopped; what had finished is in {kept.root}: the same command goes on")
-            raise typer.Exit(130) from None
-        folder = out / plan.name
-        results = write_study(plan, done, kept, folder)
-        _show(plan, done, results, folder)
-        if points is not None:
-            _write_surrogates(results, points, allow_poor, folder / "surrogate.csv")
+    """Solve the runs of a study that are not yet in its store, and write what they say."""
+    check_libraries(scheduler is not None)
+    points = None if surrogate is None else _points(surrogate)
+    plan = read_plan(file, case, tuple(settings or ()), samples, over)
+    if workers == 0 and scheduler is None and plan.most_seconds is not None:
+        raise InputError("limits.time needs a process that can be ended: --workers 1 or more")
+    typer.echo(f"{plan.name}: {cost_of(plan)}", err=True)
+    kept = Store((store or out / "store").absolute()).open()
+    try:
+        with _engine(workers, scheduler) as solve, progress(plan.name, kept) as tell:
+            done = execute_study(plan, kept, solve, retry, tell)
+    except KeyboardInterrupt:
+        typer.echo(f"stopped; what had finished is in {kept.root}: the same command goes on")
+        raise typer.Exit(130) from None
+    folder = out / plan.name
+    results = write_study(plan, done, kept, folder)
+    _show(plan, done, results, folder)
+    if points is not None:
+        _write_surrogates(results, points, allow_poor, folder / "surrogate.csv")
     raise typer.Exit(1 if done.count.failed or done.was_stopped else 0)
 
 
@@ -148,11 +144,8 @@ def _write_surrogates(
 
 
 def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve]:
-    def tell(text: str) -> None:
-        typer.echo(text, err=True)
-
     if scheduler is not None:
-        return engine.remote(scheduler, tell)
+        return engine.remote(scheduler, say)
     return engine.local(workers) if workers else nullcontext(engine.in_this_process)
 
 
@@ -222,20 +215,37 @@ def _show_fits(results: StudyResults) -> None:
 
 
 def status(
-    store: Annotated[Path, typer.Argument(metavar="STORE", help="Folder of finished runs.")],
+    folder: Annotated[
+        Path,
+        typer.Option(
+            "--status",
+            metavar="STORE",
+            help="How far the studies of a folder of finished runs are.",
+        ),
+    ],
 ) -> None:
     """Show the progress of the studies in a store."""
-    with exit_on_error():
-        studies = notes(store)
-        if not studies:
-            typer.echo(f"{store}: no study has begun")
-            return
-        header = ("study", "done", "failed", "handed out", "waiting", "rate", "left", "")
-        table = Table(*header, box=box.SIMPLE, pad_edge=False)
-        for n in studies:
-            rate = "-" if n.rate is None else f"{n.rate:.3g}/s"
-            left = "-" if n.remaining is None else span(n.remaining)
-            waiting = n.total - n.done - n.handed_out
-            counts = (f"{n.done}/{n.total}", str(n.failed), str(n.handed_out), str(waiting))
-            table.add_row(n.name, *counts, rate, left, state_text(n, time.time()))
-        console().print(table)
+    studies = notes(folder)
+    if not studies:
+        typer.echo(f"{folder}: no study has begun")
+        return
+    rows = []
+    for n in studies:
+        rate = "-" if n.rate is None else f"{n.rate:.3g}/s"
+        left = "-" if n.remaining is None else span(n.remaining)
+        waiting = n.total - n.done - n.handed_out
+        counts = (f"{n.done}/{n.total}", str(n.failed), str(n.handed_out), str(waiting))
+        rows.append((n.name, *counts, rate, left, state_text(n, time.time())))
+    header = ("study", "done", "failed", "handed out", "waiting", "rate", "left", "")
+    print_table("", header, rows, of_words=True)
+
+
+@door({"": solve_study, "--sensitivity": sensitivity, "--status": status})
+def study() -> None:
+    """Solve a case for many values of its parameters, and say what its results depend on.  A study
+    that was cut off continues where it was; a finished run is never repeated.  Exit code 1 where a
+    run has no answer.
+
+    With --sensitivity no file of a study is needed: each thing that the case assumes is varied
+    alone: moduli, thickness, rest lengths, ligaments, fibres, contact, joints, posture, mesh; a
+    tornado chart for each quantity, and a table."""

@@ -50,6 +50,11 @@ def warn(warnings: Mapping[str, Sequence[str]]) -> None:
             typer.echo(f"cosim: {name}: WARNING: {text}", err=True)
 
 
+def say(text: str) -> None:
+    """Tell on the error stream what is done now."""
+    typer.echo(text, err=True)
+
+
 def note(texts: Mapping[str, Sequence[str]]) -> None:
     """Say on the error stream what is in order but easily overlooked, by the run's name."""
     for name, each in texts.items():

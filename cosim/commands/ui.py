@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from cosim.case.file import load_case
-from cosim.commands.options import Settings
-from cosim.commands.terminal import exit_on_error
+from cosim.commands.options import Settings, to
+from cosim.commands.terminal import say
 from cosim.extras import require
 from cosim.processes import process_context
 from cosim.ui.desk import Desk
@@ -29,14 +29,12 @@ def ui(
         str, typer.Argument(metavar="CASE", help="Case file, or a packaged case, to begin with.")
     ] = FIRST_CASE,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for runs that you save.")] = Path(
-        "runs"
-    ),
+    out: Annotated[Path, to("Folder for runs that you save.")] = Path("runs"),
     reduced: Annotated[
         str | None,
         typer.Option(
             metavar="CASE.toml",
-            help="The case with a reduced hood (`cosim reduce`), solved while a slider moves.",
+            help="The case with a reduced hood (`cosim export`), solved while a slider moves.",
         ),
     ] = None,
     port: Port = 0,
@@ -45,11 +43,10 @@ def ui(
     """Work on a case in a page of your browser: sliders for posture, tensions, material, thickness,
     lesion and hood; the finger, its forces and residuals as they are solved; runs to pin, compare
     and save.  Nothing leaves this machine; Ctrl-C ends it."""
-    with exit_on_error():
-        process_context()  # imports while the case is read
-        require("the page", "starlette", "uvicorn")
-        begun = load_case(case, settings or ())
-        lean = None if reduced is None else load_case(reduced)
-        desk = Desk(begun, out, lean)
-        with serving(desk, port, browser, lambda text: typer.echo(text, err=True)):
-            wait_for_end()
+    process_context()  # imports while the case is read
+    require("the page", "starlette", "uvicorn")
+    begun = load_case(case, settings or ())
+    lean = None if reduced is None else load_case(reduced)
+    desk = Desk(begun, out, lean)
+    with serving(desk, port, browser, say):
+        wait_for_end()

@@ -10,7 +10,8 @@ import typer
 from rich.table import Table
 
 from cosim.analyses.mesh_series import MeshSeries, mesh_factors
-from cosim.commands.terminal import console, exit_on_error, warn_of_audits
+from cosim.commands.options import to
+from cosim.commands.terminal import console, say, warn_of_audits
 from cosim.commands.validate_curves import validate_curves
 from cosim.errors import InputError
 from cosim.files import check_file
@@ -18,29 +19,15 @@ from cosim.results.compare import marks, misses_first, number, reference_text
 from cosim.validation.against import differences, read_rows
 from cosim.validation.forms import form_values, form_versions
 from cosim.validation.inputs import input_spreads, input_versions, read_inputs
-from cosim.validation.mesh import (
-    USUAL,
-    distinct,
-    finenesses,
-    mesh_series,
-    mesh_versions,
-    tally,
-)
+from cosim.validation.mesh import USUAL, distinct, finenesses, mesh_series, mesh_versions, tally
 from cosim.validation.page import write_page
 from cosim.validation.records import write_record
 from cosim.validation.run import Board, by_kind, choose_groups, run_validation
 from cosim.validation.scoreboard import JudgedBoard, join_uncertainty, write_scoreboard
 from cosim.validation.sweeps import read_sweeps
 from cosim.validation.trial import TrialGroup
-from cosim.validation.uncertainty import (
-    FILE,
-    UncertaintyFile,
-    read_committed,
-    sentence,
-)
-from cosim.validation.uncertainty import (
-    update as update_uncertainty,
-)
+from cosim.validation.uncertainty import FILE, UncertaintyFile, read_committed, sentence
+from cosim.validation.uncertainty import update as update_uncertainty
 from cosim.validation.versions import Key, Version, run_versions
 
 PLACE = Path("cases/scoreboard.json")
@@ -56,9 +43,7 @@ def validate(
             help="Only the group of this name, or the trials whose name contains it.",
         ),
     ] = None,
-    out: Annotated[
-        Path, typer.Option("--out", "-o", help="Folder for the runs and the page.")
-    ] = Path("runs/validation"),
+    out: Annotated[Path, to("Folder for the runs and the page.")] = Path("runs/validation"),
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -128,36 +113,35 @@ def validate(
 ) -> None:
     """Run the validations; print the tally by kind of reference, the skill over null models, and
     every compared number, misses first."""
-    with exit_on_error():
-        if full and (update or not curves):
-            raise InputError("--full: only with --curves and without --update; leave it out")
-        hoods, other_settings = _hoods(settings or [])
-        if update and (only or other_settings):
-            raise InputError("--update takes all trials as they are: leave out --only and --set")
-        if update and not PLACE.parent.is_dir():
-            raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
-        if curves:
-            if any((meshes, samples, forms, against, published, hoods)):
-                raise InputError("--curves takes --only, --set, --full, --list, --out and --update")
-            sweeps = read_sweeps(full, other_settings, only or "")
-            if listed:
-                for sweep in sweeps:
-                    typer.echo(f"{sweep.name}: {len(sweep.cases)} runs")
-                return
-            whole = validate_curves(sweeps, out, workers, update, _progress)
-            raise typer.Exit(0 if whole else 1)
-        groups = choose_groups(only, hoods[-1] if hoods else published)
+    if full and (update or not curves):
+        raise InputError("--full: only with --curves and without --update; leave it out")
+    hoods, other_settings = _hoods(settings or [])
+    if update and (only or other_settings):
+        raise InputError("--update takes all trials as they are: leave out --only and --set")
+    if update and not PLACE.parent.is_dir():
+        raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
+    if curves:
+        if any((meshes, samples, forms, against, published, hoods)):
+            raise InputError("--curves takes --only, --set, --full, --list, --out and --update")
+        sweeps = read_sweeps(full, other_settings, only or "")
         if listed:
-            _list(groups)
+            for sweep in sweeps:
+                typer.echo(f"{sweep.name}: {len(sweep.cases)} runs")
             return
-        before = None if against is None else read_rows(against)
-        asked = _Asked(meshes or 0, samples or 0, forms, tuple(other_settings), workers)
-        places = [out / PLACE.name, *([PLACE] if update else [])]
-        boards, known = _judge(groups, asked, out, places)
-        judged_boards = join_uncertainty(boards, known.by_key())
-        changed = []
-        if before is not None:
-            changed = differences(before, read_rows(places[0]), part=only is not None)
+        whole = validate_curves(sweeps, out, workers, update, say)
+        raise typer.Exit(0 if whole else 1)
+    groups = choose_groups(only, hoods[-1] if hoods else published)
+    if listed:
+        _list(groups)
+        return
+    before = None if against is None else read_rows(against)
+    asked = _Asked(meshes or 0, samples or 0, forms, tuple(other_settings), workers)
+    places = [out / PLACE.name, *([PLACE] if update else [])]
+    boards, known = _judge(groups, asked, out, places)
+    judged_boards = join_uncertainty(boards, known.by_key())
+    changed = []
+    if before is not None:
+        changed = differences(before, read_rows(places[0]), part=only is not None)
     _print(judged_boards)
     if meshes:
         _print_meshes({row.key: row.meshes for row in known.rows if row.meshes is not None})
@@ -221,7 +205,7 @@ class _Asked(NamedTuple):
         self, groups: list[TrialGroup], versions: Mapping[str, Version], prefix: str = ""
     ) -> tuple[dict[str, list[Board]], dict[str, str]]:
         """The boards by version, and why trials have no result there."""
-        found = run_versions(groups, versions, self.workers, _progress)
+        found = run_versions(groups, versions, self.workers, say)
         failed = {
             f"{trial}, {prefix}{name}": why
             for name, boards in found.items()
@@ -237,7 +221,7 @@ def _judge(
     """Run the groups, and write their runs and page to `out`, and the board to each of the places.
     Raises InputError."""
     check_file(places[0])
-    boards = run_validation(groups, out, asked.settings, asked.workers, _progress)
+    boards = run_validation(groups, out, asked.settings, asked.workers, say)
     known = asked.uncertainty(groups, boards, out / FILE)
     judged_boards = join_uncertainty(boards, known.by_key())
     for place in places:
@@ -252,10 +236,6 @@ def _hoods(settings: list[str]) -> tuple[list[Path], list[str]]:
     pairs = [text.partition("=") for text in settings]
     hoods = [Path(value.strip().strip("\"'")) for key, _, value in pairs if key.strip() == MESH]
     return hoods, ["".join(pair) for pair in pairs if pair[0].strip() != MESH]
-
-
-def _progress(text: str) -> None:
-    typer.echo(text, err=True)
 
 
 def _list(groups: list[TrialGroup]) -> None:

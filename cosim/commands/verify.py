@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 import cosim
-from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
 from cosim.extras import is_installed
 from cosim.files import check_file
@@ -21,20 +19,9 @@ NOTHING_FOUND = 5
 """pytest's exit code where no test has the name."""
 
 
-class Area(StrEnum):
-    """The folders of `tests/proofs`."""
-
-    FE = "fe"
-    FINGERS = "fingers"
-    HOODS = "hoods"
-    COUPLING = "coupling"
-    ROBOT = "robot"
-    STUDIES = "studies"
-
-
 def verify(
     area: Annotated[
-        Area,
+        Literal["fe", "fingers", "hoods", "coupling", "robot", "studies"],
         typer.Argument(
             help="fe: the shell solver; fingers: fingers, muscles, devices, OpenSim files; hoods: "
             "in lumped form and of cables; coupling: schemes in time and at rest, FMUs; robot: the "
@@ -51,24 +38,23 @@ def verify(
 ) -> None:
     """Solve problems whose answers are known, and print the numbers beside them; exit code 1 where
     one is off.  Needs a checkout: the proofs are tests, in `tests/proofs`."""
-    with exit_on_error():
-        folder = ROOT / "tests" / "proofs" / area.value
-        if not folder.is_dir():
-            raise InputError(
-                "cosim verify: the proofs are tests, which an installation does not hold: clone "
-                "the repository, and in it pip install -e '.[test]'"
-            )
-        if not is_installed("pytest"):
-            raise InputError("cosim verify needs pytest: pip install -e '.[test]' in the checkout")
-        words = ["-q", "-n", "0", "--table", "-m", "slow or not slow" if slow else "not slow"]
-        if only is not None:
-            words += ["-k", "_".join(only.split())]
-        if rows is not None:
-            check_file(rows)
-            words += ["--rows", str(rows.absolute())]
-        call = [sys.executable, "-m", "pytest", str(folder), *words]
-        done = subprocess.run(call, cwd=ROOT, check=False)
-        if done.returncode == NOTHING_FOUND:
-            hint = "" if slow else ", or it is slow: --slow"
-            raise InputError(f"--only {only}: no proof of {area.value} has this name{hint}")
+    folder = ROOT / "tests" / "proofs" / area
+    if not folder.is_dir():
+        raise InputError(
+            "cosim verify: the proofs are tests, which an installation does not hold: clone "
+            "the repository, and in it pip install -e '.[test]'"
+        )
+    if not is_installed("pytest"):
+        raise InputError("cosim verify needs pytest: pip install -e '.[test]' in the checkout")
+    words = ["-q", "-n", "0", "--table", "-m", "slow or not slow" if slow else "not slow"]
+    if only is not None:
+        words += ["-k", "_".join(only.split())]
+    if rows is not None:
+        check_file(rows)
+        words += ["--rows", str(rows.absolute())]
+    call = [sys.executable, "-m", "pytest", str(folder), *words]
+    done = subprocess.run(call, cwd=ROOT, check=False)
+    if done.returncode == NOTHING_FOUND:
+        hint = "" if slow else ", or it is slow: --slow"
+        raise InputError(f"--only {only}: no proof of {area} has this name{hint}")
     raise typer.Exit(done.returncode)

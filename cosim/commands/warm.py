@@ -1,4 +1,4 @@
-"""`cosim warm`: compile and bake ahead what a first run would."""
+"""`cosim info --warm`: compile and bake ahead what a first run would."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 
 from cosim.array_cache import user_cache
 from cosim.case.file import load_case
-from cosim.commands.terminal import exit_on_error, stages
+from cosim.commands.terminal import stages
 from cosim.errors import InputError
 from cosim.files import shown_path
 from cosim.kernels.kernel import compiled_kernels
@@ -45,11 +45,11 @@ WARMUPS = (
 """They call every kernel that the shipped cases do, and lie on all bones of theirs."""
 
 
-def warm() -> None:
-    """Compile the kernels and bake the distances of the bones that the shipped cases need, so that
-    no later run waits for it: after an installation, or while an image of a container is built."""
+def warm_everything() -> None:
+    """Compile the kernels and bake the distances of the bones that the shipped cases need, and tell
+    where they are kept."""
     started = time.perf_counter()
-    with exit_on_error(), stages("warm", len(WARMUPS) + 1) as progress:
+    with stages("warm", len(WARMUPS) + 1) as progress:
         progress.begin("distances of a surface")
         _bake_tetrahedron()
         _check_kept()

@@ -47,8 +47,8 @@ class IndexFingerConfig(JointedFingerConfig):
     kind: Literal["index"]
     path: File | None = None
     """A MuJoCo model with joints, lengths and tendons in place of ours: bodies, joints, tendons and
-    the site "tip" are called as `cosim mjcf` calls them (`cosim new` makes such a file of another).
-    """
+    the site "tip" are called as `cosim export` calls them (`cosim new` makes such a file of
+    another)."""
     length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
     """Lengths over those of our index finger."""
     width_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0

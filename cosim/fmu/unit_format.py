@@ -26,13 +26,13 @@ def read_about(resources: Path) -> Mapping[str, Any]:
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(
             f"this FMU's {ABOUT} does not describe a unit of cosim-hand ({error!r}); write the FMU "
-            "anew with `cosim fmu`"
+            "anew with `cosim export`"
         ) from error
     if (unit_format, version) != (FMU_FORMAT, __version__):
         raise InputError(
             f"this FMU was written by cosim-hand {version} in format {unit_format}, and this Python"
             f" has cosim-hand {__version__}, which runs format {FMU_FORMAT}; write the FMU anew "
-            "with `cosim fmu`, or install the cosim-hand that wrote it"
+            "with `cosim export`, or install the cosim-hand that wrote it"
         )
     return about
 

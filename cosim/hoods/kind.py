@@ -191,7 +191,7 @@ class MujocoHood:
     """A hood that acts by joint torques, as plain MuJoCo can have it."""
 
     word: str
-    """What `cosim mjcf --hood` calls it."""
+    """What `cosim export --hood` calls it."""
     joints: tuple[str, ...]
     """The joints on which it acts."""
     box: tuple[Mapping[str, tuple[float, float]], Mapping[str, float]] | None

@@ -164,7 +164,7 @@ def commands(runs: Sequence[Result], against: Result | None) -> str:
     lines += [f"cosim run {run.case}.toml --out runs{_folder(run)}" for run in every]
     last = f" --against {_place(against)}" if against is not None else ""
     data = " --data FILE.csv" if any(run.comparison for run in every) else ""
-    lines.append(f"cosim report {' '.join(_place(run) for run in runs)}{last}{data}")
+    lines.append(f"cosim show {' '.join(map(_place, runs))}{last}{data} -o report.html")
     return "\n".join(lines)
 
 

@@ -13,11 +13,13 @@ from cosim.report.tables import as_csv, as_json, as_markdown, tables_of
 from cosim.results.compare import read_targets
 from cosim.results.read import read_runs
 
+Form = Literal["html", "csv", "json", "md"]
+
 
 def write_report(
     folders: Sequence[Path],
     out: Path | None,
-    form: Literal["html", "csv", "json", "md"],
+    form: Form,
     against: Path | None = None,
     data: Path | None = None,
     note: Progress = quiet,

@@ -18,9 +18,9 @@ TENSION = "_tension"
 
 
 def write_tables(run: Path, out: Path) -> list[Path]:
-    """Write `motion.sto` (joint angles, degrees) and `forces.sto` (tensions and fingertip force in
-    N, joint torques by source in N m; world axes x distal, y radial, z dorsal) of the run in the
-    folder `run` to the folder `out`; their paths.
+    """Write tables of the run in the folder `run`; their paths: of `out` NAME.sto
+    `NAME_motion.sto` (joint angles, degrees) and `NAME_forces.sto` (tensions and fingertip force in
+    N, joint torques by source in N m; world axes x distal, y radial, z dorsal).
 
     A run in time has its own times; the states of a static one (unloaded, loaded) are one second
     apart.  Raises InputError where `run` is none or `out` cannot be written."""
@@ -35,7 +35,7 @@ def write_tables(run: Path, out: Path) -> list[Path]:
     forces = dict(_forces(data, axis))
     columns = tuple(forces)
     table = StoTable(run.name, columns, time, np.column_stack(list(forces.values())))
-    paths = [out / "motion.sto", out / "forces.sto"]
+    paths = [out.with_stem(f"{out.stem}_{what}") for what in ("motion", "forces")]
     for path, one in zip(paths, (motion, table), strict=True):
         write_sto(path, one)
     return paths

@@ -11,7 +11,7 @@ from pydantic_core import SchemaSerializer
 
 Node = dict[str, Any]
 CASE_SCHEMA, STUDY_SCHEMA = "case.schema.json", "study.schema.json"
-"""The files that `cosim schema --out FOLDER` writes."""
+"""The files that `cosim explain --schema --out FOLDER` writes."""
 
 
 def schema_line(name: str) -> str:

@@ -195,7 +195,7 @@ def _new_case(name: str, anatomy: UserAnatomy, folder: Path) -> tuple[Path, tupl
 
 
 def _with_hood(case_path: Path, hood: Mapping[str, Any]) -> Case:
-    """The case of a foreign finger with the hood that `cosim mjcf --attach` put on it."""
+    """The case of a foreign finger with the hood that `cosim export --attach` put on it."""
     forces = {m: {"max_force": f"{force!r} N"} for m, force in hood["strengths"].items()}
     text = toml_text({"extends": case_path.name, "hood": hood["hood"], "tendons": forces})
     hooded = case_path.with_stem(f"{case_path.stem}_hood")
@@ -205,8 +205,8 @@ def _with_hood(case_path: Path, hood: Mapping[str, Any]) -> Case:
 
 def _hood_words(hood: Mapping[str, Any]) -> str:
     return (
-        f"read: the hood of {hood['case']} that cosim mjcf --attach put on this finger, as a hood "
-        "of ours; other fixed paths over its back are left out"
+        f"read: the hood of {hood['case']} that cosim export --attach put on this finger, as a "
+        "hood of ours; other fixed paths over its back are left out"
     )
 
 

@@ -135,7 +135,7 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
         keeper.write(kept)
         raise StoppedError(
             f"stopped at t = {kept.moment.coupled.time:.6g} s of {forward.duration:g} s; all up to "
-            f"there is kept. Go on with: cosim resume {keeper.folder}"
+            f"there is kept. Go on with: cosim run --resume {keeper.folder}"
         ) from None
     return SolvedMotion(both, kept, _rest(kept), forward.must_rest, failure)
 
@@ -143,7 +143,7 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
 def _resume_text(keeper: _Keeper | None) -> str:
     if keeper is None:
         return ""
-    return f", or go on for as long again: cosim resume {shown_path(keeper.folder)}"
+    return f", or go on for as long again: cosim run --resume {shown_path(keeper.folder)}"
 
 
 @dataclass(frozen=True)
@@ -234,8 +234,8 @@ def _other_case_message(folder: Path) -> str:
     where = shown_path(folder)
     return (
         f"{where}: holds a part of a run of another case of this name, which {where}/case.toml "
-        f"states. Go on with that one: cosim resume {where}; or add --restart to throw it away, "
-        "or choose another --out"
+        f"states. Go on with that one: cosim run --resume {where}; or add --restart to throw it "
+        "away, or choose another --out"
     )
 
 
@@ -257,7 +257,7 @@ def check_not_begun(case: Case, checkpoints: Path) -> None:
     where = shown_path(folder)
     raise InputError(
         f"{where}: holds a part of this run, which was stopped, killed or failed. Go on with: "
-        f"cosim resume {where}; or add --restart to begin anew"
+        f"cosim run --resume {where}; or add --restart to begin anew"
     )
 
 

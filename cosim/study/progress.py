@@ -1,4 +1,4 @@
-"""How far a study is: shown in the terminal, and kept in the store for `cosim status`."""
+"""How far a study is: shown in the terminal, and kept in the store for `cosim study --status`."""
 
 from __future__ import annotations
 

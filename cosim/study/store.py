@@ -5,7 +5,7 @@
     parts/....parquet    rows that `pack` has put together, named by their content
     arrays/ab/ab12....nc arrays of a run, where they were asked for
     executions.log       begun and ended runs, a line each
-    studies/NAME.json    how far a study is, for `cosim status`
+    studies/NAME.json    how far a study is, for `cosim study --status`
 
 Many processes on many machines may write at once: a row is one file with one name, and the same
 address means the same row.  Only rows that converged are packed, and those never change.

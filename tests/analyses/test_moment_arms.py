@@ -1,4 +1,4 @@
-"""`cosim moment-arms` and `cosim mjcf`."""
+"""`cosim moment-arms`, and fingers that `cosim export` writes for MuJoCo."""
 
 from __future__ import annotations
 
@@ -180,13 +180,15 @@ def test_a_folder_that_cannot_be_made_is_one_message(tmp_path: Path) -> None:
 
 def test_mjcf_opens_in_mujoco_and_has_the_case_s_finger(tmp_path: Path) -> None:
     out = tmp_path / "finger.xml"
-    assert CliRunner().invoke(app, ["mjcf", "split_edc", "--out", str(out)]).exit_code == 0
+    assert CliRunner().invoke(app, ["export", "split_edc", "--out", str(out)]).exit_code == 0
     model = mujoco.MjModel.from_xml_path(str(out))
     assert (model.nq, model.ntendon) == (4, 8)
-    folder = CliRunner().invoke(app, ["mjcf", "split_edc", "--out", str(tmp_path)])
+    (taken := tmp_path / "folder.xml").mkdir()
+    folder = CliRunner().invoke(app, ["export", "split_edc", "--out", str(taken)])
     assert folder.exit_code == 2
     assert "is no file" in folder.stderr
-    hinge = CliRunner().invoke(app, ["mjcf", "pulley_edc", "--set", "finger.kind=hinge"])
+    words = ["export", "pulley_edc", "--set", "finger.kind=hinge", "--out", str(out)]
+    hinge = CliRunner().invoke(app, words)
     assert hinge.exit_code == 2
 
 

@@ -90,7 +90,7 @@ def write_log(folder: Path, text: str | bytes, name: str = "log.txt") -> Path:
 
 
 def run(*words: object) -> tuple[int, str]:
-    done = CliRunner().invoke(app, ["opensim", *map(str, words)])
+    done = CliRunner().invoke(app, ["import", *map(str, words)])
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
     return done.exit_code, done.output
 
@@ -240,7 +240,7 @@ def test_the_mean_over_time_of_a_ramp_is_its_middle():
 
 def test_the_command_writes_what_the_thesis_handed_over(tmp_path):
     log, out = write_log(tmp_path, DATA), tmp_path / "loads.mot"
-    words = ["loads", log, "--body", "2=proximal", "--point", "proximal=0.02 0 -0.001"]
+    words = [log, "--body", "2=proximal", "--point", "proximal=0.02 0 -0.001"]
     code, said = run(*words, "--mean", 0.5, 1, "-o", out)
     assert code == 0, said
     assert "left out: body 3" in said
@@ -290,7 +290,7 @@ def test_the_command_writes_what_the_thesis_handed_over(tmp_path):
 def test_the_command_says_what_is_missing(words, fragment, tmp_path):
     log = write_log(tmp_path, DATA)
     point = [] if "middle" in words[1] or "--point" in words else ["--point", "proximal=0 0 0"]
-    code, said = run("loads", log, *words, *point, "-o", tmp_path / "l.mot")
+    code, said = run(log, *words, *point, "-o", tmp_path / "l.mot")
     assert code == 2
     assert fragment in said
     assert [path.name for path in tmp_path.iterdir()] == ["log.txt"]
@@ -307,7 +307,7 @@ def test_names_that_opensim_or_xml_cannot_hold_are_refused(tmp_path):
 
 def test_tensions_become_a_case_over_another(tmp_path):
     table, out = write_log(tmp_path, TENSIONS, "f.sto"), tmp_path / "sub/mine.toml"
-    words = ["tensions", table, "--column", "EDC=EDC1", "-o", out]
+    words = [table, "--column", "EDC=EDC1", "-o", out]
     code, said = run(*words, "--time", 1)
     assert code == 0, said
     assert "left out: soleus" in said
@@ -316,10 +316,10 @@ def test_tensions_become_a_case_over_another(tmp_path):
     assert {n: t.tension for n, t in case.tendons.items() if t.tension} == {"EDC": 2.0, "FDP": 4.0}
     assert case.hood == load_case("base/index_finger.toml").hood
     over = tmp_path / "over.toml"
-    code, said = run("tensions", table, "--column", "EDC=EDC1", "-o", over, "--extends", out)
+    code, said = run(table, "--column", "EDC=EDC1", "-o", over, "--extends", out)
     assert code == 0, said
     assert load_case(over).tendons["EDC"].tension == 3.0  # the last time
-    code, said = run("tensions", table, "-o", over, "--extends", "isometric_edc")
+    code, said = run(table, "-o", over, "--extends", "isometric_edc")
     assert "EDC: pulls as in isometric_edc" in said
 
 
@@ -327,7 +327,7 @@ def test_tensions_over_time_become_the_courses_of_a_motion(tmp_path):
     from cosim.tendons.signals import factor_of
 
     table, out = write_log(tmp_path, TENSIONS, "f.sto"), tmp_path / "m.toml"
-    words = ["tensions", table, "--column", "EDC=EDC1", "--over-time", "-o", out]
+    words = [table, "--column", "EDC=EDC1", "--over-time", "-o", out]
     code, said = run(*words, "--extends", "forward_edc")
     assert code == 0, said
     tendon = load_case(out).tendons["EDC"]
@@ -336,7 +336,7 @@ def test_tensions_over_time_become_the_courses_of_a_motion(tmp_path):
     assert code == 2
     assert "is no motion" in said
     short = write_log(tmp_path, TENSIONS.replace("\n2\t", "\n1\t"), "f.sto")
-    code, said = run("tensions", short, *words[2:], "--extends", "forward_edc")
+    code, said = run(short, *words[1:], "--extends", "forward_edc")
     assert code == 2
     assert "spans 0 to 1 s" in said
 
@@ -363,7 +363,7 @@ def test_tensions_over_time_become_the_courses_of_a_motion(tmp_path):
 )
 def test_tensions_that_are_none_are_refused(text, words, fragment, tmp_path):
     table = write_log(tmp_path, text, "f.sto")
-    code, said = run("tensions", table, *words, "-o", tmp_path / "mine.toml")
+    code, said = run(table, *words, "-o", tmp_path / "mine.toml")
     assert code == 2
     assert fragment in said
     assert [path.name for path in tmp_path.iterdir()] == ["f.sto"]
@@ -380,7 +380,7 @@ def test_tensions_that_are_none_are_refused(text, words, fragment, tmp_path):
 )
 def test_whatever_stands_in_a_table_it_is_taken_or_refused(raw, tmp_path):
     table, out = write_log(tmp_path, raw, "f.sto"), tmp_path / "mine.toml"
-    code, said = run("tensions", table, "-o", out, "--extends", "base/split")
+    code, said = run(table, "-o", out, "--extends", "base/split")
     assert code in (0, 2), said
 
 
@@ -418,7 +418,7 @@ def test_a_force_reporters_table_of_opensim_is_taken(tmp_path, monkeypatch):
     for at in (0.0, 2.0):
         table.appendRow(at, opensim.RowVector([1.0 + at, 0.07]))
     opensim.STOFileAdapter.write(table, str(tmp_path / "f.sto"))
-    code, said = run("tensions", tmp_path / "f.sto", "-o", tmp_path / "mine.toml")
+    code, said = run(tmp_path / "f.sto", "-o", tmp_path / "mine.toml")
     assert code == 0, said
     assert load_case(tmp_path / "mine.toml").tendons["EDC"].tension == 3.0
 
@@ -426,13 +426,13 @@ def test_a_force_reporters_table_of_opensim_is_taken(tmp_path, monkeypatch):
 def test_a_model_gives_the_centres_of_mass(tmp_path):
     model = ROOT / "cases/data/finger.osim"
     log, out = write_log(tmp_path, DATA), tmp_path / "l.mot"
-    code, said = run("loads", log, "--body", "2=proximal", "--model", model, "-o", out)
+    code, said = run(log, "--body", "2=proximal", "--model", model, "-o", out)
     assert code == 0, said
     from cosim.analyses.opensim.loads import mass_centres
 
     table = read_sto(out)
     assert_array_equal(table.values[0, 3:6], mass_centres(model)["proximal"])
-    code, said = run("loads", log, "--body", "2=femur", "--model", model, "-o", out)
+    code, said = run(log, "--body", "2=femur", "--model", model, "-o", out)
     assert code == 2
     assert "has no body 'femur'" in said
 
@@ -440,7 +440,7 @@ def test_a_model_gives_the_centres_of_mass(tmp_path):
 def test_a_table_with_other_columns_than_forces_is_untouched(tmp_path):
     before = StoTable("t", ("EDC", "x"), np.array([0.0, 1.0]), np.array([[1.0, 2], [3, 4]]))
     write_sto(tmp_path / "f.sto", before)
-    code, said = run("tensions", tmp_path / "f.sto", "-o", tmp_path / "mine.toml")
+    code, said = run(tmp_path / "f.sto", "-o", tmp_path / "mine.toml")
     assert code == 0, said
     assert read_sto(tmp_path / "f.sto").columns == ("EDC", "x")
 
@@ -451,10 +451,8 @@ def test_the_tensions_of_a_run_make_the_same_force_again(tmp_path):
 
     first = run_case(load_case("split_edc", ["output.picture=false"]))
     folder = first.save(tmp_path)
-    _, forces = write_tables(folder, tmp_path)
-    code, said = run(
-        "tensions", forces, "--extends", "base/split.toml", "-o", tmp_path / "again.toml"
-    )
+    _, forces = write_tables(folder, tmp_path / "run.sto")
+    code, said = run(forces, "--extends", "base/split.toml", "-o", tmp_path / "again.toml")
     assert code == 0, said
     assert "left out: fingertip_force_vx" in said
     again = run_case(load_case(tmp_path / "again.toml", ["output.picture=false"]))

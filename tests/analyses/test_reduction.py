@@ -256,7 +256,7 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
     )
     out = tmp_path / "made.toml"
     done = CliRunner().invoke(
-        app, ["reduce", "fingertip_isotropic_edc", "--spread", "12", "-o", str(out)]
+        app, ["export", "fingertip_isotropic_edc", "--spread", "12", "-o", str(out)]
     )
     assert done.exit_code == 0, done.output
     assert "left out: 22/0/55/20 deg, EDC 3.47, LUM 0.05, FPI 0.05 N: stuck" in done.output
@@ -265,11 +265,12 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
     assert case.finger.tip.kind == "clamped"
 
 
-def test_only_hoods_of_finite_elements_are_reduced():
-    done = CliRunner().invoke(app, ["reduce", "network_edc"])
+def test_only_hoods_of_finite_elements_are_reduced(tmp_path):
+    out = str(tmp_path / "r.toml")
+    done = CliRunner().invoke(app, ["export", "network_edc", "-o", out])
     assert done.exit_code == 2
     assert "nothing is gained" in done.output
-    done = CliRunner().invoke(app, ["reduce", "cable_edc", "--grid", "TIP=1,2"])
+    done = CliRunner().invoke(app, ["export", "cable_edc", "-o", out, "--grid", "TIP=1,2"])
     assert done.exit_code == 2
     assert "unknown joint TIP" in done.output
 

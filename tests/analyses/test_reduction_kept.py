@@ -105,9 +105,8 @@ def test_a_damaged_file_is_told(tmp_path, name, value, reason):
 def test_a_file_of_another_kind_ends_in_one_message(tmp_path, text):
     path = tmp_path / "samples.json"
     path.write_text(text, encoding="latin-1")
-    done = CliRunner().invoke(
-        app, ["reduce", "fingertip_isotropic_edc", "--samples", str(path), "--workers", "1"]
-    )
+    words = ["export", "fingertip_isotropic_edc", "-o", str(tmp_path / "r.toml")]
+    done = CliRunner().invoke(app, [*words, "--samples", str(path), "--workers", "1"])
     assert done.exit_code == 2, done.output
     assert "is no file of samples" in " ".join(done.output.split())
     assert path.read_text(encoding="latin-1") == text

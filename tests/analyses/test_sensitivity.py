@@ -248,7 +248,8 @@ def test_a_band_is_shown_where_it_lies():
 
 def test_the_command(held, tmp_path):
     call = [
-        "sensitivity",
+        "study",
+        "--sensitivity",
         str(held),
         "--workers",
         "1",

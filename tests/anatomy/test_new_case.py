@@ -112,7 +112,8 @@ def test_our_own_hood_bones_and_finger_make_the_same_run(
 @pytest.mark.parametrize("ending", [".inp", ".feb"])
 def test_our_own_hood_goes_out_and_comes_back(ours: HoodMesh, tmp_path: Path, ending: str):
     out = tmp_path / f"hood{ending}"
-    done = CliRunner().invoke(app, ["mesh", "isometric_edc", "--set", COARSE, "-o", str(out)])
+    words = ["export", "isometric_edc", "--mesh", "--set", COARSE, "-o", str(out)]
+    done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     assert ("directions of the fibres" in done.output) == (ending == ".inp")
     code, told = new(tmp_path, "--hood", str(out))
@@ -143,7 +144,7 @@ def test_the_given_thickness_is_taken_before_the_files(files: Path, tmp_path: Pa
 
 
 def test_a_mesh_is_not_written_to_an_ending_that_says_something_else(tmp_path: Path):
-    done = CliRunner().invoke(app, ["mesh", "no_case", "-o", str(tmp_path / "hood.obj")])
+    done = CliRunner().invoke(app, ["export", "no_case", "--mesh", "-o", str(tmp_path / "a.obj")])
     assert done.exit_code == 2
     assert "ending in .json" in done.stderr
     assert ".feb, .inp, .msh, .stl, .vtu" in " ".join(done.stderr.split())

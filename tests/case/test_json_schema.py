@@ -181,7 +181,7 @@ def test_kilograms_in_words_do_not_lead_in_circles():
 
 
 def test_both_schemas_are_written_and_a_written_case_names_its_own(tmp_path):
-    done = CliRunner().invoke(app, ["schema", "--out", str(tmp_path / "runs")])
+    done = CliRunner().invoke(app, ["explain", "--schema", "--out", str(tmp_path / "runs")])
     assert done.exit_code == 0, done.output
     assert {path.name for path in (tmp_path / "runs").iterdir()} == {CASE_SCHEMA, STUDY_SCHEMA}
     first = resolved_toml(load_case("pulley_edc")).splitlines()[0]
@@ -192,8 +192,8 @@ def test_both_schemas_are_written_and_a_written_case_names_its_own(tmp_path):
 
 def test_a_new_case_has_its_schema_beside_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for words in (("mjcf", "split_edc"), ("new", "mine", "--finger", "finger.xml")):
-        done = CliRunner().invoke(app, [*words])
+    for words in ("export split_edc -o finger.xml", "new mine --finger finger.xml"):
+        done = CliRunner().invoke(app, words.split())
         assert done.exit_code == 0, done.output
     text = (tmp_path / "mine" / "mine.toml").read_text(encoding="utf-8")
     assert text.startswith("#:schema case.schema.json\n")

@@ -1,4 +1,4 @@
-"""`cosim warm`."""
+"""`cosim info --warm`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def quick(monkeypatch):
 def test_it_says_what_it_did_and_where(quick, monkeypatch, tmp_path):
     kernels = [CompiledKernel("a.f", 2, 0, tmp_path), CompiledKernel("a.g", 0, 1, tmp_path)]
     monkeypatch.setattr(warm, "compiled_kernels", lambda: iter(kernels))
-    said = CliRunner().invoke(app, ["warm"])
+    said = CliRunner().invoke(app, ["info", "--warm"])
     assert said.exit_code == 0
     assert "2 kernels compiled and 1 found compiled" in said.output
     assert f"kernels are kept in {shown_path(tmp_path)}" in said.output
@@ -45,7 +45,7 @@ def test_it_says_what_it_did_and_where(quick, monkeypatch, tmp_path):
 def test_it_fails_at_once_where_kernels_cannot_be_kept(quick, monkeypatch):
     kernels = [CompiledKernel("a.f", 1, 0, None)]
     monkeypatch.setattr(warm, "compiled_kernels", lambda: iter(kernels))
-    said = CliRunner().invoke(app, ["warm"])
+    said = CliRunner().invoke(app, ["info", "--warm"])
     assert said.exit_code == 2
     assert "set NUMBA_CACHE_DIR" in said.stderr
     assert quick == []
@@ -63,7 +63,7 @@ def test_after_it_a_run_compiles_nothing(name, tmp_path, monkeypatch):
     code = f"""
 from cosim.cli import app
 from cosim.kernels.kernel import compiled_kernels
-app(["warm"], standalone_mode=False)
+app(["info", "--warm"], standalone_mode=False)
 before = sum(k.compiled for k in compiled_kernels())
 import cosim
 cosim.run(cosim.load({name!r}))

@@ -130,7 +130,7 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path):
     forward = 'forward={duration="0.08 s",must_rest=false,checkpoint=20}'
     case = load_case("pulley_edc", [PLAIN, *LOOSE, draws("EDC"), forward])
     whole = run_case(case)
-    with pytest.raises(StoppedError, match="Go on with: cosim resume"):
+    with pytest.raises(StoppedError, match="Go on with: cosim run --resume"):
         run_case(case, Session(checkpoints=tmp_path), Stopper(1))
     gone = run_case(case, Session(checkpoints=tmp_path))
     assert identical(whole, gone)

@@ -53,7 +53,7 @@ def test_killed_in_its_motion_and_resumed_it_ends_in_the_same_bytes(tmp_path: Pa
     process.kill()
     process.communicate()
     assert (tmp_path / "cut" / "ramp.unfinished" / "checkpoint.npz").exists()
-    wait_for(cosim(tmp_path, "resume", "cut/ramp"))
+    wait_for(cosim(tmp_path, "run", "--resume", "cut/ramp"))
     run_case(load_case(tmp_path / "ramp.toml")).save(tmp_path / "whole")
     check_same_bytes(tmp_path / "whole", tmp_path / "cut")
 
@@ -74,7 +74,7 @@ def test_killed_at_any_moment_and_resumed_it_ends_in_the_same_bytes(tmp_path: Pa
         if not (unfinished / "checkpoint.npz").exists():
             words = ["run", "ramp.toml", "--out", "cut"]  # killed before the first, or done
         else:
-            words = ["resume", "cut/ramp"]
+            words = ["run", "--resume", "cut/ramp"]
     if unfinished.exists() or not (tmp_path / "cut" / "ramp").exists():
         wait_for(cosim(tmp_path, *words))
     check_same_bytes(tmp_path / "whole", tmp_path / "cut")
@@ -93,5 +93,5 @@ def test_a_signal_keeps_a_motion_that_asked_for_nothing(
     said = process.communicate(timeout=2 * HANG)[1].decode()
     assert process.returncode == code, said
     assert "Traceback" not in said
-    assert "s of 30 s; all up to there is kept. Go on with: cosim resume" in said
+    assert "s of 30 s; all up to there is kept. Go on with: cosim run --resume" in said
     assert (tmp_path / "runs" / "ramp.unfinished" / "checkpoint.npz").is_file()

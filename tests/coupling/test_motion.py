@@ -116,7 +116,7 @@ def test_a_finger_that_still_moves_misses_its_audit() -> None:
 
 
 def cut_off(case: Any, folder: Path, words: int) -> None:
-    with pytest.raises(StoppedError, match="Go on with: cosim resume"):
+    with pytest.raises(StoppedError, match="Go on with: cosim run --resume"):
         run_case(case, Session(checkpoints=folder), Stopper(words))
 
 
@@ -278,8 +278,8 @@ def test_what_a_motion_reached_before_a_step_failed_is_kept(tmp_path: Path, monk
     data = xarray.load_dataset(folder / "results.nc", engine="h5netcdf")
     assert float(data.time[-1]) == pytest.approx(0.039)
     before = sorted(folder.rglob("*"))
-    for command in ("report", "film", "sto"):
-        refused = CliRunner().invoke(app, [command, str(folder)])
+    for file in ("a.html", "a.gif", "a.sto"):
+        refused = CliRunner().invoke(app, ["show", str(folder), "-o", str(tmp_path / file)])
         assert refused.exit_code == 2, refused.output
         assert "is no result, only what a motion had reached" in " ".join(refused.stderr.split())
     assert sorted(folder.rglob("*")) == before
@@ -292,7 +292,7 @@ def test_what_a_motion_reached_before_a_step_failed_is_kept(tmp_path: Path, monk
     assert error.value.reached.data.time[-1] == pytest.approx(0.039)
     with pytest.raises(InputError, match="is no result"):
         cosim.compare(error.value.reached, error.value.reached)
-    resumed = CliRunner().invoke(app, ["resume", str(tmp_path / "pulley_edc")])
+    resumed = CliRunner().invoke(app, ["run", "--resume", str(tmp_path / "pulley_edc")])
     assert resumed.exit_code in (0, 3), resumed.output
     assert not folder.exists()
     whole = run_case(load_case("pulley_edc", [PLAIN, *FREE, LONG]))
@@ -340,19 +340,19 @@ def test_the_commands_resume_what_was_cut_off(tmp_path: Path, monkeypatch) -> No
     cut_off(case, out, 1)
     kept = CliRunner().invoke(app, ["run", str(path), "--out", str(out)])
     assert kept.exit_code == 2
-    words = f"Go on with: cosim resume {shown_path(unfinished)}; or add --restart"
+    words = f"Go on with: cosim run --resume {shown_path(unfinished)}; or add --restart"
     assert words in " ".join(kept.stderr.split())
     with monkeypatch.context() as early:  # Ctrl-C while the models are built
         early.setattr(run_motion, "moving_models", stop)
-        stopped = CliRunner().invoke(app, ["resume", str(out / "ramp")])
+        stopped = CliRunner().invoke(app, ["run", "--resume", str(out / "ramp")])
     assert stopped.exit_code == 130
-    assert "what was kept before stays. Go on with: cosim resume" in stopped.stderr
-    done = CliRunner().invoke(app, ["resume", str(out / "ramp")])
+    assert "what was kept before stays. Go on with: cosim run --resume" in stopped.stderr
+    done = CliRunner().invoke(app, ["run", "--resume", str(out / "ramp")])
     assert done.exit_code == 3, done.output  # without damping of its own it strikes its limits
     assert "going on from t = 0.049 s" in done.stderr
     assert (out / "ramp" / "summary.json").is_file()
     assert not unfinished.exists()
-    again = CliRunner().invoke(app, ["resume", str(out / "ramp")])
+    again = CliRunner().invoke(app, ["run", "--resume", str(out / "ramp")])
     assert again.exit_code == 2
     assert "no motion was cut off here" in again.stderr
     cut_off(case, out, 1)

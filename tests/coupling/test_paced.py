@@ -117,7 +117,7 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path, mon
     case = load_case("pulley_edc", [PLAIN, *FREE, own, fibre])
     whole = run_case(case)
     assert whole.summary["step_control"]["accepted"] > 50
-    with pytest.raises(StoppedError, match="Go on with: cosim resume"):
+    with pytest.raises(StoppedError, match="Go on with: cosim run --resume"):
         run_case(case, Session(checkpoints=tmp_path), Stopper(1))
     kept: list[Path] = []
     monkeypatch.setattr(run_motion, "write_checkpoint", lambda folder, *_: kept.append(folder))

@@ -1,14 +1,13 @@
-"""`cosim fmu`: what it writes and refuses; the coupled unit of a shell; the table's rows."""
+"""The command that writes an FMU: what it writes and refuses; the coupled unit of a shell."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-import typer
 from typer.testing import CliRunner, Result
 
 from cosim.case.file import load_case
-from cosim.commands.fmu import fmu
+from cosim.cli import app
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.write import write_fmu
 from cosim.solve.solvers import solve
@@ -18,17 +17,15 @@ pytestmark = NEEDS_FMU
 
 
 def command(*words: str) -> Result:
-    app = typer.Typer()
-    app.command()(fmu)
-    return CliRunner().invoke(app, ["pulley_edc", *words])
+    return CliRunner().invoke(app, ["export", "pulley_edc", "-o", "unit.fmu", *words])
 
 
 def test_the_command_writes_a_unit(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = command("--part", "finger", "--fmi", "3", "--no-tangent")
     assert done.exit_code == 0, done.output
-    assert done.stdout.strip() == "finger in pulley_edc_finger_fmi3.fmu, FMI 3"
-    variables = Unit(tmp_path / "pulley_edc_finger_fmi3.fmu").opened.description.modelVariables
+    assert done.stdout.strip() == "finger in unit.fmu, FMI 3"
+    variables = Unit(tmp_path / "unit.fmu").opened.description.modelVariables
     assert {"force", "angle"} <= {v.name for v in variables}
     assert "load_motion" not in {v.name for v in variables}
 

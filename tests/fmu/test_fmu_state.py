@@ -194,7 +194,7 @@ def units_case(tmp_path: Path, fmi: int, scheme: str) -> Case:
 def test_a_motion_of_units_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path, fmi, scheme):
     case = units_case(tmp_path, fmi, scheme)
     whole = run_case(case)
-    with pytest.raises(StoppedError, match="Go on with: cosim resume"):
+    with pytest.raises(StoppedError, match="Go on with: cosim run --resume"):
         run_case(case, Session(checkpoints=tmp_path), FirstWordStopper())
     assert identical(whole, run_case(case, Session(checkpoints=tmp_path)))
 

@@ -48,7 +48,7 @@ slips = dict(rung.slips)
 print(json.dumps([refused, ladder.rungs_of(case), rung.status, slips]))
 
 app(["run", "string.toml", "--quiet"], standalone_mode=False)
-app(["report", "runs/string", "-o", "page.html"], standalone_mode=False)
+app(["show", "runs/string", "-o", "page.html"], standalone_mode=False)
 """
 """The programs' work in one process of the copy."""
 
@@ -114,7 +114,7 @@ def test_a_new_hood_runs_from_a_case_and_is_in_its_report(house: Path, said: str
 
 
 def test_a_new_hood_is_in_the_schema(house: Path):
-    schema = json.loads(python(house, "-m", "cosim", "schema"))
+    schema = json.loads(python(house, "-m", "cosim", "explain", "--schema"))
     assert schema["$defs"]["StringHood"]["description"] == "One elastic string over the PIP."
 
 

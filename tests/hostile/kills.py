@@ -86,7 +86,7 @@ class Job:
         """The command, or what goes on with the motion that was cut off."""
         words = shlex.split(JOBS[self.name])
         if self.name == "motion" and (self.folder / "out/ramp.unfinished/checkpoint.npz").exists():
-            words = ["resume", "out/ramp"]
+            words = ["run", "--resume", "out/ramp"]
         elif self.name == "batch":
             words.append("--restart")
         room = self.folder / "tmp"

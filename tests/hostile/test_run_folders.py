@@ -118,7 +118,7 @@ def test_a_damaged_file_is_read_or_refused(
 
 def write_both_tables(folder: Path) -> None:
     """What reads the arrays."""
-    write_tables(folder, folder.parent)
+    write_tables(folder, folder.parent / "run.sto")
     read_all(folder)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,7 @@ from typer.testing import CliRunner
 
 from cosim.checks import read_printed
 from cosim.cli import app
-from cosim.commands.reproduce import PaperName
+from cosim.commands.reproduce import BY_SUBJECT, PaperName
 from cosim.errors import ConvergenceError, InputError
 from cosim.files import output_folder
 from cosim.report import gallery
@@ -206,7 +207,7 @@ PAPERS = sorted((ROOT / "cases" / "papers").glob("*.py"))
 
 @pytest.mark.parametrize("path", [pytest.param(path, id=path.stem) for path in PAPERS])
 def test_every_script_has_a_command_its_numbers_and_a_line_in_the_guide(path):
-    assert path.stem in {paper.script for paper in PaperName}
+    assert path.stem in {BY_SUBJECT.get(name, name) for name in get_args(PaperName)}
     guide = (ROOT / "cases" / "papers" / "README.md").read_text(encoding="utf-8")
     assert f"({path.name})" in guide
     script = open_paper(path.stem)

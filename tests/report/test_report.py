@@ -380,15 +380,16 @@ def test_csv_json_and_markdown_hold_the_same(hood, data):
 def test_the_command(hood, tmp_path, data):
     runner = CliRunner()
     out = tmp_path / "deep" / "report.json"
-    done = runner.invoke(app, ["report", str(hood), "--format", "json", "-o", str(out)])
+    done = runner.invoke(app, ["show", str(hood), "-o", str(out)])
     assert done.exit_code == 0, done.output
     assert json.loads(out.read_text(encoding="utf-8"))["runs"][0]["case"] == "isometric_edc"
     assert [path.name for path in out.parent.iterdir()] == ["report.json"]
+    page = str(tmp_path / "page.html")
     for wrong in (
-        ["report", str(tmp_path)],
-        ["report", str(hood), "--data", str(tmp_path / "absent.csv")],
-        ["report", str(hood), "--format", "md", "-o", str(tmp_path)],
-        ["report", str(hood), "--against", str(tmp_path)],
+        ["show", str(tmp_path), "-o", page],
+        ["show", str(hood), "-o", page, "--data", str(tmp_path / "absent.csv")],
+        ["show", str(hood), "--format", "md", "-o", str(tmp_path)],
+        ["show", str(hood), "-o", page, "--against", str(tmp_path)],
     ):
         refused = runner.invoke(app, wrong)
         assert refused.exit_code == 2
@@ -400,7 +401,7 @@ def test_the_command(hood, tmp_path, data):
 def test_rows_for_a_case_of_which_no_run_is_reported_are_counted(hood, tmp_path, data):
     rows = tmp_path / "data.csv"
     rows.write_text(DATA.replace("isometric_edc", "isometric_ecd"), encoding="utf-8")
-    words = ["report", str(hood), "--data", str(rows), "--format", "csv"]
+    words = ["show", str(hood), "--data", str(rows), "--format", "csv"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0
     note = f"note: {rows}: rows for the case isometric_ecd, of which no run is reported: 1\n"

@@ -120,7 +120,7 @@ def test_a_resumed_motion_has_the_frames_of_one_that_was_not_stopped(
 ) -> None:
     case = moving("output.frames=3")
     monkeypatch.setattr(motion, "EVERY", 3)  # steps from word to word
-    with pytest.raises(StoppedError, match=r"all up to there is kept\. Go on with: cosim resume"):
+    with pytest.raises(StoppedError, match=r"there is kept\. Go on with: cosim run --resume"):
         run_case(case, Session(checkpoints=tmp_path), Stopper(1))
     resumed = run_case(case, Session(checkpoints=tmp_path))
     assert identical(whole, resumed)

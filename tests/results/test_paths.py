@@ -58,8 +58,8 @@ def project(tmp_path_factory) -> Path:
     runs, page = str(folder / "runs"), str(folder / "page.html")
     for words in (
         ("run", str(folder / "moving.toml"), "pulley_edc", "--no-pictures", "--out", runs),
-        ("report", f"{runs}/moving", f"{runs}/pulley_edc", "-o", page),
-        ("sto", f"{runs}/moving"),
+        ("show", f"{runs}/moving", f"{runs}/pulley_edc", "-o", page),
+        ("show", f"{runs}/moving", "-o", f"{runs}/moving/run.sto"),
         ("study", str(folder / "study.toml"), "--out", str(folder / "studies")),
     ):
         done = call(app, [*words])

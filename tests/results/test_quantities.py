@@ -195,10 +195,10 @@ def test_every_quantity_of_the_packaged_data_is_known():
 
 @pytest.mark.parametrize("form", ["html", "json"])
 def test_the_command_refuses_a_misspelt_quantity(form, folders, tmp_path):
-    path, out = tmp_path / "data.csv", tmp_path / "report"
+    path, out = tmp_path / "data.csv", tmp_path / f"report.{form}"
     path.write_text(DATA.replace("slip_force_N.terminal", "slip_force_N.termnal"), "utf-8")
     run = str(folders["isometric_edc"])
-    command = ["report", run, "--data", str(path), "--format", form, "-o", str(out)]
+    command = ["show", run, "--data", str(path), "-o", str(out)]
     refused = CliRunner().invoke(app, command)
     assert refused.exit_code == 2
     assert "Slip: quantity slip_force_N.termnal" in refused.stderr

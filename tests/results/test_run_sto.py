@@ -1,4 +1,4 @@
-"""`cosim sto`: a run's motions and forces for OpenSim."""
+"""`cosim show -o NAME.sto`: a run's motions and forces for OpenSim."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
 
 def test_the_tables_hold_what_the_run_found(run: tuple[Path, dict]) -> None:
     folder, summary = run
-    done = CliRunner().invoke(app, ["sto", str(folder)])
+    done = CliRunner().invoke(app, ["show", str(folder), "-o", str(folder / "run.sto")])
     assert done.exit_code == 0, done.output
-    motion = read_sto(folder / "motion.sto", ("MCP", "MCP_abduction", "PIP", "DIP"))
+    motion = read_sto(folder / "run_motion.sto", ("MCP", "MCP_abduction", "PIP", "DIP"))
     assert motion.time.tolist() == [0.0, 1.0]
     assert np.degrees(motion.values[1]) == pytest.approx(list(summary["posture_deg"].values()))
-    forces = read_sto(folder / "forces.sto")
+    forces = read_sto(folder / "run_forces.sto")
     last = dict(zip(forces.columns, forces.values[-1], strict=True))
     assert last["EDC_tension"] == pytest.approx(3.469)
     assert last["fingertip_force_vx"] == pytest.approx(summary["fingertip_force_N"]["distal"])
@@ -37,14 +37,14 @@ def test_the_tables_hold_what_the_run_found(run: tuple[Path, dict]) -> None:
 
 
 def test_what_is_no_run_is_one_message(tmp_path: Path, run: tuple[Path, dict]) -> None:
-    done = CliRunner().invoke(app, ["sto", str(tmp_path)])
+    done = CliRunner().invoke(app, ["show", str(tmp_path), "-o", str(tmp_path / "run.sto")])
     assert done.exit_code == 2
     assert "is not the folder of a run" in done.stderr
     (tmp_path / "results.nc").write_text("not netCDF")
     (tmp_path / "summary.json").write_text("{}")
-    done = CliRunner().invoke(app, ["sto", str(tmp_path)])
+    done = CliRunner().invoke(app, ["show", str(tmp_path), "-o", str(tmp_path / "run.sto")])
     assert done.exit_code == 2
     assert "cannot be read as a part of a run" in done.stderr
     (tmp_path / "file").touch()
-    done = CliRunner().invoke(app, ["sto", str(run[0]), "--out", str(tmp_path / "file")])
+    done = CliRunner().invoke(app, ["show", str(run[0]), "-o", str(tmp_path / "file" / "a.sto")])
     assert done.exit_code == 2

@@ -74,7 +74,7 @@ def test_a_motion_in_pieces_is_the_motion(clock, tmp_path):
             result = run_case(case, Session(checkpoints=tmp_path))
             break
         except ConvergenceError as error:
-            assert "cosim resume" in str(error)
+            assert "cosim run --resume" in str(error)
             reached.append(float(error.reached.data.time[-1]))
     whole = run_case(in_motion())
     assert 1 < len(reached) < 9

@@ -171,11 +171,11 @@ def test_a_study_goes_on_where_it_was(place, monkeypatch):
         stopped = cosim("pip.toml")
     assert stopped.exit_code == 130
     assert "the same command goes on" in stopped.output
-    status = CliRunner().invoke(app, ["status", "studies/store"])
+    status = CliRunner().invoke(app, ["study", "--status", "studies/store"])
     assert "stopped" in status.output
     assert "2 runs solved" in cosim("pip.toml").output
     assert set(begin_counts(place).values()) == {1}
-    assert "4/4" in CliRunner().invoke(app, ["status", "studies/store"]).output
+    assert "4/4" in CliRunner().invoke(app, ["study", "--status", "studies/store"]).output
 
 
 def test_failures_are_rows_and_retry_does_them_again(place, monkeypatch):
@@ -246,7 +246,7 @@ def test_bad_input_ends_with_2(place):
     (place / "pip.toml").write_text(limited, encoding="utf-8")
     assert "--workers 1" in (done := cosim("pip.toml")).output
     assert done.exit_code == 2
-    assert CliRunner().invoke(app, ["status", "nowhere"]).exit_code == 2
+    assert CliRunner().invoke(app, ["study", "--status", "nowhere"]).exit_code == 2
 
 
 def test_the_address_is_of_what_is_solved(place):

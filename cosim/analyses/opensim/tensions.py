@@ -147,7 +147,7 @@ def _check_span(table: StoTable, base: str) -> None:
 
 
 def _is_label_of(column: str, tendon: str) -> bool:
-    """Whether a label is a tendon's, as OpenSim or as `cosim sto` writes it."""
+    """Whether a label is a tendon's, as OpenSim or as `cosim show` writes it."""
     name, _, output = column.partition("|")
     muscle = name.rpartition("/")[2].lower()
     return muscle in (tendon.lower(), tendon.lower() + TENSION) and output in OUTPUTS

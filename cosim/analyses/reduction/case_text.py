@@ -30,7 +30,7 @@ def case_text(reduction: Reduction, title: str, base: str, settings: Settings) -
 
 def _provenance(reduction: Reduction) -> Iterator[str]:
     yield (
-        f"Reduced with `cosim reduce` from the {reduction.case.hood.kind} hood of "
+        f"Reduced with `cosim export` from the {reduction.case.hood.kind} hood of "
         f"{reduction.case.name}, on bones held in postures."
     )
     yield ""

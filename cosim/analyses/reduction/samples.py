@@ -215,7 +215,7 @@ def _read(path: Path, address: str) -> dict[str, Any]:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise InputError(
-            f"{path}: is no file of samples that `cosim reduce --samples` wrote; choose another"
+            f"{path}: is no file of samples that `cosim export --samples` wrote; choose another"
         ) from error
     if case != address:
         raise InputError(

@@ -50,7 +50,7 @@ class ConnectingTendonConfig(Table):
 
 
 class ReductionConfig(Table):
-    """What `cosim reduce` fitted: one potential of joint angles and tensions over a box, from which
+    """What `cosim export` fitted: one potential of joint angles and tensions over a box, from which
     torques and excursions follow (rigid/hoods/reduced.py).  `angles`: the box, by joint in the
     finger's order; `tensions`: of each muscle the greatest, with `toe` of it; `energy` in J, a row
     for each of `angle_powers`, a column for each of `tension_terms`; `slips`: central and terminal,

@@ -91,7 +91,7 @@ class MeshFileConfig(Table):
 
     kind: Literal["file"]
     path: File
-    """A hood mesh: .json of `cosim mesh`, or as `cosim new` writes it."""
+    """A hood mesh: .json of `cosim export`, or as `cosim new` writes it."""
 
 
 class IsotropicConfig(RegionConfig):

@@ -1,4 +1,4 @@
-"""The network that `cosim reduce` fits: to a network, which it must match, and to the shell."""
+"""The network that `cosim export` fits: to a network, which it must match, and to the shell."""
 
 from __future__ import annotations
 

@@ -203,7 +203,7 @@ def test_names_that_cannot_be_right_are_refused(tmp_path, names, said):
     hand, file, out = a_hand(tmp_path), tmp_path / "names.toml", tmp_path / "out.xml"
     lines = (f'{ours} = "{theirs}"\n' for ours, theirs in names.items())
     file.write_text("".join(lines), encoding="utf-8")
-    words = ["mjcf", "--attach", str(hand), "--names", str(file), "-o", str(out)]
+    words = ["export", "--attach", str(hand), "--names", str(file), "-o", str(out)]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 2, done.output
     assert said in " ".join(done.output.split())
@@ -213,7 +213,7 @@ def test_names_that_cannot_be_right_are_refused(tmp_path, names, said):
 def test_a_name_that_is_no_xml_is_refused(tmp_path):
     text = '<custom><text name="q" data="&#27;[31m"/></custom></mujoco>'
     hand = a_hand(tmp_path, ("</mujoco>", text))
-    done = CliRunner().invoke(app, ["mjcf", "--attach", str(hand), "-o", str(tmp_path / "o.xml")])
+    done = CliRunner().invoke(app, ["export", "--attach", str(hand), "-o", str(tmp_path / "o.xml")])
     assert done.exit_code == 2
     assert "control character" in " ".join(done.output.split())
 

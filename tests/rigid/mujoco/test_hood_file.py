@@ -175,7 +175,7 @@ def test_an_attached_hood_pulls_as_the_network(tmp_path):
     text = hand.read_text(encoding="utf-8").replace("<compiler", f'<compiler boundmass="{least}"')
     hand.write_text(text, encoding="utf-8")
     out.parent.mkdir()
-    done = CliRunner().invoke(app, ["mjcf", "--attach", str(hand), "-o", str(out)])
+    done = CliRunner().invoke(app, ["export", "--attach", str(hand), "-o", str(out)])
     assert done.exit_code == 0, done.output
     for words in ("EDC ends at a junction", "kept: EI", "arms in abduction", "no bones together"):
         assert words in " ".join(done.output.split())
@@ -201,7 +201,7 @@ def test_an_attached_hood_pulls_as_the_network(tmp_path):
     assert note is not None
     assert note["hood"]["kind"] == "network"
     assert attached_hood(hand, "index") is None
-    again = CliRunner().invoke(app, ["mjcf", "--attach", str(out), "-o", str(tmp_path / "x.xml")])
+    again = CliRunner().invoke(app, ["export", "--attach", str(out), "-o", str(tmp_path / "x.xml")])
     assert again.exit_code == 2
     assert "has a hood on this finger" in " ".join(again.output.split())
 
@@ -215,19 +215,22 @@ def hood_network() -> Network:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["mjcf"], "name a case"),
-        (["mjcf", "cable_edc", "--hood", "network"], "cosim reduce cable_edc"),
-        (["mjcf", "cable_edc", "--hood", "cable"], "'network', 'reduced'"),
-        (["mjcf", "network_edc", "--finger", "middle"], "--finger: is of a hand"),
-        (["mjcf", "network_edc", "--names", "n.toml"], "--names: is of a hand"),
-        (["mjcf", "--attach", "HAND", "-o", "HAND"], "is the hand itself"),
-        (["mjcf", "--attach", "HAND", "--names", "n.toml"], 'n.toml: EDC = "EDCI": HAND has no'),
-        (["mjcf", "network_edc", "--hood", "reduced"], "write --hood network"),
-        (["mjcf", "split_edc", "--hood", "network"], "has another hood"),
-        (["mjcf", "--attach", "none.xml"], "none.xml"),
-        (["mjcf", "--attach", "HAND", "--finger", "middle"], "middle finger"),
+        ([], "CASE is missing"),
+        (["cable_edc", "--hood", "network"], "cosim export cable_edc -o reduced.toml"),
+        (["cable_edc", "--hood", "cable"], "'network', 'reduced'"),
         (
-            ["mjcf", "network_edc", "--hood", "network", "--set", 'hood.operating_force="1 N"'],
+            ["network_edc", "--finger", "middle"],
+            "--finger: does not go with .xml, only with --attach",
+        ),
+        (["network_edc", "--names", "n.toml"], "--names: does not go with .xml"),
+        (["--attach", "HAND", "-o", "HAND"], "is the hand itself"),
+        (["--attach", "HAND", "--names", "n.toml"], 'n.toml: EDC = "EDCI": HAND has no'),
+        (["network_edc", "--hood", "reduced"], "write --hood network"),
+        (["split_edc", "--hood", "network"], "has another hood"),
+        (["--attach", "none.xml"], "none.xml"),
+        (["--attach", "HAND", "--finger", "middle"], "middle finger"),
+        (
+            ["network_edc", "--hood", "network", "--set", 'hood.operating_force="1 N"'],
             "hood.operating_force",
         ),
     ],
@@ -237,7 +240,9 @@ def test_what_cannot_be_written_is_refused_in_one_message(tmp_path, monkeypatch,
     hand = stand_in(tmp_path)
     (tmp_path / "n.toml").write_text('EDC = "EDCI"\n', encoding="utf-8")
     before = hand.read_bytes()
-    done = CliRunner().invoke(app, [str(hand) if w == "HAND" else w for w in words])
+    if "-o" not in words:
+        words = [*words, "-o", "hood.xml"]
+    done = CliRunner().invoke(app, ["export", *(str(hand) if w == "HAND" else w for w in words)])
     assert done.exit_code == 2
     assert said in " ".join(done.output.replace("│", " ").split()).replace(str(hand), "HAND")
     assert hand.read_bytes() == before

@@ -1,4 +1,4 @@
-"""`cosim mjcf`: the finger stands in plain MuJoCo where ours does, and looks like ours."""
+"""`cosim export`: the finger stands in plain MuJoCo where ours does, and looks like ours."""
 
 from __future__ import annotations
 

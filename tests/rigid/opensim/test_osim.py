@@ -8,12 +8,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-import typer
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from cosim.commands.opensim import import_model
+from cosim.cli import app
 from rigid.opensim.osim import write_import
 from tests.helpers.osim_files import (
     PLAIN,
@@ -230,15 +229,11 @@ def test_what_it_writes_can_be_read_again(tmp_path: Path) -> None:
     assert "only say how things are drawn" in lines[-1]
 
 
-APP = typer.Typer()
-APP.command()(import_model)
-
-
 def test_the_command_prints_what_was_lost(tmp_path: Path) -> None:
     path = tmp_path / "m.osim"
     path.write_text(model(rest='<Credits2 name="x">y</Credits2>'))
     out = tmp_path / "m.xml"
-    result = CliRunner().invoke(APP, [str(path), "--out", str(out)])
+    result = CliRunner().invoke(app, ["import", str(path), "--out", str(out)])
     assert result.exit_code == 0
     assert 'dropped, line 14: Credits2 "x"' in result.output
     assert "1 coordinates and 0 of 0 muscles" in result.output
@@ -248,7 +243,7 @@ def test_the_command_prints_what_was_lost(tmp_path: Path) -> None:
 def test_the_command_refuses_with_code_2_and_writes_nothing(tmp_path: Path) -> None:
     path = tmp_path / "m.osim"
     path.write_text(model(version="10905"))
-    result = CliRunner().invoke(APP, [str(path), "--out", str(tmp_path / "m.xml")])
+    result = CliRunner().invoke(app, ["import", str(path), "--out", str(tmp_path / "m.xml")])
     assert result.exit_code == 2
     assert "open it with OpenSim 4 and save it" in result.output
     assert [p.name for p in tmp_path.iterdir()] == ["m.osim"]

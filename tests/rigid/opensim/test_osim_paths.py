@@ -7,10 +7,9 @@ from pathlib import Path
 
 import mujoco
 import pytest
-import typer
 from typer.testing import CliRunner
 
-from cosim.commands.opensim import import_model
+from cosim.cli import app
 from rigid.opensim.forces import OPENSIM
 from tests.helpers.osim_files import TWO_POINTS, import_text, model, muscle, point, reasons
 
@@ -97,13 +96,12 @@ def test_a_force_without_a_path_is_told(tmp_path: Path, kind: str, reason: str) 
 
 
 def test_the_command_ends_with_code_2_where_no_muscle_is_imported(tmp_path: Path) -> None:
-    app = typer.Typer()
-    app.command()(import_model)
     moving = TWO_POINTS + point("c", "/bodyset/b", "2 1 0", "MovingPathPoint")
     bad, good = muscle("bad", moving), muscle("good", TWO_POINTS)
     for forces, code, told in ((bad, 2, "0 of 1 muscles"), (bad + good, 0, "1 of 2 muscles")):
         (tmp_path / "m.osim").write_text(model(forces=forces))
-        result = CliRunner().invoke(app, [str(tmp_path / "m.osim"), "--out", f"{tmp_path}/m.xml"])
+        words = ["import", f"{tmp_path}/m.osim", "-o", f"{tmp_path}/m.xml"]
+        result = CliRunner().invoke(app, words)
         assert result.exit_code == code
         assert told in result.output
         assert "path point 'c' moves along x by no function" in result.output

@@ -1,4 +1,4 @@
-"""The commands of OpenSim's files: `cosim import`, `cosim sto` and `cosim opensim`."""
+"""`cosim import`: files of OpenSim, and FEBio's logs for it."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ import typer
 
 from cosim.analyses.opensim.loads import Handover, mass_centres, write_loads
 from cosim.analyses.opensim.tensions import read_tensions, tensions_at, write_case
-from cosim.commands.options import pairs_of, quantity, three_numbers
-from cosim.commands.terminal import exit_on_error
+from cosim.commands.door import door
+from cosim.commands.options import one_of, pairs_of, quantity, three_numbers, to
 from cosim.errors import InputError
 from cosim.port import Array
-from cosim.results.sto import write_tables
 from cosim.schema import units
 from rigid.opensim.losses import report
 from rigid.opensim.osim import import_osim, write_import
@@ -24,23 +23,13 @@ ForceUnit = Literal["N", "mN", "kN"]
 LengthUnit = Literal["m", "cm", "mm", "um"]
 TOLERANCES = (5e-4, 1e-3, 2e-3, 5e-3)
 """m, with which an import says how many muscles more would come."""
-opensim = typer.Typer(
-    add_completion=False,
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    help="Exchange forces with OpenSim: muscle forces in, external loads out.",
-)
 
 
 def import_model(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.osim", help="A model of OpenSim 2 to 4.")],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", help="The MJCF to write; else MODEL.xml in this folder."),
-    ] = None,
+    files: list[Path],
+    out: Path,
     tolerance: Annotated[
-        str,
-        typer.Option(help="By how much the length of an imported muscle may be off OpenSim's."),
+        str, typer.Option(help="By how much the length of an imported muscle may be off OpenSim's.")
     ] = "0.1 mm",
     only: Annotated[
         list[str] | None,
@@ -50,48 +39,30 @@ def import_model(
         ),
     ] = None,
 ) -> None:
-    """Turn an OpenSim model into MJCF and list what was dropped or changed; the numbers of its
-    muscles and joint limits go into a JSON file beside.  Ends with code 2 where the model has
-    muscles and none could be imported."""
-    with exit_on_error():
-        off = quantity("--tolerance", tolerance, units.LENGTH)
-        imported = import_osim(model, off, only or ())
-        written = write_import(imported, out or Path(f"{model.stem}.xml"))
-        for line in report(imported.losses):
-            typer.echo(line)
-        files = ", ".join(str(path) for path in written)
-        muscles = f"{len(imported.muscles)} of {imported.path_actuators} muscles"
-        typer.echo(f"{len(imported.coordinates)} coordinates and {muscles} in {files}")
-        more = [
-            f"{count} with {1e3 * size:g} mm"
-            for size in TOLERANCES
-            if (count := sum(off < each <= size for each in imported.beyond.values()))
-        ]
-        if more:
-            typer.echo(f"more muscles come with a wider --tolerance: {', '.join(more)}")
-        if imported.path_actuators and not imported.muscles:
-            raise InputError(f"{model}: {muscles} imported; {written[2]} says why of each")
+    """Turn an OpenSim model into MJCF."""
+    model = one_of(files, "a .xml")
+    off = quantity("--tolerance", tolerance, units.LENGTH)
+    imported = import_osim(model, off, only or ())
+    written = write_import(imported, out)
+    for line in report(imported.losses):
+        typer.echo(line)
+    paths = ", ".join(str(path) for path in written)
+    muscles = f"{len(imported.muscles)} of {imported.path_actuators} muscles"
+    typer.echo(f"{len(imported.coordinates)} coordinates and {muscles} in {paths}")
+    more = [
+        f"{count} with {1e3 * size:g} mm"
+        for size in TOLERANCES
+        if (count := sum(off < each <= size for each in imported.beyond.values()))
+    ]
+    if more:
+        typer.echo(f"more muscles come with a wider --tolerance: {', '.join(more)}")
+    if imported.path_actuators and not imported.muscles:
+        raise InputError(f"{model}: {muscles} imported; {written[2]} says why of each")
 
 
-def sto(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", help="Folder for the tables; else that of the run."),
-    ] = None,
-) -> None:
-    """Write a run's motions and forces as .sto tables, which OpenSim plots."""
-    with exit_on_error():
-        for path in write_tables(run, out or run):
-            typer.echo(f"wrote {path}")
-
-
-@opensim.command()
 def tensions(
-    forces: Annotated[
-        Path, typer.Argument(metavar="FORCES.sto", help="A table of muscle forces, .sto or .mot.")
-    ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The case file to write.")],
+    files: list[Path],
+    out: Path,
     extends: Annotated[
         str, typer.Option(help="The case that the tensions are laid over: a file or packaged case.")
     ] = "base/index_finger.toml",
@@ -111,31 +82,25 @@ def tensions(
     ] = False,
 ) -> None:
     """Write a case with the muscle forces of an OpenSim table as tendon tensions."""
-    with exit_on_error():
-        if over_time and time is not None:
-            raise InputError("--time and --over-time: one of the two")
-        table = read_tensions(forces, dict(_pairs(column or (), "--column", "EDC=EDC1")))
-        case = write_case(forces, table, out, extends, time, over_time)
-        for tendon, tension in tensions_at(table, time).items():
-            what = "over time" if over_time else f"{tension:.6g} N"
-            typer.echo(f"{tendon}: {what}, column {table.column[tendon]}")
-        if table.left_out:
-            typer.echo(f"left out: {', '.join(table.left_out)}")
-        for tendon, pull in case.tendons.items():
-            if tendon not in table.column and (pull.force or pull.excursion or pull.actuation):
-                typer.echo(f"{tendon}: pulls as in {extends}")
-        typer.echo(f"case in {out}; for example: cosim run {out}")
+    forces = one_of(files, "a .toml")
+    if over_time and time is not None:
+        raise InputError("--time and --over-time: one of the two")
+    table = read_tensions(forces, dict(_pairs(column or (), "--column", "EDC=EDC1")))
+    case = write_case(forces, table, out, extends, time, over_time)
+    for tendon, tension in tensions_at(table, time).items():
+        what = "over time" if over_time else f"{tension:.6g} N"
+        typer.echo(f"{tendon}: {what}, column {table.column[tendon]}")
+    if table.left_out:
+        typer.echo(f"left out: {', '.join(table.left_out)}")
+    for tendon, pull in case.tendons.items():
+        if tendon not in table.column and (pull.force or pull.excursion or pull.actuation):
+            typer.echo(f"{tendon}: pulls as in {extends}")
+    typer.echo(f"case in {out}; for example: cosim run {out}")
 
 
-@opensim.command()
 def loads(
-    logs: Annotated[
-        list[Path],
-        typer.Argument(metavar="LOG...", help="FEBio's log, or data files of rigid_body_data."),
-    ],
-    out: Annotated[
-        Path, typer.Option("--out", "-o", help="The .mot to write, with an .xml beside it.")
-    ],
+    files: list[Path],
+    out: Path,
     body: Annotated[
         list[str],
         typer.Option(
@@ -180,29 +145,51 @@ def loads(
     force_unit: Annotated[ForceUnit, typer.Option(help="FEBio's.")] = "N",
     length_unit: Annotated[LengthUnit, typer.Option(help="FEBio's, of moments.")] = "mm",
     columns: Annotated[
-        str,
-        typer.Option(help='Of records that are named otherwise: "Fx;Fy;Fz".'),
+        str, typer.Option(help='Of records that are named otherwise: "Fx;Fy;Fz".')
     ] = "",
 ) -> None:
     """Write the reactions of rigid bodies that FEBio logged as OpenSim's external loads."""
-    with exit_on_error():
-        names = _bodies(body)
-        handover = Handover(
-            names,
-            _points(list(names.values()), model, point or ()),
-            axes,
-            -1.0 if opposite else 1.0,
-            mean,
-            duration,
-            force_unit,
-            length_unit,
-            not no_moments,
-            tuple(word.strip() for word in columns.split(";") if word.strip()),
-        )
-        paths, notes = write_loads(logs, handover, out)
-        for note in notes:
-            typer.echo(note)
-        typer.echo(f"wrote {' and '.join(map(str, paths))}")
+    names = _bodies(body)
+    handover = Handover(
+        names,
+        _points(list(names.values()), model, point or ()),
+        axes,
+        -1.0 if opposite else 1.0,
+        mean,
+        duration,
+        force_unit,
+        length_unit,
+        not no_moments,
+        tuple(word.strip() for word in columns.split(";") if word.strip()),
+    )
+    paths, notes = write_loads(files, handover, out)
+    for note in notes:
+        typer.echo(note)
+    typer.echo(f"wrote {' and '.join(map(str, paths))}")
+
+
+@door({".xml": import_model, ".toml": tensions, ".mot": loads})
+def import_file(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE",
+            help="A model of OpenSim 2 to 4 (.osim); a table of muscle forces (.sto, .mot); or "
+            "FEBio's log, or data files of rigid_body_data.",
+        ),
+    ],
+    out: Annotated[Path | None, to("The file to write; its ending says what is read.")] = None,
+) -> None:
+    """Take in a file of OpenSim, or what FEBio found for OpenSim; the ending of --out says which.
+
+    An .xml: turn an OpenSim model into MJCF and list what was dropped or changed; the numbers of
+    its muscles and joint limits go into a JSON file beside.  Ends with code 2 where the model has
+    muscles and none could be imported.
+
+    A .toml: write a case with the muscle forces of an OpenSim table as tendon tensions.
+
+    A .mot, with an .xml beside it: write the reactions of rigid bodies that FEBio logged as
+    OpenSim's external loads."""
 
 
 def _pairs(texts: Sequence[str], option: str, example: str) -> list[tuple[str, str]]:
@@ -227,7 +214,7 @@ def _points(names: Sequence[str], model: Path | None, texts: Sequence[str]) -> d
     """The point (3,) m at which each body's force acts."""
     centres = {} if model is None else mass_centres(model)
     stated = {}
-    for name, text in (_split_point(text) for text in texts):
+    for name, text in pairs_of("--point", texts, 'proximal="0.02 0 0"'):
         if name not in names:
             raise InputError(f"--point {name}={text}: {name!r} is no body named with --body")
         stated[name] = np.array(three_numbers(f"--point {name}", text, "0.02 0 0"))
@@ -240,7 +227,3 @@ def _points(names: Sequence[str], model: Path | None, texts: Sequence[str]) -> d
                 f'taken, or --point {name}="X Y Z"'
             )
     return {name: stated[name] if name in stated else centres[name] for name in names}
-
-
-def _split_point(text: str) -> tuple[str, str]:
-    return _pairs([text], "--point", 'proximal="0.02 0 0"')[0]
