@@ -27,8 +27,13 @@ CONFIGURATION = ".docs"
 CONTENTS = {
     "Guides": {
         "cosim/README.md": "cosim/index.md",
-        "cosim/ui/README.md": "cosim/ui.md",
+        "cosim/case/README.md": "cosim/case.md",
+        "cosim/results/README.md": "cosim/results.md",
+        "cosim/analyses/README.md": "cosim/analyses.md",
+        "cosim/solve/README.md": "cosim/motion.md",
         "cosim/study/README.md": "cosim/study.md",
+        "cosim/fmu/README.md": "cosim/fmu.md",
+        "cosim/ui/README.md": "cosim/ui.md",
         "cosim/FORMATS.md": "cosim/formats.md",
         "fe_solver/README.md": "fe_solver/index.md",
         "fe_solver/febio/README.md": "fe_solver/febio.md",
@@ -40,6 +45,7 @@ CONTENTS = {
         "cases/papers/README.md": "cases/papers.md",
         "cosim/validation/README.md": "trust.md",
         ".docs/measured.md": "measured.md",
+        "cosim/scoring/README.md": "scoring.md",
         ".docs/scores.md": "scores.md",
         ".docs/credibility.md": "credible.md",
     },
@@ -52,6 +58,7 @@ CONTENTS = {
     },
     "Project": {
         ".github/CONTRIBUTING.md": "contributing.md",
+        ".github/CHANGELOG.md": "changelog.md",
         "cosim/DEVELOPERS.md": "developers.md",
         "tests/README.md": "tests.md",
         ".github/SUPPORT.md": "support.md",

@@ -106,7 +106,7 @@ def test_a_name_that_there_was_says_what_is_typed_now() -> None:
 
 
 def test_the_changelog_has_a_line_for_every_name_that_there_was() -> None:
-    log = (ROOT / "README.md").read_text(encoding="utf-8").partition("\n## Changelog\n")[2]
+    log = (ROOT / ".github" / "CHANGELOG.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `cosim ([^`]+)` \| `cosim ([^`]+)`", log, re.MULTILINE)
     assert {old.split()[0] for old, _ in rows} == set(MOVED)
     commands, outer = {n for named in COMMANDS.values() for n in named}, get_command(app)
