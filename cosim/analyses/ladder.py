@@ -26,7 +26,7 @@ from cosim.report.templates import template
 from cosim.results.compare import number
 from cosim.results.conventions import vector_of
 from cosim.results.looks import Look, look
-from cosim.results.picture import as_png, data_address
+from cosim.results.picture import picture_address
 from cosim.results.result import Result
 
 if TYPE_CHECKING:
@@ -240,7 +240,7 @@ def _line(cells: Sequence[str]) -> str:
 def to_html(rungs: Sequence[Rung], title: str) -> str:
     """A page that needs nothing else: what differs, picture, table and reasons."""
     header, rows = ("", *map(heading, rungs)), side_by_side(rungs)
-    picture = data_address(as_png(draw_ladder(rungs, title), DPI))
+    picture = picture_address(draw_ladder(rungs, title), DPI)
     return template("cosim.report", "ladder.html.j2").render(
         title=title,
         rungs=rungs,

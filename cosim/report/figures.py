@@ -14,7 +14,7 @@ import pandas as pd
 from cosim.errors import InputError, Progress
 from cosim.files import output_folder
 from cosim.report.templates import template
-from cosim.results.picture import as_png, data_address
+from cosim.results.picture import as_png, data_address, picture_address
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,7 +89,7 @@ class Shown:
         """As a notebook shows it."""
         parts = []
         if self.picture is not None:
-            parts.append(f'<img src="{data_address(as_png(self.picture, DPI))}">')
+            parts.append(f'<img src="{picture_address(self.picture, DPI)}">')
         first = [] if self.table is None else [self.table]
         return "".join([*parts, *map(_html, [*first, *self.tables.values()])])
 

@@ -20,7 +20,7 @@ from cosim.report.templates import template
 from cosim.report.views import BoneSurface, Sheet, SheetField, View, limits, view_of
 from cosim.results.compare import number, unit_of, value_of
 from cosim.results.looks import colour_map
-from cosim.results.picture import as_png, data_address
+from cosim.results.picture import picture_address
 from cosim.results.quantities import key_quantities
 from cosim.results.result import Result
 
@@ -311,7 +311,7 @@ def postures(before: View, after: View) -> str:
     axes.invert_xaxis()
     axes.axis("off")
     words = f"Postures: {before.name} dashed, {after.name} full"
-    return f'<img alt="{escape(words)}" src="{data_address(as_png(picture, DPI))}">'
+    return f'<img alt="{escape(words)}" src="{picture_address(picture, DPI)}">'
 
 
 def _hood(view: View) -> list[Array]:
@@ -369,7 +369,7 @@ def draw_maps(
         quads, ax=list(panels), location="bottom", extend="both", aspect=50, shrink=0.5
     )
     bar.set_label(f"{one.field.label}, {one.field.unit}")
-    address = data_address(as_png(picture, DPI))
+    address = picture_address(picture, DPI)
     words = f"{one.field.label}, {one.field.unit}"
     size = DPI * picture.get_size_inches()
     names = "".join(_names(axes, one, size[1]) for axes, one in zip(panels, maps, strict=False))

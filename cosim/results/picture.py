@@ -107,3 +107,8 @@ def palette_of(images: Sequence[Image], count: int) -> Image:
 def data_address(content: bytes, kind: str = "image/png") -> str:
     """Return the address of a content that stands in the page itself."""
     return f"data:{kind};base64,{b64encode(content).decode('ascii')}"
+
+
+def picture_address(figure: Figure | None, dpi: float) -> str:
+    """Return a figure as the address of a PNG that holds it; empty for none."""
+    return "" if figure is None else data_address(as_png(figure, dpi))

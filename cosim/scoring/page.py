@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.report.templates import template
 from cosim.results.compare import number
-from cosim.results.picture import as_png, data_address
+from cosim.results.picture import picture_address
 from cosim.scoring.groups import row_words
 from cosim.scoring.plots import draw_rows, draw_skills
 from cosim.scoring.run import GroupScore, HandScore, groups_of, score_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 DPI = 110
 
@@ -24,7 +24,7 @@ def score_page(hands: Sequence[HandScore], refused: Mapping[str, str]) -> str:
         models=[_model(hand) for hand in hands],
         refused=refused,
         answers=[answer(hand) for hand in hands],
-        picture=_picture(draw_skills(hands)),
+        picture=picture_address(draw_skills(hands), DPI),
         table=skill_table(hands, " of "),
         no_doubts=[h.model.name for h in hands if not (h.doubts or h.failures)],
         groups=[_group(hands, g) for g in groups_of(hands)],
@@ -108,7 +108,7 @@ def _group(hands: Sequence[HandScore], g: GroupScore) -> dict[str, Any]:
         "floor": next((s.floor for _, s in judged if s.floor), g.group.floor),
         "models": [_of_group(hand, s) for hand, s in judged],
         "ranks": next((s.rank.words for _, s in judged if s.rank is not None), ""),
-        "picture": _picture(picture),
+        "picture": picture_address(picture, DPI),
         "heads": [hand.model.name for hand, s in judged if s.rows],
         "rows": [_row(name, [s for _, s in judged if s.rows]) for name in names],
         "none": picture is None,
@@ -147,7 +147,3 @@ def _row(name: str, scored: list[GroupScore]) -> dict[str, Any]:
         "values": [number(r.model, 3) if r is not None else "–" for r in found],
         "note": t.note,
     }
-
-
-def _picture(figure: Figure | None) -> str:
-    return "" if figure is None else data_address(as_png(figure, DPI))

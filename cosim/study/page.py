@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.report.templates import template
 from cosim.results.compare import Target, number, reference_text
-from cosim.results.picture import as_png, data_address
+from cosim.results.picture import picture_address
 from cosim.study import plots as pictures
 from cosim.study.answers import Band, Indices
 from cosim.study.distributions import GridAxis, Law, Lognormal, Normal, TruncatedNormal, Uniform
@@ -30,7 +30,7 @@ def page(study: StudyResults, plan: StudyPlan, pictures_of_bands: Sequence[Figur
         plan=plan,
         runs=len(study.table),
         converged=counts.get("converged", 0),
-        bands=[_picture(figure) for figure in pictures_of_bands],
+        bands=[picture_address(figure, DPI) for figure in pictures_of_bands],
         waiting=counts.get("waiting", 0),
         audit=int(((study.table.status == "converged") & (study.table.reason != "")).sum()),
         failures=list(_failures(study)),
@@ -135,7 +135,9 @@ def _output(study: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
         "slopes": study.slopes(name),
         "surface": surface,
         "pairs": [(" × ".join(map(study.label, p)), number(x, 3)) for p, x in pairs.items()],
-        "pictures": {key: _picture(f) for key, f in {**figures, "surface": drawn}.items()},
+        "pictures": {
+            key: picture_address(f, DPI) for key, f in {**figures, "surface": drawn}.items()
+        },
     }
 
 
@@ -214,7 +216,3 @@ def _screening_rows(study: StudyResults, name: str) -> list[tuple[str, str, str,
         )
         for i in sorted(range(len(found.mu)), key=lambda i: -found.mu_star[i])
     ]
-
-
-def _picture(figure: Figure | None) -> str:
-    return "" if figure is None else data_address(as_png(figure, DPI))

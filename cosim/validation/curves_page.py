@@ -11,7 +11,7 @@ from cosim.report.figures import new_picture, style_axes
 from cosim.report.templates import template
 from cosim.results.compare import number
 from cosim.results.looks import look
-from cosim.results.picture import as_png, data_address
+from cosim.results.picture import picture_address
 from cosim.roughness import WINDOW
 from cosim.validation.curves import (
     ARM,
@@ -46,7 +46,7 @@ def write_page(path: Path, curves: Sequence[Curve], before: CurvesFile) -> None:
         kinds=list(KINDS.values()),
         lines=table_rows(curves, before),
         curves=[
-            (curve, data_address(as_png(draw_curve(curve), DPI)), _number_rows(curve, before))
+            (curve, picture_address(draw_curve(curve), DPI), _number_rows(curve, before))
             for curve in curves
         ],
     )

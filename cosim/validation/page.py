@@ -17,7 +17,7 @@ from cosim.results.compare import (
     number,
     reference_text,
 )
-from cosim.results.picture import as_png, data_address
+from cosim.results.picture import picture_address
 from cosim.validation.mesh import distinct, tally
 from cosim.validation.plots import draw_budgets, draw_kind, draw_rows
 from cosim.validation.run import Board, by_kind
@@ -26,7 +26,7 @@ from cosim.validation.uncertainty import Budget, NumberUncertainty, sentence
 from cosim.validation.versions import Key
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 DPI = 110
 
@@ -47,7 +47,7 @@ def write_page(path: Path, boards: Sequence[JudgedBoard]) -> None:
                 "group": b.group,
                 "headline": b.headline,
                 "nulls": _nulls(b, judgements_of_kind(boards, b)),
-                "picture": _picture(draw_kind(b)),
+                "picture": picture_address(draw_kind(b), DPI),
             }
             for b in by_kind([b.board for b in boards])
         ],
@@ -72,19 +72,15 @@ def _board(judged: JudgedBoard) -> dict[str, Any]:
         "variant": board.variant,
         "headline": board.headline,
         "nulls": _nulls(board, judged.judgements() if judged.known else {}),
-        "budgets": "" if board.variant else _picture(draw_budgets(judged)),
+        "budgets": "" if board.variant else picture_address(draw_budgets(judged), DPI),
         "by_hand": board.hand_lines,
         "failures": board.failures,
-        "picture": _picture(draw_rows(board)),
+        "picture": picture_address(draw_rows(board), DPI),
         "rows": [
             _cells(row, judged.budget(row), judged.known_of(row))
             for row in misses_first(board.rows)
         ],
     }
-
-
-def _picture(figure: Figure | None) -> str:
-    return "" if figure is None else data_address(as_png(figure, DPI))
 
 
 def _nulls(board: Board, judgements: Mapping[str, Mapping[str, int]]) -> list[dict[str, str]]:

@@ -106,7 +106,7 @@ def _history(rows: Sequence[CsvRow], bench: str, machine: str) -> BenchHistory:
 
 def write_history_page(histories: Sequence[BenchHistory], path: Path) -> None:
     """Write one HTML page, the regressions of the newest commit first.  Raises InputError."""
-    page = template("cosim.commands", "bench.html.j2").render(
+    page = template("tests.benches", "bench.html.j2").render(
         histories=histories, regressions=list(regressions(histories)), worse=WORSE
     )
     with output_file(path) as part:
