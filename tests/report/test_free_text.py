@@ -151,7 +151,7 @@ settings = ["title={{value}}"]
 
 def test_in_the_page_of_a_study(tmp_path: Path, table: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(study_page, "_picture", lambda _: "")
+    monkeypatch.setattr(study_page, "picture_address", lambda *_: "")
     Path("held.toml").write_text(f"notes = {AS_TOML}\n{HELD}", encoding="utf-8")
     Path("study.toml").write_text(STUDY, encoding="utf-8")
     cosim.run_study("study.toml")

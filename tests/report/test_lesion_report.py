@@ -108,7 +108,12 @@ def test_the_page_draws_two_postures_and_four_maps_on_one_scale(sheet):
 
 def test_maps_have_one_scale_and_frame_the_parts_of_the_lesion(sheet, monkeypatch):
     pictures = []
-    monkeypatch.setattr(lesion_page, "as_png", lambda picture, dpi: pictures.append(picture) or b"")
+
+    def keep(picture, dpi):
+        pictures.append(picture)
+        return ""
+
+    monkeypatch.setattr(lesion_page, "picture_address", keep)
     runs = [read(sheet[0] / "runs" / f"{SHEET}_{side}_free") for side in ("before", "after")]
     pair = RunPair("free", *runs)
     lesion_page.lesion_page("title", ["cut"], ["lateral_band_ulnar"], [pair])

@@ -52,7 +52,7 @@ def place(tmp_path, monkeypatch) -> Path:
     (tmp_path / "held.toml").write_text(HELD, encoding="utf-8")
     (tmp_path / "spread.toml").write_text(STUDY, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(page_module, "_picture", lambda _: "")
+    monkeypatch.setattr(page_module, "picture_address", lambda *_: "")
     return tmp_path
 
 

@@ -58,7 +58,7 @@ def place(tmp_path, monkeypatch) -> Path:
 @pytest.fixture
 def undrawn(monkeypatch) -> None:
     """The pages of studies, which other tests here read, without their pictures."""
-    monkeypatch.setattr(page_module, "_picture", lambda _: "")
+    monkeypatch.setattr(page_module, "picture_address", lambda *_: "")
 
 
 def cosim(*words: str):
