@@ -15,6 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from cases.board_numbers import with_numbers
+from cases.reference import REFERENCE, reference_pages
 from cosim.commands.terminal import tell
 from cosim.errors import InputError
 from cosim.extras import require
@@ -80,9 +81,10 @@ def lay_pages(stage: Path) -> None:
         page = stage / place
         page.parent.mkdir(parents=True, exist_ok=True)
         page.write_text(_linked(text, source, stage), encoding="utf-8")
+    places = {heading: [*pages.values()] for heading, pages in CONTENTS.items()}
     with (stage / "index.md").open("a", encoding="utf-8") as home:
-        for heading, pages in CONTENTS.items():
-            names = "\n".join(place.removesuffix(".md") for place in pages.values())
+        for heading, pages in (places | {"Reference": [*REFERENCE]}).items():
+            names = "\n".join(place.removesuffix(".md") for place in pages)
             home.write(f"\n```{{toctree}}\n:caption: {heading}\n:hidden:\n\n{names}\n```\n")
 
 
@@ -115,6 +117,10 @@ def build(folder: Path) -> None:
 
     with TemporaryDirectory() as stage:
         lay_pages(Path(stage))
+        for place, text in reference_pages().items():
+            page = Path(stage) / place
+            page.parent.mkdir(parents=True, exist_ok=True)
+            page.write_text(text, encoding="utf-8")
         options = ["-q", "-W", "--keep-going", "-E", "-c", str(ROOT / CONFIGURATION)]
         kept = ["-d", str(Path(stage) / ".doctrees")]
         if build_main(["-b", "html", *options, *kept, stage, str(folder)]):

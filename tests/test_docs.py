@@ -11,8 +11,12 @@ from urllib.parse import unquote, urldefrag
 
 import pytest
 from lxml import html
+from typer.main import get_command
 
+import cosim
 from cases.docs import PLACES, build, lay_pages
+from cases.reference import reference_pages
+from cosim.cli import app
 from cosim.errors import InputError
 from cosim.extras import EXTRAS
 from tests.helpers.folders import ROOT
@@ -123,8 +127,23 @@ def test_no_page_fetches_anything_from_the_net(site: Path):
 
 @pytest.mark.slow
 def test_the_python_pages_show_the_public_face(site: Path):
-    import cosim
-
     page = tree(site / "api" / "cosim.html")
     shown = set(page.xpath("//dt/@id"))
     assert {f"cosim.{name}" for name in cosim.__all__ if name != "__version__"} <= shown
+
+
+def test_the_python_pages_ask_for_every_public_name():
+    asked = (ROOT / ".docs" / "api" / "cosim.md").read_text(encoding="utf-8")
+    names = set(re.findall(r":: (\w+)$", asked, re.M))
+    assert set(cosim.__all__) - {"__version__"} <= names
+
+
+def test_the_reference_has_every_command_key_and_number():
+    commands, keys, numbers = reference_pages().values()
+    for name in get_command(app).commands:
+        assert f"## cosim {name}\n" in commands
+        assert f"Usage: cosim {name} " in commands
+    for key in ("hood.contact.layer", "tendons", "solve", "lesion", "finger.limit"):
+        assert f"\n## {key}" in keys
+    assert "`cut_partly`" in keys
+    assert "| `slip_force_N." in numbers
