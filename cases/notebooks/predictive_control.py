@@ -150,7 +150,7 @@ def predictive(most: float, sees_ahead: bool, linearises: bool = True) -> Contro
 # %% [markdown]
 # ## What it buys
 #
-# With strong motors (15 N) little: 0.050 N of RMS for 0.061 N, and the PI leaves no error at the
+# With strong motors (15 N) little: 0.049 N of RMS for 0.061 N, and the PI leaves no error at the
 # end, which the programme does, since it also minimises effort. With motors of 1.5 N, which the
 # task just needs, the PI asks for more than there is and winds up; the programme knows the bounds.
 # To see ahead helps most. To linearise anew in every step helps nothing here, since a fingertip
