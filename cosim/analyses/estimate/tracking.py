@@ -383,7 +383,7 @@ def track(
     pulled = with_signals(s.case, s.capacity.names, course.tension)
     moves = moving_models(pulled, forward).moves
     at = moves.begin(moves.finger.begin(dict(zip(moves.finger.joints, first.angle, strict=True))))
-    seen, stopped = [at], None
+    time, angle, stopped = [at.coupled.time], [_angles_rates(moves, at)[0]], None
     for done in range(0, steps, each):
         count, now = min(each, steps - done), at.coupled.time
         try:
@@ -392,9 +392,10 @@ def track(
             aim = planner.go_on(plan, course.tensions[-1], at.coupled.hood, ahead)
             course.times.append(now + ahead)
             course.tensions.append(aim)
-            made = [at]
-            for _ in range(count):
-                made.append(moves.advance(made[-1]))
+            new, made = at, list[tuple[float, Array]]()
+            for _ in range(count):  # the states themselves are too large to be kept
+                new = moves.advance(new)
+                made.append((new.coupled.time, _angles_rates(moves, new)[0]))
         except ConvergenceError as error:
             stopped = ConvergenceError(f"at {now:.4g} s of the motion, run forward: {error}")
             stopped.__cause__ = error
@@ -402,15 +403,14 @@ def track(
                 raise stopped from error
             steps = done
             break
-        at = made[-1]
-        seen += made[1:]
+        at = new
+        time += [when for when, _ in made]
+        angle += [there for _, there in made]
         off = _angles_rates(moves, at)[0] - wanted.at(at.coupled.time).angle
         progress(
             f"forward: {at.coupled.time:.4g} s of {forward.duration:g} s, "
             f"{np.degrees(np.abs(off).max()):.2g} deg off"
         )
-    time = np.array([x.coupled.time for x in seen])
-    angle = np.array([moves.finger.angles(x.coupled.finger) for x in seen])
     ends = slice(None, 1 + ceil(steps / each))
     times, tension = np.array(course.times[ends]), np.array(course.tensions[ends])
     progress("once more without plans, all tensions larger by a millionth")
@@ -420,10 +420,10 @@ def track(
         times,
         tension,
         planner.lacking,
-        time,
-        angle,
-        wanted.at(time).angle,
-        float(np.abs(alone - angle[: len(alone)]).max()) if len(alone) == len(angle) else np.inf,
+        np.array(time),
+        np.array(angle),
+        wanted.at(np.array(time)).angle,
+        float(np.abs(alone - np.array(angle)).max()) if len(alone) == len(angle) else np.inf,
         planner.rounds,
         stopped,
     )
