@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.port import Array, Ints, Motion
+from cosim.port import Array, Ints, Motion, Triangles
 from fe_solver.elements.mesh_geometry import is_triangle, node_means
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
+from fe_solver.hood.as_febio import in_situ
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
@@ -21,8 +22,6 @@ from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.model import ShellModel
 from fe_solver.supports import Body, ContactPair, SpringLaw, SpringSet, Tied
-
-Triangles = tuple[Array, Ints]
 
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 INCREMENTS = 10
@@ -48,9 +47,9 @@ def job_of_hood(
     with ties, springs and pulls; their rest lengths follow.  Else the nodes stay on the
     mid-surface.
 
-    Raises InputError for what a job cannot say: stress-free growth but a stretch in situ, materials
+    Raises InputError for what a job cannot say: growth but along the fibres of a region, materials
     that vary within a region, springs with tables, tendons that do not slide along an axis of one
-    body."""
+    body; and for what `fe_solver.hood.as_febio` would replace."""
     model, sheet = hood.model, _writable_sheet(hood)
     frame = int(model.guides.body[0]) if len(model.guides.node) else 0
     rest, end = _in_frame_of(hood.rest, frame), _in_frame_of(motion, frame)
@@ -94,8 +93,13 @@ def job_of_hood(
         job = replace(job, sheet=replace(job.sheet, height=-thickness / 2))
     side = 1 if turned else -1
     # facets that touch at points of their own, as the format's do, need no lift
-    pairs = [_pair(job, k, hood.lift[k.nodes], side, bones, hood.bodies) for k in model.contacts]
-    return replace(job, contacts=tuple(pairs))
+    pairs = [_pair(job, k, hood, side, bones) for k in model.contacts]
+    names = [pair.name for pair in pairs]
+    numbered = [
+        replace(p, name=f"{p.name} {names[: i + 1].count(p.name)}") if names.count(p.name) > 1 else p
+        for i, p in enumerate(pairs)
+    ]
+    return replace(job, contacts=tuple(numbered))
 
 
 def _writable_sheet(hood: ShellHood) -> Sheet:
@@ -110,8 +114,8 @@ def _writable_sheet(hood: ShellHood) -> Sheet:
         )
     if any(contact.layer is not None for contact in m.contacts):
         raise InputError(
-            "a hood on a layer of tissue that gives is not written: FEBio's contact is a penalty; "
-            'set hood.contact.stiffness, such as "200 N/mm**3"'
+            "a hood on a layer of tissue that gives is not written: FEBio's contact is a penalty "
+            "(fe_solver.hood.as_febio)"
         )
     if any(part.sliding for part in sheet.parts):
         raise InputError(
@@ -123,11 +127,6 @@ def _writable_sheet(hood: ShellHood) -> Sheet:
             "a hood with a bending modulus of its own cannot be written: in FEBio's format a shell "
             "bends as its material does; set hood.bending_stiffness to zero"
         )
-    if sheet.growth is not None and sheet.growth[sheet.stretch == 1.0].any():
-        raise InputError(
-            "a hood with extra length in its slips cannot be written: FEBio's format has no "
-            "stress-free growth but a stretch in situ; set hood.extra_length to zero"
-        )
     for patch in m.section.patches:
         varies = any(np.ndim(value) for value in vars(patch.law).values())
         if varies or not np.allclose(patch.factor, 1.0):
@@ -137,7 +136,7 @@ def _writable_sheet(hood: ShellHood) -> Sheet:
         raise InputError("a hood whose springs follow tables is not written")
     if len(set(m.guides.body.tolist())) > 1:
         raise InputError("a hood whose tendons slide along several bodies is not written")
-    return sheet
+    return in_situ(sheet)
 
 
 def _in_frame_of(motion: Motion, frame: int) -> Motion:
@@ -236,29 +235,28 @@ def _pulls(hood: ShellHood, tension: Array) -> tuple[NodalForce, ...]:
 
 
 def _pair(
-    job: Job,
-    contact: Contact,
-    lift: Array,
-    side: int,
-    bones: Mapping[str, Triangles],
-    bodies: Sequence[str],
+    job: Job, contact: Contact, hood: ShellHood, side: int, bones: Mapping[str, Triangles]
 ) -> ContactPair:
-    name = bodies[contact.body]
+    """The pair of a contact; one that is elastic keeps its stiffness, and its elements."""
+    name, sheet = hood.bodies[contact.body], job.sheet
     if name not in bones:
         raise InputError(f"the hood touches the body {name!r}, whose surface is not given")
-    touching = np.isin(job.sheet.quads, contact.nodes).all(axis=1)
-    sheet = job.sheet
-    half = node_means(sheet.thickness, sheet.quads, len(sheet.points))[contact.nodes] / 2
-    gap = contact.offset - half - lift
+    half = node_means(sheet.thickness, sheet.quads, len(sheet.points)) / 2
+    if contact.within is not None:
+        gap, quads = contact.offset - contact.within.mean(half), contact.within.cells
+    else:
+        gap = contact.offset - half[contact.nodes] - hood.lift[contact.nodes]
+        quads = np.flatnonzero(np.isin(sheet.quads, contact.nodes).all(axis=1))
     if np.ptp(gap) > SAME:
         raise InputError(f"the contact level over the body {name!r} varies from node to node")
-    quads = np.flatnonzero(touching)
     return ContactPair(
         f"{job.name} on {name}",
         quads,
         np.full(len(quads), side),
         contact.body,
         np.asarray(bones[name][1]),
+        penalty=contact.stiffness if contact.elastic else 1.0,
+        automatic=not contact.elastic,
         friction=contact.friction,
         gap=float(gap.mean()),
     )

@@ -1,7 +1,8 @@
 """A Job as the shell model of the solver: what holds, loads and touches the sheet at a time.
 
-Contact is our own, whatever penalty a file asks for: a node of a pair presses on the signed
-distance of the body's surface, closed where it is open, with a stiffness taken from the sheet.
+Contact is our own: a node of a pair presses on the signed distance of the body's surface, closed
+where it is open, with a stiffness taken from the sheet; or, where the pair states its penalty, with
+that, at points within its elements.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from cosim.port import Array, Ints
 from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.mesh_geometry import node_areas, node_means
 from fe_solver.forces.contact import Contact, needed_distance
+from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.job.checks import check_job
@@ -173,7 +175,7 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
         ties=ties,
         guides=guides,
         share=np.zeros((0, len(guides.node))),
-        contacts=tuple(_contact(job, k, _immovable(ties, guides), options) for k in job.contacts),
+        contacts=_contacts(job, _immovable(ties, guides), options),
         bodies=tuple(b.name for b in bodies),
         links=links_of(job.springs),
         groups=tuple(s.name for s in job.springs),
@@ -256,19 +258,62 @@ def _immovable(ties: Ties, guides: Guides) -> Ints:
     return np.union1d(ties.node, guides.node[guides.held.all(axis=1)])
 
 
-def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> Contact:
-    sheet, quads = job.sheet, job.sheet.quads[pair.quads]
-    nodes = np.setdiff1d(quads, given)
-    area = node_areas(sheet.points, quads)
+def _contacts(job: Job, given: Ints, options: JobOptions) -> tuple[Contact, ...]:
+    """The contacts of the pairs; pairs on the same triangles share a distance."""
+    laid = [_offsets(job, pair) for pair in job.contacts]
+    keys = [(pair.body, pair.triangles.tobytes()) for pair in job.contacts]
+    highest = {
+        key: max(float(o.max(initial=0.0)) for k, o in zip(keys, laid, strict=True) if k == key)
+        for key in {*keys}
+    }
+    surfaces: dict[tuple[int, bytes], Surface] = {}
+    out = []
+    for pair, offset, key in zip(job.contacts, laid, keys, strict=True):
+        if key not in surfaces:
+            surfaces[key] = _surface(job, pair, highest[key], options)
+        out.append(_contact(job, pair, offset, given, surfaces[key], options))
+    return tuple(out)
+
+
+def _offsets(job: Job, pair: ContactPair) -> Array:
+    """How far over the body each node (n,) of a pair touches it, m; zero at the others."""
+    sheet, nodes = job.sheet, np.unique(job.sheet.quads[pair.quads])
     # how far the face that is meant lies beyond the nodes, towards the body
     beyond = pair.side[:, None] * sheet.height[pair.quads] + sheet.thickness[pair.quads] / 2
-    offset = pair.gap + node_means(beyond, quads, len(sheet.points))[nodes]
+    out = np.zeros(len(sheet.points))
+    mean = node_means(beyond, sheet.quads[pair.quads], len(sheet.points))
+    out[nodes] = pair.gap + mean[nodes]
+    return out
+
+
+def _contact(
+    job: Job, pair: ContactPair, offset: Array, given: Ints, surface: Surface, options: JobOptions
+) -> Contact:
+    """The contact of a pair's nodes; where it states a penalty, that of points within its elements,
+    with no multipliers, as FEBio's is."""
+    sheet, quads = job.sheet, job.sheet.quads[pair.quads]
+    if not (pair.automatic or pair.augmented):
+        free = pair.quads[~np.isin(quads, given).all(axis=1)]
+        points = ElementPoints.of(sheet.quads, free)
+        return Contact(
+            pair.body,
+            surface,
+            points.nearest,
+            points.mean(offset),
+            points.areas(sheet.points),
+            pair.penalty,
+            options.smoothing,
+            friction=pair.friction,
+            within=points,
+            elastic=True,
+        )
+    nodes = np.setdiff1d(quads, given)
     return Contact(
         pair.body,
-        _surface(job, pair, float(offset.max(initial=0.0)), options),
+        surface,
         nodes,
-        offset,
-        area[nodes],
+        offset[nodes],
+        node_areas(sheet.points, quads)[nodes],
         options.contact_factor * sheet_stiffness(sheet, pair.quads),
         options.smoothing,
         friction=pair.friction,
