@@ -18,6 +18,12 @@ from fe_solver.hood.shell_hood import HoodState, ShellHood
 
 MUCH = 5.0
 """%, from which on a change is told first."""
+HEAD = "written in place of what the format cannot say, and what that changes:"
+MIDDLE = (
+    "springs and tendons act on nodes, which lie on the face towards the bones in this format and in "
+    "the middle in the hood; the figures are those of the middle: cosim solve ... with its option "
+    "mid-surface puts them back there"
+)
 LEAST = 0.02
 """Share of all tensions that a force counts as at least, where a change is told in %."""
 
@@ -99,8 +105,8 @@ def written_hood(
     losses.sort(key=lambda one: -one.largest)
     written = found.apply(hood)
     together = loss("all of these together", written)
-    remarks = ["written in place of what the format cannot say, and what that changes:"]
-    return WrittenHood(written, motion, surfaces, [*remarks, *map(str, losses), str(together)])
+    remarks = [HEAD, *map(str, losses), str(together), MIDDLE]
+    return WrittenHood(written, motion, surfaces, remarks)
 
 
 def _solve(

@@ -224,6 +224,19 @@ def fibre_in_axes(t: FebTag) -> list[float]:
     return (fibre.one("vector") or fibre).numbers(3)
 
 
+def softer(law: Law, factor: float) -> Law:
+    """The law with all of its moduli times a factor.  Raises InputError for one that FEBio has no
+    material for."""
+    if isinstance(law, CrossedFibres):
+        base, second = softer(law.base, factor), softer(law.second, factor)  # type: ignore[arg-type]
+        return replace(law, base=base, second=second)
+    feb = next((f for f in LAWS if f.make is type(law)), None)
+    if feb is None:
+        raise InputError(f"FEBio has no material like {type(law).__name__}")
+    moduli = {p.field: getattr(law, p.field) for p in feb.parameters if p.unit == "stress"}
+    return replace(law, **{k: v if v is None else factor * v for k, v in moduli.items()})
+
+
 def law_tag(
     number: int, name: str, law: Law, stress: float, in_situ: InSitu | None = None
 ) -> Element:

@@ -8,15 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.port import Triangles
+from cosim.port import Array, Motion, Triangles
+from fe_solver.elements.mesh_geometry import node_means
+from fe_solver.febio.laws import needs_fibre, softer
 from fe_solver.hood.linear_contact import linear_contact
 from fe_solver.hood.shell_hood import HoodState, ShellHood
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.linear import Law
 from fe_solver.sheet import Sheet, ShellPart
+from fe_solver.solver.model import ShellModel
 
 BULK = 2.2e9
 """Pa, of water, in place of an infinite bulk modulus."""
+SHARE = 0.1
+"""Of a hood's own bending stiffness, what is written as thickness: enough that a sheet which is
+slack on the way does not crease; more would bring its fibres too far from its middle."""
 EVEN = 1e-9
 """Relative difference of growths that are one."""
 
@@ -48,7 +54,7 @@ class Replacements:
 
 
 def replacements(
-    hood: ShellHood, state: HoodState, heads: Collection[str], spacing: float = 0.5e-3
+    hood: ShellHood, state: HoodState, heads: Collection[str], spacing: float = 0.25e-3
 ) -> Replacements:
     """What is written in place of what FEBio's format cannot say, for a hood in its solved `state`;
     `heads` and `spacing` as of `linear_contact`.  What there is no form for stays as it is, and is
@@ -60,12 +66,22 @@ def replacements(
         words = "fibres that do not slide: a shell bends as a solid"
         out.append(_of_parts("hood.regions.*.sliding_fibres", words, _solid))
     if any(p.bending.any() for p in sheet.parts):
-        words = "none: a shell bends as its material does"
-        out.append(_of_parts("hood.bending_stiffness", words, _without_bending))
+        words = f"parts so thick that they bend with {100 * SHARE:g} % of it, and as much softer"
+        out.append(Replacement("hood.bending_stiffness", words, thicker))
     if any(_with_bulk(p) is not p for p in sheet.parts):
         words = f"{1e-6 * BULK:g} MPa in place of an infinite one"
         out.append(_of_parts("hood.regions.*.bulk_modulus", words, _with_bulk))
-    contacts, surfaces = linear_contact(hood, state, heads, spacing)
+    if sheet.fibre.ndim == 3 and any(needs_fibre(p.law) for p in sheet.parts):
+        words = "one direction in each element"
+        out.append(Replacement("fibres", words, _with_one_fibre))
+    if np.ptp(sheet.thickness):
+        words = "parts share their faces towards the bones, not their mid-surfaces"
+        out.append(Replacement("thickness", words, on_faces))
+    as_written = hood
+    for r in out:
+        as_written = r.apply(as_written)
+    assert as_written.sheet is not None
+    contacts, surfaces = linear_contact(hood, state, heads, as_written.sheet, spacing)
     if surfaces:
         words = (
             f"{len(contacts)} penalties by place, straight about this equilibrium, on surfaces of "
@@ -85,8 +101,62 @@ def _of_parts(setting: str, words: str, change: Callable[[ShellPart], ShellPart]
 
 
 def with_sheet(hood: ShellHood, sheet: Sheet) -> ShellHood:
-    """The hood with the materials of another sheet through the same nodes."""
-    return replace(hood, sheet=sheet, model=replace(hood.model, section=sheet.section))
+    """The hood with the materials and fibres of another sheet through the same nodes."""
+    bare = sheet.model(bodies=hood.bodies)
+    model = replace(hood.model, section=bare.section, tables=bare.tables)
+    return replace(hood, sheet=sheet, model=model)
+
+
+def thicker(hood: ShellHood, share: float = SHARE) -> ShellHood:
+    """The hood with no bending of its own, each part so thick that its matrix alone bends with a
+    `share` of that, and as much softer: its membrane is the same."""
+    sheet = hood.sheet
+    assert sheet is not None
+    parts, thickness = list(sheet.parts), np.array(sheet.thickness)
+    for i, part in enumerate(parts):
+        own = sheet.part == i
+        h = float(thickness[own].mean()) if own.any() else 0.0
+        if not part.bending.any() or not own.any():
+            continue
+        across = part.law.response(np.zeros((1, 1, 3))).tangent[0, 0, 1, 1]
+        wanted = h * max(1.0, float(np.sqrt(share * part.bending[1, 1] / across)))
+        parts[i] = replace(part, bending=np.zeros((3, 3)), law=softer(part.law, h / wanted))
+        thickness[own] *= wanted / h
+    return with_sheet(hood, replace(sheet, parts=tuple(parts), thickness=thickness))
+
+
+def bones_lie_below(model: ShellModel, rest: Motion) -> bool:
+    """Whether the directors point away from what the sheet touches."""
+    total = 0.0
+    for k in model.contacts:
+        R = rest.rotation[k.body]
+        slope = k.surface.distance(k.local(model.reference, rest.position, rest.rotation)).gradient
+        total += float(np.vdot(slope @ R.T, model.directors[k.nodes]))
+    return total > 0
+
+
+def on_faces(hood: ShellHood) -> ShellHood:
+    """The hood with elements that share their faces towards the bones where they meet, in place of
+    their mid-surfaces."""
+    sheet = hood.sheet
+    assert sheet is not None
+    half = np.broadcast_to(sheet.thickness.T, sheet.quads.T.shape).T / 2
+    off = half - node_means(half, sheet.quads, len(sheet.points))[sheet.quads]
+    away = 1 if bones_lie_below(hood.model, hood.rest) else -1
+    return with_sheet(hood, replace(sheet, height=sheet.height + away * off))
+
+
+def mean_fibre(sheet: Sheet) -> Array:
+    """The mean fibre direction (ne, 3) of each element in its plane, whose senses say nothing."""
+    along = sheet.model().tables.frame[:, :, 0]
+    sense = np.einsum("egk,ek->eg", along, along[:, 0])
+    mean = (along * np.where(sense < 0, -1.0, 1.0)[..., None]).mean(axis=1)
+    return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True))
+
+
+def _with_one_fibre(hood: ShellHood) -> ShellHood:
+    assert hood.sheet is not None
+    return with_sheet(hood, replace(hood.sheet, fibre=mean_fibre(hood.sheet)))
 
 
 def _with_contacts(hood: ShellHood, contacts: tuple) -> ShellHood:  # type: ignore[type-arg]
@@ -95,10 +165,6 @@ def _with_contacts(hood: ShellHood, contacts: tuple) -> ShellHood:  # type: igno
 
 def _solid(part: ShellPart) -> ShellPart:
     return replace(part, sliding=False)
-
-
-def _without_bending(part: ShellPart) -> ShellPart:
-    return replace(part, bending=np.zeros((3, 3)))
 
 
 def _with_bulk(part: ShellPart) -> ShellPart:

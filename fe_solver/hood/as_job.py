@@ -13,7 +13,7 @@ from cosim.port import Array, Ints, Motion, Triangles
 from fe_solver.elements.mesh_geometry import is_triangle, node_means
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
-from fe_solver.hood.as_febio import in_situ
+from fe_solver.hood.as_febio import bones_lie_below, in_situ, mean_fibre
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
@@ -24,6 +24,8 @@ from fe_solver.solver.model import ShellModel
 from fe_solver.supports import Body, ContactPair, SpringLaw, SpringSet, Tied
 
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
+TAUT = LoadCurve((0.0, 0.1, 1.0), (0.0, 1.0, 1.0))
+"""A sheet that is taut while its bones move does not fold in the joints."""
 INCREMENTS = 10
 SAME = 1e-9
 """m, or relative: what differs by less is one."""
@@ -37,8 +39,8 @@ def job_of_hood(
     name: str = "hood",
     on_face: bool = True,
 ) -> Job:
-    """The hood from its rest pose to `motion` under `tension` (nt,) N, both growing over t = 0 to 1
-    (but that of ropes, which is there from the start), in the frame of the body along which its
+    """The hood from its rest pose to `motion`, over t = 0 to 1, under `tension` (nt,) N, which is
+    all there from t = 0.1 (that of ropes from the start), in the frame of the body along which its
     tendons slide (the first one where none does).
 
     `bones` are the surfaces of the bodies that the hood touches, by name: vertices (nv, 3) m in the
@@ -53,7 +55,7 @@ def job_of_hood(
     model, sheet = hood.model, _writable_sheet(hood)
     frame = int(model.guides.body[0]) if len(model.guides.node) else 0
     rest, end = _in_frame_of(hood.rest, frame), _in_frame_of(motion, frame)
-    turned = on_face and _bones_lie_below(model, hood.rest)
+    turned = on_face and bones_lie_below(model, hood.rest)
     quads, parts, height = sheet.quads, sheet.parts, sheet.height
     thickness = np.array(np.broadcast_to(sheet.thickness.T, quads.T.shape).T)
     if turned:
@@ -61,7 +63,7 @@ def job_of_hood(
             _reorder_corners(sheet.quads, values) for values in (quads, thickness, -height)
         )
         parts = tuple(_turn_over(part) for part in parts)
-    fibre = _mean_direction(model.tables.frame[:, :, 0]) @ hood.rest.rotation[frame]
+    fibre = mean_fibre(sheet) @ hood.rest.rotation[frame]
     points = (sheet.points - hood.rest.position[frame]) @ hood.rest.rotation[frame]
     sheet = Sheet(
         points,
@@ -69,7 +71,7 @@ def job_of_hood(
         parts,
         sheet.part,
         thickness,
-        fibre / np.linalg.norm(fibre, axis=1, keepdims=True),
+        fibre,
         height,
         node_ids=np.arange(1, len(points) + 1),
         element_ids=np.arange(1, len(quads) + 1),
@@ -145,26 +147,10 @@ def _in_frame_of(motion: Motion, frame: int) -> Motion:
     return motion.transform(back, -back @ motion.position[frame])
 
 
-def _bones_lie_below(model: ShellModel, rest: Motion) -> bool:
-    """Whether the directors point away from what the sheet touches."""
-    total = 0.0
-    for k in model.contacts:
-        R = rest.rotation[k.body]
-        slope = k.surface.distance(k.local(model.reference, rest.position, rest.rotation)).gradient
-        total += float(np.vdot(slope @ R.T, model.directors[k.nodes]))
-    return total > 0
-
-
 def _reorder_corners(quads: Ints, values: Array | Ints) -> NDArray:
     """What the corners (ne, 4) hold, in the order of the elements wound the other way."""
     triangle = is_triangle(quads)[:, None]
     return np.where(triangle, values[:, [1, 0, 2, 3]], values[:, [0, 3, 2, 1]])
-
-
-def _mean_direction(gauss: Array) -> Array:
-    """Return the mean (ne, 3) of directions (ne, g, 3), whose senses say nothing."""
-    sense = np.einsum("egk,ek->eg", gauss, gauss[:, 0])
-    return np.asarray((gauss * np.where(sense < 0, -1.0, 1.0)[..., None]).mean(axis=1))
 
 
 def _turn_over(part: ShellPart) -> ShellPart:
@@ -228,7 +214,7 @@ def _pulls(hood: ShellHood, tension: Array) -> tuple[NodalForce, ...]:
     g = hood.model.guides
     size = np.asarray(tension, dtype=float) @ hood.model.share
     return tuple(
-        NodalForce(np.array([n]), f * d, RAMP)
+        NodalForce(np.array([n]), f * d, TAUT)
         for n, f, d in zip(g.node, size, g.direction, strict=True)
         if f
     )

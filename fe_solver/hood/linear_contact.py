@@ -24,11 +24,12 @@ from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.layer import TOE, layer_response, pressure_law
 from fe_solver.hood.build import heights
 from fe_solver.hood.shell_hood import HoodState, ShellHood
+from fe_solver.sheet import Sheet
 from fe_solver.surfaces.level_surface import level_surface
 from fe_solver.surfaces.shapes import Surface
 from fe_solver.surfaces.spline_distance import SplineDistance
 
-STIFFER, APART = 2.0, 0.1e-3
+STIFFER, APART = 4.0, 0.5e-3
 """Ratio of stiffnesses, and m between gaps, within which elements are one contact."""
 AROUND = 2e-3
 """m beyond the hood, as laid out and as it lies, to which the surface is made."""
@@ -44,16 +45,22 @@ SHARES = np.concatenate([[0.0], np.geomspace(1e-4, 4.0, 4000)])
 
 
 def linear_contact(
-    hood: ShellHood, state: HoodState, heads: Collection[str], spacing: float = 0.5e-3
+    hood: ShellHood,
+    state: HoodState,
+    heads: Collection[str],
+    written: Sheet,
+    spacing: float = 0.25e-3,
 ) -> tuple[tuple[Contact, ...], dict[str, Triangles]]:
     """The contacts of a hood with penalties in place of layers, and of what covers the bodies
     `heads`, as its solved `state` has them; and the surfaces by body, in its frame, that these are
-    with: vertices (nv, 3) m, triangles (nt, 3), distances baked at `spacing` m.
+    with: vertices (nv, 3) m, triangles (nt, 3), distances baked at `spacing` m.  Gaps are those of
+    the `written` sheet's faces, about the same mid-surface.
 
     Raises InputError for a surface that is no baked distance."""
     contacts: list[Contact] = []
     surfaces: dict[str, Triangles] = {}
-    half = heights(hood.sheet) - hood.lift if hood.sheet is not None else np.zeros(0)
+    assert hood.sheet is not None
+    half, faces = (heights(sheet) - sheet.lift for sheet in (hood.sheet, written))
     for contact in hood.model.contacts:
         body = hood.bodies[contact.body]
         if contact.layer is None and body not in heads:
@@ -61,9 +68,9 @@ def linear_contact(
             continue
         contact = _within_elements(hood, contact)
         surfaces[body] = made = _equal_energy(hood, state, contact, half)
-        reach = needed_distance(float(half.max()) + NEAR, SMOOTHING)
+        reach = needed_distance(float(faces.max()) + NEAR, SMOOTHING)
         baked = SplineDistance.bake(*made, spacing, reach, user_cache())
-        contacts += _penalties(hood, state, contact, half, baked)
+        contacts += _penalties(hood, state, contact, faces, baked)
     return tuple(contacts), surfaces
 
 
@@ -222,6 +229,8 @@ def _pressed(state: HoodState, contact: Contact, half: Array, surface: Surface) 
         slope = layer_response(np.maximum(depth, 0.0), h, modulus).second[:, 0, 0] * (depth > 0)
         usual, begins = modulus / h, depth - TOE * h
     known = (value < contact.surface.outside) & (over < surface.outside)
+    if layer is not None:
+        usual = np.where(known, usual, layer.usual[1] / layer.usual[0])
     over = over - points.mean(half)
     each = (
         contact.weight,

@@ -277,12 +277,14 @@ def _contacts(job: Job, given: Ints, options: JobOptions) -> tuple[Contact, ...]
 
 def _offsets(job: Job, pair: ContactPair) -> Array:
     """How far over the body each node (n,) of a pair touches it, m; zero at the others."""
-    sheet, nodes = job.sheet, np.unique(job.sheet.quads[pair.quads])
+    sheet, quads = job.sheet, job.sheet.quads[pair.quads]
+    n, nodes = len(sheet.points), np.unique(quads)
+    side = node_means(np.broadcast_to(pair.side[:, None], quads.shape), quads, n)
     # how far the face that is meant lies beyond the nodes, towards the body
-    beyond = pair.side[:, None] * sheet.height[pair.quads] + sheet.thickness[pair.quads] / 2
-    out = np.zeros(len(sheet.points))
-    mean = node_means(beyond, sheet.quads[pair.quads], len(sheet.points))
-    out[nodes] = pair.gap + mean[nodes]
+    thickness = np.broadcast_to(sheet.thickness.T, sheet.quads.T.shape).T
+    half, height = (node_means(v, sheet.quads, n) for v in (thickness / 2, sheet.height))
+    out = np.zeros(n)
+    out[nodes] = pair.gap + (side * height + half)[nodes]
     return out
 
 
