@@ -221,14 +221,12 @@ def export(
         check_file(out)
         typer.echo(f"{checked.name}: building the models", err=True)
         models = build(checked)
-        if not isinstance(models.hood, ShellHood):
+        if not isinstance(models.hood, ShellHood) or checked.hood.kind != "shell":
             raise InputError(f"{checked.name}: has no shell hood to write")
         with stages(checked.name) as progress:
             written = written_hood(checked, models, progress.say)
         tension, _ = tensions(checked, models)
-        job = job_of_hood(
-            written.hood, written.motion, tension, written.surfaces, checked.name
-        )
+        job = job_of_hood(written.hood, written.motion, tension, written.surfaces, checked.name)
         write_feb(job, out, remarks=written.remarks)
         typer.echo(f"{len(job.sheet.quads)} elements in {out}")
         for line in written.remarks:

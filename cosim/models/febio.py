@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from cosim.case.schema import Case
 from cosim.errors import ConvergenceError
 from cosim.hoods.fe_supports import headed
 from cosim.hoods.fe_view import slip_forces
+from cosim.hoods.shell.table import ShellHoodConfig
 from cosim.models.build import Models, tensions
 from cosim.port import Array, Motion, Triangles
 from fe_solver.hood.as_febio import replacements
@@ -20,9 +22,8 @@ MUCH = 5.0
 """%, from which on a change is told first."""
 HEAD = "written in place of what the format cannot say, and what that changes:"
 MIDDLE = (
-    "springs and tendons act on nodes, which lie on the face towards the bones in this format and in "
-    "the middle in the hood; the figures are those of the middle: cosim solve ... with its option "
-    "mid-surface puts them back there"
+    "springs and tendons act on nodes, which lie on the face towards the bones in this format and "
+    "in the middle of the hood, of which the figures are: cosim solve with --mid-surface puts them there"
 )
 LEAST = 0.02
 """Share of all tensions that a force counts as at least, where a change is told in %."""
@@ -82,12 +83,18 @@ def written_hood(
         slips = {f"{name} slip": f for name, f in slip_forces(hood, state).items()}
         return {**slips, **({"fingertip force": tip} if tip else {})}
 
-    progress("solving the hood as it is")
-    state = hood.advance(hood.start(motion), motion, pull[0], np.inf).state
-    found = replacements(hood, state, headed(case.hood.contact))
+    @cache
+    def solved() -> HoodState:
+        progress("solving the hood as it is")
+        answer: HoodState = hood.advance(hood.start(motion), motion, pull[0], np.inf).state
+        return answer
+
+    assert isinstance(case.hood, ShellHoodConfig)
+    found = replacements(hood, solved, headed(case.hood.contact))
     surfaces = {**models.bones, **found.surfaces}
     if not found.each:
         return WrittenHood(hood, motion, surfaces, ())
+    state = solved()
     own, least = forces(hood, state), LEAST * float(np.sum(pull[0]))
 
     def loss(words: str, other: ShellHood) -> _Loss:

@@ -224,12 +224,11 @@ def fibre_in_axes(t: FebTag) -> list[float]:
     return (fibre.one("vector") or fibre).numbers(3)
 
 
-def softer(law: Law, factor: float) -> Law:
+def softer(law: Any, factor: float) -> Any:
     """The law with all of its moduli times a factor.  Raises InputError for one that FEBio has no
     material for."""
     if isinstance(law, CrossedFibres):
-        base, second = softer(law.base, factor), softer(law.second, factor)  # type: ignore[arg-type]
-        return replace(law, base=base, second=second)
+        return replace(law, base=softer(law.base, factor), second=softer(law.second, factor))
     feb = next((f for f in LAWS if f.make is type(law)), None)
     if feb is None:
         raise InputError(f"FEBio has no material like {type(law).__name__}")

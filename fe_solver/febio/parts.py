@@ -177,9 +177,7 @@ def _parts(
             )
         )
         stretch, isochoric = made.in_situ
-        parts.append(
-            ShellPart(t.attribute("name"), made.law, stretch, isochoric=isochoric)
-        )
+        parts.append(ShellPart(t.attribute("name"), made.law, stretch, isochoric=isochoric))
     c = _Columns(*(np.concatenate(column) for column in zip(*columns, strict=True)))
     length, nodes = np.linalg.norm(c.fibre, axis=1, keepdims=True), np.unique(c.nodes)
     sheet = Sheet(

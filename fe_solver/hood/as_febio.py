@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +12,10 @@ from cosim.errors import InputError
 from cosim.port import Array, Motion, Triangles
 from fe_solver.elements.mesh_geometry import node_means
 from fe_solver.febio.laws import needs_fibre, softer
-from fe_solver.hood.linear_contact import linear_contact
+from fe_solver.forces.contact import Contact
+from fe_solver.hood.linear_contact import linear_contact, needs_linear
 from fe_solver.hood.shell_hood import HoodState, ShellHood
 from fe_solver.materials.crossed_fibres import CrossedFibres
-from fe_solver.materials.linear import Law
 from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.model import ShellModel
 
@@ -54,11 +55,15 @@ class Replacements:
 
 
 def replacements(
-    hood: ShellHood, state: HoodState, heads: Collection[str], spacing: float = 0.25e-3
+    hood: ShellHood,
+    solved: Callable[[], HoodState],
+    heads: Collection[str],
+    spacing: float = 0.25e-3,
 ) -> Replacements:
-    """What is written in place of what FEBio's format cannot say, for a hood in its solved `state`;
-    `heads` and `spacing` as of `linear_contact`.  What there is no form for stays as it is, and is
-    refused where the hood is made a job."""
+    """What is written in place of what FEBio's format cannot say; the equilibrium that is `solved`
+    is asked for where contact is to be made straight about it, `heads` and `spacing` as of
+    `linear_contact`.  What there is no form for stays as it is, and is refused where the hood is
+    made a job."""
     sheet, out = hood.sheet, []
     if sheet is None:
         return Replacements((), {})
@@ -81,8 +86,9 @@ def replacements(
     for r in out:
         as_written = r.apply(as_written)
     assert as_written.sheet is not None
-    contacts, surfaces = linear_contact(hood, state, heads, as_written.sheet, spacing)
-    if surfaces:
+    surfaces: Mapping[str, Triangles] = {}
+    if needs_linear(hood, heads):
+        contacts, surfaces = linear_contact(hood, solved(), heads, as_written.sheet, spacing)
         words = (
             f"{len(contacts)} penalties by place, straight about this equilibrium, on surfaces of "
             "equal energy of the tissue"
@@ -159,7 +165,7 @@ def _with_one_fibre(hood: ShellHood) -> ShellHood:
     return with_sheet(hood, replace(hood.sheet, fibre=mean_fibre(hood.sheet)))
 
 
-def _with_contacts(hood: ShellHood, contacts: tuple) -> ShellHood:  # type: ignore[type-arg]
+def _with_contacts(hood: ShellHood, contacts: tuple[Contact, ...]) -> ShellHood:
     return replace(hood, model=replace(hood.model, contacts=contacts))
 
 
@@ -170,15 +176,14 @@ def _solid(part: ShellPart) -> ShellPart:
 def _with_bulk(part: ShellPart) -> ShellPart:
     """The part with a finite bulk modulus; itself where it has one, or needs none."""
 
-    def finite(law: Law) -> Law:
-        k = getattr(law, "k", 0.0)
-        return law if np.isfinite(k).all() else replace(law, k=BULK)  # type: ignore[type-var]
+    def finite(law: Any) -> Any:
+        return law if np.isfinite(getattr(law, "k", 0.0)).all() else replace(law, k=BULK)
 
-    law = part.law
+    law: Any = part.law
     if isinstance(law, CrossedFibres):
         base = finite(law.base)
         return part if base is law.base else replace(part, law=replace(law, base=base))
-    changed = finite(law)  # type: ignore[arg-type]
+    changed = finite(law)
     return part if changed is law else replace(part, law=changed)
 
 

@@ -96,12 +96,9 @@ def job_of_hood(
     side = 1 if turned else -1
     # facets that touch at points of their own, as the format's do, need no lift
     pairs = [_pair(job, k, hood, side, bones) for k in model.contacts]
-    names = [pair.name for pair in pairs]
-    numbered = [
-        replace(p, name=f"{p.name} {names[: i + 1].count(p.name)}") if names.count(p.name) > 1 else p
-        for i, p in enumerate(pairs)
-    ]
-    return replace(job, contacts=tuple(numbered))
+    if any(k.elastic for k in model.contacts):
+        pairs = [replace(p, name=f"{p.name} {i}") for i, p in enumerate(pairs, 1)]
+    return replace(job, contacts=tuple(pairs))
 
 
 def _writable_sheet(hood: ShellHood) -> Sheet:

@@ -5,8 +5,9 @@ A layer's push has the slope of its energy W: along the bone, too, where the lay
 modulus changes.  So the hood slides on a rigid surface of equal energy: each point of it lies where
 pressing the tissue down to there takes the mean energy (by force) of the hood's equilibrium.  In
 that equilibrium each element is pressed by a force F, its faces lying s over this surface.  A
-penalty k = dp/ds over a gap g with the sum of k (g - s) over the element's points equal to F presses
-it alike, and follows alike to first order.  Elements of about the same k and g are one contact.
+penalty k = dp/ds over a gap g with the sum of k (g - s) over the element's points equal to F
+presses it alike, and follows alike to first order.  Elements of about the same k and g are one
+contact.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from fe_solver.surfaces.level_surface import level_surface
 from fe_solver.surfaces.shapes import Surface
 from fe_solver.surfaces.spline_distance import SplineDistance
 
-STIFFER, APART = 4.0, 0.5e-3
+STIFFER, APART = 2.0, 0.1e-3
 """Ratio of stiffnesses, and m between gaps, within which elements are one contact."""
 AROUND = 2e-3
 """m beyond the hood, as laid out and as it lies, to which the surface is made."""
@@ -63,7 +64,7 @@ def linear_contact(
     half, faces = (heights(sheet) - sheet.lift for sheet in (hood.sheet, written))
     for contact in hood.model.contacts:
         body = hood.bodies[contact.body]
-        if contact.layer is None and body not in heads:
+        if not _needs_linear(hood, contact, heads):
             contacts.append(contact)
             continue
         contact = _within_elements(hood, contact)
@@ -72,6 +73,15 @@ def linear_contact(
         baked = SplineDistance.bake(*made, spacing, reach, user_cache())
         contacts += _penalties(hood, state, contact, faces, baked)
     return tuple(contacts), surfaces
+
+
+def needs_linear(hood: ShellHood, heads: Collection[str]) -> bool:
+    """Whether a contact of the hood is one that a gap and a penalty of its own do not say."""
+    return any(_needs_linear(hood, contact, heads) for contact in hood.model.contacts)
+
+
+def _needs_linear(hood: ShellHood, contact: Contact, heads: Collection[str]) -> bool:
+    return contact.layer is not None or hood.bodies[contact.body] in heads
 
 
 def _within_elements(hood: ShellHood, contact: Contact) -> Contact:

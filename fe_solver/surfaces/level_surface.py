@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.port import Array, Ints
 
@@ -43,11 +45,11 @@ def level_surface(values: Array, origin: Array, spacing: float) -> tuple[Array, 
     return origin + spacing * at, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
 
 
-def _from(values: Array, first: Array, count: Array) -> Array:
+def _from(values: NDArray[Any], first: Ints, count: Ints) -> NDArray[Any]:
     return values[tuple(slice(i, i + n) for i, n in zip(first, count, strict=True))]
 
 
-def _around(inside: Array, number: Ints, axis: int) -> Ints:
+def _around(inside: NDArray[np.bool_], number: Ints, axis: int) -> Ints:
     """The cells' numbers (k, 4) round each cut edge along an axis, right-handed about the way
     out."""
     step = np.eye(3, dtype=int)
