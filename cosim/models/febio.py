@@ -23,7 +23,8 @@ MUCH = 5.0
 HEAD = "written in place of what the format cannot say, and what that changes:"
 MIDDLE = (
     "springs and tendons act on nodes, which lie on the face towards the bones in this format and "
-    "in the middle of the hood, of which the figures are: cosim solve with --mid-surface puts them there"
+    "in the middle of the hood, of which the figures are: cosim solve with --mid-surface puts them "
+    "there"
 )
 LEAST = 0.02
 """Share of all tensions that a force counts as at least, where a change is told in %."""
