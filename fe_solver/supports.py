@@ -165,12 +165,12 @@ class ContactPair:
     penalty: float = 1.0
     """A factor of the solver's own choice where `automatic`, else N/m3."""
     automatic: bool = True
-    augmented: bool = False
-    """Whether the penalty is a way to keep the faces apart, by multipliers, and not what gives."""
     friction: float = 0.0
     """Coulomb's coefficient."""
     gap: float = 0.0
     """m that is kept between the faces."""
+    augmented: bool = False
+    """Whether the penalty is a way to keep the faces apart, by multipliers, and not what gives."""
 
     def __post_init__(self) -> None:
         quads = indices("quads", self.quads)

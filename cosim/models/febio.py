@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import cast
 
 import numpy as np
 
@@ -65,13 +66,12 @@ class _Loss:
 def written_hood(
     case: Case, models: Models, progress: Callable[[str], object] = lambda _: None
 ) -> WrittenHood:
-    """The hood of a case at its posture under its tensions with, in place of what FEBio's format
-    cannot say, the nearest that it can; each is solved alone, and all together, for what it
+    """The shell hood of a case at its posture under its tensions with the nearest that FEBio's
+    format can say in place of what it cannot; each is solved alone, and all together, for what it
     changes.  A hood of which nothing is replaced is not solved.
 
     Raises ConvergenceError where the hood itself has no equilibrium there."""
-    assert isinstance(models.hood, ShellHood)
-    hood, pull = models.hood, tensions(case, models)
+    hood, pull = cast(ShellHood, models.hood), tensions(case, models)
     finger = models.finger.start(models.posture)
     motion = models.finger.motion(finger)
 
@@ -90,8 +90,8 @@ def written_hood(
         answer: HoodState = hood.advance(hood.start(motion), motion, pull[0], np.inf).state
         return answer
 
-    assert isinstance(case.hood, ShellHoodConfig)
-    found = replacements(hood, solved, headed(case.hood.contact))
+    contact = cast(ShellHoodConfig, case.hood).contact
+    found = replacements(hood, solved, headed(contact))
     surfaces = {**models.bones, **found.surfaces}
     if not found.each:
         return WrittenHood(hood, motion, surfaces, ())

@@ -334,7 +334,7 @@ def _contact(model: Model, t: FebTag, quads: Ints, triangles: Ints, body: int) -
         triangles,
         t.value("penalty", 1.0) * (1.0 if automatic else units.force / units.length**3),
         automatic,
-        t.word("laugon", "PENALTY").upper() not in ("0", "PENALTY"),
         friction,
         t.value("offset", 0.0) * units.length,
+        t.word("laugon", "PENALTY").upper() not in ("0", "PENALTY"),
     )

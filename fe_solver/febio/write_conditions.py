@@ -158,6 +158,7 @@ class Conditions:
             inner = {
                 "penalty": c.penalty / unit,
                 "auto_penalty": c.automatic,
+                "laugon": c.augmented,
                 "fric_coeff": c.friction,
                 "offset": c.gap / self.units.length,
                 "shell_bottom_primary": bool((c.side < 0).any()),

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, fields, replace
+from typing import cast
 
 import numpy as np
 
 from cosim.array_cache import user_cache
-from cosim.errors import InputError
 from cosim.port import Array, Ints, Triangles
 from fe_solver.forces.contact import Contact, needed_distance, normal_pressure
 from fe_solver.forces.contact_points import ElementPoints
@@ -55,9 +55,7 @@ def linear_contact(
     """The contacts of a hood with penalties in place of layers, and of what covers the bodies
     `heads`, as its solved `state` has them; and the surfaces by body, in its frame, that these are
     with: vertices (nv, 3) m, triangles (nt, 3), distances baked at `spacing` m.  Gaps are those of
-    the `written` sheet's faces, about the same mid-surface.
-
-    Raises InputError for a surface that is no baked distance."""
+    the `written` sheet's faces, about the same mid-surface."""
     contacts: list[Contact] = []
     surfaces: dict[str, Triangles] = {}
     assert hood.sheet is not None
@@ -103,10 +101,9 @@ def _within_elements(hood: ShellHood, contact: Contact) -> Contact:
 
 def _equal_energy(hood: ShellHood, state: HoodState, contact: Contact, half: Array) -> Triangles:
     """The surface of equal energy about the hood; without a layer that of the contact level."""
-    surface, c, b, points = contact.surface, state.configuration, contact.body, contact.within
+    surface = cast(SplineDistance, contact.surface)  # which a hood of a case lies on
+    c, b, points = state.configuration, contact.body, contact.within
     assert points is not None
-    if not isinstance(surface, SplineDistance):
-        raise InputError(f"the body {hood.bodies[b]!r} has no baked distance to be written")
     level, layer = float((contact.offset - points.mean(half)).mean()), contact.layer
     energy = _mean_energy(contact, c.x, c.position, c.rotation)
 
