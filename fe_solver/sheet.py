@@ -46,6 +46,8 @@ class ShellPart:
     """(3, 3) Pa, moduli of bending besides the law's own."""
     sliding: bool = False
     """Whether its fibres slide on each other as it bends (`section`)."""
+    isochoric: bool = True
+    """Whether the stretch in situ keeps the volume; else it is along the fibres alone."""
 
 
 @dataclass(frozen=True)
@@ -128,9 +130,13 @@ class Sheet:
         return np.array([part.in_situ_stretch for part in self.parts])[self.part]
 
     @property
+    def _isochoric(self) -> Array:
+        return np.array([part.isochoric for part in self.parts])[self.part]
+
+    @property
     def stress_free_growth(self) -> Array:
         """How much the sheet grows along the fibres and across if it is let free, (ne, 2)."""
-        in_situ = in_situ_growth(self.stretch)
+        in_situ = in_situ_growth(self.stretch, self._isochoric)
         if self.growth is None:
             return in_situ
         return np.where(self.stretch[:, None] != 1.0, in_situ, self.growth)
@@ -138,7 +144,8 @@ class Sheet:
     @cached_property
     def section(self) -> Section:
         """The materials, with the thickness of the stress-free sheet."""
-        element, laid = kind_of(self.quads), stress_free_thickness(self.thickness, self.stretch)
+        stretch = np.where(self._isochoric, self.stretch, 1.0)
+        element, laid = kind_of(self.quads), stress_free_thickness(self.thickness, stretch)
         if laid.ndim == 1:
             thickness = np.tile(laid[:, None], (1, len(element.gauss)))
         else:

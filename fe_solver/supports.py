@@ -196,6 +196,8 @@ class ContactPair:
     """m that is kept between the faces."""
     steps: tuple[int, ...] | None = None
     """Numbers of the job's steps in which it is in force; None in all."""
+    augmented: bool = False
+    """Whether the penalty is a way to keep the faces apart, by multipliers, and not what gives."""
 
     def __post_init__(self) -> None:
         quads = indices("quads", self.quads)

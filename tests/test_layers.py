@@ -148,6 +148,7 @@ KNOW_THE_SOLVERS = {
     "cosim.anatomy.feb",
     "cosim.anatomy.read",
     "cosim.models.build",
+    "cosim.models.febio",
     "cosim.models.motion",
     "cosim.models.states",
     "cosim.commands.febio",

@@ -16,8 +16,8 @@ from cosim.commands.options import CaseName, Settings
 from cosim.commands.terminal import console, exit_on_error, stages
 from cosim.errors import ConvergenceError, InputError
 from cosim.files import check_file, check_folder
-from cosim.hoods.supports import ContactConfig
 from cosim.models.build import build, tensions
+from cosim.models.febio import written_hood
 from cosim.schema.units import LENGTH, parse
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
@@ -222,26 +222,15 @@ def export(
     with exit_on_error():
         checked = load_case(case, settings or ())
         check_file(out)
-        if checked.hood.kind == "shell":
-            _check_heads(checked.hood.contact)
         typer.echo(f"{checked.name}: building the models", err=True)
         models = build(checked)
-        if not isinstance(models.hood, ShellHood):
+        if not isinstance(models.hood, ShellHood) or checked.hood.kind != "shell":
             raise InputError(f"{checked.name}: has no shell hood to write")
-        motion = models.finger.motion(models.finger.start(models.posture))
+        with stages(checked.name) as progress:
+            written = written_hood(checked, models, progress.say)
         tension, _ = tensions(checked, models)
-        job = job_of_hood(models.hood, motion, tension, models.bones, checked.name)
-        write_feb(job, out)
+        job = job_of_hood(written.hood, written.motion, tension, written.surfaces, checked.name)
+        write_feb(job, out, remarks=written.remarks)
         typer.echo(f"{len(job.sheet.quads)} elements in {out}")
-
-
-def _check_heads(contact: ContactConfig) -> None:
-    """Check that no head is covered by less than its bone's back.  Raises InputError."""
-    for bone, head in contact.heads:
-        back = getattr(contact.offset, bone)
-        if head is not None and min(head.face, head.sides) < back:
-            raise InputError(
-                f"hood.contact.heads.{bone}: cannot be written: contact in FEBio's format keeps "
-                f"one gap over all of a bone; set hood.contact.heads.{bone}.face and .sides to "
-                f'"{1e3 * back:g} mm", which its back has'
-            )
+        for line in written.remarks:
+            typer.echo(line)

@@ -131,6 +131,15 @@ def _modulus(tissue: Tissue, body: str, skeleton: Skeleton) -> Callable[[Array],
     return partial(modulus, joint=Joint.of(skeleton, body), tissue=tissue)
 
 
+def headed(contact: ContactConfig) -> set[str]:
+    """The bodies whose heads are covered by less than their backs."""
+    return {
+        body
+        for body in FLEXION
+        if (head := _head(contact, body)) and min(head) < getattr(contact.offset, body)
+    }
+
+
 def _head(contact: ContactConfig, body: str) -> Head | None:
     """What covers a bone's head, m, at most what covers its back; None where that is the same."""
     stated, back = getattr(contact.heads, body, None), getattr(contact.offset, body)

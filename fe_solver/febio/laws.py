@@ -113,14 +113,22 @@ def needs_fibre(law: Law) -> bool:
     return isinstance(law, fibrous | CrossedFibres | CrossedLinear)
 
 
-def read_law(t: FebTag, stress: float, values: Values) -> tuple[Law, FebTag, float]:
+class InSitu(NamedTuple):
+    """What fibres are stretched by in the mesh as it stands."""
+
+    stretch: float = 1.0
+    isochoric: bool = True
+    """Whether the volume is kept; else it is a stretch along the fibres alone."""
+
+
+def read_law(t: FebTag, stress: float, values: Values) -> tuple[Law, FebTag, InSitu]:
     """The law of a material, the tag that says its fibre, and the fibres' stretch in situ; `values`
     reads its parameters.
 
     Raises InputError for a material or a parameter that is not known, or not allowed."""
     kind = t.attribute("type")
     if kind == MIXTURE:
-        return *_mixture(t, stress, values), 1.0
+        return *_mixture(t, stress, values), InSitu()
     if kind in (PRESTRAIN, "prestrain elastic"):
         return _read_prestrain(t, stress, values)
     if kind not in PLAIN:
@@ -128,7 +136,7 @@ def read_law(t: FebTag, stress: float, values: Values) -> tuple[Law, FebTag, flo
             f"the material {kind!r} is not known; known: {', '.join(PLAIN)}, {MIXTURE}, "
             f"{PRESTRAIN}, rigid body"
         )
-    return _read(t, stress, values), t, 1.0
+    return _read(t, stress, values), t, InSitu()
 
 
 def _read(t: FebTag, stress: float, values: Values, volume: FebTag | None = None) -> Any:
@@ -153,7 +161,7 @@ def _read(t: FebTag, stress: float, values: Values, volume: FebTag | None = None
         return law.make(**{p.field: read[p.tag] * p.factor(stress) for p in law.parameters})
 
 
-def _read_prestrain(t: FebTag, stress: float, values: Values) -> tuple[Law, FebTag, float]:
+def _read_prestrain(t: FebTag, stress: float, values: Values) -> tuple[Law, FebTag, InSitu]:
     """A law whose fibres are stretched in situ."""
     inner, made = t.one("elastic"), t.one("prestrain")
     if inner is None or made is None:
@@ -162,14 +170,13 @@ def _read_prestrain(t: FebTag, stress: float, values: Values) -> tuple[Law, FebT
         raise inner.fault(f"prestrain is read of {MATRICES[1]} alone")
     if made.attribute("type") != "in-situ stretch":
         raise made.fault("prestrain is read as an in-situ stretch alone")
-    if not made.value("isochoric", 1.0):
-        raise made.fault("an in-situ stretch that changes the volume is not read; set isochoric 1")
     if made.one("stretch") is None:
         raise made.fault("the parameter <stretch> is missing")
     stretch = made.value("stretch", 0.0)
     if not (np.isfinite(stretch) and stretch > 0):
         raise made.fault(f"the stretch must be positive, got {stretch:g}")
-    return _read(inner, stress, values, t), inner, stretch
+    isochoric = made.value("isochoric", 1.0) != 0
+    return _read(inner, stress, values, t), inner, InSitu(stretch, isochoric)
 
 
 def _mixture(t: FebTag, stress: float, values: Values) -> tuple[Law, FebTag]:
@@ -217,15 +224,27 @@ def fibre_in_axes(t: FebTag) -> list[float]:
     return (fibre.one("vector") or fibre).numbers(3)
 
 
+def softer(law: Any, factor: float) -> Any:
+    """The law with all of its moduli times a factor.  Raises InputError for one that FEBio has no
+    material for."""
+    if isinstance(law, CrossedFibres):
+        return replace(law, base=softer(law.base, factor), second=softer(law.second, factor))
+    feb = next((f for f in LAWS if f.make is type(law)), None)
+    if feb is None:
+        raise InputError(f"FEBio has no material like {type(law).__name__}")
+    moduli = {p.field: getattr(law, p.field) for p in feb.parameters if p.unit == "stress"}
+    return replace(law, **{k: v if v is None else factor * v for k, v in moduli.items()})
+
+
 def law_tag(
-    number: int, name: str, law: Law, stress: float, in_situ_stretch: float = 1.0
+    number: int, name: str, law: Law, stress: float, in_situ: InSitu | None = None
 ) -> Element:
     """A material in units of `stress` Pa.
 
     Raises InputError for a law that FEBio has no material for, and for one that varies within its
     part."""
-    if in_situ_stretch != 1.0:
-        kind, inner = _prestrain_tags(name, law, stress, in_situ_stretch)
+    if in_situ is not None and in_situ.stretch != 1.0:
+        kind, inner = _prestrain_tags(name, law, stress, in_situ)
     elif isinstance(law, CrossedFibres):
         kind, inner = _mixture_tags(name, law, stress)
     else:
@@ -261,7 +280,7 @@ def _mixture_tags(name: str, law: CrossedFibres, stress: float) -> tuple[str, li
 
 
 def _prestrain_tags(
-    name: str, law: Law, stress: float, stretch: float
+    name: str, law: Law, stress: float, in_situ: InSitu
 ) -> tuple[str, list[Element]]:
     if not isinstance(law, TransIsoMooneyRivlin):
         raise InputError(
@@ -270,7 +289,7 @@ def _prestrain_tags(
         )
     kind, values = _parameters(name, law, stress)
     volume = values.pop("k")
-    made = (tag("stretch", stretch), tag("isochoric", 1))
+    made = (tag("stretch", in_situ.stretch), tag("isochoric", in_situ.isochoric))
     return PRESTRAIN, [
         tag("k", volume),
         tag("elastic", *_tags(values), _fibre(0.0), type=kind),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.port import Array, Ints
-from fe_solver.febio.laws import fibre_in_axes, read_law
+from fe_solver.febio.laws import InSitu, fibre_in_axes, read_law
 from fe_solver.febio.values import ElementData, Place
 from fe_solver.febio.xml import FebTag
 from fe_solver.materials.crossed_fibres import CrossedFibres
@@ -43,7 +43,7 @@ class ShellMaterial:
     law: Law
     holder: FebTag
     """The tag in which its (first) fibre is said."""
-    in_situ_stretch: float
+    in_situ: InSitu
     density: Real | None
     """In the file's units; None where the tags within say more than one."""
 

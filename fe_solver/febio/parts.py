@@ -176,7 +176,8 @@ def _parts(
                 np.full(len(block.ids), len(pick)),
             )
         )
-        parts.append(ShellPart(t.attribute("name"), made.law, made.in_situ_stretch))
+        stretch, isochoric = made.in_situ
+        parts.append(ShellPart(t.attribute("name"), made.law, stretch, isochoric=isochoric))
     c = _Columns(*(np.concatenate(column) for column in zip(*columns, strict=True)))
     length, nodes = np.linalg.norm(c.fibre, axis=1, keepdims=True), np.unique(c.nodes)
     sheet = Sheet(

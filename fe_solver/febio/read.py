@@ -337,4 +337,5 @@ def _contact(model: Model, t: FebTag, quads: Ints, triangles: Ints, body: int) -
         friction,
         t.value("offset", 0.0) * units.length,
         model.steps_of(t),
+        t.word("laugon", "PENALTY").upper() not in ("0", "PENALTY"),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -13,10 +13,10 @@ from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.port import Array, Ints
 from fe_solver.elements.mitc9 import IN_TURN
-from fe_solver.febio.laws import law_tag, needs_fibre
+from fe_solver.febio.laws import InSitu, law_tag, needs_fibre
 from fe_solver.febio.units import Units
 from fe_solver.febio.write_conditions import SAME_POINT, Conditions, controller_tag
-from fe_solver.febio.xml import Element, tag, write_xml
+from fe_solver.febio.xml import Element, comment, tag, write_xml
 from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import Job
 from fe_solver.job.phases import phases
@@ -33,8 +33,10 @@ def write_feb(
     points: Array | None = None,
     length_unit: float = 1e-3,
     force_unit: float = 1.0,
+    remarks: Sequence[str] = (),
 ) -> None:
-    """Write a job, with `points` (n, 3) m in place of its own where they are given.
+    """Write a job, with `points` (n, 3) m in place of its own where they are given, and `remarks`
+    as comments at its head.
 
     FEBio's shell nodes lie on the face that the normal points to: a job whose nodes lie elsewhere
     is written with its nodes moved there.  The file appears whole or not at all.  Raises InputError
@@ -46,6 +48,8 @@ def write_feb(
     _check_names(job)
     w = Conditions(job, face_points(job, nodes), Units(length_unit, force_unit))
     root = _document(w)
+    for i, words in enumerate(remarks):
+        root.insert(i, comment(words))
     with output_file(path) as part:
         write_xml(part, root)
 
@@ -138,7 +142,8 @@ def _blocks(job: Job) -> Iterator[_Block]:
 
 def _materials(w: Conditions) -> Iterator[Element]:
     for number, part in enumerate(w.job.sheet.parts, 1):
-        yield law_tag(number, part.name, part.law, w.units.stress, part.in_situ_stretch)
+        in_situ = InSitu(part.in_situ_stretch, part.isochoric)
+        yield law_tag(number, part.name, part.law, w.units.stress, in_situ)
     for number, body in enumerate(w.job.bodies, len(w.job.sheet.parts) + 1):
         inner = {"density": 1, "E": 1, "v": 0, "center_of_mass": body.origin / w.units.length}
         tags = [tag(name, value) for name, value in inner.items()]

@@ -142,11 +142,14 @@ class Conditions:
             yield tag("surface_load", *inner, name=name, surface=name, type="pressure")
 
     def _contact(self) -> Iterator[Element]:
+        surfaces: dict[tuple[int, bytes], str] = {}
         for i, c in enumerate(self.job.contacts, 1):
-            shell, rigid, pair = (f"{w} {i}" for w in ("sliding", "slid on", "contact"))
+            shell, pair = f"sliding {i}", f"contact {i}"
             self._surface(shell, self._facets(c.quads, np.ones_like(c.quads)))
-            first = self.first_vertex(c.body)
-            self._surface(rigid, ((*(t + first).tolist(),) for t in c.triangles))
+            first, key = self.first_vertex(c.body), (c.body, c.triangles.tobytes())
+            rigid = surfaces.setdefault(key, f"slid on {i}")
+            if rigid == f"slid on {i}":
+                self._surface(rigid, ((*(t + first).tolist(),) for t in c.triangles))
             sides = (tag("primary", shell), tag("secondary", rigid))
             self.sets.append(tag("SurfacePair", *sides, name=pair))
             if len(np.unique(c.side)) > 1:
@@ -155,6 +158,7 @@ class Conditions:
             inner = {
                 "penalty": c.penalty / unit,
                 "auto_penalty": c.automatic,
+                "laugon": c.augmented,
                 "fric_coeff": c.friction,
                 "offset": c.gap / self.units.length,
                 "shell_bottom_primary": bool((c.side < 0).any()),

@@ -149,6 +149,11 @@ def tag(kind: str, *content: object, **attributes: object) -> Element:
     return out
 
 
+def comment(words: str) -> Element:
+    """A remark that nobody reads but people; a comment ends at two hyphens."""
+    return etree.Comment(f" {words.replace('--', '- -')} ")
+
+
 def text(value: Any) -> str:
     """A text as it is, a number with all of its digits (a truth as 1 or 0), several with commas
     between."""

@@ -104,6 +104,8 @@ class Contact:
     """The points, where they are not nodes."""
     layer: Layer | None = None
     """What presses in place of the penalty; its fields are in the body's frame."""
+    elastic: bool = False
+    """Whether the penalty is what the points lie on, and not a way to keep them out."""
 
     def __post_init__(self) -> None:
         shear = self.stiffness if self.shear is None else self.shear
@@ -129,6 +131,11 @@ class Contact:
             )
         if self.share is not None and not ((self.share >= 0) & (self.share <= 1)).all():
             raise InputError(f"contact with body {self.body}: shares must lie between 0 and 1")
+
+    @property
+    def gives(self) -> bool:
+        """Whether it is pressed in by what it bears, so that no multiplier is sought."""
+        return self.elastic or self.layer is not None
 
     @property
     def weight(self) -> Array:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.port import Array, Ints, Motion
+from cosim.port import Array, Ints, Motion, Triangles
 from fe_solver.elements.mesh_geometry import is_triangle, node_means
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
+from fe_solver.hood.as_febio import bones_lie_below, in_situ, mean_fibre
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
@@ -22,9 +23,9 @@ from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.model import ShellModel
 from fe_solver.supports import Body, ContactPair, SpringLaw, SpringSet, Tied
 
-Triangles = tuple[Array, Ints]
-
 RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
+TAUT = LoadCurve((0.0, 0.1, 1.0), (0.0, 1.0, 1.0))
+"""A sheet that is taut while its bones move does not fold in the joints."""
 INCREMENTS = 10
 SAME_VALUE = 1e-9
 """m, or relative: what differs by less is one."""
@@ -38,8 +39,8 @@ def job_of_hood(
     name: str = "hood",
     on_face: bool = True,
 ) -> Job:
-    """The hood from its rest pose to `motion` under `tension` (nt,) N, both growing over t = 0 to 1
-    (but that of ropes, which is there from the start), in the frame of the body along which its
+    """The hood from its rest pose to `motion`, over t = 0 to 1, under `tension` (nt,) N, which is
+    all there from t = 0.1 (that of ropes from the start), in the frame of the body along which its
     tendons slide (the first one where none does).
 
     `bones` are the surfaces of the bodies that the hood touches, by name: vertices (nv, 3) m in the
@@ -48,13 +49,13 @@ def job_of_hood(
     with ties, springs and pulls; their rest lengths follow.  Else the nodes stay on the
     mid-surface.
 
-    Raises InputError for what a job cannot say: stress-free growth but a stretch in situ, materials
+    Raises InputError for what a job cannot say: growth but along the fibres of a region, materials
     that vary within a region, springs with tables, tendons that do not slide along an axis of one
-    body."""
+    body; and for what `fe_solver.hood.as_febio` would replace."""
     model, sheet = hood.model, _writable_sheet(hood)
     frame = int(model.guides.body[0]) if len(model.guides.node) else 0
     rest, end = _in_frame_of(hood.rest, frame), _in_frame_of(motion, frame)
-    turned = on_face and _bones_lie_below(model, hood.rest)
+    turned = on_face and bones_lie_below(model, hood.rest)
     quads, parts, height = sheet.quads, sheet.parts, sheet.height
     thickness = np.array(np.broadcast_to(sheet.thickness.T, quads.T.shape).T)
     if turned:
@@ -62,7 +63,7 @@ def job_of_hood(
             _reorder_corners(sheet.quads, values) for values in (quads, thickness, -height)
         )
         parts = tuple(_turn_over(part) for part in parts)
-    fibre = _mean_direction(model.tables.frame[:, :, 0]) @ hood.rest.rotation[frame]
+    fibre = mean_fibre(sheet) @ hood.rest.rotation[frame]
     points = (sheet.points - hood.rest.position[frame]) @ hood.rest.rotation[frame]
     sheet = Sheet(
         points,
@@ -70,7 +71,7 @@ def job_of_hood(
         parts,
         sheet.part,
         thickness,
-        fibre / np.linalg.norm(fibre, axis=1, keepdims=True),
+        fibre,
         height,
         node_ids=np.arange(1, len(points) + 1),
         element_ids=np.arange(1, len(quads) + 1),
@@ -94,7 +95,9 @@ def job_of_hood(
         job = replace(job, sheet=replace(job.sheet, height=-thickness / 2))
     side = 1 if turned else -1
     # facets that touch at points of their own, as the format's do, need no lift
-    pairs = [_pair(job, k, hood.lift[k.nodes], side, bones, hood.bodies) for k in model.contacts]
+    pairs = [_pair(job, k, hood, side, bones) for k in model.contacts]
+    if any(k.elastic for k in model.contacts):
+        pairs = [replace(p, name=f"{p.name} {i}") for i, p in enumerate(pairs, 1)]
     return replace(job, contacts=tuple(pairs))
 
 
@@ -115,8 +118,8 @@ def _writable_sheet(hood: ShellHood) -> Sheet:
         )
     if any(contact.layer is not None for contact in m.contacts):
         raise InputError(
-            "a hood on a layer of tissue that gives is not written: FEBio's contact is a penalty; "
-            'set hood.contact.stiffness, such as "200 N/mm**3"'
+            "a hood on a layer of tissue that gives is not written: FEBio's contact is a penalty "
+            "(fe_solver.hood.as_febio)"
         )
     if any(part.sliding for part in sheet.parts):
         raise InputError(
@@ -128,11 +131,6 @@ def _writable_sheet(hood: ShellHood) -> Sheet:
             "a hood with a bending modulus of its own cannot be written: in FEBio's format a shell "
             "bends as its material does; set hood.bending_stiffness to zero"
         )
-    if sheet.growth is not None and sheet.growth[sheet.stretch == 1.0].any():
-        raise InputError(
-            "a hood with extra length in its slips cannot be written: FEBio's format has no "
-            "stress-free growth but a stretch in situ; set hood.extra_length to zero"
-        )
     for patch in m.section.patches:
         varies = any(np.ndim(value) for value in vars(patch.law).values())
         if varies or not np.allclose(patch.factor, 1.0):
@@ -142,7 +140,7 @@ def _writable_sheet(hood: ShellHood) -> Sheet:
         raise InputError("a hood whose springs follow tables is not written")
     if len(set(m.guides.body.tolist())) > 1:
         raise InputError("a hood whose tendons slide along several bodies is not written")
-    return sheet
+    return in_situ(sheet)
 
 
 def _in_frame_of(motion: Motion, frame: int) -> Motion:
@@ -151,26 +149,10 @@ def _in_frame_of(motion: Motion, frame: int) -> Motion:
     return motion.transform(back, -back @ motion.position[frame])
 
 
-def _bones_lie_below(model: ShellModel, rest: Motion) -> bool:
-    """Whether the directors point away from what the sheet touches."""
-    total = 0.0
-    for k in model.contacts:
-        R = rest.rotation[k.body]
-        slope = k.surface.distance(k.local(model.reference, rest.position, rest.rotation)).gradient
-        total += float(np.vdot(slope @ R.T, model.directors[k.nodes]))
-    return total > 0
-
-
 def _reorder_corners(quads: Ints, values: Array | Ints) -> NDArray:
     """What the corners (ne, 4) hold, in the order of the elements wound the other way."""
     triangle = is_triangle(quads)[:, None]
     return np.where(triangle, values[:, [1, 0, 2, 3]], values[:, [0, 3, 2, 1]])
-
-
-def _mean_direction(gauss: Array) -> Array:
-    """Return the mean (ne, 3) of directions (ne, g, 3), whose senses say nothing."""
-    sense = np.einsum("egk,ek->eg", gauss, gauss[:, 0])
-    return np.asarray((gauss * np.where(sense < 0, -1.0, 1.0)[..., None]).mean(axis=1))
 
 
 def _turn_over(part: ShellPart) -> ShellPart:
@@ -234,36 +216,35 @@ def _pulls(hood: ShellHood, tension: Array) -> tuple[NodalForce, ...]:
     g = hood.model.guides
     size = np.asarray(tension, dtype=float) @ hood.model.share
     return tuple(
-        NodalForce(np.array([n]), f * d, RAMP)
+        NodalForce(np.array([n]), f * d, TAUT)
         for n, f, d in zip(g.node, size, g.direction, strict=True)
         if f
     )
 
 
 def _pair(
-    job: Job,
-    contact: Contact,
-    lift: Array,
-    side: int,
-    bones: Mapping[str, Triangles],
-    bodies: Sequence[str],
+    job: Job, contact: Contact, hood: ShellHood, side: int, bones: Mapping[str, Triangles]
 ) -> ContactPair:
-    name = bodies[contact.body]
+    """The pair of a contact; one that is elastic keeps its stiffness, and its elements."""
+    name, sheet = hood.bodies[contact.body], job.sheet
     if name not in bones:
         raise InputError(f"the hood touches the body {name!r}, whose surface is not given")
-    touching = np.isin(job.sheet.quads, contact.nodes).all(axis=1)
-    sheet = job.sheet
-    half = node_means(sheet.thickness, sheet.quads, len(sheet.points))[contact.nodes] / 2
-    gap = contact.offset - half - lift
+    half = node_means(sheet.thickness, sheet.quads, len(sheet.points)) / 2
+    if contact.within is not None:
+        gap, quads = contact.offset - contact.within.mean(half), contact.within.cells
+    else:
+        gap = contact.offset - half[contact.nodes] - hood.lift[contact.nodes]
+        quads = np.flatnonzero(np.isin(sheet.quads, contact.nodes).all(axis=1))
     if np.ptp(gap) > SAME_VALUE:
         raise InputError(f"the contact level over the body {name!r} varies from node to node")
-    quads = np.flatnonzero(touching)
     return ContactPair(
         f"{job.name} on {name}",
         quads,
         np.full(len(quads), side),
         contact.body,
         np.asarray(bones[name][1]),
+        penalty=contact.stiffness if contact.elastic else 1.0,
+        automatic=not contact.elastic,
         friction=contact.friction,
         gap=float(gap.mean()),
     )

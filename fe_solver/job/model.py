@@ -1,7 +1,8 @@
 """A Job as the shell model of the solver: what holds, loads and touches the sheet at a time.
 
-Contact is our own, whatever penalty a file asks for: a node of a pair presses on the signed
-distance of the body's surface, closed where it is open, with a stiffness taken from the sheet.
+Contact is our own: a node of a pair presses on the signed distance of the body's surface, closed
+where it is open, with a stiffness taken from the sheet; or, where the pair states its penalty, with
+that, at points within its elements.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from cosim.port import Array, Ints
 from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.mesh_geometry import node_areas, node_means
 from fe_solver.forces.contact import Contact, needed_distance
+from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.job.checks import check_job
@@ -275,13 +277,12 @@ def _model_from(
     guides, carriers = _guides(job, at, ties.node)
     bodies = (*job.bodies, *carriers)
     given = _immovable(ties, guides)
-    contacts = [_contact(job, k, given, options, kept.get(i)) for i, k in enumerate(job.contacts)]
     base = sheet.model(
         springs=springs_of(job.springs),
         ties=ties,
         guides=guides,
         share=np.zeros((0, len(guides.node))),
-        contacts=tuple(contacts),
+        contacts=_contacts(job, given, options, kept),
         bodies=tuple(b.name for b in bodies),
         links=links_of(job.springs),
         groups=tuple(s.name for s in job.springs),
@@ -369,29 +370,79 @@ def _immovable(ties: Ties, guides: Guides) -> Ints:
     return np.union1d(ties.node, guides.node[guides.held.all(axis=1)])
 
 
-def _contact(
-    job: Job, pair: ContactPair, given: Ints, options: JobOptions, kept: Contact | None
-) -> Contact:
+def _contacts(
+    job: Job, given: Ints, options: JobOptions, kept: Mapping[int, Contact]
+) -> tuple[Contact, ...]:
+    """The contacts of the pairs, those `kept` where their nodes are the same; pairs on the same
+    triangles share a distance.  Raises InputError."""
+    laid = [_offsets(job, pair) for pair in job.contacts]
+    keys = [(pair.body, pair.triangles.tobytes()) for pair in job.contacts]
+    highest = {
+        key: max(float(o.max(initial=0.0)) for k, o in zip(keys, laid, strict=True) if k == key)
+        for key in {*keys}
+    }
+    surfaces: dict[tuple[int, bytes], Surface] = {}
+    out = []
+    for i, (pair, offset, key) in enumerate(zip(job.contacts, laid, keys, strict=True)):
+        before = kept.get(i)
+        if before is not None:
+            surfaces[key] = before.surface
+        elif key not in surfaces:
+            surfaces[key] = _surface(job, pair, highest[key], options)
+        made = _contact(job, pair, offset, given, surfaces[key], options)
+        if before is not None and np.array_equal(before.nodes, made.nodes):
+            made = before
+        elif before is not None and pair.friction > 0:
+            raise InputError(
+                f"{job.name}: contact {pair.name!r} has friction, which remembers the way of its "
+                "nodes, and a step holds or releases some of them; leave them out of the "
+                "contact, or hold them in all steps"
+            )
+        out.append(made)
+    return tuple(out)
+
+
+def _offsets(job: Job, pair: ContactPair) -> Array:
+    """How far over the body each node (n,) of a pair touches it, m; zero at the others."""
     sheet, quads = job.sheet, job.sheet.quads[pair.quads]
-    nodes = np.setdiff1d(quads, given)
-    if kept is not None and np.array_equal(kept.nodes, nodes):
-        return kept
-    if kept is not None and pair.friction > 0:
-        raise InputError(
-            f"{job.name}: contact {pair.name!r} has friction, which remembers the way of its "
-            "nodes, and a step holds or releases some of them; leave them out of the "
-            "contact, or hold them in all steps"
-        )
-    area = node_areas(sheet.points, quads)
+    n, nodes = len(sheet.points), np.unique(quads)
+    side = node_means(np.broadcast_to(pair.side[:, None], quads.shape), quads, n)
     # how far the face that is meant lies beyond the nodes, towards the body
-    beyond = pair.side[:, None] * sheet.height[pair.quads] + sheet.thickness[pair.quads] / 2
-    offset = pair.gap + node_means(beyond, quads, len(sheet.points))[nodes]
+    thickness = np.broadcast_to(sheet.thickness.T, sheet.quads.T.shape).T
+    half, height = (node_means(v, sheet.quads, n) for v in (thickness / 2, sheet.height))
+    out = np.zeros(n)
+    out[nodes] = pair.gap + (side * height + half)[nodes]
+    return out
+
+
+def _contact(
+    job: Job, pair: ContactPair, offset: Array, given: Ints, surface: Surface, options: JobOptions
+) -> Contact:
+    """The contact of a pair's nodes; where it states a penalty, that of points within its elements,
+    with no multipliers, as FEBio's is."""
+    sheet, quads = job.sheet, job.sheet.quads[pair.quads]
+    if not (pair.automatic or pair.augmented):
+        free = pair.quads[~np.isin(quads, given).all(axis=1)]
+        points = ElementPoints.of(sheet.quads, free)
+        return Contact(
+            pair.body,
+            surface,
+            points.nearest,
+            points.mean(offset),
+            points.areas(sheet.points),
+            pair.penalty,
+            options.smoothing,
+            friction=pair.friction,
+            within=points,
+            elastic=True,
+        )
+    nodes = np.setdiff1d(quads, given)
     return Contact(
         pair.body,
-        _surface(job, pair, float(offset.max(initial=0.0)), options),
+        surface,
         nodes,
-        offset,
-        area[nodes],
+        offset[nodes],
+        node_areas(sheet.points, quads)[nodes],
         options.contact_factor * sheet_stiffness(sheet, pair.quads),
         options.smoothing,
         friction=pair.friction,

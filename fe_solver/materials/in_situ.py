@@ -13,10 +13,11 @@ import numpy as np
 from cosim.port import Array
 
 
-def in_situ_growth(stretch: Array) -> Array:
+def in_situ_growth(stretch: Array, isochoric: Array | bool = True) -> Array:
     """The growth (ne, 2) along and across the fibres (see `shell.shell_tables`) of sheets whose
-    fibres are stretched by `stretch` (ne,)."""
-    return np.stack([1 / stretch, np.sqrt(stretch)], axis=1) - 1
+    fibres are stretched by `stretch` (ne,); across there is none where it is not `isochoric` (ne,),
+    and the thickness stays (FEBio's F = diag(s, 1, 1))."""
+    return np.stack([1 / stretch, np.where(isochoric, np.sqrt(stretch), 1.0)], axis=1) - 1
 
 
 def stress_free_thickness(laid: Array, stretch: Array) -> Array:

@@ -72,6 +72,8 @@ def _obstacles(job: Job) -> Iterator[str]:
         reason = law_obstacle(part.law)
         if reason is not None:
             yield f"part {part.name!r}: the law {type(part.law).__name__} {reason}"
+        if part.in_situ_stretch != 1.0 and not part.isochoric:
+            yield f"part {part.name!r}: its stretch in situ changes the volume"
     if job.sheet.quads.shape[1] != 4:
         yield "its elements have nine nodes"
         return

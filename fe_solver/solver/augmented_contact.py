@@ -156,7 +156,7 @@ def _update_of(contact: Contact, c: Configuration) -> _ContactUpdate:
     depth, shift = contact.offset - value, contact.shift
     pressure = normal_pressure(contact, local, depth + shift)
     limit = contact.friction * pressure * contact.weight
-    if contact.layer is not None:  # which gives: only friction's limits are to be found
+    if contact.gives:  # only friction's limits are to be found
         return _ContactUpdate(contact, None, normal, limit, np.zeros_like(depth))
     error = np.abs(np.maximum(depth, -(shift + contact.smoothing)))
     if contact.pressure is None:
@@ -192,7 +192,7 @@ def _initialise(contact: Contact, start: Configuration) -> Contact:
 
 def _stiffer(contact: Contact) -> Contact:
     """A stiffer contact, its multipliers and its friction as they were."""
-    if contact.layer is not None:
+    if contact.gives:
         return contact
     shear = contact.stiffness if contact.shear is None else contact.shear
     return replace(contact, stiffness=STIFFER * contact.stiffness, shear=shear)

@@ -239,6 +239,18 @@ def test_a_spring_between_two_nodes_pulls_both():
     assert max(state.imbalance) < 1e-8
 
 
+@pytest.mark.parametrize("augmented", [False, True])
+def test_a_penalty_that_is_stated_gives_as_a_spring_does(augmented):
+    """A pressure p presses the sheet p / k into the body; not where multipliers keep it out."""
+    job = contact_job(lift=THICK / 2 + 1e-6)
+    pair = replace(job.contacts[0], penalty=1e8, automatic=False, augmented=augmented)
+    load = Pressure(pair.quads, np.ones_like(pair.quads), Drive(1e4, RAMP))
+    job = replace(job, contacts=(pair,), forces=(), pressures=(load,))
+    (state,) = solve_job(job, options=PLAIN).states
+    assert state.contact[0] == pytest.approx([0, 0, -1e4 * LENGTH * WIDTH], rel=1e-4, abs=1e-5)
+    assert state.penetration == pytest.approx(0.0 if augmented else 1e-4, rel=0.01, abs=2.1e-6)
+
+
 @pytest.mark.parametrize(
     ("gap", "height", "rest"),
     [(0.0, 0.0, THICK / 2), (0.1e-3, 0.0, THICK / 2 + 0.1e-3), (0.0, THICK / 2, 0.0)],
