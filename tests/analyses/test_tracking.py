@@ -257,6 +257,8 @@ def test_a_motion_that_cannot_go_on_keeps_what_it_reached(flexion, tmp_path, mon
     assert "0.06 of 0.2 s are kept in" in told.output
     summary = json.loads((folder / "estimate.json").read_text(encoding="utf-8"))
     assert "no equilibrium" in summary["audit"]["stopped"]
+    pulled = pd.read_csv(folder / "forward_tensions.csv").iloc[:, 0]
+    assert pulled.iloc[-1] == pytest.approx(0.06)  # not those of the interval that had no end
     monkeypatch.undo()
     again = cosim.run(cosim.load(folder / "free_forward.toml"))
     angles = pd.read_csv(folder / "estimate.csv")

@@ -292,6 +292,21 @@ def test_without_a_fingertip_no_force_is_judged(tmp_path: Path) -> None:
     assert difference.model == pytest.approx(expected, abs=2e-3)
 
 
+def test_numbers_that_are_another_groups_once_more_count_once(scores: Scores) -> None:
+    for hand in scores.hands:
+        counted = tuple(g for g in hand.groups if g.group.counts)
+        assert sum(len(g.judged) for g in hand.groups) > sum(len(g.judged) for g in counted) > 0
+        assert hand.overall == replace(hand, groups=counted).overall
+
+
+@pytest.mark.parametrize(("scale", "way"), [(0.8, "below"), (1.0, ""), (1.25, "above")])
+def test_a_phalanx_far_off_the_measured_ones_is_told(tmp_path: Path, scale: float, way: str) -> None:
+    case = cosim.load("split_edc", [f"finger.length_scale={scale}"])
+    told = [d for d in score_run.doubts(read_hand(case, tmp_path), {}) if "phalanx" in d]
+    assert (told != []) == (way != "")
+    assert all(f"SD {way} that of 5 measured hands" in d for d in told)
+
+
 def test_an_opensim_hand_goes_through_the_importer(tmp_path: Path) -> None:
     """Its strengths and fibres come from the file, and what the importer lost is told first."""
     path = ROOT / "cases" / "data" / "finger.osim"
