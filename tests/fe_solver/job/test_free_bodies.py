@@ -178,6 +178,12 @@ def test_a_body_that_nothing_holds_is_one_message(
         solver(read_strip(tmp_path, boundary=boundary, rigid=rigid))
 
 
+DOFS = "".join(f"<R{d}_dof>1</R{d}_dof>" for d in "xyz")
+STAYS = f'<rigid_bc type="rigid_fixed"><rb>block</rb>{DOFS}</rigid_bc>'
+LIFT = (
+    '<rigid_bc type="rigid_displacement"><rb>block</rb><dof>z</dof><value lc="1">0.05</value>'
+    "</rigid_bc>"
+)
 PARTLY = '<rigid_bc type="rigid_rotation"><rb>block</rb><dof>Rv</dof><value>0.1</value></rigid_bc>'
 
 
@@ -214,12 +220,27 @@ def test_a_free_body_needs_its_centre(tmp_path: Path) -> None:
         read_feb(path)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_what_is_prescribed_and_fixed_is_prescribed(tmp_path: Path, order: int) -> None:
+    """In whichever order; and not prescribed twice."""
+    both = "".join([LIFT, STAYS][::order])
+    body = read_strip(tmp_path, boundary=BOTH, rigid=both).bodies[0]
+    assert [d.at(1.0) for d in body.displacement] == pytest.approx([0, 0, 0.05e-3])
+    assert body.free == (False,) * 3 + (True,) * 3
+    with pytest.raises(InputError, match="this motion of 'block' is prescribed twice"):
+        read_strip(tmp_path, boundary=BOTH, rigid=both + LIFT)
+
+
+@pytest.mark.parametrize("body", [-1, 2])
+def test_a_load_of_a_body_that_is_not_there_is_refused(body: int) -> None:
+    with pytest.raises(InputError, match=f"names body index {body}, and there are"):
+        solve_job(blocked(rigid_loads=[RigidLoad(body, along(2, 1e-3))]), options=PLAIN)
+
+
 @SOLVERS
 def test_a_part_of_a_body_is_prescribed(tmp_path: Path, solver) -> None:
     """The end's height is given, all else is free: a beam whose end is lifted, 3 E I u / L^3."""
-    inner = '<rb>block</rb><dof>z</dof><value lc="1">0.05</value>'
-    lift = f'<rigid_bc type="rigid_displacement">{inner}</rigid_bc>'
-    job = read_strip(tmp_path, cells=16, boundary=BOTH, rigid=lift)
+    job = read_strip(tmp_path, cells=16, boundary=BOTH, rigid=LIFT)
     (state,) = solver(job).states
     assert state.configuration.position[0, 2] == pytest.approx(0.05e-3)
     force = 3 * BENDING * 0.05 / LENGTH**3
