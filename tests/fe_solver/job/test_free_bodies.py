@@ -238,6 +238,29 @@ def test_a_load_of_a_body_that_is_not_there_is_refused(body: int) -> None:
 
 
 @SOLVERS
+def test_a_body_hangs_on_springs_alone(solver) -> None:
+    """On the clamped nodes of a strip, by F / k below where it is without load."""
+    load, stiffness, nodes = 0.02, 50.0, blocked().ties[0].nodes
+    ends = blocked().sheet.points[nodes] - [0, 0, 5e-3]
+    hung = SpringSet.to_body("s", SpringLaw(stiffness), nodes, 0, ends, 5e-3)
+    ring = Body("ring", free=(False, False, True, False, False, False))
+    pulled = RigidLoad(0, along(2, -load))
+    job = blocked(ring, springs=(hung,), rigid_loads=(pulled,))
+    (state,) = solver(replace(job, ties=job.ties[:1]), options=PLAIN).states
+    way = state.configuration.position[0, 2]
+    assert way == pytest.approx(-load / (stiffness * len(nodes)), rel=1e-5)
+
+
+def test_what_is_applied_to_a_body_is_told_about_the_worlds_origin() -> None:
+    force, moment = np.array([0, 0, 1e-3]), np.array([0, 1e-6, 0])
+    loads = [RigidLoad(0, along(2, force[2])), RigidLoad(0, moment=along(1, moment[1]))]
+    (state,) = solve_job(blocked(rigid_loads=loads), options=PLAIN).states
+    arm = np.cross(state.configuration.position[0], force)
+    assert abs(arm[1]) > 5 * moment[1]
+    np.testing.assert_allclose(state.applied, [*force, *(moment + arm)], atol=1e-15)
+
+
+@SOLVERS
 def test_a_part_of_a_body_is_prescribed(tmp_path: Path, solver) -> None:
     """The end's height is given, all else is free: a beam whose end is lifted, 3 E I u / L^3."""
     job = read_strip(tmp_path, cells=16, boundary=BOTH, rigid=LIFT)
