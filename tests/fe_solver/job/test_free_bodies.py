@@ -237,16 +237,29 @@ def test_a_load_of_a_body_that_is_not_there_is_refused(body: int) -> None:
         solve_job(blocked(rigid_loads=[RigidLoad(body, along(2, 1e-3))]), options=PLAIN)
 
 
+def test_a_body_that_rolls_a_strip_up_needs_no_shorter_step() -> None:
+    """A turn of 2 rad by an end moment, M L / EI, is taken a part at a time within one step."""
+    moment = RigidLoad(0, moment=along(1, -2.0 * STIFF / LONG))
+    result = solve_job(blocked(rigid_loads=[moment]), options=PLAIN)
+    turn = result.states[-1].configuration.rotation[0]
+    assert np.arctan2(-turn[0, 2], turn[0, 0]) == pytest.approx(2.0, rel=1e-3)
+    assert result.effort.failures == 0
+
+
+@pytest.mark.parametrize("still", [False, True])
 @SOLVERS
-def test_a_body_hangs_on_springs_alone(solver) -> None:
-    """On the clamped nodes of a strip, by F / k below where it is without load."""
+def test_a_body_hangs_on_springs_alone(solver, still: bool) -> None:
+    """On the clamped nodes of a strip, of which all or one end are held, by F / k below
+    where it is without load."""
     load, stiffness, nodes = 0.02, 50.0, blocked().ties[0].nodes
     ends = blocked().sheet.points[nodes] - [0, 0, 5e-3]
     hung = SpringSet.to_body("s", SpringLaw(stiffness), nodes, 0, ends, 5e-3)
     ring = Body("ring", free=(False, False, True, False, False, False))
     pulled = RigidLoad(0, along(2, -load))
     job = blocked(ring, springs=(hung,), rigid_loads=(pulled,))
-    (state,) = solver(replace(job, ties=job.ties[:1]), options=PLAIN).states
+    clamp = job.ties[0]
+    clamp = replace(clamp, nodes=np.arange(len(job.sheet.points))) if still else clamp
+    (state,) = solver(replace(job, ties=(clamp,)), options=PLAIN).states
     way = state.configuration.position[0, 2]
     assert way == pytest.approx(-load / (stiffness * len(nodes)), rel=1e-5)
 
