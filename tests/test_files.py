@@ -123,6 +123,16 @@ def test_the_next_writer_removes_what_killed_ones_left(writer: str, tmp_path: Pa
     assert all(path.exists() for path in kept)
 
 
+def test_a_store_clears_the_folders_of_its_rows_too(tmp_path: Path) -> None:
+    Store(tmp_path).open()
+    folders = [tmp_path / name for name in ("parts", "rows/ab", "arrays/cd")]
+    for folder in folders:
+        folder.mkdir(parents=True)
+        leavings(folder, ended_process())
+    Store(tmp_path).open()
+    assert [path for folder in folders for path in folder.iterdir()] == []
+
+
 def test_a_folder_that_was_cleared_is_cleared_again_at_the_end(tmp_path: Path) -> None:
     """When the processes of a command that is ended were killed while they wrote."""
     check_target(tmp_path, "run")

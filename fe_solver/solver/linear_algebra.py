@@ -343,7 +343,8 @@ class _FeralSolver:
     def solve(self, right: Array) -> Array:
         """As the protocol says."""
         with _no_panic():
-            return np.asarray(self.feral.solve(np.ascontiguousarray(right)))
+            found = np.asarray(self.feral.solve(np.ascontiguousarray(right)))
+            return found.reshape(right.shape)  # of no unknowns, it gives no columns either
 
 
 @contextmanager

@@ -165,11 +165,14 @@ def test_forward_belongs_to_a_motion():
     assert "belong to --motion" in told.output
 
 
-def test_angles_out_of_range_are_told_with_their_time(tmp_path):
+@pytest.mark.parametrize(
+    ("rate", "where"), [(400, "0.17 s .* 113 deg"), (-400, "0.12 s .* -3 deg")]
+)
+def test_angles_out_of_range_are_told_with_their_time(tmp_path, rate, where):
     time = np.linspace(0.0, 0.2, 21)
     path = tmp_path / "far.csv"
-    pd.DataFrame({"time": time, "PIP_deg": 45 + 400 * time}).to_csv(path, index=False)
-    with pytest.raises(InputError, match=r"at 0.17 s of the motion PIP is at 113 deg, outside"):
+    pd.DataFrame({"time": time, "PIP_deg": 45 + rate * time}).to_csv(path, index=False)
+    with pytest.raises(InputError, match=f"at {where}, outside"):
         cosim.track(cosim.load("split_edc").replace(FREE), path, tmp_path)
 
 
@@ -257,6 +260,8 @@ def test_a_motion_that_cannot_go_on_keeps_what_it_reached(flexion, tmp_path, mon
     assert "0.06 of 0.2 s are kept in" in told.output
     summary = json.loads((folder / "estimate.json").read_text(encoding="utf-8"))
     assert "no equilibrium" in summary["audit"]["stopped"]
+    pulled = pd.read_csv(folder / "forward_tensions.csv").iloc[:, 0]
+    assert pulled.iloc[-1] == pytest.approx(0.06)  # not those of the interval that had no end
     monkeypatch.undo()
     again = cosim.run(cosim.load(folder / "free_forward.toml"))
     angles = pd.read_csv(folder / "estimate.csv")

@@ -117,6 +117,9 @@ def test_the_coupled_finger_follows_its_tensions_and_is_taken_back(written, case
     assert np.linalg.norm(more) > 1.2 * np.linalg.norm(first)
     unit.restore(before)
     assert np.array_equal(unit.get(place["tip_force"]), first)
+    unit.set(place["tension"], 2.0 * pulls)
+    unit.restore(before)  # inputs belong to a state
+    assert np.array_equal(unit.get(place["tension"]), pulls)
     unit.set(place["tension"], 1.5 * pulls)
     unit.step(0.01)
     assert np.array_equal(unit.get(place["tip_force"]), more)

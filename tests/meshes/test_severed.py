@@ -147,6 +147,19 @@ def test_a_cut_in_part_leaves_its_share_of_the_width(share, part):
         assert after.points[after.quads[severed_row(after, part)], 1].max() < most
 
 
+@pytest.mark.parametrize(("share", "quads"), [(0.998, 4), (0.9995, 3)])
+def test_a_sliver_beside_a_cut_is_cut_too(share, quads):
+    """Of a row of one quad in four."""
+    held = strip(tied={"proximal": np.array([0, 1]), "distal": np.array([8, 9])})
+    assert len(cut_part_of(held, "central_band", share).quads) == quads
+
+
+def test_a_cut_takes_of_what_an_earlier_one_left():
+    held = strip(tied={"proximal": np.array([0, 1]), "distal": np.array([8, 9])})
+    twice = cut_part_of(cut_part_of(held, "central_band", 0.5), "central_band", 0.2)
+    assert twice.left.tolist() == pytest.approx([1.0, 0.4, 1.0, 1.0])
+
+
 def severed_row(mesh: HoodMesh, part: str) -> np.ndarray:
     """Which quads the part's place runs through."""
     station = mesh.station[mesh.quads]

@@ -9,13 +9,14 @@ from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 
 import cosim
 from cosim.errors import InputError
 from cosim.results.compare import Comparison, Target
 from cosim.scoring import names as score_names
-from cosim.scoring import references
+from cosim.scoring import plausible, references
 from cosim.scoring import run as score_run
 from cosim.scoring.groups import (
     ARMS,
@@ -290,6 +291,40 @@ def test_without_a_fingertip_no_force_is_judged(tmp_path: Path) -> None:
     spans = SPANS["EDC2"]
     expected = arm(spans["MCP"], np.radians(mcp)) - arm(spans["PIP"], np.radians(pip))
     assert difference.model == pytest.approx(expected, abs=2e-3)
+
+
+def test_a_sign_is_published_where_all_agree_by_a_millimetre(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One source says little of the FDS, two differ over the EDC, and a model is no witness."""
+    rows = [
+        *(("FDP", "PIP", 5.0, "A"), ("FDP", "PIP", 7.0, "B"), ("FDS", "DIP", 0.8, "A")),
+        *(("FDS", "DIP", 3.0, "B"), ("EDC", "PIP", -4.0, "A"), ("EDC", "PIP", 2.0, "B")),
+        *(("LUM", "PIP", -2.0, "A"), ("LUM", "PIP", 4.0, "MyoHand")),
+    ]
+    known = pandas.DataFrame(rows, columns=["tendon", "joint", "arm_mm", "source"])
+    monkeypatch.setattr(plausible, "published_arms", lambda finger: known)
+    assert plausible.published_signs("index") == {
+        ("FDP", "PIP"): (1, ("A", "B")),
+        ("LUM", "PIP"): (-1, ("A",)),
+    }
+
+
+def test_numbers_that_are_another_groups_once_more_count_once(scores: Scores) -> None:
+    for hand in scores.hands:
+        counted = tuple(g for g in hand.groups if g.group.counts)
+        assert sum(len(g.judged) for g in hand.groups) > sum(len(g.judged) for g in counted) > 0
+        assert hand.overall == replace(hand, groups=counted).overall
+
+
+@pytest.mark.parametrize(("scale", "way"), [(0.8, "below"), (1.0, ""), (1.25, "above")])
+def test_a_phalanx_far_off_the_measured_ones_is_told(
+    tmp_path: Path, scale: float, way: str
+) -> None:
+    case = cosim.load("split_edc", [f"finger.length_scale={scale}"])
+    told = [d for d in score_run.doubts(read_hand(case, tmp_path), {}) if "phalanx" in d]
+    assert (told != []) == (way != "")
+    assert all(f"SD {way} that of 5 measured hands" in d for d in told)
 
 
 def test_an_opensim_hand_goes_through_the_importer(tmp_path: Path) -> None:

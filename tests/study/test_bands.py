@@ -83,6 +83,16 @@ def test_percentiles_are_the_closed_form_s_beside_the_case_as_it_is(place):
     assert (place / "studies" / "spread" / "bands.png").is_file()
 
 
+def test_one_sample_that_ended_is_no_band(place):
+    """Of two, the other of which has a spring of less than no stiffness."""
+    wide = STUDY.replace("low = 0.5\nhigh = 1.5", "low = -100\nhigh = 102", 1)
+    (place / "spread.toml").write_text(wide, encoding="utf-8")
+    bands = cosim.run_study("spread.toml", place / "out", samples=2).bands
+    row = bands.set_index("quantity").loc[TORQUE]
+    assert (row.runs, row[["p5", "p50", "p95"]].isna().tolist()) == (1, [True] * 3)
+    assert row.as_it_is == pytest.approx(-40 * np.radians(45))
+
+
 def test_over_a_key_every_sample_is_solved_at_each_of_its_values(place):
     results = cosim.run_study(
         "spread.toml", place / "out", samples=8, over="finger.posture.PIP=20 deg, 50 deg"

@@ -58,6 +58,12 @@ def test_beyond_the_points(how: Extension, before: float, after: float) -> None:
     assert curve.at(4.5) == pytest.approx(after)
 
 
+@pytest.mark.parametrize("how", [Interpolation.STEP, Interpolation.SMOOTH_STEP])
+def test_an_end_that_is_flat_goes_on_flat(how: Interpolation) -> None:
+    curve = LoadCurve(TIMES, VALUES, how, Extension.EXTRAPOLATE)
+    assert (curve.at(-1e3), curve.at(1e3)) == (1.0, 6.0)
+
+
 def test_a_smooth_curve_of_few_points() -> None:
     assert LoadCurve((0, 2), (0, 4), Interpolation.SMOOTH).at(0.5) == pytest.approx(1.0)
     assert LoadCurve((0, 1, 2), (0, 1, 4), Interpolation.SMOOTH).at(1.5) == pytest.approx(2.25)

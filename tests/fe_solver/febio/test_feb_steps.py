@@ -10,7 +10,7 @@ import pytest
 
 from cosim.errors import InputError
 from fe_solver.febio.write import write_feb
-from fe_solver.job.curves import Drive
+from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, Step
 from fe_solver.job.phases import phases
 from fe_solver.job.reactions import reactions
@@ -174,6 +174,24 @@ def test_friction_keeps_its_memory_or_is_refused() -> None:
     job = replace(job, steps=steps, ties=(*job.ties, tied))
     with pytest.raises(InputError, match="friction, which remembers the way of its nodes"):
         solve_job(job, options=PLAIN)
+
+
+def test_friction_goes_on_over_a_change_of_conditions() -> None:
+    """A block rubs along a strip and back, and the conditions of a body far away change as it
+    turns: what has slid by then has slid."""
+    job = raised(block(), 0.6e-3, friction=0.3)
+    rubbing, *others = job.bodies
+    back = Drive(0.4e-3, LoadCurve((0.0, 1.0, 2.0), (0.0, 1.0, 0.0)))
+    rubbing = replace(rubbing, displacement=(back, *rubbing.displacement[1:]))
+    steps = (Step("there", 1.0, 2), Step("back", 2.0, 1))
+    far = Body("far", motions=((Given.STAYS,) * 6, (Drive(),) * 6))
+    drags = []
+    for other in (Body("far"), far):
+        turns = replace(job, bodies=(rubbing, *others, other), steps=steps)
+        there, after = solve_job(turns, options=PLAIN).states
+        assert there.contact[0, 0] < 0 < after.contact[0, 0]  # on the block
+        drags.append(after.contact[0])
+    np.testing.assert_allclose(*drags, rtol=1e-5, atol=1e-9)
 
 
 def test_a_body_stays_where_a_step_fixes_it() -> None:

@@ -178,6 +178,12 @@ def test_a_body_that_nothing_holds_is_one_message(
         solver(read_strip(tmp_path, boundary=boundary, rigid=rigid))
 
 
+DOFS = "".join(f"<R{d}_dof>1</R{d}_dof>" for d in "xyz")
+STAYS = f'<rigid_bc type="rigid_fixed"><rb>block</rb>{DOFS}</rigid_bc>'
+LIFT = (
+    '<rigid_bc type="rigid_displacement"><rb>block</rb><dof>z</dof><value lc="1">0.05</value>'
+    "</rigid_bc>"
+)
 PARTLY = '<rigid_bc type="rigid_rotation"><rb>block</rb><dof>Rv</dof><value>0.1</value></rigid_bc>'
 
 
@@ -214,12 +220,63 @@ def test_a_free_body_needs_its_centre(tmp_path: Path) -> None:
         read_feb(path)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_what_is_prescribed_and_fixed_is_prescribed(tmp_path: Path, order: int) -> None:
+    """In whichever order; and not prescribed twice."""
+    both = "".join([LIFT, STAYS][::order])
+    body = read_strip(tmp_path, boundary=BOTH, rigid=both).bodies[0]
+    assert [d.at(1.0) for d in body.displacement] == pytest.approx([0, 0, 0.05e-3])
+    assert body.free == (False,) * 3 + (True,) * 3
+    with pytest.raises(InputError, match="this motion of 'block' is prescribed twice"):
+        read_strip(tmp_path, boundary=BOTH, rigid=both + LIFT)
+
+
+@pytest.mark.parametrize("body", [-1, 2])
+def test_a_load_of_a_body_that_is_not_there_is_refused(body: int) -> None:
+    with pytest.raises(InputError, match=f"names body index {body}, and there are"):
+        solve_job(blocked(rigid_loads=[RigidLoad(body, along(2, 1e-3))]), options=PLAIN)
+
+
+def test_a_body_that_rolls_a_strip_up_needs_no_shorter_step() -> None:
+    """A turn of 2 rad by an end moment, M L / EI, is taken a part at a time within one step."""
+    moment = RigidLoad(0, moment=along(1, -2.0 * STIFF / LONG))
+    result = solve_job(blocked(rigid_loads=[moment]), options=PLAIN)
+    turn = result.states[-1].configuration.rotation[0]
+    assert np.arctan2(-turn[0, 2], turn[0, 0]) == pytest.approx(2.0, rel=1e-3)
+    assert result.effort.failures == 0
+
+
+@pytest.mark.parametrize("still", [False, True])
+@SOLVERS
+def test_a_body_hangs_on_springs_alone(solver, still: bool) -> None:
+    """On the clamped nodes of a strip, of which all or one end are held, by F / k below
+    where it is without load."""
+    load, stiffness, nodes = 0.02, 50.0, blocked().ties[0].nodes
+    ends = blocked().sheet.points[nodes] - [0, 0, 5e-3]
+    hung = SpringSet.to_body("s", SpringLaw(stiffness), nodes, 0, ends, 5e-3)
+    ring = Body("ring", free=(False, False, True, False, False, False))
+    pulled = RigidLoad(0, along(2, -load))
+    job = blocked(ring, springs=(hung,), rigid_loads=(pulled,))
+    clamp = job.ties[0]
+    clamp = replace(clamp, nodes=np.arange(len(job.sheet.points))) if still else clamp
+    (state,) = solver(replace(job, ties=(clamp,)), options=PLAIN).states
+    way = state.configuration.position[0, 2]
+    assert way == pytest.approx(-load / (stiffness * len(nodes)), rel=1e-5)
+
+
+def test_what_is_applied_to_a_body_is_told_about_the_worlds_origin() -> None:
+    force, moment = np.array([0, 0, 1e-3]), np.array([0, 1e-6, 0])
+    loads = [RigidLoad(0, along(2, force[2])), RigidLoad(0, moment=along(1, moment[1]))]
+    (state,) = solve_job(blocked(rigid_loads=loads), options=PLAIN).states
+    arm = np.cross(state.configuration.position[0], force)
+    assert abs(arm[1]) > 5 * moment[1]
+    np.testing.assert_allclose(state.applied, [*force, *(moment + arm)], atol=1e-15)
+
+
 @SOLVERS
 def test_a_part_of_a_body_is_prescribed(tmp_path: Path, solver) -> None:
     """The end's height is given, all else is free: a beam whose end is lifted, 3 E I u / L^3."""
-    inner = '<rb>block</rb><dof>z</dof><value lc="1">0.05</value>'
-    lift = f'<rigid_bc type="rigid_displacement">{inner}</rigid_bc>'
-    job = read_strip(tmp_path, cells=16, boundary=BOTH, rigid=lift)
+    job = read_strip(tmp_path, cells=16, boundary=BOTH, rigid=LIFT)
     (state,) = solver(job).states
     assert state.configuration.position[0, 2] == pytest.approx(0.05e-3)
     force = 3 * BENDING * 0.05 / LENGTH**3

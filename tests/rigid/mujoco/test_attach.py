@@ -235,6 +235,16 @@ def test_the_range_of_a_muscles_length_goes_with_its_tendon(tmp_path):
     assert away[1] == pytest.approx(away[0], abs=2e-4)
 
 
+def test_a_keyframe_in_motion_keeps_its_posture(tmp_path):
+    """With as many positions as the model has with the hood, at rest."""
+    key = '<keyframe><key name="bent" qpos="0.3 0 0.5 0.2" qvel="1 0 2 0"/></keyframe></mujoco>'
+    model = compile_model(attached(a_hand(tmp_path, ("</mujoco>", key))).root)
+    found = {j: model.key_qpos[0, model.joint(j).qposadr[0]] for j in ("MCP", "PIP", "DIP")}
+    assert found == pytest.approx({"MCP": 0.3, "PIP": 0.5, "DIP": 0.2})
+    assert model.nv > 4
+    assert not model.key_qvel.any()
+
+
 @pytest.mark.parametrize("least", [0.0, 1e-4])
 def test_a_follower_resists_no_more_where_no_body_may_be_light(tmp_path, least):
     """A hand whose bodies weigh at least so much: the follower y = c x^2 of mass m adds m (2 c x)^2
@@ -275,3 +285,4 @@ def test_a_joint_that_turns_the_other_way_and_a_muscle_that_lacks_change_no_arm(
     assert by["EDC", "PIP"].hood == pytest.approx(-3.1e-3, abs=1e-4)
     assert any("left out: the hood's LUM" in line for line in done.told)
     assert any("kept: " in line and "another" in line for line in done.told)
+    assert not any("kept: FD" in line for line in done.told)  # flexors, whichever way PIP turns
