@@ -16,6 +16,7 @@ from fe_solver.forces.contact import Contact
 from fe_solver.hood.linear_contact import linear_contact, needs_linear
 from fe_solver.hood.shell_hood import HoodState, ShellHood
 from fe_solver.materials.crossed_fibres import CrossedFibres
+from fe_solver.materials.fibres import TransIsoMooneyRivlin
 from fe_solver.sheet import Sheet, ShellPart
 from fe_solver.solver.model import ShellModel
 
@@ -63,10 +64,11 @@ def replacements(
     """What is written in place of what FEBio's format cannot say; the equilibrium that is `solved`
     is asked for where contact is to be made straight about it, `heads` and `spacing` as of
     `linear_contact`.  What there is no form for stays as it is, and is refused where the hood is
-    made a job."""
+    made a job.  Raises InputError as `in_situ` does."""
     sheet, out = hood.sheet, []
     if sheet is None:
         return Replacements((), {})
+    in_situ(sheet)  # what is refused, before anything is solved
     if any(p.sliding for p in sheet.parts):
         words = "fibres that do not slide: a shell bends as a solid"
         out.append(_of_parts("hood.regions.*.sliding_fibres", words, _solid))
@@ -189,7 +191,10 @@ def _with_bulk(part: ShellPart) -> ShellPart:
 
 def in_situ(sheet: Sheet) -> Sheet:
     """The sheet with a stretch in situ, along the fibres alone, in place of the growth of its
-    parts: the same sheet.  Raises InputError where a part grows across its fibres, or unevenly."""
+    parts: the same sheet.
+
+    Raises InputError where a part grows across its fibres, or unevenly, or is of a law that FEBio
+    has no such stretch for."""
     if sheet.growth is None or not sheet.growth[sheet.stretch == 1.0].any():
         return sheet
     parts = list(sheet.parts)
@@ -201,6 +206,12 @@ def in_situ(sheet: Sheet) -> Sheet:
             raise InputError(
                 f"the region {part.name!r} grows unevenly or across its fibres, which FEBio's "
                 "format has no word for"
+            )
+        if type(part.law) is not TransIsoMooneyRivlin:
+            raise InputError(
+                f"the region {part.name!r} is longer than laid out, and FEBio's format says that of "
+                "trans iso Mooney-Rivlin with one fibre family alone; set hood.extra_length."
+                f'{part.name} to "0 mm"'
             )
         parts[i] = replace(part, in_situ_stretch=float(1 / (1 + grown[0, 0])), isochoric=False)
     return replace(sheet, parts=tuple(parts), growth=None)
