@@ -10,8 +10,8 @@ import re
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
-PRODUCT = 103546
-TESTS = 69769
+PRODUCT = 105079
+TESTS = 71014
 
 
 def _lines(*packages: str) -> int:

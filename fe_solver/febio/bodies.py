@@ -321,12 +321,17 @@ def _motions_of(
     _check_motions(model, model.rigid[body], by_step)
     always, differs = [], False
     for i, own in enumerate(by_dof):
-        kinds = {type(step[i]) if isinstance(step[i], Drive) else step[i] for step in by_step}
+        kinds = {_kind(step[i]) for step in by_step}
         differs = differs or len(kinds) > 1
         joined = list(dict.fromkeys(drive for _, drive in own.values()))
         always.append(sum_of(joined))
     free = tuple(m is Given.FREE for m in by_step[0])
     return _Motions(tuple(always), free, by_step if differs else ())
+
+
+def _kind(motion: Drive | Given) -> type[Drive] | Given:
+    """What a motion is, whatever it is driven by."""
+    return Drive if isinstance(motion, Drive) else motion
 
 
 def read_rigid_loads(model: Model, tags: list[FebTag]) -> tuple[RigidLoad, ...]:
@@ -380,7 +385,7 @@ def _check_motions(model: Model, name: str, by_step: tuple[tuple[Drive | Given, 
                 f"the rigid body {name!r} is free in {', '.join(free)}{where}: <center_of_mass>, "
                 "at which its loads act and about which it turns, is missing"
             )
-        turns = {type(own) if isinstance(own, Drive) else own for own in motions[3:]}
+        turns = {_kind(own) for own in motions[3:]}
         if {Drive, Given.FREE} <= turns:
             raise m.tag.fault(
                 f"the rotation of the rigid body {name!r} is prescribed in part and free in "

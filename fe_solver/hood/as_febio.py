@@ -209,8 +209,8 @@ def in_situ(sheet: Sheet) -> Sheet:
             )
         if type(part.law) is not TransIsoMooneyRivlin:
             raise InputError(
-                f"the region {part.name!r} is longer than laid out, and FEBio's format says that of "
-                "trans iso Mooney-Rivlin with one fibre family alone; set hood.extra_length."
+                f"the region {part.name!r} is longer than laid out, and FEBio's format says that "
+                "of trans iso Mooney-Rivlin with one fibre family alone; set hood.extra_length."
                 f'{part.name} to "0 mm"'
             )
         parts[i] = replace(part, in_situ_stretch=float(1 / (1 + grown[0, 0])), isochoric=False)
