@@ -27,7 +27,7 @@ MIDDLE = (
     "in the middle of the hood, of which the figures are: cosim solve with --mid-surface puts them "
     "there"
 )
-LEAST = 0.02
+LEAST_SHARE = 0.02
 """Share of all tensions that a force counts as at least, where a change is told in %."""
 
 
@@ -96,7 +96,7 @@ def written_hood(
     if not found.each:
         return WrittenHood(hood, motion, surfaces, ())
     state = solved()
-    own, least = forces(hood, state), LEAST * float(np.sum(pull[0]))
+    own, least = forces(hood, state), LEAST_SHARE * float(np.sum(pull[0]))
 
     def loss(words: str, other: ShellHood) -> _Loss:
         progress(f"solving with {words}")

@@ -227,7 +227,7 @@ def fibre_in_axes(t: FebTag) -> list[float]:
 def softer(law: Any, factor: float) -> Any:
     """The law with all of its moduli times a factor.  Raises InputError for one that FEBio has no
     material for."""
-    if isinstance(law, CrossedFibres):
+    if type(law) is CrossedFibres:
         return replace(law, base=softer(law.base, factor), second=softer(law.second, factor))
     feb = next((f for f in LAWS if f.make is type(law)), None)
     if feb is None:

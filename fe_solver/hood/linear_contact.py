@@ -34,7 +34,7 @@ STIFFER, APART = 2.0, 0.1e-3
 """Ratio of stiffnesses, and m between gaps, within which elements are one contact."""
 AROUND = 2e-3
 """m beyond the hood, as laid out and as it lies, to which the surface is made."""
-NEAR = 3e-3
+NEAR_LEVEL = 3e-3
 """m over a bone's contact level within which a node counts for that."""
 SMOOTHING = 1e-6
 """m within which the penalties set in."""
@@ -67,7 +67,7 @@ def linear_contact(
             continue
         contact = _within_elements(hood, contact)
         surfaces[body] = made = _equal_energy(hood, state, contact, half)
-        reach = needed_distance(float(faces.max()) + NEAR, SMOOTHING)
+        reach = needed_distance(float(faces.max()) + NEAR_LEVEL, SMOOTHING)
         baked = SplineDistance.bake(*made, spacing, reach, user_cache())
         contacts += _penalties(hood, state, contact, faces, baked)
     return tuple(contacts), surfaces
@@ -116,7 +116,7 @@ def _equal_energy(hood: ShellHood, state: HoodState, contact: Contact, half: Arr
 
     laid = (hood.model.reference - hood.rest.position[b]) @ hood.rest.rotation[b]
     there = np.concatenate([laid, (c.x - c.position[b]) @ c.rotation[b]])
-    near = there[surface.distance(there).value < level + NEAR]
+    near = there[surface.distance(there).value < level + NEAR_LEVEL]
     if not len(near):
         near = there
     step, last = surface.spacing, np.array(surface.coefficients.shape) - 3
