@@ -35,7 +35,7 @@ seen = []
 def job_model(*_):
     seen.extend(threads())
     raise InterruptedError
-door.job_model = job_model
+door.checked_phases = job_model
 try:
     door.solve_job(None, times=[1.0])
 except InterruptedError:

@@ -10,7 +10,7 @@ import re
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
-PRODUCT = 105079
+PRODUCT = 105088
 TESTS = 71014
 
 

@@ -225,7 +225,10 @@ def export(
         typer.echo(f"{checked.name}: building the models", err=True)
         models = build(checked)
         if not isinstance(models.hood, ShellHood) or checked.hood.kind != "shell":
-            raise InputError(f"{checked.name}: has no shell hood to write")
+            raise InputError(
+                f"{checked.name}: its hood is no sheet of shells, which alone is written for "
+                f'FEBio, but of kind "{checked.hood.kind}" ({checked.hood.title})'
+            )
         with stages(checked.name) as progress:
             written = written_hood(checked, models, progress.say)
         tension, _ = tensions(checked, models)

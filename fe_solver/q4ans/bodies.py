@@ -40,9 +40,15 @@ class Pull(NamedTuple):
 class SingularError(ConvergenceError):
     """The system has a motion that nothing resists: of `nodes` (2n, 3) and of `bodies` (nb, 6)."""
 
-    def __init__(self, nodes: Array, bodies: Array) -> None:
-        super().__init__("a body or the sheet can move without resistance")
-        self.nodes, self.bodies = nodes, bodies
+    nodes: Array
+    bodies: Array
+
+    @classmethod
+    def of(cls, nodes: Array, bodies: Array) -> SingularError:
+        """The error of a motion."""
+        error = cls("a body or the sheet can move without resistance")
+        error.nodes, error.bodies = nodes, bodies
+        return error
 
 
 @dataclass(frozen=True)
@@ -181,7 +187,7 @@ class BodyFactor:
         except RuntimeError:
             lu = None
         if lu is None or (pivots := np.abs(lu.U.diagonal())).min() < RANK * pivots.max():
-            raise SingularError(*system.split(spread @ _loosest(matrix)))
+            raise SingularError.of(*system.split(spread @ _loosest(matrix)))
         return cls(full, spread, lu)
 
     def step(self, left: Array) -> Array:

@@ -109,7 +109,7 @@ def test_tendons_of_moment_arms_differ():
 def test_rungs_of_a_ladder_differ():
     force = {"fingertip_force_N": by_axis((1.0, 0.0, 2.0)), "fingertip_magnitude_N": 2.2}
     summary = {**force, "unloaded": force}
-    rungs = [Rung(f"rung {i}", False, "converged", "", 1.0, summary, {}, {}) for i in range(MANY)]
+    rungs = [Rung(f"rung {i}", False, "converged", "", 1.0, summary) for i in range(MANY)]
     looks = line_looks(draw_ladder(rungs, "ladder").axes[0])
     check_distinct(looks, MANY)
 

@@ -114,7 +114,7 @@ def _equilibrium(model: SolidModel, z: Array, dead: Array) -> Array:
     terms = tuple(model.terms(z, loads))
     left = model.imbalance(terms, loads)
     for _ in range(MOST):
-        if model.miss(left) < BALANCED * np.linalg.norm(dead):
+        if model.unbalanced(z, loads, terms).size < BALANCED * np.linalg.norm(dead):
             return z
         step = np.zeros_like(z)
         step[model.free] = -model.pattern(terms).factorise(terms).solve(left[model.free])
@@ -122,7 +122,7 @@ def _equilibrium(model: SolidModel, z: Array, dead: Array) -> Array:
             with np.errstate(all="ignore"):
                 tried = tuple(model.terms(z + part * step, loads))
             after = model.imbalance(tried, loads)
-            if model.miss(after) < model.miss(left):
+            if np.linalg.norm(after[model.free]) < np.linalg.norm(left[model.free]):
                 break
         z, terms, left = z + part * step, tried, after
     raise ConvergenceError("no equilibrium of q4ans elements under the manufactured load")
