@@ -11,7 +11,7 @@ from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
 PRODUCT = 105088
-TESTS = 71014
+TESTS = 71020
 
 
 def _lines(*packages: str) -> int:
