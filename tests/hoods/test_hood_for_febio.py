@@ -41,8 +41,10 @@ def tissue_hood():
         u = np.clip(x[:, 0] / 20e-3, 0, 1)
         return 0.5e-3 * u**3 * (10 - 15 * u + 6 * u * u)
 
-    surface = bare.plus(less)
-    layer = Layer(surface.field(lambda x: 1e-3 - less(x)), surface.field(one_mpa), (1e-3, 1e6))
+    thinner, modulus = bare.fields(lambda x: (less(x), one_mpa(x)))
+    surface = replace(bare, coefficients=bare.coefficients + thinner.coefficients)
+    thickness = replace(bare, coefficients=1e-3 - thinner.coefficients)
+    layer = Layer(thickness, modulus, (1e-3, 1e6))
     (contact,) = model.contacts
     contact = replace(contact, surface=surface, offset=contact.offset + 1e-3, layer=layer)
     part = replace(sheet.parts[0], bending=2e6 * np.eye(3))
