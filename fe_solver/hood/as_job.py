@@ -13,7 +13,7 @@ from cosim.port import Array, Ints, Motion, Triangles
 from fe_solver.elements.mesh_geometry import is_triangle, node_means
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
-from fe_solver.hood.as_febio import bones_lie_below, in_situ, mean_fibre
+from fe_solver.hood.as_febio import bones_lie_below, in_situ, mean_fibre, sheet_of
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
@@ -103,19 +103,7 @@ def job_of_hood(
 
 def _writable_sheet(hood: ShellHood) -> Sheet:
     """Return the hood's sheet.  Raises InputError where a job cannot say what the hood has."""
-    m, sheet = hood.model, hood.sheet
-    if sheet is None:
-        raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
-    if sheet.quads.shape[1] != 4:
-        raise InputError(
-            "a hood of nine-node elements is not written, only one of four-node elements; set "
-            'hood.mesh.elements to "linear"'
-        )
-    if sheet.left is not None:
-        raise InputError(
-            "a hood with a part that is cut partly is not written: no shell of FEBio's format has "
-            "lost a share of its width; leave out lesion.cut_partly"
-        )
+    m, sheet = hood.model, sheet_of(hood)
     if any(contact.layer is not None for contact in m.contacts):
         raise InputError(
             "a hood on a layer of tissue that gives is not written: FEBio's contact is a penalty "

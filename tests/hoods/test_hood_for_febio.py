@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from cosim.case.file import load_case
+from cosim.errors import InputError
 from cosim.hoods.fe_view import slip_forces
 from cosim.models.build import build, tensions
 from cosim.models.febio import HEAD, written_hood
@@ -81,6 +82,21 @@ def test_penalties_on_a_surface_of_equal_energy_press_as_the_tissue_does(tmp_pat
     (last,) = solve_job(move_to_mid_surface(again), options=options).states
     touched = answer.load.wrench[0, answer.load.sources.index("contact"), :3]
     assert last.contact[0] == pytest.approx(touched, abs=0.01 * np.abs(touched).max())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"left": np.full(112, 0.5)}, "cut partly"),
+        ({"quads": np.zeros((112, 9), dtype=np.intp)}, "nine-node"),
+        (None, "cables"),
+    ],
+)
+def test_what_no_file_can_say_is_refused_before_anything_is_solved(change, words):
+    hood, _ = tissue_hood()
+    sheet = change and replace(hood.sheet, **change)
+    with pytest.raises(InputError, match=words):
+        replacements(replace(hood, sheet=sheet), lambda: pytest.fail("solved"), ())
 
 
 @pytest.mark.slow
