@@ -68,6 +68,7 @@ class RingFingerConfig(NormativeFingerConfig):
     """The MuJoCo ring finger: joints and bones of MyoHand, tendons of An et al. 1979."""
 
     title: ClassVar[str] = "ring finger of a right hand"
+    shell_case: ClassVar[str | None] = "base/ring_hood"
     kind: Literal["ring"]
 
     def record(self) -> NormativeFinger:
@@ -81,6 +82,7 @@ class LittleFingerConfig(NormativeFingerConfig):
     intrinsic is the abductor digiti minimi (ADM)."""
 
     title: ClassVar[str] = "little finger of a right hand"
+    shell_case: ClassVar[str | None] = "base/little_hood"
     kind: Literal["little"]
 
     def record(self) -> NormativeFinger:
