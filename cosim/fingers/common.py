@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -26,19 +27,6 @@ from meshes.skeleton import JOINTS
 
 EQUAL_SHARES = 0.5
 """The central slip's, where tendons part into two equal strands (An et al. 1979)."""
-INDEX_AREAS = {
-    "FDP": 4.79,
-    "FDS": 4.79,
-    "EDC": 1.39,
-    "EI": 1.12,
-    "LUM": 0.28,
-    "FPI": 2.80,
-    "UI": 2.80,
-    "FDIm": 3.53 / 2,
-    "FDIl": 3.53 / 2,
-}
-"""cm2: AnyBody's index finger, after Wu et al. 2008 (FPI is its UI, the two heads of FDI share its
-RI equally)."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +72,9 @@ class FingerConfig(Table):
 
     def muscle_areas(self, names: Collection[str]) -> tuple[Mapping[str, float], str]:
         """cm2 by muscle of a finger with the tendons `names`, and the source in words."""
-        return INDEX_AREAS, "Wu 2008, in AnyBody's index finger"
+        from rigid.fingers.index import INDEX
+
+        return INDEX.areas, INDEX.areas_source
 
 
 def stamps(files: Collection[Path]) -> list[str]:
@@ -259,8 +249,10 @@ class MassiveFingerConfig(ChainFingerConfig):
 class JointedFingerConfig(MassiveFingerConfig):
     """What the table of a finger with the joints of a human one states."""
 
-    posture: PostureConfig
-    """Joint angles, held or from which the finger starts."""
+    posture: PostureConfig = PostureConfig.model_construct(
+        MCP=math.radians(30), MCP_abduction=0.0, PIP=math.radians(45), DIP=math.radians(15)
+    )
+    """Joint angles, held or from which the finger starts; by default 30, 45 and 15 deg."""
     passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
         default_factory=dict
     )

@@ -108,7 +108,7 @@ def model(finger: IndexFingerConfig, extensor: Extensor) -> FingerModel:
 
     if finger.path is not None:
         whole = _in_file(finger.path)
-        hooded = index.hood_strands() if extensor.central is None else ()
+        hooded = index.INDEX.hooded if extensor.central is None else ()
         return whole.with_only(*(m for m in whole.muscles if m not in hooded))
     return _model_of_size(finger.length_scale, extensor.central, finger.intrinsics)
 
@@ -173,11 +173,10 @@ def _user_bone(body: str, bone: BoneConfig, finger: IndexFingerConfig) -> Triang
 
 def eyelets(finger: IndexFingerConfig) -> Eyelets:
     """Points from which the intrinsic tendons run to a sheet."""
-    from rigid.fingers.anatomy import eyelets
-    from rigid.fingers.index import INTRINSIC, O2O3, rows
+    from rigid.fingers.index import O2O3, record
 
     longer = float(skeleton(finger).length[1] / index_finger().length[1])
-    return eyelets(rows(finger.intrinsics), INTRINSIC, O2O3 * longer, O2O3 * width(finger))
+    return record(finger.intrinsics).eyelets(O2O3 * longer, O2O3 * width(finger))
 
 
 KIND = FingerKind(IndexFingerConfig, build, bones, model, skeleton, width, eyelets)
