@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from cosim.port import Hand
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import (
@@ -69,6 +70,11 @@ class FingerConfig(Table):
     """deg, MCP, PIP, DIP: the flexed posture in which forces of the slips are compared."""
     KEPT: ClassVar[frozenset[str]] = frozenset({"posture", "tip", "limit", "passive", "gravity"})
     """What bones and joints do not depend on."""
+
+    def side(self) -> Hand:
+        """The hand that the finger is of; the right one where the kind does not say."""
+        hand: Hand = getattr(self, "hand", "right")
+        return hand
 
     def files(self) -> tuple[Path, ...]:
         """The files that the finger is built from."""
@@ -259,6 +265,11 @@ class MassiveFingerConfig(ChainFingerConfig):
 class JointedFingerConfig(MassiveFingerConfig):
     """What the table of a finger with the joints of a human one states."""
 
+    hand: Hand = "right"
+    """Of a left hand all that the case states and the numbers of a run are said by direction
+    (distal, radial, dorsal; flexion and radial abduction positive) and are the right hand's; files
+    of bones are read, and shapes, models and pictures made, as those of the left hand, in its own
+    frame: x distal, y ulnar, z dorsal."""
     posture: PostureConfig
     """Joint angles, held or from which the finger starts."""
     passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(

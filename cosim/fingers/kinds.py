@@ -110,6 +110,7 @@ def mjcf(
         cast(MassiveFingerConfig, finger).gravity,
         losses,
         hood,
+        finger.side(),
     )
 
 
