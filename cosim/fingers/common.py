@@ -12,6 +12,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from cosim.port import Hand
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import (
@@ -57,6 +58,11 @@ class FingerConfig(Table):
     """deg, MCP, PIP, DIP: the flexed posture in which forces of the slips are compared."""
     KEPT: ClassVar[frozenset[str]] = frozenset({"posture", "tip", "limit", "passive", "gravity"})
     """What bones and joints do not depend on."""
+
+    def side(self) -> Hand:
+        """The hand that the finger is of; the right one where the kind does not say."""
+        hand: Hand = getattr(self, "hand", "right")
+        return hand
 
     def files(self) -> tuple[Path, ...]:
         """The files that the finger is built from."""
@@ -249,6 +255,11 @@ class MassiveFingerConfig(ChainFingerConfig):
 class JointedFingerConfig(MassiveFingerConfig):
     """What the table of a finger with the joints of a human one states."""
 
+    hand: Hand = "right"
+    """Of a left hand all that the case states and the numbers of a run are said by direction
+    (distal, radial, dorsal; flexion and radial abduction positive) and are the right hand's; files
+    of bones are read, and shapes, models and pictures made, as those of the left hand, in its own
+    frame: x distal, y ulnar, z dorsal."""
     posture: PostureConfig = PostureConfig.model_construct(
         MCP=math.radians(30), MCP_abduction=0.0, PIP=math.radians(45), DIP=math.radians(15)
     )

@@ -15,7 +15,7 @@ from cosim.fingers.chain import build_on_mujoco
 from cosim.fingers.common import EQUAL_SHARES, Extensor, JointedFingerConfig
 from cosim.fingers.kind import Eyelets, FingerKind
 from cosim.mesh_file import read_triangles
-from cosim.port import Triangles
+from cosim.port import Hand, Triangles, mirror
 from cosim.schema.fields import fault
 from cosim.schema.types import MUSCLES, BodyName, File, Number, SurfaceFile, Table
 from meshes.skeleton import BODIES, Skeleton, index_finger
@@ -93,7 +93,7 @@ def skeleton(finger: IndexFingerConfig) -> Skeleton:
     if finger.path is not None:
         from rigid.mjcf.read import skeleton_of
 
-        return skeleton_of(_in_file(finger.path))
+        return skeleton_of(_in_file(finger.path, finger.hand))
     return index_finger().scale(finger.length_scale)
 
 
@@ -107,7 +107,7 @@ def model(finger: IndexFingerConfig, extensor: Extensor) -> FingerModel:
     from rigid.fingers import index
 
     if finger.path is not None:
-        whole = _in_file(finger.path)
+        whole = _in_file(finger.path, finger.hand)
         hooded = index.INDEX.hooded if extensor.central is None else ()
         return whole.with_only(*(m for m in whole.muscles if m not in hooded))
     return _model_of_size(finger.length_scale, extensor.central, finger.intrinsics)
@@ -123,17 +123,17 @@ def _model_of_size(
     return index.finger_model(*size, central=central, intrinsics=intrinsics)
 
 
-def _in_file(path: Path) -> FingerModel:
+def _in_file(path: Path, hand: Hand) -> FingerModel:
     """The finger of a MuJoCo model, with the tendons that a case can name."""
     stamp = path.stat()
-    return _read(path, stamp.st_mtime_ns, stamp.st_size)
+    return _read(path, stamp.st_mtime_ns, stamp.st_size, hand)
 
 
 @lru_cache(maxsize=8)
-def _read(path: Path, changed: int, size: int) -> FingerModel:
+def _read(path: Path, changed: int, size: int, hand: Hand) -> FingerModel:
     from rigid.mjcf.read import read_mjcf
 
-    return read_mjcf(path, tendons=MUSCLES).model
+    return read_mjcf(path, tendons=MUSCLES, hand=hand).model
 
 
 def build(finger: IndexFingerConfig, extensor: Extensor) -> ChainFinger:
@@ -168,6 +168,8 @@ def _user_bone(body: str, bone: BoneConfig, finger: IndexFingerConfig) -> Triang
         )
     if bone.frame == "myohand":
         points = index_finger().from_source(body, points)
+    if finger.hand == "left":
+        points, faces = mirror(points), faces[:, ::-1]
     return points * [finger.length_scale, finger.width_scale, finger.width_scale], faces
 
 

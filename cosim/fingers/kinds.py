@@ -112,6 +112,7 @@ def mjcf(
         cast(MassiveFingerConfig, finger).gravity,
         losses,
         hood,
+        finger.side(),
     )
 
 

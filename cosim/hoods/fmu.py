@@ -53,8 +53,7 @@ def build(hood: FmuHoodConfig, site: Site) -> BuiltHood:
         *names,
         hood.map,
         rest_step=hood.rest_step,
-        assume_si=hood.assume_si,
-        loading=hood.loading(),
+        **hood.speech(),
     )
     return BuiltHood(unit)
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.port import Array, Ints, Motion, Triangles
+from cosim.port import Array, Ints, Motion, Triangles, mirror, mirror_axial
 from fe_solver.elements.mesh_geometry import is_triangle, node_means
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
@@ -99,6 +99,59 @@ def job_of_hood(
     if any(k.elastic for k in model.contacts):
         pairs = [replace(p, name=f"{p.name} {i}") for i, p in enumerate(pairs, 1)]
     return replace(job, contacts=tuple(pairs))
+
+
+def mirrored(job: Job) -> Job:
+    """Return the job of a hood as that of the other hand: its mirror image, y turned to -y."""
+    sheet = job.sheet
+    quads, thickness, height = (
+        _reorder_corners(sheet.quads, values)
+        for values in (sheet.quads, sheet.thickness, sheet.height)
+    )
+    sheet = replace(
+        sheet,
+        points=mirror(sheet.points),
+        quads=quads,
+        parts=tuple(_turn_over(part) for part in sheet.parts),
+        thickness=thickness,
+        height=height,
+        fibre=mirror(sheet.fibre),
+    )
+    held = (
+        replace(h, displacement=_scaled(h.displacement, mirror(np.ones(3))[h.component]))
+        for h in job.held
+    )
+    bodies = tuple(
+        replace(
+            b,
+            origin=mirror(b.origin),
+            vertices=mirror(b.vertices),
+            triangles=np.asarray(b.triangles)[:, ::-1],
+            displacement=_turned(b.displacement, mirror(np.ones(3))),
+            rotation=_turned(b.rotation, mirror_axial(np.ones(3))),
+        )
+        for b in job.bodies
+    )
+    return replace(
+        job,
+        sheet=sheet,
+        held=tuple(held),
+        springs=tuple(replace(s, anchor=mirror(s.anchor)) for s in job.springs),
+        forces=tuple(replace(f, force=mirror(f.force)) for f in job.forces),
+        contacts=tuple(
+            replace(c, triangles=np.asarray(c.triangles)[:, ::-1]) for c in job.contacts
+        ),
+        bodies=bodies,
+    )
+
+
+def _turned(drives: Iterable[Drive], signs: Array) -> tuple[Drive, Drive, Drive]:
+    x, y, z = (_scaled(d, sign) for d, sign in zip(drives, signs, strict=True))
+    return x, y, z
+
+
+def _scaled(drive: Drive, factor: float) -> Drive:
+    return replace(drive, value=factor * drive.value)
 
 
 def _writable_sheet(hood: ShellHood) -> Sheet:
