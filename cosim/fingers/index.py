@@ -42,7 +42,7 @@ class BoneConfig(Table):
 class IndexFingerConfig(JointedFingerConfig):
     """The MuJoCo index finger: ours, or with `path` the user's."""
 
-    title: ClassVar[str] = "index finger of a right hand"
+    title: ClassVar[str] = "index finger of a human hand"
     has_literature: ClassVar[bool] = True
     kind: Literal["index"]
     path: File | None = None
