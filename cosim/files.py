@@ -206,6 +206,12 @@ def output_file(path: Path) -> Iterator[Path]:
         raise unwritable(path, error, "choose another") from error
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text to a file that a user asked for.  Raises as `output_file` does."""
+    with output_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def output_folder(target: Path, mark: str) -> Iterator[Path]:
     """An empty folder beside `target` to write to, moved there once the block has ended well.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.file_size import MB, read_bytes
-from cosim.files import output_file
+from cosim.files import write_text
 from cosim.port import Array, Ints
 from meshes.skeleton import BODIES, JOINTS
 
@@ -230,8 +230,7 @@ def to_json(mesh: HoodMesh) -> str:
 
 def write(mesh: HoodMesh, path: Path) -> None:
     """Write the mesh file, whole or not at all.  Raises InputError."""
-    with output_file(path) as part:
-        part.write_text(to_json(mesh), encoding="utf-8")
+    write_text(path, to_json(mesh))
 
 
 def read(path: Path) -> HoodMesh:

@@ -7,8 +7,6 @@ that edges go by one factor everywhere; orders, limits and indices as of
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -30,6 +28,7 @@ from cosim.results.audit import describe_misses
 from cosim.results.compare import number, numbers_of, unit_of, value_of
 from cosim.results.quantities import first_numbers
 from cosim.results.result import Result
+from cosim.results.table import ReportTable, csv_text
 
 MOST_MESHES = 6
 FORMAT = "cosim convergence 1"
@@ -131,8 +130,8 @@ def _numbers(case: Case, summaries: Sequence[Summary], own: int) -> Iterator[Mes
             )
 
 
-def table_of(study: MeshStudy) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Header and rows for people; a star stands at the case's own mesh."""
+def table_of(study: MeshStudy) -> ReportTable:
+    """The numbers for people; a star stands at the case's own mesh."""
     meshes = ("no result" if n is None else str(n) for n in study.quads)
     heads = [f"{name} *" if i == study.own else name for i, name in enumerate(meshes)]
     rows = []
@@ -142,7 +141,8 @@ def table_of(study: MeshStudy) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         limit = number(n.series.convergence.limit)
         words = (n.series.order_text, limit, *of_own, n.series.verdict)
         rows.append((f"{n.label}, {n.unit}", *values, *words))
-    return ("on so many quads", *heads, "order", "limit", "error *", "GCI *", "verdict"), rows
+    columns = ("on so many quads", *heads, "order", "limit", "error *", "GCI *", "verdict")
+    return ReportTable("meshes", f"{study.case.name}: {study.case.title}", columns, rows)
 
 
 def records(study: MeshStudy) -> list[dict[str, Any]]:
@@ -184,15 +184,13 @@ def to_json(study: MeshStudy) -> str:
 
 def to_csv(study: MeshStudy) -> str:
     """A row for each number, a column for each mesh."""
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
     meshes = [
         f"quads_{n if n is not None else f'of_mesh_{i + 1}'}" for i, n in enumerate(study.quads)
     ]
     names = [name for name in records(study)[0] if name != "values"] if study.numbers else []
-    writer.writerow([*names[:3], *meshes, *names[3:]])
+    rows = [[*names[:3], *meshes, *names[3:]]]
     for record in records(study):
         values = record.pop("values")
         cells = [*record.values()]
-        writer.writerow([*cells[:3], *values, *cells[3:]])
-    return file.getvalue()
+        rows.append([*cells[:3], *values, *cells[3:]])
+    return csv_text(rows)

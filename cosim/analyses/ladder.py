@@ -3,8 +3,6 @@ ladder, their tables and their picture."""
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -28,6 +26,7 @@ from cosim.results.conventions import vector_of
 from cosim.results.looks import Look, look
 from cosim.results.picture import picture_address
 from cosim.results.result import Result
+from cosim.results.table import Cell, ReportTable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -173,16 +172,16 @@ def spread(rungs: Sequence[Rung]) -> Iterator[str]:
             yield f"{words}: {number(low, 3)} N ({least}) to {number(high, 3)} N ({most})."
 
 
-def side_by_side(rungs: Sequence[Rung]) -> list[tuple[str, ...]]:
+def side_by_side(rungs: Sequence[Rung], title: str = "") -> ReportTable:
     """A row for each figure that any rung has, a column for each rung; last the audits."""
-    columns = [figures(rung) for rung in rungs]
-    names = dict.fromkeys(name for each in columns for name in each)
-    rows = [
-        (name, *(number(each.get(name)) for each in columns))
-        for name in names
-        if any(each.get(name) is not None for each in columns)
+    by_rung = [figures(rung) for rung in rungs]
+    rows: list[list[Cell]] = [
+        [name, *(each.get(name) for each in by_rung)]
+        for name in dict.fromkeys(name for each in by_rung for name in each)
+        if any(each.get(name) is not None for each in by_rung)
     ]
-    return [*rows, ("audits", *(_audits(rung) for rung in rungs))]
+    rows.append(["audits", *map(_audits, rungs)])
+    return ReportTable("ladder", title, ["", *map(heading, rungs)], rows)
 
 
 def _audits(rung: Rung) -> str:
@@ -209,14 +208,11 @@ def to_csv(rungs: Sequence[Rung]) -> str:
     """A row for each rung."""
     columns = [figures(rung) for rung in rungs]
     names = list(dict.fromkeys(name for each in columns for name in each))
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(["rung", "own", "status", "reason", *names, "audits"])
-    for rung, each in zip(rungs, columns, strict=True):
-        values = ["" if (v := each.get(name)) is None else f"{v:.9g}" for name in names]
-        head = [rung.name, rung.is_own, rung.status, rung.reason]
-        writer.writerow([*head, *values, _audits(rung)])
-    return file.getvalue()
+    rows = [
+        [r.name, r.is_own, r.status, r.reason, *map(each.get, names), _audits(r)]
+        for r, each in zip(rungs, columns, strict=True)
+    ]
+    return ReportTable("", "", ["rung", "own", "status", "reason", *names, "audits"], rows).csv()
 
 
 def to_json(rungs: Sequence[Rung]) -> str:
@@ -226,29 +222,19 @@ def to_json(rungs: Sequence[Rung]) -> str:
 
 
 def to_markdown(rungs: Sequence[Rung], title: str) -> str:
-    """The table side by side."""
-    lines = [f"# {title}: ladder of hoods", "", _line(["", *map(heading, rungs)])]
-    lines.append(_line(["---", *("---:" for _ in rungs)]))
-    lines += [_line(row) for row in side_by_side(rungs)]
-    return "\n".join([*lines, "", *(f"- {text}" for text in reasons(rungs))]) + "\n"
-
-
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |"
+    """The table side by side, and what to know of it."""
+    notes = "\n".join(f"- {text}" for text in reasons(rungs))
+    return f"# {title}: ladder of hoods\n\n{side_by_side(rungs).markdown()}\n\n{notes}\n"
 
 
 def to_html(rungs: Sequence[Rung], title: str) -> str:
     """A page that needs nothing else: what differs, picture, table and reasons."""
-    header, rows = ("", *map(heading, rungs)), side_by_side(rungs)
-    picture = picture_address(draw_ladder(rungs, title), DPI)
     return template("cosim.report", "ladder.html.j2").render(
         title=title,
-        rungs=rungs,
         spread=list(spread(rungs)),
         reasons=list(reasons(rungs)),
-        header=header,
-        rows=rows,
-        picture=picture,
+        table=side_by_side(rungs, title),
+        picture=picture_address(draw_ladder(rungs, title), DPI),
     )
 
 

@@ -19,7 +19,7 @@ from cosim.analyses.converge import (
 from cosim.analyses.mesh_errors import add_errors, keep_errors
 from cosim.case.file import load_case
 from cosim.commands.options import CaseName, Settings, Workers, to
-from cosim.commands.terminal import print_table, stages, warn_of_audits
+from cosim.commands.terminal import show_table, stages, warn_of_audits
 from cosim.files import check_file, check_folder, output_folder
 from cosim.processes import process_context
 
@@ -67,7 +67,7 @@ def converge(
 
 
 def _show(study: MeshStudy) -> None:
-    print_table(f"{study.case.name}: {study.case.title}", *table_of(study))
+    show_table(table_of(study))
     verdicts = [n.series.verdict for n in study.numbers]
     counts = (f"{verdicts.count(v)} {v}" for v in dict.fromkeys(verdicts))
     typer.echo(

@@ -22,7 +22,7 @@ from cosim.case.file import base_name, load_case
 from cosim.commands.options import Settings, Workers, to
 from cosim.commands.terminal import print_table, say, stages
 from cosim.errors import InputError
-from cosim.files import check_file, output_file
+from cosim.files import check_file, output_file, write_text
 from cosim.hoods.variation import Variation
 from cosim.results.compare import Comparison, Target, number, read_targets, reference_text, unit_of
 from cosim.results.picture import write_figure
@@ -82,8 +82,7 @@ def sensitivity(
             lambda done, total, what: told.say(f"{done}/{total} {what}"),
         )
     for name, text in (("sensitivity.csv", to_csv(result)), ("sensitivity.json", to_json(result))):
-        with output_file(folder / name) as part:
-            part.write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
     typer.echo(f"{checked.name}: drawing the charts", err=True)
     charts = _write_charts(folder, result, targets)
     _show_sensitivity(result)
@@ -231,8 +230,7 @@ def identify(
 
 
 def _write_profiles(folder: Path, fit: Fit) -> None:
-    with output_file(folder / "profiles.csv") as part:
-        part.write_text(profiles_csv(fit), encoding="utf-8")
+    write_text(folder / "profiles.csv", profiles_csv(fit))
     with output_file(folder / "profiles.png") as part:
         write_figure(draw_profiles(fit), part, 130)
     typer.echo(f"profiles of {len(fit.profiles)} parameters in {folder}")

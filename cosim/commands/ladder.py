@@ -11,7 +11,6 @@ import typer
 from cosim.analyses.ladder import (
     Rung,
     draw_ladder,
-    heading,
     reasons,
     rungs_of,
     side_by_side,
@@ -23,7 +22,7 @@ from cosim.analyses.ladder import (
 )
 from cosim.case.file import load_case
 from cosim.commands.options import CaseName, Settings, Workers, to
-from cosim.commands.terminal import print_table, stages
+from cosim.commands.terminal import show_table, stages
 from cosim.files import check_folder, output_folder
 from cosim.processes import process_context
 from cosim.results.picture import write_figure
@@ -72,6 +71,6 @@ def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
 
 
 def _show(rungs: Sequence[Rung], title: str) -> None:
-    print_table(title, ("", *map(heading, rungs)), side_by_side(rungs))
+    show_table(side_by_side(rungs, title))
     for line in reasons(rungs):
         typer.echo(line)

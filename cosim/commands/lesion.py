@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table as Grid
 
 from cosim.analyses.lesion import TIPS, both_sides, freed_text, lesion_text, named_parts
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.commands.options import Settings, Workers, to
-from cosim.commands.terminal import console, stages, warn_of_audits
-from cosim.files import check_file, output_file
+from cosim.commands.terminal import show_table, stages, warn_of_audits
+from cosim.files import check_file, write_text
 from cosim.pipeline import run_cases
 from cosim.report.clinical_signs import sign_sentences
 from cosim.report.lesion_page import (
@@ -25,11 +24,12 @@ from cosim.report.lesion_page import (
     signs_of,
     tables_of_lesion,
 )
-from cosim.report.tables import ReportTable, as_csv, as_json, as_markdown, cell_text
+from cosim.report.tables import as_csv, as_json, as_markdown
 from cosim.report.write import Form
 from cosim.results.audit import describe_misses
 from cosim.results.read import read_run
 from cosim.results.result import Result
+from cosim.results.table import ReportTable
 from cosim.results.write import check_target
 
 
@@ -59,7 +59,7 @@ def lesion(
     for text in sign_sentences(signs_of(pairs)):
         typer.echo(text)
     for table in tables:
-        _show(table)
+        show_table(table)
     typer.echo(f"report in {where}, runs in {out}")
     runs = [run for pair in pairs for run in (pair.before, pair.after)]
     raise typer.Exit(warn_of_audits({run.name: list(describe_misses(run.summary)) for run in runs}))
@@ -94,13 +94,5 @@ def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Form) -> lis
         text = as_json([run for p in pairs for run in (p.before, p.after)], tables)
     else:
         text = {"csv": as_csv, "md": as_markdown}[form](tables)
-    with output_file(where) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(where, text)
     return tables
-
-
-def _show(table: ReportTable) -> None:
-    grid = Grid(*table.columns, title=table.title, title_justify="left", box=None)
-    for row in table.rows:
-        grid.add_row(*map(cell_text, row))
-    console().print(grid)

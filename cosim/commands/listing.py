@@ -19,7 +19,7 @@ from cosim.commands.door import door
 from cosim.commands.options import to
 from cosim.commands.terminal import console, print_table
 from cosim.errors import InputError, nearest_names
-from cosim.files import output_file
+from cosim.files import write_text
 from cosim.hoods.kinds import KINDS
 from cosim.report.measured_page import source_rows, write_measured_page
 from cosim.results.compare import unit_of
@@ -113,8 +113,7 @@ def tell_schema(
         typer.echo(texts[word])
         return
     for kind, name in (("case", CASE_SCHEMA), ("study", STUDY_SCHEMA)):
-        with output_file(out / name) as part:
-            part.write_text(texts[kind] + "\n", encoding="utf-8")
+        write_text(out / name, texts[kind] + "\n")
         typer.echo(f"schema of a {kind} file in {out / name}")
 
 

@@ -25,7 +25,7 @@ from cosim.case.schema import Case
 from cosim.commands.options import Settings
 from cosim.commands.terminal import print_table, stages
 from cosim.errors import InputError
-from cosim.files import check_file, output_file
+from cosim.files import check_file, write_text
 from cosim.models.build import OPENING, mjcf_of, narrow_limits
 from cosim.scoring.names import FingerName, check_present, match_names, read_names
 from cosim.scoring.plausible import against_published
@@ -52,8 +52,7 @@ def mjcf(case: str, out: Path, settings: Settings = None, hood: HoodKind = None)
             made = hood_file(checked, hood, progress.say)
         text = made.text
         show_hood_errors(made)
-    with output_file(out) as path:
-        path.write_text(text + "\n", encoding="utf-8")
+    write_text(out, text + "\n")
     typer.echo(
         f"finger in {out}, without the tip's support{'' if made else ' and the hood'}; begin "
         'in its keyframe "posture"; its first lines say what differs from ours'
@@ -107,8 +106,7 @@ def attach(
         progress.say("putting the hood in place of the model's paths")
         attached = attach_hood(checked, finger, hand, matched, made)
         doubts = _signs(hand, finger, matched, made)
-        with output_file(out) as path:
-            path.write_text(write_attached(attached.root, out) + "\n", encoding="utf-8")
+        write_text(out, write_attached(attached.root, out) + "\n")
         progress.say("running the written file beside the hood")
         errors, arms = judge_attached(checked, kind, hand, out, attached)
     show_hood_errors(replace(made, errors=errors))

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from cosim.commands.options import Workers, quantity, to
-from cosim.commands.terminal import console, print_table, stages
+from cosim.commands.terminal import console, show_table, stages
 from cosim.errors import InputError
 from cosim.files import check_file
 from cosim.schema import units
@@ -94,8 +94,7 @@ def _show(scores: Scores) -> None:
         _show_losses(hand)
     for hand in scores.hands:
         typer.echo(answer(hand))
-    table = skill_table(scores.hands, "/")
-    print_table("skill over no answer (place among models):", table["heads"], table["rows"])
+    show_table(skill_table(scores.hands, "/"))
     typer.echo("* the same data once more, not counted; – cannot be judged:")
     reasons: dict[str, list[str]] = {}
     for hand in scores.hands:

@@ -9,12 +9,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from cosim.errors import CosimError, InputError, NoMemoryError, NoRoomError, StoppedError, span
+from cosim.results.table import Cell, ReportTable
 
 CODES = {NoRoomError: 1, InputError: 2, StoppedError: 130}
 """Exit codes of errors, by the first that an error is; 1 of all others."""
@@ -122,15 +121,15 @@ def stages(name: str = "", total: int = 0) -> Iterator[Stages]:
 
 
 def print_table(
-    title: str, header: Sequence[str], rows: Sequence[Sequence[str]], of_words: bool = False
+    title: str, header: Sequence[str], rows: Sequence[Sequence[Cell]], of_words: bool = False
 ) -> None:
     """The title, if there is one, and below it the rows, the first column to the left; of a table
     of words all."""
     if title:
         typer.echo(title)
-    table = Table(box=box.SIMPLE, pad_edge=False)
-    for i, name in enumerate(header):
-        table.add_column(name, justify="left" if i == 0 or of_words else "right", overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    console().print(table)
+    console().print(ReportTable("", title, header, rows).in_terminal(of_words))
+
+
+def show_table(table: ReportTable, of_words: bool = False) -> None:
+    """Print a table under its title."""
+    print_table(table.title, table.columns, table.words(), of_words)

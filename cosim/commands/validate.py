@@ -7,20 +7,18 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import typer
-from rich.table import Table
 
 from cosim.analyses.mesh_series import MeshSeries, mesh_factors
 from cosim.commands.options import to
-from cosim.commands.terminal import console, say, warn_of_audits
+from cosim.commands.terminal import console, print_table, say, show_table, warn_of_audits
 from cosim.commands.validate_curves import validate_curves
 from cosim.errors import InputError
 from cosim.files import check_file
-from cosim.results.compare import marks, misses_first, number, reference_text
 from cosim.validation.against import differences, read_rows
 from cosim.validation.forms import form_values, form_versions
 from cosim.validation.inputs import input_spreads, input_versions, read_inputs
-from cosim.validation.mesh import USUAL, distinct, finenesses, mesh_series, mesh_versions, tally
-from cosim.validation.page import write_page
+from cosim.validation.mesh import USUAL, finenesses, mesh_series, mesh_versions, tally
+from cosim.validation.page import IN_TERMINAL, mesh_table, rows_of, write_page
 from cosim.validation.records import write_record
 from cosim.validation.run import Board, by_kind, choose_groups, run_validation
 from cosim.validation.scoreboard import JudgedBoard, join_uncertainty, write_scoreboard
@@ -257,7 +255,7 @@ def _print(boards: list[JudgedBoard]) -> None:
                 screen.print(f"  {answer}, beside u_val: {_summary_sentence(counts)}")
         for line in board.hand_lines:
             screen.print(f"  {line}")
-        _print_rows(board)
+        print_table("", IN_TERMINAL, rows_of(judged_board).only(*IN_TERMINAL).words())
         for row, budget in judged_board.changed_verdicts():
             words = f"{row.verdict}, but {budget.judgement}"
             screen.print(f"  {row.target.name}: {words}: {sentence(row, budget)}")
@@ -275,31 +273,9 @@ def _summary_sentence(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {word}" for word, count in counts.items())
 
 
-def _print_rows(board: Board) -> None:
-    table = Table()
-    for name in ("what", "model", "reference", "difference", "verdict", "kind"):
-        table.add_column(name)
-    for row in misses_first(board.rows):
-        t = row.target
-        name = " ".join([t.name, *(f"[{mark}]" for mark in marks(t))])
-        gap, model = number(row.difference, 3), number(row.model, 3)
-        table.add_row(name, f"{model} {t.unit}", reference_text(t), gap, row.verdict, t.kind)
-    console().print(table)
-
-
 def _print_meshes(series: Mapping[Key, MeshSeries]) -> None:
-    screen = console()
-    table = Table(title="mesh: what other quads change", title_justify="left")
-    head = ("what", "model", "coarsest to finest", "range", "at most", "off by", "order", "verdict")
-    for name in head:
-        table.add_column(name)
-    for (group, case, name, _), s in distinct(series):
-        numbers = ", ".join(number(value, 4) for value in s.values)
-        off = (number(value, 3) for value in (s.range, s.bound, s.error))
-        words = (s.order_text, s.verdict)
-        table.add_row(f"{name} [{case or group}]", number(s.own, 3), numbers, *off, *words)
-    screen.print(table)
-    screen.print(", ".join(f"{count} {word}" for word, count in tally(series).items()))
+    show_table(mesh_table(series))
+    console().print(", ".join(f"{count} {word}" for word, count in tally(series).items()))
 
 
 def _print_failures(board: Board) -> None:

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import typer
 
-from cosim.commands.terminal import print_table
+from cosim.commands.terminal import show_table
 from cosim.errors import Progress
 from cosim.files import check_file
 from cosim.validation.curves import (
     FILE,
-    KINDS,
     Curve,
     CurvesFile,
     curves_file,
@@ -21,7 +20,7 @@ from cosim.validation.curves import (
     run_curves,
     write_points,
 )
-from cosim.validation.curves_page import table_rows, write_page
+from cosim.validation.curves_page import table_of, write_page
 from cosim.validation.records import write_record
 from cosim.validation.sweeps import PostureSweep
 
@@ -49,12 +48,7 @@ def validate_curves(
 
 
 def _print(curves: Sequence[Curve], before: CurvesFile) -> None:
-    names = [f"{k.name}, {k.unit} (aims {k.aims[0]:g}, {k.aims[1]:g})" for k in KINDS.values()]
-    header = ("sweep", "part", *names, "over aim", "gaps", "verdict")
-    title = (
-        "rms of what a cubic leaves over 20 deg, the worst of each kind; in brackets as committed"
-    )
-    print_table(title, header, table_rows(curves, before))
+    show_table(table_of(curves, before))
     for curve in curves:
         for angle, why in curve.gaps.items():
             typer.echo(f"no result: {curve.sweep.name} {angle:g} deg: {why}")

@@ -9,12 +9,14 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
 from cosim.errors import InputError, Progress
 from cosim.files import output_folder
 from cosim.report.templates import template
 from cosim.results.picture import as_png, data_address, picture_address
+from cosim.results.table import Cell, ReportTable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,8 +26,6 @@ MARK = "index.html"
 DPI = 150
 MOST_ROWS, MOST_COLUMNS = 16, 8
 """A table that is no larger is shown on the page too."""
-WIDE = 40  # characters of a cell beyond which its column's lines are broken
-DIGITS = "{:.4g}".format
 HEADROOM = 0.06
 """Of a line chart's range, above and below its lines."""
 
@@ -158,26 +158,15 @@ def _code(text: str) -> str:
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
-def _html(table: pd.DataFrame) -> str:
-    kinds = [_kind(table[name]) for name in table]
-
-    def row(tag: str, cells: Sequence[object]) -> str:
-        parts = (
-            f"<{tag} {kind}>{escape(DIGITS(c) if isinstance(c, float) else str(c))}</{tag}>"
-            for kind, c in zip(kinds, cells, strict=True)
-        )
-        return "<tr>" + "".join(parts) + "</tr>"
-
-    head = row("th", list(table.columns))
-    body = "".join(row("td", cells) for cells in table.itertuples(index=False))
-    return f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
+def _html(frame: pd.DataFrame) -> str:
+    rows = [tuple(map(_cell, cells)) for cells in frame.itertuples(index=False)]
+    return ReportTable("", "", tuple(map(str, frame.columns)), rows).html("")
 
 
-def _kind(column: pd.Series) -> str:
-    """How a column's cells are set."""
-    if pd.api.types.is_numeric_dtype(column.dtype):
-        return 'class="n"'
-    return 'class="w"' if column.astype(str).str.len().max() > WIDE else ""
+def _cell(value: Any) -> Cell:
+    """A number as such, anything else in words."""
+    is_number = isinstance(value, float | int | np.number) and not isinstance(value, bool)
+    return float(value) if is_number else str(value)
 
 
 def _page(

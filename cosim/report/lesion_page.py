@@ -13,9 +13,7 @@ from cosim.port import Array
 from cosim.report import drawings, words
 from cosim.report.clinical_signs import Sign, clinical_signs
 from cosim.report.figures import new_picture
-from cosim.report.page import cell
 from cosim.report.strengths import NOT_KNOWN, insertion_forces, strength_of
-from cosim.report.tables import Cell, ReportTable
 from cosim.report.templates import template
 from cosim.report.views import BoneSurface, Sheet, SheetField, View, limits, view_of
 from cosim.results.compare import number, unit_of, value_of
@@ -23,6 +21,7 @@ from cosim.results.looks import colour_map
 from cosim.results.picture import picture_address
 from cosim.results.quantities import key_quantities
 from cosim.results.result import Result
+from cosim.results.table import Cell, ReportTable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -193,7 +192,7 @@ def lesion_page(
     what is said first."""
     seen = [(pair, view_of(pair.before), view_of(pair.after)) for pair in pairs]
     arrows = [arrow for pair in pairs if pair.tip == "held" for arrow in _arrows(pair)]
-    return template("cosim.report", "lesion.html.j2", {"cell": cell}).render(
+    return template("cosim.report", "lesion.html.j2").render(
         words=words,
         title=title,
         lesion=lesion,

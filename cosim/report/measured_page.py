@@ -8,7 +8,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cosim.files import output_file
+from markupsafe import Markup
+
+from cosim.files import write_text
 from cosim.measured import (
     JOINTS,
     QUANTITIES,
@@ -23,6 +25,7 @@ from cosim.measured import (
 )
 from cosim.report.templates import template
 from cosim.results.compare import number
+from cosim.results.table import ReportTable
 
 EVIDENCE: Mapping[Evidence, tuple[str, str]] = {
     "experiment": ("●", "of experiments whose own text, figures or data were read"),
@@ -54,30 +57,38 @@ def write_measured_page(path: Path) -> None:
     """The page of the collection.  Raises InputError where it is at fault, or the file cannot be
     written."""
     every = all_measured()
+    lacking = [list(gap.model_dump().values()) for gap in not_measured()]
     page = template("cosim.report", "measured.html.j2").render(
         numbers=len(every),
         evidence=[(*EVIDENCE[e], n) for e, n in _counts(every).items()],
         tables=tuple(_tables(every)),
         choices=_choices(every),
         rows=[_row(m) for m in every],
-        sources=[_source(s) for s in sources().values()],
-        lacking=not_measured(),
+        sources=ReportTable("sources", "Sources", *_source_table()),
+        lacking=ReportTable("lacking", "What nobody measured", GAPS, lacking),
         states=STATES,
     )
-    with output_file(path) as part:
-        part.write_text(page, encoding="utf-8")
+    write_text(path, page)
+
+
+GAPS = ("Quantity", "Of", "State", "What is known", "What our models take", "What would measure it")
+"""Columns of the table of `NotMeasured`, by its fields."""
 
 
 def source_rows() -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """A header, and a line for each source: what, how many numbers, n, fingers, fixture, how read,
     licence."""
-    header = ("source", "what", "numbers", "n", "finger", "held by", "read", "licence")
-    rows: list[tuple[str, ...]] = []
-    for source in sources().values():
-        s = _source(source)
-        cells = (s["what"], str(s["numbers"]), s["n"], s["finger"], s["fixture"], s["read"])
-        rows.append((source.source, *cells, source.licence or "–"))
-    return header, rows
+    _, lines = _source_table()
+    return ("source", "what", "numbers", "n", "finger", "held by", "read", "licence"), [
+        (source.source, line[1], line[2].split()[-1], *line[3:7], source.licence or "–")
+        for source, line in zip(sources().values(), lines, strict=True)
+    ]
+
+
+def _source_table() -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Columns and rows of all sources: who, what, the numbers with their evidence, and how."""
+    head = ("Source", "What was measured", "Numbers", "n", "Finger", "Held by", "How read")
+    return (*head, "What was seen of it", "Licence"), [*map(_source, sources().values())]
 
 
 def quantity_words(m: Measured) -> str:
@@ -111,13 +122,13 @@ def _counts(rows: Iterable[Measured]) -> dict[Evidence, int]:
     return {e: count[e] for e in EVIDENCE if count[e]}
 
 
-def _cell(rows: Sequence[Measured]) -> tuple[str, str]:
-    """Shape of the strongest evidence with the count, and who says it."""
+def _cell(rows: Sequence[Measured]) -> str:
+    """Shape of the strongest evidence with the count, over which a pointer shows who says it."""
     if not rows:
-        return "", ""
-    strongest = next(iter(_counts(rows)))
+        return ""
+    shape, _ = EVIDENCE[next(iter(_counts(rows)))]
     cited = dict.fromkeys(m.cited.cited for m in rows)
-    return f"{EVIDENCE[strongest][0]} {len(rows)}", "; ".join(cited)
+    return Markup('<span title="{}">{} {}</span>').format("; ".join(cited), shape, len(rows))
 
 
 def _order(m: Measured) -> tuple[int, tuple[float, ...]]:
@@ -139,19 +150,18 @@ def _matrix(
     columns: Sequence[str],
     column_of: Callable[[Measured], str],
     line_of: Callable[[Measured], str] = _kind_words,
-) -> dict[str, Any]:
+) -> ReportTable:
     lines: dict[str, list[Measured]] = {}
     for m in rows:
         lines.setdefault(line_of(m), []).append(m)
-    cells = {
-        line: [_cell([m for m in of_line if column_of(m) == c]) for c in columns]
+    cells = [
+        (line, *(_cell([m for m in of_line if column_of(m) == c]) for c in columns))
         for line, of_line in lines.items()
-    }
-    names = [WORDS.get(c, c) for c in columns]
-    return {"title": title, "first": first, "columns": names, "lines": cells}
+    ]
+    return ReportTable("", title, (first, *(WORDS.get(c, c) for c in columns)), cells)
 
 
-def _tables(every: Sequence[Measured]) -> Iterator[dict[str, Any]]:
+def _tables(every: Sequence[Measured]) -> Iterator[ReportTable]:
     """Counts by quantity and muscle, by quantity and joint, of clamped fingertips by posture and
     muscle, and of all else by finger."""
     every = sorted(every, key=_order)
@@ -206,19 +216,18 @@ def _row(m: Measured) -> dict[str, Any]:
     }
 
 
-def _source(source: Source) -> dict[str, Any]:
+def _source(source: Source) -> tuple[str, ...]:
     rows = read_measured(source.source)
-    return {
-        "source": source,
-        "what": source.what,
-        "numbers": len(rows),
-        "n": _listed(str(n) for n in sorted({m.n for m in rows if m.n})),
-        "finger": _listed(m.finger for m in rows),
-        "fixture": _listed(m.fixture for m in rows),
-        "read": _listed(m.read.partition(":")[0].partition(";")[0] for m in rows),
-        "shapes": " ".join(EVIDENCE[e][0] for e in _counts(rows)),
-        "link": f"https://doi.org/{source.doi}" if source.doi else source.url,
-    }
+    link = f"https://doi.org/{source.doi}" if source.doi else source.url
+    cited = Markup('<a href="{}">{}</a>').format(link, source.cited) if link else source.cited
+    shapes = " ".join(EVIDENCE[e][0] for e in _counts(rows))
+    return (
+        *(cited, source.what, f"{shapes} {len(rows)}"),
+        _listed(str(n) for n in sorted({m.n for m in rows if m.n})),
+        *(_listed(m.finger for m in rows), _listed(m.fixture for m in rows)),
+        _listed(m.read.partition(":")[0].partition(";")[0] for m in rows),
+        *(source.seen, source.licence or "none stated"),
+    )
 
 
 def _listed(words: Iterable[str]) -> str:

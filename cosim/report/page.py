@@ -12,7 +12,7 @@ from cosim.errors import InputError
 from cosim.report import drawings, words
 from cosim.report.histories import pack_charts
 from cosim.report.packing import packed, packed_json, packed_picture
-from cosim.report.tables import Cell, ReportTable, last_ledger, last_state
+from cosim.report.tables import last_ledger, last_state
 from cosim.report.templates import report_file, template
 from cosim.report.views import View, difference_view, limits, pack_views, view_of
 from cosim.results.compare import VERDICT_SHAPES, number
@@ -20,6 +20,7 @@ from cosim.results.conventions import source_words
 from cosim.results.looks import look
 from cosim.results.picture import data_address
 from cosim.results.result import Result
+from cosim.results.table import ReportTable, cell_html
 
 MOST_BYTES = 8_000_000
 CURVE = 1.8
@@ -52,7 +53,7 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         for i, (run, view) in enumerate(pairs)
         if (charts := pack_charts(run, view))
     ]
-    text = template("cosim.report", filters={"cell": cell, "spoken": source_words}).render(
+    text = template("cosim.report", filters={"cell": cell_html, "spoken": source_words}).render(
         words=words,
         drawings=drawings,
         shapes=VERDICT_SHAPES,
@@ -155,10 +156,3 @@ def _line_looks(histories: Sequence[Any]) -> list[Any]:
         }
         for one in map(look, range(count))
     ]
-
-
-def cell(value: Cell, digits: int = 4) -> str:
-    """A cell as people read it."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return value if isinstance(value, str) else number(value, digits).replace("-", "−")

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +14,6 @@ from cosim.results.audit import BOUNDS, audit_figures
 from cosim.results.compare import (
     COLUMNS,
     as_dict,
-    number,
     numbers_of,
     unit_of,
     value_of,
@@ -25,10 +21,9 @@ from cosim.results.compare import (
 from cosim.results.conventions import source_words
 from cosim.results.quantities import key_quantities, meaning_of
 from cosim.results.result import Result
+from cosim.results.table import SUM, Cell, ReportTable, csv_text
 
 FORMAT = "cosim report 1"
-Cell = str | float | bool | None
-SUM = "sum"
 LEDGER = (
     *(f"F {axis} N" for axis in AXES),
     "|F| N",
@@ -42,17 +37,6 @@ OF_THE_HOOD = (
 )
 """Quantities of which runs side by side also show the unloaded state."""
 NOT_OUTCOMES = ("wall_s", "version", "case")
-
-
-@dataclass(frozen=True)
-class ReportTable:
-    """Rows of words and numbers; a number is None where a run does not have it."""
-
-    key: str
-    title: str
-    columns: tuple[str, ...]
-    """With the unit where it is the same for the whole column."""
-    rows: tuple[tuple[Cell, ...], ...]
 
 
 def tables_of(runs: Sequence[Result], against: Result | None) -> list[ReportTable]:
@@ -232,32 +216,19 @@ def as_json(runs: Sequence[Result], tables: Sequence[ReportTable]) -> str:
 
 def as_csv(tables: Sequence[ReportTable]) -> str:
     """A line for each cell: table, row (counted from 1), what the row is of, column, value."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("table", "row", "of", "column", "value"))
-    for table in tables:
-        for n, row in enumerate(table.rows, 1):
-            for column, cell in zip(table.columns[1:], row[1:], strict=True):
-                writer.writerow((table.key, n, row[0], column, "" if cell is None else cell))
-    return text.getvalue()
+    return csv_text(
+        [
+            ("table", "row", "of", "column", "value"),
+            *(
+                (table.key, n, row[0], column, cell)
+                for table in tables
+                for n, row in enumerate(table.rows, 1)
+                for column, cell in zip(table.columns[1:], row[1:], strict=True)
+            ),
+        ]
+    )
 
 
 def as_markdown(tables: Sequence[ReportTable]) -> str:
     """Every table under its title, numbers to four digits."""
-    parts = []
-    for table in tables:
-        lines = [f"## {table.title}", "", _line(table.columns), _line(["---"] * len(table.columns))]
-        lines += [_line([cell_text(cell) for cell in row]) for row in table.rows]
-        parts.append("\n".join(lines))
-    return "\n\n".join(parts) + "\n"
-
-
-def _line(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-
-def cell_text(cell: Cell) -> str:
-    """A cell in words: numbers to four digits."""
-    if isinstance(cell, bool):
-        return "yes" if cell else "no"
-    return cell if isinstance(cell, str) else number(cell)
+    return "\n\n".join(f"## {table.title}\n\n{table.markdown()}" for table in tables) + "\n"

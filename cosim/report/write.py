@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from cosim.errors import InputError, Progress, quiet
-from cosim.files import output_file
+from cosim.files import write_text
 from cosim.report.tables import as_csv, as_json, as_markdown, tables_of
 from cosim.results.compare import read_targets
 from cosim.results.read import read_runs
@@ -53,6 +53,5 @@ def write_report(
         text = as_json(every, tables) if form == "json" else one[form](tables)
     if out is None:
         return text
-    with output_file(out) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(out, text)
     return f"{out}: {len(text.encode('utf-8')) / 1e6:.1f} MB"

@@ -42,7 +42,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.files import output_file
+from cosim.files import write_text
 from cosim.json_text import json_text
 from cosim.measured import Evidence, measured_at
 from cosim.port import AXES
@@ -374,8 +374,7 @@ def to_json(rows: Sequence[Comparison]) -> str:
 def write_json(path: Path, rows: Sequence[Comparison]) -> None:
     """Write rows to a file that `read_json` reads.  Raises InputError where it cannot be
     written."""
-    with output_file(path) as part:
-        part.write_text(to_json(rows), encoding="utf-8")
+    write_text(path, to_json(rows))
 
 
 def read_json(path: Path) -> tuple[Comparison, ...]:

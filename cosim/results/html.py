@@ -9,6 +9,7 @@ from typing import Any
 from cosim.results.answer import answer, doubts, trust
 from cosim.results.picture import data_address
 from cosim.results.summary_tables import rows_of
+from cosim.results.table import ReportTable
 
 
 def html_of(title: str, summary: Mapping[str, Any], png: bytes) -> str:
@@ -19,11 +20,7 @@ def html_of(title: str, summary: Mapping[str, Any], png: bytes) -> str:
     for doubt in (*doubts(summary), *summary.get("warnings", ())):
         parts.append(f"<p><b>▲ {escape(doubt)}</b></p>")
     for header, rows in rows_of(summary):
-        head = "".join(f"<th>{escape(cell)}</th>" for cell in header) if any(header) else ""
-        body = "".join(
-            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
-        )
-        parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+        parts.append(ReportTable("", "", header, rows).html(""))
     alt = escape(title, quote=True)
     return "\n".join(
         [*parts, f'<img alt="{alt}" src="{data_address(png)}" style="max-width:100%">']

@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from rich import box
 from rich.table import Table
 
 from cosim.port import AXES
 from cosim.results.compare import numbers_of, unit_of, value_of
 from cosim.results.load_and_rest import describe_rest
 from cosim.results.quantities import key_quantities, meaning_of
+from cosim.results.table import ReportTable
 
 LEAST_MOMENT = 1e-6
 """N mm, below which the fingertip carries none."""
@@ -29,7 +29,7 @@ def tables(
     summary: Mapping[str, Any], mesh_errors: Mapping[str, float] | None = None
 ) -> list[Table]:
     """`rows_of` for the terminal."""
-    return [_table(header, rows) for header, rows in rows_of(summary, mesh_errors)]
+    return [ReportTable("", "", *block).in_terminal() for block in rows_of(summary, mesh_errors)]
 
 
 def rows_of(
@@ -66,7 +66,7 @@ def batch_table(names: Sequence[str], summaries: Mapping[str, Mapping[str, Any] 
         )
         ending = "not begun" if name not in summaries else _outcome_text(summary)
         rows.append((name, *(_number(value, 3) for value in numbers), ending))
-    return _table(*_drop_empty_columns(header, rows))
+    return ReportTable("", "", *_drop_empty_columns(header, rows)).in_terminal()
 
 
 def _outcome_text(summary: Mapping[str, Any] | None) -> str:
@@ -81,15 +81,6 @@ def _drop_empty_columns(header: Row, rows: Sequence[Row]) -> tuple[Row, list[Row
     """Without the columns that no row fills."""
     kept = [i for i in range(len(header)) if any(row[i] for row in rows)]
     return tuple(header[i] for i in kept), [tuple(row[i] for i in kept) for row in rows]
-
-
-def _table(header: Row, rows: Sequence[Row]) -> Table:
-    table = Table(box=box.SIMPLE, show_header=any(header), pad_edge=False)
-    for i, title in enumerate(header):
-        table.add_column(title, justify="left" if i == 0 or not any(header) else "right")
-    for row in rows:
-        table.add_row(*row)
-    return table
 
 
 def _at(values: Any, *keys: str) -> Any:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cosim.report.templates import template
 from cosim.results.compare import number
 from cosim.results.picture import picture_address
+from cosim.results.table import Cell, ReportTable
 from cosim.scoring.groups import row_words
+from cosim.scoring.names import Matched
 from cosim.scoring.plots import draw_rows, draw_skills
 from cosim.scoring.run import GroupScore, HandScore, groups_of, score_of
-
-if TYPE_CHECKING:
-    pass
 
 DPI = 110
 
@@ -25,7 +24,7 @@ def score_page(hands: Sequence[HandScore], refused: Mapping[str, str]) -> str:
         refused=refused,
         answers=[answer(hand) for hand in hands],
         picture=picture_address(draw_skills(hands), DPI),
-        table=skill_table(hands, " of "),
+        table=skill_table(hands),
         no_doubts=[h.model.name for h in hands if not (h.doubts or h.failures)],
         groups=[_group(hands, g) for g in groups_of(hands)],
     )
@@ -51,9 +50,9 @@ def answer(hand: HandScore) -> str:
     return f"{model.name}: {'; '.join(parts)}."
 
 
-def skill_table(hands: Sequence[HandScore], of: str) -> dict[str, list[Any]]:
-    """Heads and rows of the table of skills, with places like 1`of`7: a row for each model, a
-    column for each group of numbers that judges one."""
+def skill_table(hands: Sequence[HandScore], of: str = " of ") -> ReportTable:
+    """The skills, with places like 1`of`7: a row for each model, a column for each group of numbers
+    that judges one."""
     groups = [
         g
         for g in groups_of(hands)
@@ -61,7 +60,7 @@ def skill_table(hands: Sequence[HandScore], of: str) -> dict[str, list[Any]]:
     ]
     heads = ["model", *(g.group.short + ("" if g.group.counts else "*") for g in groups)]
     rows = [[hand.model.name, *(_cell(score_of(hand, g), of) for g in groups)] for hand in hands]
-    return {"heads": heads, "rows": rows}
+    return ReportTable("scores", "skill over no answer (place among models):", heads, rows)
 
 
 def _cell(score: GroupScore | None, of: str) -> str:
@@ -88,34 +87,34 @@ def _model(hand: HandScore) -> dict[str, Any]:
         "missing": model.missing,
         "doubts": hand.doubts,
         "failures": hand.failures,
-        "names": []
-        if matched is None
-        else [(ours, theirs, matched.how[ours]) for ours, theirs in matched.names.items()],
+        "names": None if matched is None else _names(model.name, matched),
     }
+
+
+def _names(model: str, matched: Matched) -> ReportTable:
+    rows = [(ours, theirs, matched.how[ours]) for ours, theirs in matched.names.items()]
+    return ReportTable(f"names-{model}", model, ("Here", "In the model", "Found"), rows)
 
 
 def _group(hands: Sequence[HandScore], g: GroupScore) -> dict[str, Any]:
-    mine = [(hand, score_of(hand, g)) for hand in hands]
-    judged = [(hand, s) for hand, s in mine if s is not None]
-    picture = draw_rows(hands, g.group.finger, g.group.name)
-    names = list(dict.fromkeys(row.target.name for _, s in judged for row in s.rows))
+    judged = [(hand, s) for hand in hands if (s := score_of(hand, g)) is not None]
+    scored = [(hand, s) for hand, s in judged if s.rows]
+    names = list(dict.fromkeys(row.target.name for _, s in scored for row in s.rows))
+    heads = ("What", "Measured", *(hand.model.name for hand, _ in scored))
+    rows = [_row(name, [s for _, s in scored]) for name in names]
+    columns = ("Model", "Skill [95 %]", "Place", "Numbers", "Remarks")
+    models = [_of_group(hand, s) for hand, s in judged]
     return {
-        "name": g.group.name,
-        "finger": g.group.finger,
-        "about": g.group.about,
-        "source": g.group.source,
-        "counts": g.group.counts,
+        "group": g.group,
         "floor": next((s.floor for _, s in judged if s.floor), g.group.floor),
-        "models": [_of_group(hand, s) for hand, s in judged],
+        "models": ReportTable(f"models-{g.group.name}", g.group.name, columns, models),
         "ranks": next((s.rank.words for _, s in judged if s.rank is not None), ""),
-        "picture": picture_address(picture, DPI),
-        "heads": [hand.model.name for hand, s in judged if s.rows],
-        "rows": [_row(name, [s for _, s in judged if s.rows]) for name in names],
-        "none": picture is None,
+        "picture": picture_address(draw_rows(hands, g.group.finger, g.group.name), DPI),
+        "numbers": ReportTable(f"numbers-{g.group.name}", g.group.name, heads, rows, 3),
     }
 
 
-def _of_group(hand: HandScore, s: GroupScore) -> dict[str, Any]:
+def _of_group(hand: HandScore, s: GroupScore) -> list[Cell]:
     left_out = ", ".join(dict.fromkeys(s.unjudged.values()))
     same = [] if s.rank is None else [n for n in s.rank.same_words if n != hand.model.name]
     remarks = [
@@ -124,16 +123,11 @@ def _of_group(hand: HandScore, s: GroupScore) -> dict[str, Any]:
         f"the same numbers as {', '.join(same)}" if same else "",
         f"nearer: {', '.join(s.rank.better_words)}" if s.rank is not None and s.rank.better else "",
     ]
-    return {
-        "name": hand.model.name,
-        "remarks": "; ".join(filter(None, remarks)),
-        "skill": "" if s.skill is None else str(s.skill),
-        "rank": "" if s.rank is None else str(s.rank),
-        "numbers": len(s.judged),
-    }
+    found = (None if x is None else str(x) for x in (s.skill, s.rank))
+    return [hand.model.name, *found, len(s.judged) or None, "; ".join(filter(None, remarks))]
 
 
-def _row(name: str, scored: list[GroupScore]) -> dict[str, Any]:
+def _row(name: str, scored: list[GroupScore]) -> list[Cell]:
     found = [next((r for r in s.rows if r.target.name == name), None) for s in scored]
     first, group = next((r, s.group) for r, s in zip(found, scored, strict=True) if r is not None)
     t = first.target
@@ -141,9 +135,6 @@ def _row(name: str, scored: list[GroupScore]) -> dict[str, Any]:
         stated = f"{number(t.low, 3)} to {number(t.high, 3)}"
     else:
         stated = number(t.reference, 3) + (f" ± {number(t.sd, 2)}" if t.sd else "")
-    return {
-        "words": row_words(group, first),
-        "stated": f"{stated} {t.unit if t.unit != '1' else ''}".strip(),
-        "values": [number(r.model, 3) if r is not None else "–" for r in found],
-        "note": t.note,
-    }
+    unit = t.unit if t.unit != "1" else ""
+    values = (None if r is None else r.model for r in found)
+    return [row_words(group, first), f"{stated} {unit}".strip(), *values]

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
-from cosim.files import output_file
+from cosim.files import write_text
 from cosim.results.compare import Comparison, number
+from cosim.results.table import csv_text
 from cosim.text_tables import packaged_rows
 from cosim.validation.skill import skill
 
@@ -127,8 +128,5 @@ def update_references(path: Path, values: Sequence[Mapping[str, object]]) -> Non
         [*kept, *values],
         key=lambda r: order.index(str(r["model"])) if r["model"] in order else len(order),
     )
-    with output_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-        file.writelines(f"{line}\n" for line in notes)
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(every)
+    table = csv_text([COLUMNS, *([row[name] for name in COLUMNS] for row in every)])
+    write_text(path, "".join(f"{line}\n" for line in notes) + table)

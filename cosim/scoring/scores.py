@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.case.schema import Case
 from cosim.errors import InputError, Progress, quiet
-from cosim.files import output_file, shown_path, temporary_folder
+from cosim.files import shown_path, temporary_folder, write_text
+from cosim.results.table import csv_text
 from cosim.scoring import references
 from cosim.scoring.groups import row_words
 from cosim.scoring.model import HandModel, read_hand
@@ -101,12 +101,9 @@ class Scores:
         beside; their paths.  Raises InputError where they cannot be written."""
         page = out if out.suffix == ".html" else out / PAGE
         table = page.with_suffix(".csv") if out.suffix == ".html" else out / TABLE
-        with output_file(page) as part:
-            part.write_text(score_page(self.hands, self.refused), encoding="utf-8")
-        with output_file(table) as part, part.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows({k: _digits(v) for k, v in r.items()} for r in self.records())
+        write_text(page, score_page(self.hands, self.refused))
+        rows = ([_digits(record[name]) for name in COLUMNS] for record in self.records())
+        write_text(table, csv_text([COLUMNS, *rows]))
         return page, table
 
     def judged_values(self) -> Iterator[dict[str, Any]]:

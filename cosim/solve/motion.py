@@ -25,7 +25,7 @@ from cosim.errors import (
     StoppedError,
     quiet,
 )
-from cosim.files import output_file, shown_path
+from cosim.files import shown_path, write_text
 from cosim.hoods.view import HoodView, arrays_of, audit_arrays, hood_field
 from cosim.models.motion import MovingModels, moving_models
 from cosim.models.states import special_states
@@ -225,8 +225,7 @@ def _keeper(
     if _stored_case_text(folder) != text:
         if (folder / NAME).is_file():
             raise InputError(_other_case_message(folder))
-        with output_file(folder / "case.toml") as part:
-            part.write_text(text, encoding="utf-8")
+        write_text(folder / "case.toml", text)
     return _Keeper(folder, text, special, forward.checkpoint)
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.files import output_file, relative_path
+from cosim.files import relative_path, write_text
 from cosim.json_text import json_text
 from cosim.schema.json_schema import STUDY_SCHEMA, with_schema
 from cosim.study.answers import CONFIDENCE, QUANTILES, Indices, Screening
@@ -148,5 +148,4 @@ def _json(content: Any) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    with output_file(path) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(path, text)

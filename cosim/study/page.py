@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
 
 from cosim.report.templates import template
 from cosim.results.compare import Target, number, reference_text
 from cosim.results.picture import picture_address
+from cosim.results.table import Cell, ReportTable
 from cosim.study import plots as pictures
 from cosim.study.answers import Band, Indices
 from cosim.study.distributions import GridAxis, Law, Lognormal, Normal, TruncatedNormal, Uniform
@@ -33,30 +36,35 @@ def page(study: StudyResults, plan: StudyPlan, pictures_of_bands: Sequence[Figur
         bands=[picture_address(figure, DPI) for figure in pictures_of_bands],
         waiting=counts.get("waiting", 0),
         audit=int(((study.table.status == "converged") & (study.table.reason != "")).sum()),
-        failures=list(_failures(study)),
-        parameters=list(_parameters(plan)),
+        failures=_failures(study),
+        parameters=_parameters(plan),
         sampled=_sampling_text(plan),
         answers=[text for name in study.outputs if (text := _answer(study, name))],
         outputs=[_output(study, plan, name) for name in study.outputs],
     )
 
 
-def _failures(study: StudyResults) -> Iterator[dict[str, Any]]:
+def _failures(study: StudyResults) -> ReportTable:
+    rows = []
     for (status, reason), runs in study.failures.items():
         if status != "waiting":
             more = len(runs) - MOST_RUNS
             named = ", ".join(map(str, runs[:MOST_RUNS])) + (
                 f" and {more} more" if more > 0 else ""
             )
-            yield {"status": status, "reason": reason, "count": len(runs), "runs": named}
+            rows.append((len(runs), status, reason, named))
+    return ReportTable("failures", "Failures", ("Runs", "Status", "Reason", "Which"), rows)
 
 
-def _parameters(plan: StudyPlan) -> Iterator[dict[str, str]]:
+def _parameters(plan: StudyPlan) -> ReportTable:
+    rows = []
     for p in plan.parameters:
         sets = [text.partition("=")[0] for text in p.settings]
         effects = (("sets", sets), ("scales", p.scale), ("shifts", p.shift))
         effect = "; ".join(f"{word} {', '.join(keys)}" for word, keys in effects if keys)
-        yield {"label": p.label, "law": f"{_law(p.law)} {p.unit}".rstrip(), "sets": effect}
+        code = Markup("<code>{}</code>").format(effect)
+        rows.append((p.label, f"{_law(p.law)} {p.unit}".rstrip(), code))
+    return ReportTable("parameters", "Parameters", ("Parameter", "Values", "In the case"), rows)
 
 
 def _law(law: Law) -> str:
@@ -120,21 +128,41 @@ def _output(study: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
         figures["influence"] = pictures.draw_influence(study, name)
         figures["scatter"] = pictures.draw_scatter(study, name)
     drawn = None if surface is None else pictures.draw_surface(study, name, surface)
+    label, unit = study.label(name), "" if study.units[name] == "1" else study.units[name]
+
+    def table(kind: str, columns: str, rows: Sequence[Sequence[Cell]]) -> ReportTable:
+        return ReportTable(f"{kind}-{name}", f"{label}: {kind}", columns.split("|"), rows, 3)
+
+    by_unit = f", {unit}" if unit else ""
     return {
         "name": name,
-        "label": study.label(name),
+        "label": label,
         "path": plan.outputs[name],
-        "unit": "" if study.units[name] == "1" else study.units[name],
+        "unit": unit,
         "band": band,
         "too_few": study.too_few(name),
         "numbers": {} if band is None else _numbers(band) | _roughness(study, name),
-        "targets": [_target(t, band) for t in targets],
+        "targets": table(
+            "beside", "Beside|Reference|The runs|Kind|Source", [_target(t, band) for t in targets]
+        ),
         "why_not": no_indices or not_screened,
-        "screening": _screening_rows(study, name),
-        "indices": _index_rows(study, indices) if isinstance(indices, Indices) else [],
+        "screening": table(
+            "screening",
+            f"Parameter|Mean effect μ{by_unit}|Mean size μ*|SD σ",
+            _screening_rows(study, name),
+        ),
+        "indices": table(
+            "indices",
+            "Parameter|First order|Total",
+            _index_rows(study, indices) if isinstance(indices, Indices) else [],
+        ),
         "slopes": study.slopes(name),
         "surface": surface,
-        "pairs": [(" × ".join(map(study.label, p)), number(x, 3)) for p, x in pairs.items()],
+        "pairs": table(
+            "pairs",
+            f"Pair|{label}{by_unit}",
+            [(" × ".join(map(study.label, p)), x) for p, x in pairs.items()],
+        ),
         "pictures": {
             key: picture_address(f, DPI) for key, f in {**figures, "surface": drawn}.items()
         },
@@ -164,7 +192,7 @@ def _roughness(study: StudyResults, name: str) -> dict[str, str]:
     return {f"rms beyond a cubic over {study.label(study.numeric[0])}": number(found.rms, 2)}
 
 
-def _target(target: Target, band: Band | None) -> dict[str, str]:
+def _target(target: Target, band: Band | None) -> tuple[str, ...]:
     """A measured number, and how the band lies to it."""
     ends = _ends(target)
     where = "no runs"
@@ -173,10 +201,7 @@ def _target(target: Target, band: Band | None) -> dict[str, str]:
         apart = ends[1] < low or ends[0] > high
         inside = ends[0] <= band.quantiles[2] <= ends[1]
         where = "median inside" if inside else "apart" if apart else "overlaps, median outside"
-    return {"name": target.name, "stated": reference_text(target), "kind": target.kind} | {
-        "source": target.source,
-        "where": where,
-    }
+    return target.name, reference_text(target), where, target.kind, target.source
 
 
 def _ends(target: Target) -> tuple[float, float]:
@@ -203,14 +228,14 @@ def _index_rows(study: StudyResults, indices: Indices) -> list[tuple[str, str, s
     ]
 
 
-def _screening_rows(study: StudyResults, name: str) -> list[tuple[str, str, str, str]]:
+def _screening_rows(study: StudyResults, name: str) -> list[tuple[Cell, ...]]:
     found = study.screening(name)
     if found is None:
         return []
     return [
         (
             study.label(study.parameters[i]),
-            number(float(found.mu[i]), 3),
+            float(found.mu[i]),
             f"{number(float(found.mu_star[i]), 3)} ± {number(float(found.mu_star_conf[i]), 2)}",
             f"{number(float(found.sigma[i]), 3)} ± {number(float(found.sigma_conf[i]), 2)}",
         )

@@ -8,7 +8,6 @@ aims.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,11 +18,12 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from cosim.errors import Progress, quiet
-from cosim.files import output_file
+from cosim.files import write_text
 from cosim.outcome import Outcome
 from cosim.pipeline import run_cases
 from cosim.port import AXES, Array
 from cosim.results.compare import number, value_of
+from cosim.results.table import csv_text
 from cosim.roughness import WINDOW, pool, windows
 from cosim.text_tables import read_json_file
 from cosim.validation.records import Record, check_record, six_digits
@@ -265,14 +265,13 @@ def write_points(path: Path, curves: Sequence[Curve]) -> None:
     """Write every point of the curves as CSV, to eight digits, empty where a sweep has no such
     number or the run no result.  Raises InputError where the file cannot be written."""
     names = list(dict.fromkeys(name for curve in curves for name in curve.values))
-    with output_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["sweep", *(f"{joint}_deg" for joint in JOINTS), *names, "no_result"])
-        for curve in curves:
-            for i, angle in enumerate(curve.sweep.angles):
-                posture = [f"{curve.sweep.postures[joint][i]:g}" for joint in JOINTS]
-                cells = [_cell(curve.values[n][i]) if n in curve.values else "" for n in names]
-                writer.writerow([curve.sweep.name, *posture, *cells, curve.gaps.get(angle, "")])
+    rows = [["sweep", *(f"{joint}_deg" for joint in JOINTS), *names, "no_result"]]
+    for curve in curves:
+        for i, angle in enumerate(curve.sweep.angles):
+            posture = [f"{curve.sweep.postures[joint][i]:g}" for joint in JOINTS]
+            cells = [_cell(curve.values[n][i]) if n in curve.values else "" for n in names]
+            rows.append([curve.sweep.name, *posture, *cells, curve.gaps.get(angle, "")])
+    write_text(path, csv_text(rows))
 
 
 def _cell(value: float) -> str:

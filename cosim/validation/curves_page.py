@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.files import output_file
+from cosim.files import write_text
 from cosim.report.figures import new_picture, style_axes
 from cosim.report.templates import template
 from cosim.results.compare import number
 from cosim.results.looks import look
 from cosim.results.picture import picture_address
+from cosim.results.table import MISS, Cell, ReportTable
 from cosim.roughness import WINDOW
 from cosim.validation.curves import (
     ARM,
@@ -20,7 +21,6 @@ from cosim.validation.curves import (
     SLIP,
     TIP,
     Curve,
-    CurveRow,
     CurvesFile,
     Kind,
     headline,
@@ -44,19 +44,18 @@ def write_page(path: Path, curves: Sequence[Curve], before: CurvesFile) -> None:
         window=f"{WINDOW:g}",
         border=f"{BORDER:g}",
         kinds=list(KINDS.values()),
-        lines=table_rows(curves, before),
+        sweeps=table_of(curves, before),
         curves=[
-            (curve, picture_address(draw_curve(curve), DPI), _number_rows(curve, before))
+            (curve, picture_address(draw_curve(curve), DPI), _numbers(curve, before))
             for curve in curves
         ],
     )
-    with output_file(path) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
-def table_rows(curves: Sequence[Curve], before: CurvesFile) -> list[list[str]]:
-    """Of each line sweep, part, the roughest number of each kind and in brackets what was committed
-    of the same number, the largest rms over its aim, gaps and verdict."""
+def table_of(curves: Sequence[Curve], before: CurvesFile) -> ReportTable:
+    """A line for each sweep in each part: the roughest number of each kind and in brackets what was
+    committed of the same number, the largest rms over its aim, gaps and verdict."""
     was, rows = before.by_key(), []
     for line in lines(curves):
         cells = [line.sweep, line.part]
@@ -64,18 +63,25 @@ def table_rows(curves: Sequence[Curve], before: CurvesFile) -> list[list[str]]:
             old = was.get(row.key) if row else None
             behind = f" ({number(old.rms, 2)})" if old else ""
             cells.append(number(row.rms if row else None, 2) + behind)
-        rows.append([*cells, f"{line.ratio:.2g}", str(line.gaps or ""), line.verdict])
-    return rows
+        verdict = f"{MISS} {line.verdict}" if line.verdict == "misses" else line.verdict
+        rows.append([*cells, f"{line.ratio:.2g}", str(line.gaps or ""), verdict])
+    names = [f"{k.name}, {k.unit} (aims {k.aims[0]:g}, {k.aims[1]:g})" for k in KINDS.values()]
+    heads = ("sweep", "part", *names, "over aim", "gaps", "verdict")
+    title = (
+        "rms of what a cubic leaves over 20 deg, the worst of each kind; in brackets as committed"
+    )
+    return ReportTable("sweeps", title, heads, rows)
 
 
-def _number_rows(curve: Curve, before: CurvesFile) -> list[tuple[CurveRow, list[str]]]:
-    """Each number with its size, rms, rms before, aim, largest residual and step."""
-    was, rows = before.by_key(), []
+def _numbers(curve: Curve, before: CurvesFile) -> ReportTable:
+    was, rows = before.by_key(), list[list[Cell]]()
     for row in curve.rows:
         old = was[row.key].rms if row.key in was else None
-        shown = (row.size, row.rms, old, row.aim, row.largest, row.step)
-        rows.append((row, [number(value, 3) for value in shown]))
-    return rows
+        shown = (row.size, row.rms, old, row.aim, row.largest, row.step, row.unit)
+        verdict = f"{MISS} misses" if row.ratio > 1 else ""
+        rows.append([row.quantity, row.part, *shown, verdict])
+    heads = ("Number", "Part", "Size", "rms", "Before", "Aim", "Largest", "Step", "Unit", "")
+    return ReportTable("numbers of " + curve.sweep.name, curve.sweep.name, heads, rows, 3)
 
 
 def draw_curve(curve: Curve) -> Figure:

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from cosim.errors import InputError
-from cosim.files import output_file
+from cosim.files import write_text
 from cosim.json_text import json_text
 
 
@@ -35,8 +35,7 @@ def check_record(model: type[Model], content: Any, place: Path | str) -> Model:
 def write_record(path: Path, record: BaseModel) -> None:
     """Write a model as JSON, to six digits.  Raises InputError where the file cannot be written."""
     content = six_digits(record.model_dump(mode="json"))
-    with output_file(path) as part:
-        part.write_text(json_text(content, ensure_ascii=True) + "\n", encoding="utf-8")
+    write_text(path, json_text(content, ensure_ascii=True) + "\n")
 
 
 def six_digits(value: Any) -> Any:

@@ -9,7 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from cosim.files import output_file
+from cosim.files import write_text
 from cosim.json_text import json_text
 from cosim.results.compare import Comparison, as_dict
 from cosim.validation.records import six_digits
@@ -172,5 +172,4 @@ def _round_digits(row: Comparison) -> dict[str, Any]:
 
 def write_scoreboard(path: Path, boards: Sequence[JudgedBoard]) -> None:
     """Write the scoreboard.  Raises InputError where the file cannot be written."""
-    with output_file(path) as part:
-        part.write_text(scoreboard(boards), encoding="utf-8")
+    write_text(path, scoreboard(boards))

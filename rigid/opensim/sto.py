@@ -18,7 +18,7 @@ import numpy as np
 
 from cosim.errors import InputError, ReadingWarning
 from cosim.file_size import MB, read_bytes
-from cosim.files import output_file
+from cosim.files import write_text
 from cosim.number_text import MOST_NUMBER, is_plain
 from cosim.port import Array
 
@@ -245,8 +245,7 @@ def write_sto(path: Path, table: StoTable, version: Literal[1, 3] = 3) -> None:
     rows = np.column_stack([table.time, table.values * scale])
     lines = [*_header_lines(table, version), "\t".join(("time", *table.columns))]
     lines += ["\t".join(map(repr, row)) for row in rows.tolist()]
-    with output_file(path) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _header_lines(table: StoTable, version: Literal[1, 3]) -> list[str]:

@@ -68,7 +68,7 @@ def test_the_slips_share_what_enters(rungs):
 
 
 def test_tables_hold_every_rung(rungs):
-    rows = {row[0]: row[1:] for row in side_by_side(rungs)}
+    rows = {row[0]: row[1:] for row in side_by_side(rungs).words()}
     network = rungs[2].summary
     assert float(rows["arm EDC PIP mm"][2]) == pytest.approx(
         network["moment_arm_mm"]["EDC"]["PIP"], rel=1e-3
@@ -79,13 +79,13 @@ def test_tables_hold_every_rung(rungs):
     assert float(rows["tip force at rest N"][2]) == pytest.approx(
         network["unloaded"]["fingertip_magnitude_N"], rel=1e-3
     )
-    assert rows["audits"] == ("kept", "kept", "kept")
+    assert rows["audits"] == ["kept", "kept", "kept"]
     told = list(csv.DictReader(to_csv(rungs).splitlines()))
     assert [row["rung"] for row in told] == [*QUICK]
     assert float(told[0]["terminal / central"]) == pytest.approx(1)
     assert "| network * |" in to_markdown(rungs, "it")
     page = to_html(rungs, "it & more")
-    assert all(f"<td>{row[0]}</td>" in page for row in side_by_side(rungs))
+    assert all(f"<td>{row[0]}</td>" in page for row in side_by_side(rungs).rows)
     assert "it &amp; more" in page
     assert "Fingertip force: " in page
 

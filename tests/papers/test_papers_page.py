@@ -56,7 +56,7 @@ def test_pictures_tables_and_a_page_that_needs_nothing_else(tmp_path):
     page = (tmp_path / "out/index.html").read_text(encoding="utf-8")
     assert "Figure 1: a &lt;line&gt;" in page
     assert page.count("data:image/png;base64,") == 2
-    assert "<td >&lt;b&gt;</td>" in page
+    assert "<td>&lt;b&gt;</td>" in page
     assert page.count("<table>") == 1  # the one that is small
     assert "figure_2_table.csv" in page
     assert "Said &amp; seen." in page
@@ -190,7 +190,7 @@ def test_a_notebook_shows_what_a_cell_shows(script_file):
 
     html = show(new_picture(), rows=pd.DataFrame({"x": [1.5]}))._repr_html_()
     assert html.count("<img") == 1
-    assert '<td class="n">1.5</td>' in html
+    assert '<td class="n" data-value="1.5">1.5</td>' in html
 
 
 def defined_names(node):

@@ -31,7 +31,7 @@ from cosim.validation.curves import (
     run_curves,
     write_points,
 )
-from cosim.validation.curves_page import draw_curve, table_rows, write_page
+from cosim.validation.curves_page import draw_curve, table_of, write_page
 from cosim.validation.records import write_record
 from cosim.validation.sweeps import PostureSweep, read_sweeps
 
@@ -102,7 +102,7 @@ def test_the_file_is_read_back_and_a_damaged_one_is_refused(tmp_path: Path) -> N
     file = read_curves(path)
     assert file == curves_file([curve])
     assert file.by_key()[curve.rows[0].key].rms == pytest.approx(curve.rows[0].rms, rel=1e-5)
-    was = [row[3] for row in table_rows([curve], file)]
+    was = [row[3] for row in table_of([curve], file).rows]
     assert was == [f"{cell.split()[0]} ({cell.split()[0]})" for cell in was]
     content = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(content | {"rows": [{}]}), encoding="utf-8")

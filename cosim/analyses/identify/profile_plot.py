@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +10,7 @@ from cosim.analyses.identify.fit import NORMAL, Fit
 from cosim.analyses.identify.parameters import FitParameter
 from cosim.analyses.identify.profile import Profile
 from cosim.results.compare import number
+from cosim.results.table import csv_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,16 +39,14 @@ def profile_interval(parameter: FitParameter, profile: Profile) -> str:
 def profiles_csv(fit: Fit) -> str:
     """A line for each point of each profile: the parameter held, the sum of squared misses, and
     the values of all parameters."""
-    out = io.StringIO()
-    rows = csv.writer(out, lineterminator="\n")
     names = [f"{p.name} ({p.unit})" if p.unit else p.name for p in fit.parameters]
-    rows.writerow(["held", "squared_misses", "above_least", "limit_95", *names])
+    rows = [["held", "squared_misses", "above_least", "limit_95", *names]]
     for profile in fit.profiles:
         for x, squares in zip(profile.points, profile.squares, strict=True):
             values = [repr(p.value(z)) for p, z in zip(fit.parameters, x, strict=True)]
             sizes = [f"{v:.6g}" for v in (squares, squares - profile.least, profile.limit)]
-            rows.writerow([profile.name, *sizes, *values])
-    return out.getvalue()
+            rows.append([profile.name, *sizes, *values])
+    return csv_text(rows)
 
 
 def draw_profiles(fit: Fit) -> Figure:

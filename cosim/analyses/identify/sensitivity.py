@@ -5,8 +5,6 @@ times the effect of 1 %."""
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +17,7 @@ from cosim.hoods.variation import Side, Variation
 from cosim.json_text import json_text
 from cosim.outcome import Status
 from cosim.results.compare import unit_of, value_of
+from cosim.results.table import csv_text
 
 FORMAT = "cosim sensitivity 1"
 RATIO = "difference.slip_force_N.terminal/difference.slip_force_N.central"
@@ -175,16 +174,16 @@ def bars(result: Sensitivity, quantity: str) -> list[SensitivityBar]:
 
 def to_csv(result: Sensitivity) -> str:
     """A line for each run, the case as it is first; numbers in full; missing numbers empty."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*COLUMNS, *result.base])
     settings = " ".join(result.settings)
-    writer.writerow(["", "", "as it is", settings, "converged", "", *result.base.values()])
+    rows: list[list[Any]] = [
+        [*COLUMNS, *result.base],
+        ["", "", "as it is", settings, "converged", "", *result.base.values()],
+    ]
     for run in result.runs:
         values = [run.values.get(q) for q in result.base]
         head = [run.variation, run.side, run.set_to, " ".join(run.settings), run.status, run.reason]
-        writer.writerow([*head, *values])
-    return text.getvalue()
+        rows.append([*head, *values])
+    return csv_text(rows)
 
 
 def to_json(result: Sensitivity) -> str:

@@ -23,7 +23,7 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
-from cosim.files import output_file
+from cosim.files import write_text
 from cosim.hoods.lumped.build import Sample
 from cosim.models.build import Models, build
 from cosim.outcome import one_line
@@ -192,8 +192,7 @@ def kept_samples(
         walked = next(new)
         states = [{k: np.asarray(v).tolist() for k, v in asdict(s).items()} for s in walked.states]
         kept[name] = {"seconds": walked.seconds, "found": states}
-        with output_file(path) as part:
-            part.write_text(json.dumps({"case": address, "walks": kept}), encoding="utf-8")
+        write_text(path, json.dumps({"case": address, "walks": kept}))
         yield walked
 
 
