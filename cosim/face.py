@@ -30,7 +30,7 @@ from cosim.errors import CosimError, InputError, Progress, quiet, unexpected
 from cosim.files import is_path, path_from
 from cosim.models.build import build
 from cosim.outcome import Outcome
-from cosim.pipeline import run_case, run_cases
+from cosim.pipeline import run_case, run_each
 from cosim.port import AXES, Finger, Hood, Pair, PairState, Tensions
 from cosim.results.compare import as_dict, compare_with_targets, numbers_of, read_targets, unit_of
 from cosim.results.coupled import CoupledResult
@@ -116,12 +116,12 @@ def run_many(
 
     Raises InputError and ConvergenceError."""
     checked, workers = cases_from(cases), whole_number("workers", workers, 1, MOST_WORKERS)
-    outcomes: dict[int, Outcome[Result]] = {}
-    for i, outcome in run_cases(checked, _unchanged, workers):
-        outcomes[i] = outcome
+
+    def tell(done: int, i: int, outcome: Outcome[Result]) -> None:
         words = "" if outcome.error is None else f": {outcome.error}"
-        progress(f"{len(outcomes)} of {len(checked)}: {checked[i].name}{words}")
-    ended = [outcomes[i] for i in range(len(checked))]
+        progress(f"{done} of {len(checked)}: {checked[i].name}{words}")
+
+    ended = run_each(checked, _unchanged, workers, tell)
     for outcome in ended if not keep_errors else ():
         outcome.result()
     results = [outcome.error or outcome.result() for outcome in ended]

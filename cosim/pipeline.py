@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import chain
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, CosimError, Progress, quiet, relay_progress
 from cosim.files import shown_path
+from cosim.json_text import json_text
 from cosim.outcome import Outcome, outcome_of
 from cosim.processes import Memory, one_blas_thread, process_pool
 from cosim.results.motion import observe_motion
@@ -84,6 +87,33 @@ def run_cases(
     run_one = partial(_run_one, then=then, checkpoints=checkpoints)
     with process_pool(max(1, min(workers, len(cases)))) as pool:
         yield from pool.as_completed(pool.with_memory(run_one), batches_of(cases))
+
+
+def run_each(
+    cases: Sequence[Case | Callable[[], Case]],
+    then: Callable[[Result], T],
+    workers: int = 1,
+    ended: Callable[[int, int, Outcome[T]], object] = lambda done, i, outcome: None,
+) -> list[Outcome[T]]:
+    """The outcomes of cases in their order, run as `run_cases` does; one that is first made, and
+    cannot be, is an outcome too.  `ended` is called as each ends: how many have, place and outcome.
+
+    Raises InputError where a process is ended from outside, and what `ended` raises."""
+    made = [outcome_of(c) if callable(c) else Outcome("converged", c) for c in cases]
+    ready = {i: one.value for i, one in enumerate(made) if one.value is not None}
+    faulty = ((i, Outcome[T](o.status, None, o.error)) for i, o in enumerate(made) if o.error)
+    ran = run_cases([*ready.values()], then, workers) if ready else ()
+    outcomes: dict[int, Outcome[T]] = {}
+    for i, outcome in chain(faulty, (([*ready][k], outcome) for k, outcome in ran)):
+        outcomes[i] = outcome
+        ended(len(outcomes), i, outcome)
+    return [outcomes[i] for i in range(len(made))]
+
+
+def plain_summary(result: Result) -> Mapping[str, Any]:
+    """The summary of a run as its file has it."""
+    summary: Mapping[str, Any] = json.loads(json_text(result.summary))
+    return summary
 
 
 def batches_of(cases: Sequence[Case]) -> list[list[tuple[int, Case]]]:

@@ -7,7 +7,6 @@ that edges go by one factor everywhere; orders, limits and indices as of
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,13 +20,12 @@ from cosim.analyses.mesh_series import (
     vector_sizes,
 )
 from cosim.case.schema import Case
-from cosim.errors import CosimError, InputError, Progress, quiet
+from cosim.errors import InputError, Progress, quiet
 from cosim.json_text import json_text
-from cosim.pipeline import run_cases
+from cosim.pipeline import plain_summary, run_each
 from cosim.results.audit import describe_misses
 from cosim.results.compare import number, numbers_of, unit_of, value_of
 from cosim.results.quantities import first_numbers
-from cosim.results.result import Result
 from cosim.results.table import ReportTable, csv_text
 
 MOST_MESHES = 6
@@ -89,14 +87,14 @@ def solve_meshes(
     Raises InputError as `meshes_of`, and the error of the case on its own mesh."""
     cases = meshes_of(case, count)
     names = [f"{each.hood.generated_quads} quads" for each in cases]
-    summaries: dict[int, Summary] = {}
-    errors: dict[int, CosimError] = {}
-    for i, outcome in run_cases(cases, _plain_summary, workers):
-        if outcome.value is not None:
-            summaries[i] = outcome.value
-        elif outcome.error is not None:
-            errors[i] = outcome.error
-        progress(f"{names[i]}: {outcome.reason or 'done'}")
+    outcomes = run_each(
+        cases,
+        plain_summary,
+        workers,
+        lambda _, i, outcome: progress(f"{names[i]}: {outcome.reason or 'done'}"),
+    )
+    summaries = {i: o.value for i, o in enumerate(outcomes) if o.value is not None}
+    errors = {i: o.error for i, o in enumerate(outcomes) if o.error is not None}
     own = cases.index(case)
     if own in errors:
         raise type(errors[own])(f"{case.name}: {errors[own]}") from errors[own]
@@ -108,11 +106,6 @@ def solve_meshes(
         {names[i]: str(error) for i, error in errors.items()},
         {names[i]: list(describe_misses(summary)) for i, summary in summaries.items()},
     )
-
-
-def _plain_summary(result: Result) -> Summary:
-    summary: Summary = json.loads(json_text(result.summary))
-    return summary
 
 
 def _numbers(case: Case, summaries: Sequence[Summary], own: int) -> Iterator[MeshNumber]:

@@ -3,7 +3,7 @@ ladder, their tables and their picture."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,15 +17,14 @@ from cosim.hoods.kind import HoodConfig
 from cosim.hoods.kinds import rungs
 from cosim.json_text import json_text
 from cosim.models.fit import check_fit
-from cosim.outcome import Outcome, outcome_of
-from cosim.pipeline import run_cases
+from cosim.outcome import Outcome
+from cosim.pipeline import plain_summary, run_each
 from cosim.port import AXES
 from cosim.report.templates import template
 from cosim.results.compare import number
 from cosim.results.conventions import vector_of
 from cosim.results.looks import Look, look
 from cosim.results.picture import picture_address
-from cosim.results.result import Result
 from cosim.results.table import Cell, ReportTable
 
 if TYPE_CHECKING:
@@ -69,17 +68,22 @@ class Rung:
         }
 
 
-def solve_rungs(case: Case, workers: int) -> Iterator[Rung]:
-    """The rungs of a case as they end, in so many processes (1: in this one); a hood that does not
-    fit the case or has no equilibrium is one too, with the reason.
+def solve_rungs(
+    case: Case, workers: int, ended: Callable[[Rung], object] = lambda rung: None
+) -> list[Rung]:
+    """The rungs of a case, in so many processes (1: in this one); a hood that does not fit the case
+    or has no equilibrium is one too, with the reason.  `ended` is called with each as it ends.
 
     Raises InputError for a case that is no equilibrium of a finger of ours."""
     _check(case)
-    made = {name: outcome_of(partial(case_on_rung, case, name)) for name in rungs_of(case)}
-    cases = {name: of.value for name, of in made.items() if of.value is not None}
-    yield from (_rung(case, name, of) for name, of in made.items() if name not in cases)
-    for i, outcome in run_cases([*cases.values()], _summary, workers):
-        yield _rung(case, [*cases][i], outcome)
+    names = rungs_of(case)
+    outcomes = run_each(
+        [partial(case_on_rung, case, name) for name in names],
+        plain_summary,
+        workers,
+        lambda _, i, outcome: ended(_rung(case, names[i], outcome)),
+    )
+    return [_rung(case, name, of) for name, of in zip(names, outcomes, strict=True)]
 
 
 def _check(case: Case) -> None:
@@ -110,10 +114,6 @@ def _hood(case: Case, name: str) -> HoodConfig:
     laid: Any = None if stated is None else load_case(stated).hood
     hood: HoodConfig = load_case(RUNGS[name]).hood
     return hood.on_finger(case.finger.kind, laid)
-
-
-def _summary(result: Result) -> Mapping[str, Any]:
-    return result.summary
 
 
 def _rung(case: Case, name: str, outcome: Outcome[Any]) -> Rung:

@@ -44,14 +44,15 @@ def ladder(
     checked = load_case(case, settings or ())
     target = out / checked.name
     check_folder(target, MARK)
-    names, rungs = rungs_of(checked), []
+    names = rungs_of(checked)
     with stages(checked.name, len(names)) as progress:
         progress.say(f"0/{len(names)}, from {names[0]} to {names[-1]}")
-        for rung in solve_rungs(checked, workers):
-            rungs.append(rung)
+
+        def ended(rung: Rung) -> None:
             how = rung.status if rung.status != "converged" else f"{rung.wall:.1f} s"
             progress.end(f"{rung.name}: {how}")
-    rungs.sort(key=lambda rung: names.index(rung.name))
+
+        rungs = solve_rungs(checked, workers, ended)
     with output_folder(target, MARK) as folder:
         _write(folder, rungs, checked.title)
     _show(rungs, checked.title)

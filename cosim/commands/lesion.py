@@ -15,7 +15,7 @@ from cosim.case.schema import Case
 from cosim.commands.options import Settings, Workers, to
 from cosim.commands.terminal import show_table, stages, warn_of_audits
 from cosim.files import check_file, write_text
-from cosim.pipeline import run_cases
+from cosim.pipeline import run_each
 from cosim.report.clinical_signs import sign_sentences
 from cosim.report.lesion_page import (
     RunPair,
@@ -68,19 +68,21 @@ def lesion(
 def _solve_runs(case: Case, out: Path, workers: int) -> list[RunPair]:
     """The four runs, each in its folder.  Raises InputError, ConvergenceError."""
     four = both_sides(case)
-    keys, cases, errors = list(four), list(four.values()), {}
+    cases = list(four.values())
     for one in cases:
         check_target(out, one.name)
     with stages(case.name, len(cases)) as progress:
         progress.say(f"0/{len(cases)} before and after, fingertip free and held")
-        for i, outcome in run_cases(cases, partial(Result.save, folder=out), workers):
-            progress.end(f"{cases[i].title}{'' if outcome.error is None else ': failed'}")
-            if outcome.error is not None:
-                errors[i] = outcome.error
-    if errors:
-        first = min(errors)
-        raise type(errors[first])(f"{cases[first].name}: {errors[first]}") from errors[first]
-    runs = {key: read_run(out / one.name) for key, one in zip(keys, cases, strict=True)}
+        outcomes = run_each(
+            cases,
+            partial(Result.save, folder=out),
+            workers,
+            lambda _, i, of: progress.end(f"{cases[i].title}{': failed' if of.error else ''}"),
+        )
+    for one, outcome in zip(cases, outcomes, strict=True):
+        if outcome.error is not None:
+            raise type(outcome.error)(f"{one.name}: {outcome.error}") from outcome.error
+    runs = {key: read_run(out / one.name) for key, one in four.items()}
     return [RunPair(tip, runs[tip, "before"], runs[tip, "after"]) for tip in TIPS]
 
 

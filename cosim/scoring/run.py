@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from cosim.case.schema import Case
 from cosim.errors import Progress, quiet
-from cosim.json_text import json_text
 from cosim.outcome import Outcome
-from cosim.pipeline import run_cases
+from cosim.pipeline import plain_summary, run_each
 from cosim.results.compare import Comparison, number
-from cosim.results.result import Result
 from cosim.scoring.groups import (
     CADAVER,
     ScoreGroup,
@@ -86,23 +83,20 @@ def judge(
     """The scores of models, whose runs are solved side by side in so many processes.  Without
     `references` no model is ranked."""
     asked = [(i, name, case) for i, m in enumerate(models) for name, case in _trials(m).items()]
+
+    def ended(done: int, *_: object) -> None:
+        if done == len(asked) or done % max(1, len(asked) // TOLD) == 0:
+            progress(f"{done} of {len(asked)} runs")
+
     results: list[dict[str, Outcome[Summary]]] = [{} for _ in models]
-    cases: list[Case] = [case for *_, case in asked]
-    for done, (k, outcome) in enumerate(run_cases(cases, _summary, workers) if cases else (), 1):
-        i, name, _ = asked[k]
+    outcomes = run_each([case for *_, case in asked], plain_summary, workers, ended)
+    for (i, name, _), outcome in zip(asked, outcomes, strict=True):
         results[i][name] = outcome
-        if done == len(cases) or done % max(1, len(cases) // TOLD) == 0:
-            progress(f"{done} of {len(cases)} runs")
     return [_score(m, r, references) for m, r in zip(models, results, strict=True)]
 
 
 def _trials(model: HandModel) -> dict[str, Case]:
     return trials_of(model, score_groups(model.finger))
-
-
-def _summary(result: Result) -> Summary:
-    summary: Summary = json.loads(json_text(result.summary))
-    return summary
 
 
 def _score(

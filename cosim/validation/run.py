@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,9 +13,8 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError, Progress, nearest_names, quiet, span
 from cosim.files import clear_leftovers
-from cosim.json_text import json_text
 from cosim.outcome import Outcome
-from cosim.pipeline import run_cases
+from cosim.pipeline import plain_summary, run_cases
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison, Kind, Target, number, tally, write_json
@@ -209,8 +207,7 @@ def _solve_other(trial: Trial, settings: tuple[str, ...]) -> tuple[str, Outcome[
 
 def _save(result: Result, folder: Path) -> Summary:
     result.save(folder)
-    summary: Summary = json.loads(json_text(result.summary))
-    return summary
+    return plain_summary(result)
 
 
 def folder_name(trial: str) -> str:

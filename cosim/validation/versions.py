@@ -6,16 +6,14 @@ Experiments of several runs, and hoods whose mesh is a file of its own, have no 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, Progress, quiet
-from cosim.json_text import json_text
-from cosim.outcome import Outcome, outcome_of
-from cosim.pipeline import run_cases
+from cosim.outcome import Outcome
+from cosim.pipeline import plain_summary, run_each
 from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison
 from cosim.results.result import Result
@@ -51,20 +49,19 @@ def run_versions(
     """The boards of the groups in each version, by its name.  A run that misses its audit has no
     numbers here.  Raises InputError where a process is ended from outside."""
     trials = {t.name: t for g in groups for t in g.trials if not (t.study or t.published)}
+    places = [(version, name) for version in versions for name in trials]
+
+    def ended(done: int, i: int, outcome: Outcome[Any]) -> None:
+        version, name = places[i]
+        words = f"{name}, {version}: {outcome.reason or 'done'}"
+        progress(f"{done} of {len(places)}: {words}")
+
+    makers = [partial(versions[version], trials[name]) for version, name in places]
     outcomes: dict[str, dict[str, Outcome[Any]]] = {name: {} for name in versions}
-    places, cases = [], []
-    for name, version in versions.items():
-        for trial in trials.values():
-            made = outcome_of(partial(version, trial))
-            if made.value is None:
-                outcomes[name][trial.name] = Outcome(made.status, error=made.error)
-            else:
-                places.append((name, trial.name))
-                cases.append(made.value)
-    for done, (i, outcome) in enumerate(run_cases(cases, audited_summary, workers), 1):
-        name, trial_name = places[i]
-        outcomes[name][trial_name] = outcome
-        progress(f"{done} of {len(cases)}: {trial_name}, {name}: {outcome.reason or 'done'}")
+    for (version, name), outcome in zip(
+        places, run_each(makers, audited_summary, workers, ended), strict=True
+    ):
+        outcomes[version][name] = outcome
     chosen = [with_trials(g, [t for t in g.trials if t.name in trials]) for g in groups]
     kept = [g for g in chosen if g.trials]
     return {name: [board_of(g, of_version) for g in kept] for name, of_version in outcomes.items()}
@@ -74,5 +71,4 @@ def audited_summary(result: Result) -> Mapping[str, Any]:
     """The summary of a run.  Raises ConvergenceError where it misses its audit."""
     if misses := list(describe_misses(result.summary)):
         raise ConvergenceError(f"misses its audit: {'; '.join(misses)}")
-    summary: Mapping[str, Any] = json.loads(json_text(result.summary))
-    return summary
+    return plain_summary(result)

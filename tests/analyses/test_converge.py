@@ -119,7 +119,7 @@ def test_a_mesh_without_a_result_is_named_and_the_own_one_is_needed(monkeypatch)
 
     def solve(*ends) -> MeshStudy:
         outcomes = [outcome_of(partial(end_of, i, end)) for i, end in enumerate(ends)]
-        monkeypatch.setattr(converge, "run_cases", lambda *_: enumerate(outcomes))
+        monkeypatch.setattr("cosim.pipeline.run_cases", lambda *_: enumerate(outcomes))
         return converge.solve_meshes(case, 3)
 
     def end_of(i, end):

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from cosim.analyses.trials.workers import Trial, run_trials
-from cosim.case.file import Settings
+from cosim.analyses.trials.workers import Trial
+from cosim.case.file import Settings, load_case
 from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.variation import Side, Variation
 from cosim.json_text import json_text
 from cosim.outcome import Status
+from cosim.pipeline import plain_summary, run_each
 from cosim.results.compare import unit_of, value_of
 from cosim.results.table import csv_text
 
@@ -113,15 +115,17 @@ def study(
     progress(0, total, "the case as it is")
     every = [settings, *(settings + side.settings for _, _, side in asked)]
     labels = ["the case as it is", *(f"{v.name}, {name}" for v, name, _ in asked)]
-    outcomes: dict[int, Trial] = {}
-    for i, outcome in run_trials(source, every, workers):
-        outcomes[i] = outcome
-        progress(len(outcomes), total, labels[i])
-        if i == 0 and outcome.error is not None:
-            break
-    base = _base(outcomes[0], quantities, also)
-    ended = {(v.name, name): outcomes[i] for i, (v, name, _) in enumerate(asked, 1)}
-    runs = tuple(_run(v, name, side, ended.get((v.name, name)), base) for v, name, side in sides)
+
+    def ended(done: int, i: int, outcome: Trial) -> None:
+        progress(done, total, labels[i])
+        if i == 0:
+            _check(outcome)
+
+    makers = [partial(load_case, source, each) for each in every]
+    outcomes = run_each(makers, plain_summary, workers, ended)
+    base = _base(outcomes[0].result(), quantities, also)
+    trials = {(v.name, name): outcomes[i] for i, (v, name, _) in enumerate(asked, 1)}
+    runs = tuple(_run(v, name, side, trials.get((v.name, name)), base) for v, name, side in sides)
     return Sensitivity(source.stem, settings, base, runs)
 
 
@@ -129,12 +133,17 @@ def _sides(v: Variation) -> tuple[tuple[Variation, End, Side], ...]:
     return (v, "low", v.low), (v, "high", v.high)
 
 
-def _base(first: Trial, quantities: Sequence[str], also: Sequence[str]) -> dict[str, float]:
+def _check(first: Trial) -> None:
+    """Raises InputError or ConvergenceError where the case itself has no answer."""
     if first.status == "refused":
         raise InputError(first.reason)
     if first.status == "failed":
         raise ConvergenceError(f"the case as it is: {first.reason}")
-    summary = first.result()
+
+
+def _base(
+    summary: Mapping[str, Any], quantities: Sequence[str], also: Sequence[str]
+) -> dict[str, float]:
     usual = () if quantities else (*QUANTITIES, *_arms(summary))
     values = {q: value_of(summary, q) for q in (*quantities, *usual, *also)}
     absent = [q for q in (*quantities, *also) if values[q] is None]

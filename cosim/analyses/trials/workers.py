@@ -7,7 +7,7 @@ there are.  Any other case is solved from scratch, in whichever process.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,9 +21,8 @@ from cosim.case.schema import Case
 from cosim.errors import ConvergenceError
 from cosim.models.build import Models
 from cosim.outcome import Outcome, outcome_of
-from cosim.pipeline import run_case, run_cases
+from cosim.pipeline import run_case
 from cosim.processes import ProcessPool, one_blas_thread
-from cosim.results.result import Result
 from cosim.results.static import observe_static
 from cosim.solve.solvers import solve
 from cosim.solve.states import States
@@ -114,24 +113,6 @@ def solve_one(
 def run_trial(source: Path, settings: Settings) -> Trial:
     """The case at `source` with settings on top, solved from scratch."""
     return outcome_of(lambda: run_case(load_case(source, settings)).summary)
-
-
-def run_trials(
-    source: Path, settings: Sequence[Settings], workers: int
-) -> Iterator[tuple[int, Trial]]:
-    """The case at `source` with each of the settings, side by side: place and outcome of each as it
-    ends."""
-    loaded = [outcome_of(partial(load_case, source, each)) for each in settings]
-    cases = [(i, outcome.value) for i, outcome in enumerate(loaded) if outcome.value is not None]
-    for i, outcome in enumerate(loaded):
-        if outcome.error is not None:
-            yield i, Outcome(outcome.status, None, outcome.error)
-    for i, ended in run_cases([case for _, case in cases], _summary, workers):
-        yield cases[i][0], ended
-
-
-def _summary(result: Result) -> Summary:
-    return result.summary
 
 
 def _solve(case: Case, neighbour: SolvedCase | None, arms: bool) -> tuple[Models, States]:
