@@ -49,8 +49,8 @@ def board_words(group: str, board: Mapping[str, Any]) -> str:
 
 
 def uncertainty_words(part: str, known: UncertaintyFile, board: Mapping[str, Any]) -> str:
-    """Of how many numbers of the shipped models a part of the uncertainty is known, and what it
-    says.  Raises InputError for another part."""
+    """How many numbers of the shipped models a part of the uncertainty is known of, and what it
+    says. Raises InputError for another part."""
     rows = [row for row in known.rows if not board["judged"].get(row.group, {}).get("variant")]
     match part:
         case "meshes":

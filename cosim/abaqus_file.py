@@ -60,7 +60,7 @@ MAKERS = {
 }
 """Cards without whose work nodes or elements would lie elsewhere, or be missing."""
 MOST_BYTES = 64 * MB
-"""Of a file, which takes some ten times as much in memory."""
+"""The largest file, which takes some ten times as much in memory."""
 MOST_INCLUDES = 20
 """Files, one within the other."""
 MOST_FILES, MOST_SETS = 1000, 100
@@ -397,7 +397,7 @@ class _Flat:
         self.scopes: dict[str, tuple[_Scope, ...]] = {}
         """By instance its own scope and its part's; "" for what stands in none."""
         self.members: dict[tuple[str, str, str], Ints] = {}
-        """Of each set that was asked for, by kind, instance and name."""
+        """Each set that was asked for, by kind, instance and name."""
 
     def mesh(self) -> Mesh:
         """The mesh of all instances; of parts that none places each as it is."""

@@ -30,7 +30,7 @@ MOST_BYTES = 1_000_000_000
 DIGEST = "digest"
 Kind = Literal["distances", "equilibria", "mesh_errors"]
 FOLDERS: tuple[str, ...] = ("distances", "equilibria", "mesh_errors", "")
-"""Of the kinds; the last is where versions before this one kept distances."""
+"""The folders of the kinds; the last is where versions before this one kept distances."""
 OURS = re.compile(r"[0-9a-f]{64}\.npz|\.[0-9a-f]{40}\.\d+\.[0-9a-f]{8,12}\.part")
 """Names of the files that the cache writes, or a version before wrote; it removes no others."""
 

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 ID = "cosim/Finger-v0"
 OPTIONS = ("posture", "action")
 SLACK = 1e-6
-"""Of a bound's size, by which rounding to single precision may lead beyond it."""
+"""The part of a bound's size by which rounding to single precision may lead beyond it."""
 Observation = dict[str, Any]
 """Arrays (1,) by name."""
 Reward = Callable[[Mapping[str, float], Mapping[str, float]], float]

@@ -66,7 +66,7 @@ class Channel(NamedTuple):
     least: float = -np.inf
     most: float = np.inf
     start: float = 0.0
-    """Of an action: what acts at a reset, unless another is given."""
+    """What acts at a reset, unless another action is given."""
 
 
 @dataclass(frozen=True, eq=False)

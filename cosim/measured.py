@@ -126,7 +126,7 @@ class Source(BaseModel):
     doi: str
     url: str
     licence: str
-    """Of the data, where the source states one."""
+    """The licence of the data, where the source states one."""
     seen: str
     """How much of the source could be read."""
     what: str

@@ -1,6 +1,12 @@
 """One description of a sheet, from which a job, a hood and a proof make the solver's model.
 
 Lengths in m, stresses in Pa; an element's normal is right-handed about its corners.
+
+Fibres may be stretched in the sheet as it is laid out (FEBio's isochoric `in-situ stretch`).  The
+stress-free sheet is then shorter along the fibre by the stretch s, and wider and thicker by its
+square root, so that it has the same volume: laid out, a strip of an incompressible law that is free
+across bears a uniaxial tension at the stretch s.  (Maas et al. 2016, J Mech Behav Biomed Mater
+61:499.)
 """
 
 from __future__ import annotations
@@ -20,11 +26,32 @@ from fe_solver.elements.mitc9 import FROM_VTK
 from fe_solver.elements.shell import shell_tables
 from fe_solver.forces.loads import node_volumes
 from fe_solver.given import fill, integers, numbers, spread
-from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
 from fe_solver.materials.linear import Law
 from fe_solver.materials.section import Patch, Section, join_sections
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.solver.model import ShellModel
+
+
+def in_situ_growth(stretch: Array, isochoric: Array | bool = True) -> Array:
+    """The growth (ne, 2) along and across the fibres (see `shell.shell_tables`) of sheets whose
+    fibres are stretched by `stretch` (ne,); across there is none where it is not `isochoric` (ne,),
+    and the thickness stays (FEBio's F = diag(s, 1, 1))."""
+    return np.stack([1 / stretch, np.where(isochoric, np.sqrt(stretch), 1.0)], axis=1) - 1
+
+
+def stress_free_thickness(laid: Array, stretch: Array) -> Array:
+    """The thickness (ne, ...) m, without stress, of a sheet that is `laid` (ne, ...) thick with
+    fibres stretched by `stretch` (ne,)."""
+    return laid * np.sqrt(stretch).reshape(-1, *[1] * (laid.ndim - 1))
+
+
+def thickness_as_laid(stress_free: Array, growth: Array) -> Array:
+    """The thickness (ne, ...) m, as laid, of a sheet of growth (ne,) along or (ne, 2) along and
+    across: what is wider without stress by a stretch in situ is thicker by as much."""
+    if growth.ndim == 1:
+        return stress_free
+    return stress_free / (1 + growth[:, 1]).reshape(-1, *[1] * (stress_free.ndim - 1))
+
 
 EDGES = {"x0": (0, -1), "x1": (0, 1), "y0": (1, -1), "y1": (1, 1)}
 """Axis and sense of the ends of a sheet."""
@@ -41,7 +68,7 @@ class ShellPart:
     """Its parameters have shape (k, 1) or (k, g) where they differ between the part's k elements
     or their g Gauss points."""
     in_situ_stretch: float = 1.0
-    """Of the fibres, in the sheet as it is laid."""
+    """The stretch of the fibres in the sheet as it is laid."""
     bending: Array = field(default_factory=lambda: np.zeros((3, 3)))
     """(3, 3) Pa, moduli of bending besides the law's own."""
     sliding: bool = False

@@ -61,7 +61,7 @@ class Body:
     free: tuple[bool, ...] = (False,) * 6
     """Which of its displacements along x, y, z and its turns about them equilibrium finds."""
     motions: tuple[tuple[Drive | Given, ...], ...] = ()
-    """Of each step of the job, what gives each of the six; empty where that is the same in all."""
+    """What gives each of the six in each step of the job; empty where that is the same in all."""
 
     def __post_init__(self) -> None:
         fill(

@@ -29,7 +29,7 @@ GLIDE = 2.0
 """mm by which a hood glides distally at most: on the index finger at MCP 90, PIP 105 and DIP 70 deg
 rows lie on the heads 1.6, 0.1 and 0.6 mm further proximal than the arcs reach."""
 SHARE = 0.2
-"""Of the tissue's thickness that a chord's sag may be."""
+"""The part of the tissue's thickness that a chord's sag may be."""
 LEAST_SAG = 0.14
 """mm that a chord's sag may be over any tissue: with rows half as far apart over 0.2 mm on the head
 of the middle phalanx, no slip changes by more than 0.6 % of EDC's tension and no arm by more than

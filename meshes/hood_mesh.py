@@ -63,7 +63,7 @@ SPRINGS = (
 )
 ENDS = ("central", "radial", "ulnar")
 MOST_BYTES = 64 * MB
-"""Of a mesh file, which takes some twenty times as much in memory."""
+"""The largest mesh file, which takes some twenty times as much in memory."""
 LARGEST_NUMBER = 1e6
 """No number of a mesh file is larger."""
 SAME_PLACE = 1e-9

@@ -34,7 +34,7 @@ PLACES = {
 }
 """mm, the station at which a region is severed."""
 LEAST_LEFT = 1e-3
-"""Of a quad's width, that is left beside a cut at least, or the quad is cut whole."""
+"""The part of a quad's width that is left beside a cut at least, or the quad is cut whole."""
 STRAND_OF = {"extensor_tendon_distal": "extensor_tendon"}
 """Strands of a net that are not called as the part that is severed in them."""
 SPRINGS_OF = {

@@ -40,7 +40,7 @@ class JointFrames:
     """The distal phalanx's: the first principal axis of its surface's vertices (measured on the
     STL)."""
     axes: tuple[Direction, Direction, Direction, Direction]
-    """Of the joints, in the order of JOINTS, in the frame of the bone after each."""
+    """The joints' axes, in the order of JOINTS, in the frame of the bone after each."""
 
 
 MYOHAND: Mapping[str, JointFrames] = {

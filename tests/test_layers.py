@@ -133,7 +133,7 @@ PAPERS = ("cases.papers",)
 # A kind of finger or hood is built on a solver.
 ROOMS_OF_SOLVERS = ("cosim.fingers", "cosim.hoods")
 # They ask live hoods behind the port, which have no tables: for their states, and for FEBio.
-LIVE = {"cosim.models.states", "cosim.commands.febio"}
+LIVE = {"cosim.models.motion", "cosim.commands.febio"}
 KNOW_THE_SOLVERS = {
     "cosim.analyses.estimate.joint_motion",
     "cosim.analyses.estimate.markers",
@@ -150,7 +150,6 @@ KNOW_THE_SOLVERS = {
     "cosim.models.build",
     "cosim.models.febio",
     "cosim.models.motion",
-    "cosim.models.states",
     "cosim.commands.febio",
     "cosim.commands.imports",
     "cosim.commands.info",

@@ -18,8 +18,7 @@ from cosim.errors import InputError
 from cosim.number_text import MOST_NUMBER, read_number, read_numbers, read_whole_number
 from cosim.text_tables import read_csv
 from fe_solver.febio.xml import read_xml
-from rigid.opensim.sto import read_sto
-from rigid.opensim.trc import read_trc
+from rigid.opensim.sto import read_sto, read_trc
 
 DECIMAL = re.compile(r"\s*[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?\s*", re.ASCII)
 WRONG = ("1_0", "\u0661\u0662", "nan", "inf", "-Infinity", "1e999", "1e31", "0x10", "1,5e")

@@ -18,7 +18,7 @@ import numpy as np
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.hoods.fe_view import FeView
-from cosim.hoods.injury import apply_lesion_to_mesh
+from cosim.hoods.lesion import apply_lesion_to_mesh
 from cosim.models.build import Models, build, hood_mesh
 from cosim.outcome import one_line
 from cosim.port import STATIC, Array, Response, State

@@ -43,7 +43,7 @@ asked[:, 2] = np.select([moment < 0.5, moment < 1.1], [-0.4, -1.0], -0.4)
 asked[:, 0] = np.where(moment < 0.8, 0.0, -0.3)
 
 Controller = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
-"""Of the number of the step, the force and the tensions: the commands, N."""
+"""The commands, N, by the number of the step, the force and the tensions."""
 
 
 def control(controller: Controller, most: float) -> tuple[np.ndarray, float]:
@@ -63,7 +63,7 @@ def control(controller: Controller, most: float) -> tuple[np.ndarray, float]:
 
 
 def rms(force: np.ndarray) -> float:
-    """Of the vector of what the force lacks, N."""
+    """The root mean square of the vector that the force lacks, N."""
     return float(np.sqrt(((force - asked) ** 2).sum(axis=1).mean()))
 
 

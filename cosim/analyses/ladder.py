@@ -24,7 +24,7 @@ from cosim.report.templates import template
 from cosim.results.compare import number
 from cosim.results.conventions import vector_of
 from cosim.results.looks import Look, look
-from cosim.results.picture import picture_address
+from cosim.results.picture import new_picture, picture_address
 from cosim.results.table import Cell, ReportTable
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Rung:
     wall: float
     """s, models and both equilibria."""
     summary: Mapping[str, Any]
-    """Of the run; empty where there are no numbers."""
+    """The run's; empty where there are no numbers."""
 
     @property
     def slips(self) -> Mapping[str, float]:
@@ -245,11 +245,9 @@ ARMS = tuple(f"arm {EXTENSOR} {joint} mm" for joint in JOINTS)
 
 def draw_ladder(rungs: Sequence[Rung], title: str) -> Figure:
     """A chart of the rungs that have numbers; the case's own is marked by a star."""
-    from matplotlib.figure import Figure
-
     shown = [rung for rung in rungs if rung.status == "converged"]
     looks = {rung.name: look(i) for i, rung in enumerate(rungs)}
-    figure = Figure(figsize=(13, 4.6), layout="constrained")
+    figure = new_picture(13, 4.6)
     force, slips, arms = figure.subplots(1, 3)
     _vectors(force, shown, looks)
     _bars(slips, shown, looks, SLIPS, "force of the loaded slips, N")

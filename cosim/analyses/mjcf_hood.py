@@ -41,7 +41,7 @@ MOST_LOAD, USUAL_LOAD = 0.5, 20.0
 """Loads where the hood states none: of a muscle's greatest force; N where that is not stated."""
 REDUCTION_ERRORS = "Error, relative to the hood that it was reduced from"
 BEARS = 0.01
-"""Of a state's greatest tension: a slip that bears less counts as slack."""
+"""A slip that bears less of a state's greatest tension counts as slack."""
 
 
 NOTE = "cosim_hood_"

@@ -14,6 +14,7 @@ from cosim.measured import RANGE, measured_of_kind
 from cosim.models.build import Models
 from cosim.port import STATIC, Array, Load, Motion, State
 from cosim.results.looks import Look, look
+from cosim.results.picture import new_picture
 from cosim.tendons.friction import without_friction
 
 if TYPE_CHECKING:
@@ -193,13 +194,12 @@ def draw(
     `known` (as of `published_arms`) a dotted line where the source averages over the flexion,
     and a point where its other joints stand as in `posture` (rad), in which the sweep leaves
     them."""
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     joints = list(dict.fromkeys(table.joint))
     tendons = list(dict.fromkeys(table.tendon))
     looks = {tendon: look(i) for i, tendon in enumerate(tendons)}
-    figure = Figure(figsize=(max(6.0, 4.2 * len(joints)), 4.6), layout="constrained")
+    figure = new_picture(max(6.0, 4.2 * len(joints)), 4.6)
     panels = figure.subplots(1, len(joints), squeeze=False).ravel()
     for axes, joint in zip(panels, joints, strict=True):
         of_joint = table[table.joint == joint]

@@ -63,7 +63,7 @@ def _kept(region: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 ALL = "all"
-"""Of `hood.regions`: what every region has that does not say otherwise."""
+"""The key of `hood.regions` for what every region has that does not say otherwise."""
 
 
 def add_layer(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

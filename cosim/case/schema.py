@@ -77,7 +77,7 @@ class CouplingConfig(Table):
     accelerator: Literal["constant", "aitken", "iqn_ils"] = "aitken"
     """Relaxation of the fixed point, with scheme = "implicit"."""
     tolerance: Annotated[float, quantity(units.ANGLE, above="0 deg", most="1 deg")] = 1e-9
-    """Of the joint angles, in the iterated schemes."""
+    """The tolerance of the joint angles, in the iterated schemes."""
     one_way: OneWayConfig = OneWayConfig()
     """What the hood hands over, with scheme = "one_way"."""
     allow_double_counting: Switch = False

@@ -25,8 +25,7 @@ from fe_solver.hood.as_job import job_of_hood, mirrored
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions, move_to_mid_surface
-from fe_solver.job.reactions import reactions
-from fe_solver.job.results import SUMMARY, body_motions, farthest, write_job
+from fe_solver.job.results import SUMMARY, body_motions, farthest, reactions, write_job
 from fe_solver.job.solve import JobResult, JobState, solve_job, spread_times
 from fe_solver.q4ans.model import obstacles
 from fe_solver.q4ans.solve import alternatives, solve_solid

@@ -15,9 +15,15 @@ from cosim.analyses.identify.cases import FitCase, fit_cases, stated_cases
 from cosim.analyses.identify.fit import Fit, confidence, fit_all, identifiability, interval, miss
 from cosim.analyses.identify.information import Information
 from cosim.analyses.identify.profile_plot import draw_profiles, profile_interval, profiles_csv
-from cosim.analyses.identify.sensitivity import Sensitivity, bars, study, to_csv, to_json
+from cosim.analyses.identify.sensitivity import (
+    Sensitivity,
+    bars,
+    study,
+    to_csv,
+    to_json,
+    variations,
+)
 from cosim.analyses.identify.tornado import draw_tornado
-from cosim.analyses.identify.variations import variations
 from cosim.case.file import base_name, load_case
 from cosim.commands.options import Settings, Workers, to
 from cosim.commands.terminal import print_table, say, stages

@@ -14,19 +14,31 @@ from cosim.commands.terminal import console, print_table, say, show_table, warn_
 from cosim.commands.validate_curves import validate_curves
 from cosim.errors import InputError
 from cosim.files import check_file
-from cosim.validation.against import differences, read_rows
-from cosim.validation.forms import form_values, form_versions
-from cosim.validation.inputs import input_spreads, input_versions, read_inputs
 from cosim.validation.mesh import USUAL, finenesses, mesh_series, mesh_versions, tally
 from cosim.validation.page import IN_TERMINAL, mesh_table, rows_of, write_page
 from cosim.validation.records import write_record
 from cosim.validation.run import Board, by_kind, choose_groups, run_validation
-from cosim.validation.scoreboard import JudgedBoard, join_uncertainty, write_scoreboard
+from cosim.validation.scoreboard import (
+    JudgedBoard,
+    differences,
+    join_uncertainty,
+    read_rows,
+    write_scoreboard,
+)
 from cosim.validation.sweeps import read_sweeps
 from cosim.validation.trial import TrialGroup
 from cosim.validation.uncertainty import FILE, UncertaintyFile, read_committed, sentence
 from cosim.validation.uncertainty import update as update_uncertainty
-from cosim.validation.versions import Key, Version, run_versions
+from cosim.validation.versions import (
+    Key,
+    Version,
+    form_values,
+    form_versions,
+    input_spreads,
+    input_versions,
+    read_inputs,
+    run_versions,
+)
 
 PLACE = Path("cases/scoreboard.json")
 """Where the committed scoreboard is, of a checkout; the uncertainties are beside it."""

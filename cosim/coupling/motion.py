@@ -48,7 +48,7 @@ class TendonDrive(Protocol):
         ...
 
     def motor_signals(self, state: State, time: float) -> Array:
-        """Of each motor (nm, 2) how far it has drawn its tendon's end, m, and its torque, N m."""
+        """How far each motor has drawn its tendon's end, m, and its torque, N m, (nm, 2)."""
         ...
 
 

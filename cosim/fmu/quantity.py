@@ -28,7 +28,7 @@ XYZ = ("x", "y", "z")
 TWIST = ("x", "y", "z", "rx", "ry", "rz")
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 MIRRORED = np.concatenate([mirror(np.ones(3)), mirror_axial(np.ones(3))])
-"""Of twists and wrenches."""
+"""The signs of twists and wrenches."""
 UNITS: Mapping[str, Mapping[str, int]] = {
     "m": {"m": 1},
     "rad": {"rad": 1},
@@ -96,7 +96,7 @@ class Quantity:
         return out
 
     def others(self, template: str, names: Iterable[str]) -> list[str]:
-        """Of some names those that fit the template with another body, source or tendon."""
+        """The names that fit the template with another body, source or tendon."""
         every = set(self.entries(template))
         pieces = list(Formatter().parse(template))
         found = set[str]()

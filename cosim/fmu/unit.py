@@ -17,11 +17,10 @@ import numpy as np
 from cosim.coupling.state_arrays import Arrays, Special
 from cosim.errors import ConvergenceError, CosimError, InputError
 from cosim.files import temporary_folder
-from cosim.fmu.archive import UnpackedFmu, unpack_fmu
+from cosim.fmu.archive import UnpackedFmu, check_if_ours, unpack_fmu
 from cosim.fmu.instance import Instance, LibraryFacts
 from cosim.fmu.mapping import VariablePlace
 from cosim.fmu.table import APART, Loading
-from cosim.fmu.unit_format import check_if_ours
 from cosim.foreign_process import ForeignError, ForeignProcess
 from cosim.port import Array
 
@@ -348,7 +347,7 @@ def _free_apart(
 
 
 _NUMBERS = count()
-"""Of the instances in processes of their own."""
+"""The numbers of instances in processes of their own."""
 _SHARED: list[ForeignProcess] = []
 """The last process of the units that this program wrote."""
 

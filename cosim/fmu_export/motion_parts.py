@@ -32,8 +32,7 @@ from cosim.fmu_export.part import (
     motion_of_input,
     poses,
 )
-from cosim.models.motion import MovingModels, moving_models
-from cosim.models.states import special_states
+from cosim.models.motion import MovingModels, moving_models, special_states
 from cosim.port import AffineLoad, Array, State
 
 LONGER_STEP = 1e-9

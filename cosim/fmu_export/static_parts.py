@@ -35,7 +35,7 @@ from cosim.fmu_export.part import (
     poses,
 )
 from cosim.models.build import Models, tensions
-from cosim.models.states import special_states
+from cosim.models.motion import special_states
 from cosim.port import STATIC, Array, Hood, Load, PairState, Response, State, Tensions
 
 

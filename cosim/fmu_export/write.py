@@ -24,7 +24,7 @@ from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.extras import require
 from cosim.files import output_file
-from cosim.fmu.unit_format import ABOUT, LOADED, SCRIPT
+from cosim.fmu.archive import ABOUT, LOADED, SCRIPT
 from cosim.fmu_export.run import CASE
 from cosim.version import FMU_FORMAT, __version__
 

@@ -186,7 +186,7 @@ def adhesions(
     out = []
     for part in lesion.adhere if lesion else ():
         nodes = _nodes(hood, part)
-        beneath = _bone_beneath(hood.station[nodes])
+        beneath = np.searchsorted([0.0, PIP, DIP], hood.station[nodes], side="right")
         for i in np.unique(beneath):
             body, on_bone = rest.bodies[i], nodes[beneath == i]
             local = (points[on_bone] - rest.position[i]) @ rest.rotation[i]
@@ -196,12 +196,6 @@ def adhesions(
             name = f"adhesion_{part}_{body}"
             out.append(_attach(name, held, SpringLaw(stiffness), points, rest))
     return out
-
-
-def _bone_beneath(station: Array) -> np.ndarray:
-    """The index (n,) of the bone that a place (mm along the finger) lies over, from joint to
-    joint."""
-    return np.searchsorted([0.0, PIP, DIP], station, side="right")
 
 
 def _nodes(hood: HoodMesh | CableNet, part: str) -> np.ndarray:

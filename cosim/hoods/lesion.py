@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial, reduce
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -11,6 +13,9 @@ from cosim.errors import first_twice
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Table
+from meshes.cable_net import CableNet
+from meshes.hood_mesh import HoodMesh
+from meshes.severed import cut_net, cut_part, cut_part_of
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 LengthChange = Annotated[float, quantity(units.LENGTH, above="0 mm", most="5 mm")]
@@ -89,3 +94,28 @@ class LesionConfig(Table):
     def length_changes(self) -> dict[str, float]:
         """How much longer (m) each part is than the case says; negative where it is shorter."""
         return {name: -less for name, less in self.shorten.items()} | self.lengthen
+
+
+def apply_lesion_to_mesh(mesh: HoodMesh, lesion: LesionConfig | None) -> HoodMesh:
+    """The mesh with all cuts made.  Raises InputError."""
+    if lesion is None:
+        return mesh
+    partly = (partial(cut_part_of, part=part, share=s) for part, s in lesion.cut_partly.items())
+    whole = (partial(cut_part, part=part) for part in lesion.cut)
+    cut = reduce(lambda left, make: make(left), (*partly, *whole), mesh)
+    return replace(cut, whole=mesh)
+
+
+def apply_lesion_to_net(net: CableNet, lesion: LesionConfig | None) -> CableNet:
+    """The net with all cuts made.  Raises InputError."""
+    if lesion is None:
+        return net
+    return replace(reduce(cut_net, lesion.cut, net), whole=net)
+
+
+def longer(extra: Mapping[str, float], lesion: LesionConfig | None) -> dict[str, float]:
+    """How much longer (m) than laid each part is, with what a lesion adds to it or takes."""
+    out = dict(extra)
+    for name, more in (lesion.length_changes() if lesion else {}).items():
+        out[name] = out.get(name, 0.0) + more
+    return out

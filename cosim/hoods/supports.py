@@ -115,7 +115,7 @@ class SpringConfig(Table):
     """Stiffness of the whole set, N/m, and the stretch before it acts, m."""
 
     stiffness: Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e7 N/mm")]
-    """Of the whole set."""
+    """The stiffness of the whole set."""
     slack: Annotated[float, quantity(units.LENGTH, least="0 mm", most="20 mm")]
     """Stretch before it acts."""
     toe: Annotated[float, quantity(units.LENGTH, least="0 mm", most="20 mm")] = 0.0

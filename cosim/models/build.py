@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from cosim.case.schema import Case
+from cosim.case.schema import Case, CouplingConfig
+from cosim.coupling.accelerators import Accelerator, Aitken, ConstantRelaxation, QuasiNewton
+from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, Scheme
 from cosim.errors import InputError
 from cosim.fingers.kinds import anatomy_of, bones_of, live_finger, mjcf, unit
 from cosim.hoods.kind import BuiltHood, Site, Slips
@@ -223,3 +225,24 @@ def mjcf_of(case: Case, hood: HoodParts | None = None) -> str:
     ]
     resting = case.solve.resting_tension
     return mjcf(case.native_finger(), case.hood.left_to_finger, resting, lost, hood)
+
+
+def scheme_of(coupling: CouplingConfig) -> Scheme:
+    """The scheme of a motion in time that a case states."""
+    if coupling.scheme == "implicit":
+        return Implicit(accelerator_of(coupling), coupling.tolerance)
+    if coupling.scheme == "newton":
+        return Newton(coupling.tolerance)
+    if coupling.scheme == "linear":
+        return Linear()
+    return Explicit(parallel=coupling.scheme == "jacobi")
+
+
+def accelerator_of(coupling: CouplingConfig) -> Accelerator:
+    """The accelerator of the scheme "implicit" that a case states."""
+    accelerators: dict[str, Accelerator] = {
+        "constant": ConstantRelaxation(),
+        "aitken": Aitken(),
+        "iqn_ils": QuasiNewton(),
+    }
+    return accelerators[coupling.accelerator]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -14,21 +14,20 @@ from cosim.coupling.excursion import PrescribedExcursions
 from cosim.coupling.motion import CoupledMotion, RecordedFinger
 from cosim.coupling.schemes import Alone
 from cosim.coupling.state import CoupledState
+from cosim.coupling.state_arrays import Special
 from cosim.errors import InputError
 from cosim.fingers.common import CageTipConfig, ShellTipConfig
 from cosim.fingers.kinds import joint_ranges, unit
 from cosim.hoods.kind import Slips
 from cosim.hoods.view import HoodView
-from cosim.models.build import build, build_hood, site_of
+from cosim.models.build import build, build_hood, scheme_of, site_of
 from cosim.models.fit import check_tendons
-from cosim.models.scheme import scheme_of
 from cosim.port import Array, Hood, Motion, State, Triangles
 from cosim.tendons.air import cylinders, initial_air, step_cylinders
-from cosim.tendons.elastic import stretch_of
 from cosim.tendons.motor import MotorState, motors
 from cosim.tendons.muscles import fibres
 from cosim.tendons.signals import factor_of
-from cosim.tendons.table import TendonConfig
+from cosim.tendons.table import TendonConfig, stretch_of
 
 if TYPE_CHECKING:
     from rigid.air.plant import AirState
@@ -56,7 +55,7 @@ class MovingModels:
     lines: Callable[[Motion], Mapping[str, Array]]
     view: Callable[[State], HoodView] | None
     point_names: tuple[str, ...] = ()
-    """Of the points of the user's on the hood."""
+    """The names of the user's points on the hood."""
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """rad by joint, the ranges of motion; none of a finger in an FMU."""
     slips_of: Callable[[State], Slips] | None = None
@@ -274,7 +273,7 @@ class CaseTendonDrive:
         return out
 
     def motor_signals(self, state: State, time: float) -> Array:
-        """Of each motor (nm, 2) how far it has drawn its tendon's end, m, and its torque, N m."""
+        """How far each motor has drawn its tendon's end, m, and its torque, N m, (nm, 2)."""
         if self._motors is None:
             return np.zeros((0, 2))
         return self._motors.signals(state.motors, time)
@@ -338,3 +337,29 @@ class CaseTendonDrive:
                 strict=True,
             )
         }
+
+
+def special_states(hood: Hood, finger: RecordedFinger | None = None) -> Special:
+    """How the states that hold more than arrays are written: a shell hood's is its shape, from
+    which its tangent is made anew; an FMU's is what it writes itself.
+
+    Raises InputError for a hood or a unit whose states cannot be."""
+    from cosim.fmu.finger import FmuMovingFinger
+    from cosim.fmu.hood import FmuHood
+    from cosim.fmu.unit import state_serialisers
+    from fe_solver.hood.shell_hood import HoodState, ShellHood
+
+    units = [part.unit for part in (hood, finger) if isinstance(part, FmuHood | FmuMovingFinger)]
+    kept = state_serialisers(units) if units else {}
+    if not isinstance(hood, ShellHood):
+        return kept
+    if hood.augment is not None:
+        raise InputError(
+            "forward.checkpoint: a hood whose contact is augmented (hood.contact.penetration or "
+            "friction) has no checkpoints; leave one of the two out"
+        )
+
+    def read(template: HoodState, arrays: dict[str, Any]) -> HoodState:
+        return hood.from_arrays(arrays)
+
+    return {**kept, HoodState: (hood.to_arrays, read)}

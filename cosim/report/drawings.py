@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.report.figures import new_picture, style_axes
-from cosim.report.packing import packed_picture
+from cosim.report.templates import packed_picture
 from cosim.results.compare import Comparison, ForceVector, force_vectors, value_of
 from cosim.results.looks import look
 from cosim.results.picture import as_png

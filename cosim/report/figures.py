@@ -15,7 +15,7 @@ import pandas as pd
 from cosim.errors import InputError, Progress
 from cosim.files import output_folder
 from cosim.report.templates import template
-from cosim.results.picture import as_png, data_address, picture_address
+from cosim.results.picture import as_png, data_address, new_picture, picture_address
 from cosim.results.table import Cell, ReportTable
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ DPI = 150
 MOST_ROWS, MOST_COLUMNS = 16, 8
 """A table that is no larger is shown on the page too."""
 HEADROOM = 0.06
-"""Of a line chart's range, above and below its lines."""
+"""The part of a line chart's range that is left above and below its lines."""
 
 
 @dataclass(frozen=True)
@@ -179,13 +179,6 @@ def _page(
         command=page.command + ("" if whole else "".join(f" --only {s.name}" for s in studies)),
         left_out=[s for s in page.studies if s not in studies],
     )
-
-
-def new_picture(width: float = 7.0, height: float = 4.5) -> Picture:
-    """An empty picture of this size in inches."""
-    from matplotlib.figure import Figure as Blank
-
-    return Blank(figsize=(width, height), layout="constrained")
 
 
 def style_axes(axes: Axes, x: str, y: str) -> None:

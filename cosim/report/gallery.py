@@ -35,7 +35,7 @@ class Cell:
     """A part of a script between two lines that begin with `# %%`."""
 
     name: str
-    """Of the files that are written of what it shows, without an ending; "" for one that shows
+    """The name of the files that are written of what it shows, without an ending; "" where it shows
     nothing."""
     is_text: bool
     source: str

@@ -11,13 +11,13 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.fingers.kinds import live_finger
 from cosim.port import Array
-from cosim.report.packing import floats
+from cosim.report.templates import floats
 from cosim.report.views import View, slip_forces
 from cosim.results.conventions import source_words
 from cosim.results.result import Result
 
 MOST_MOMENTS = 400
-"""Of a curve, evenly spread."""
+"""Moments of a curve, evenly spread."""
 LEAST_CURVE = 1e-6
 """N, N mm or mm, below which a curve is none."""
 STRAIN_FIELD = "along"

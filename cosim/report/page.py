@@ -11,9 +11,8 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.report import drawings, words
 from cosim.report.histories import pack_charts
-from cosim.report.packing import packed, packed_json, packed_picture
 from cosim.report.tables import last_ledger, last_state
-from cosim.report.templates import report_file, template
+from cosim.report.templates import packed, packed_json, packed_picture, report_file, template
 from cosim.report.views import View, difference_view, limits, pack_views, view_of
 from cosim.results.compare import VERDICT_SHAPES, number
 from cosim.results.conventions import source_words

@@ -15,9 +15,9 @@ from cosim.hoods.lesion import SLIPS
 from cosim.hoods.shell.gauges import place_gauges
 from cosim.hoods.view import HoodField
 from cosim.port import Array, Hand, mirror
-from cosim.report.dots import dots_in_words
 from cosim.report.flat import flatten_sheet
-from cosim.report.packing import floats, integers
+from cosim.report.tables import dots_in_words
+from cosim.report.templates import floats, integers
 from cosim.results.arrays import Arrays
 from cosim.results.frames import Frame
 from cosim.results.looks import FORCE, INKS, RESTING_TENDON, TENDON, colour_limits, colour_map

@@ -97,8 +97,8 @@ class Arrays:
     def of(
         cls, variables: Mapping[str, Any], coordinates: Mapping[str, Any], **attributes: str
     ) -> Arrays:
-        """Of tuples (dims, values, attributes), where the last may lack; a coordinate may be the
-        values along the dimension of its name."""
+        """Make arrays of tuples (dims, values, attributes), where the last may lack; a coordinate
+        may be the values along the dimension of its name."""
 
         def whole(name: str, given: Any) -> Variable:
             if type(given) is not tuple:

@@ -85,7 +85,7 @@ BOUNDS = {
 """By the figure's name in the summary: in its audit, or beside it."""
 POSTURE, AT_REST, LITTLE_DAMPING = "posture_in_range", "at_rest", "little_numerical_damping"
 MOST_DAMPING = 0.05
-"""Of the tendons' work that the method itself may take from a motion whose path is the result."""
+"""What the method itself may take of the tendons' work in a motion whose path is the result."""
 ADVICE = {
     POSTURE: "a joint stands far beyond its range of motion; hold the fingertip, or pull with less",
     AT_REST: "the finger still moves at the end (last_rate_rad_per_s, last_force_change_N); write "

@@ -27,7 +27,7 @@ WIDTH, WIDTHS = 800, (200, 2400)
 STATE, HOLD = 1.5, 1.0
 """s that a state at rest is shown, and the last picture of a motion longer than the others."""
 COLOURS = 256
-"""Of a gif."""
+"""Colours of a gif."""
 
 
 @dataclass(frozen=True)

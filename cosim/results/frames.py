@@ -18,7 +18,7 @@ from cosim.results.arrays import Arrays
 from cosim.results.strokes import carry
 
 MOST_FRAMES = 51
-"""Of a motion that stored no shapes of its hood."""
+"""Frames of a motion that stored no shapes of its hood."""
 DATA_SET = re.compile(r'<DataSet timestep="([^"]+)" part="0" file="(hood_frames/\d+\.vtu)"/>')
 """A line of hood.pvd, as the program writes it."""
 

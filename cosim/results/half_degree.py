@@ -22,7 +22,7 @@ from cosim.fingers.chain import joint_torques
 from cosim.models.build import Models, case_finger
 from cosim.port import STATIC, Motion, OpenFinger
 from cosim.results.conventions import by_axis
-from cosim.solve.states import States
+from cosim.solve.static import States
 
 HALF = np.deg2rad(0.5)
 DIFFERENCE_STEP = 1e-5

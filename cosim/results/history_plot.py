@@ -11,6 +11,7 @@ import numpy as np
 from cosim.port import Array
 from cosim.results.conventions import joint_words
 from cosim.results.looks import look
+from cosim.results.picture import new_picture
 
 if TYPE_CHECKING:
     import xarray
@@ -32,11 +33,9 @@ def draw_history(data: xarray.Dataset, title: str) -> Figure:
     that are pulled and the forces of the slips, N; of pneumatic cylinders command and pressure; of
     motors how far they have wound; of tendons with friction the energy lost and, last, the tensions
     against the shortening of their paths."""
-    from matplotlib.figure import Figure
-
     panels, loops = list(_panels(data)), _loops(data)
     heights = [1.0] * len(panels) + [1.6] * bool(loops)
-    figure = Figure(figsize=(8.5, 0.9 + 2.3 * sum(heights)), layout="constrained")
+    figure = new_picture(8.5, 0.9 + 2.3 * sum(heights))
     every = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
     if loops:
         _draw_loops(every[-1], loops)
@@ -94,7 +93,7 @@ def _panels(data: xarray.Dataset) -> Iterator[tuple[str, Curves, Callable[[Any],
 
 
 def _loops(data: xarray.Dataset) -> dict[str, tuple[Array, Array, Array]]:
-    """Of each tendon with friction how far its path has shortened, mm, and its tension at the
+    """How far the path of each tendon with friction has shortened, mm, and its tension at the
     muscle and at the insertion, N."""
     if "insertion_tension" not in data:
         return {}

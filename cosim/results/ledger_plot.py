@@ -15,6 +15,7 @@ from cosim.port import AXES, Array
 from cosim.results.conventions import source_words
 from cosim.results.looks import BONE, Look, look
 from cosim.results.parts import LedgerRow, Scene
+from cosim.results.picture import new_picture
 from cosim.results.scene_plot import VIEWS
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ ARROW = 0.45
 POINTS = 8
 """Along the edges of a bone's triangles, of which a few of a capsule run along all of it."""
 NEAR_LINE = 0.03
-"""Of that side: points of the bone so near to a line of action are on it."""
+"""The part of that side within which points of the bone are on a line of action."""
 SQUARE = 2.1
 """Inches, the sides of the polygon of forces."""
 SIDE = VIEWS[0]
@@ -273,8 +274,6 @@ def _number(value: float) -> str:
 def _over_time(rows: Sequence[LedgerRow], title: str) -> Figure:
     """A panel for each body: the size of the force of each source, N, against time.  A source that
     nowhere reaches TELLING of the largest force is left out."""
-    from matplotlib.figure import Figure
-
     sized = [(row, float(np.linalg.norm(row.force))) for row in rows]
     largest: dict[str, float] = {}
     for row, size in sized:
@@ -287,7 +286,7 @@ def _over_time(rows: Sequence[LedgerRow], title: str) -> Figure:
     looks = {source: look(i) for i, source in enumerate(sources)}
     columns = min(2, max(len(bodies), 1))
     down = -(-len(bodies) // columns)
-    figure = Figure(figsize=(4.2 * columns + 2.6, 2.6 * down + 0.6), layout="constrained")
+    figure = new_picture(4.2 * columns + 2.6, 2.6 * down + 0.6)
     panels = figure.subplots(down, columns, sharex=True, sharey=True, squeeze=False)
     for axes, body in zip(panels.ravel(), bodies, strict=False):
         of_body = {(r.state, r.source): size for r, size in sized if r.body == body}

@@ -51,7 +51,7 @@ class Scene:
     gauges: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     """The two points between which each gauge lies."""
     hand: Hand = "right"
-    """Of the left one pictures and files show the mirror image."""
+    """Pictures and files of the left one show the mirror image."""
 
     def in_own_frame(self) -> Scene:
         """Return the scene as it is to be shown in space: of a left hand its mirror image."""

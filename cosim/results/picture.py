@@ -50,6 +50,13 @@ def show_in_notebooks() -> None:
         formatter.for_type(Figure, partial(as_png, dpi=100))
 
 
+def new_picture(width: float = 7.0, height: float = 4.5) -> Figure:
+    """An empty picture of this size in inches."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
 def as_plain_text(figure: Figure) -> Figure:
     """Return the figure with its texts as they stand: a `$` of a title begins no formula, and the
     numbers on logarithmic axes are none."""

@@ -170,8 +170,9 @@ def _summary(path: Path) -> Mapping[str, Any]:
 
 
 def _check_digest(path: Path, key: str) -> None:
-    """Of a spoilt file HDF5 may read other numbers, or never end.  Raises ValueError where its
-    bytes are not those whose digest the summary beside it holds under `key`, and InputError."""
+    """Check a file's digest: of a spoilt one HDF5 may read other numbers, or never end.  Raises
+    ValueError where its bytes are not those whose digest the summary beside it holds under `key`,
+    and InputError."""
     summary = path.with_name("summary.json")
     content = read_json_file(summary) if summary.is_file() else None
     stated = content.get(key) if isinstance(content, dict) else None

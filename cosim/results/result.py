@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from html import escape
 from math import nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from cosim.case.file import case_of, load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError, unexpected
 from cosim.extras import require
 from cosim.files import output_file, path_from
+from cosim.results.answer import answer, doubts, trust
 from cosim.results.audit import Audit
 from cosim.results.compare import Comparison, numbers_of, unit_of
 from cosim.results.conventions import COMPONENTS, by_axis
 from cosim.results.film import FPS, WIDTH, Film, film_of
 from cosim.results.frames import Frame, frames_of, read_shapes
 from cosim.results.history_plot import draw_history
-from cosim.results.html import html_of
 from cosim.results.ledger_plot import draw_ledger
 from cosim.results.parts import CaseParts, Scene
 from cosim.results.picture import (
     as_plain_text,
     as_png,
+    data_address,
     load_matplotlib,
     show_in_notebooks,
     write_figure,
@@ -35,6 +37,8 @@ from cosim.results.quantities import meaning_of
 from cosim.results.scene import scenes_of
 from cosim.results.scene_plot import VIEWS, Stage, draw, stage_of
 from cosim.results.scene_view import plotter_of
+from cosim.results.summary_tables import rows_of
+from cosim.results.table import ReportTable
 from cosim.results.write import copy_run, write_run
 from cosim.schema.fields import is_number
 
@@ -42,6 +46,7 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
     from pyvista import Plotter
+
 
 Plot = Literal["scene", "ledger", "history"]
 View = Literal["both", "radial", "dorsal"]
@@ -182,7 +187,10 @@ class Result(CaseParts):
         stage = self._stage(kind, width_mm, view, hood_only, beside)
         figure = as_plain_text(self._figure(kind, stage, hood_only))
         if path is not None:
-            known, ending = figure.canvas.get_supported_filetypes(), _file_format(path)
+            known, ending = (
+                figure.canvas.get_supported_filetypes(),
+                Path(path).suffix.removeprefix(".").lower() or "png",
+            )
             if ending not in known:
                 raise InputError(
                     f"{path}: a figure is not written as {ending!r}; {', '.join(known)} are known"
@@ -359,5 +367,16 @@ class Result(CaseParts):
         return f"<Result of {self.case}: fingertip force {force} N; {self.audit}>"
 
 
-def _file_format(path: str | Path) -> str:
-    return Path(path).suffix.removeprefix(".").lower() or "png"
+def html_of(title: str, summary: Mapping[str, Any], png: bytes) -> str:
+    """The title, the answer with its doubts and warnings, the tables of the terminal and the
+    picture."""
+    said = " ".join([*answer(summary), trust(summary)])
+    parts = [f"<h4>{escape(title)}</h4><p>{escape(said)}</p>"]
+    for doubt in (*doubts(summary), *summary.get("warnings", ())):
+        parts.append(f"<p><b>▲ {escape(doubt)}</b></p>")
+    for header, rows in rows_of(summary):
+        parts.append(ReportTable("", "", header, rows).html(""))
+    alt = escape(title, quote=True)
+    return "\n".join(
+        [*parts, f'<img alt="{alt}" src="{data_address(png)}" style="max-width:100%">']
+    )

@@ -52,13 +52,13 @@ LETTER, LINE = 0.085, 0.19
 ENTRY, TITLE_LETTER, TITLE_LINE = 3.0, 0.098, 0.2
 """Inches: the width of an entry of the legend, of a letter of the title, and a line of it."""
 COLUMNS, MOST_NAMES = 3, 8
-"""Of the legend, and of points with names: of more the dots alone are drawn."""
+"""Columns of the legend, and points with names: of more the dots alone are drawn."""
 SMALL_TEXT = 9
 GAUGE = "#000000"
 BONE_LINE = "bones"
 """The name of the line through the bodies of a finger in an FMU."""
 BEYOND = 1.25
-"""Of the way from a joint to the middle of its bone: where the bone's name stands."""
+"""Where a bone's name stands, as a part of the way from its joint to its middle."""
 PROXIMAL = 1e-3
 """m, of a hood's proximal end: where its tendons are said to pull on it."""
 

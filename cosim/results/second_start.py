@@ -15,7 +15,7 @@ from cosim.port import Array
 from cosim.results.audit import BOUNDS
 from cosim.results.compare import numbers_of, unit_of
 from cosim.results.conventions import by_axis
-from cosim.solve.states import States
+from cosim.solve.static import States
 
 MOST_NAMED = 5
 LITTLE = 0.01

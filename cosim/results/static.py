@@ -28,7 +28,7 @@ from cosim.results.result import Result
 from cosim.results.scene import scene, with_measures
 from cosim.results.second_start import second_start_block, second_start_differences
 from cosim.results.tip_reach import tip_force_over_reach
-from cosim.solve.states import States
+from cosim.solve.static import States
 from cosim.tendons.friction import beyond_guides
 from cosim.version import __version__
 from meshes.skeleton import BODIES
@@ -143,8 +143,8 @@ def summary(
 
 
 def _friction(case: Case, models: Models, states: States) -> dict[str, Any]:
-    """Of tendons with friction how they turn and what is left at their insertions; and what there
-    is with all of them loading, and all unloading."""
+    """How tendons with friction turn and what is left at their insertions; and what there is with
+    all of them loading, and all unloading."""
     if not (rubbing := case.rubbing_tendons()):
         return {}
     e = states.loaded

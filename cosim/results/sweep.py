@@ -12,7 +12,7 @@ from cosim.errors import CosimError, InputError
 from cosim.port import Array
 from cosim.results.compare import number, unit_of, value_of
 from cosim.results.looks import look
-from cosim.results.picture import as_plain_text, load_matplotlib, show_in_notebooks
+from cosim.results.picture import as_plain_text, load_matplotlib, new_picture, show_in_notebooks
 from cosim.results.quantities import check_quantity
 from cosim.results.result import Result
 from cosim.roughness import FEWEST, Roughness, roughness_along
@@ -101,10 +101,8 @@ def draw_over(sweep: Sweep, quantities: Sequence[str]) -> Figure:
     a gap where a run failed.  Raises InputError."""
     load_matplotlib()
     show_in_notebooks()
-    from matplotlib.figure import Figure
-
     units = list(dict.fromkeys(unit_of(q) for q in quantities))
-    figure = Figure(figsize=(8.5, 0.8 + 2.6 * len(units)), layout="constrained")
+    figure = new_picture(8.5, 0.8 + 2.6 * len(units))
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
     order = np.argsort(sweep.place, kind="stable")
     for i, quantity in enumerate(quantities):

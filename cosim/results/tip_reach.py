@@ -20,7 +20,7 @@ from cosim.models.build import Models, case_finger
 from cosim.port import Array, Load, OpenFinger, State
 from cosim.results.load_and_rest import LEAST_TENSION
 from cosim.solve.motion import SolvedMotion
-from cosim.solve.states import States
+from cosim.solve.static import States
 from cosim.tendons.friction import without_friction
 
 NOT_ACTIVE = ("hood", "fingertip", "holder")

@@ -30,7 +30,7 @@ from cosim.results.scene import decimate, scenes_of, tension_of
 
 T = TypeVar("T")
 BONE_TRIANGLES = 600
-"""Of a bone for ParaView, at most: it is written anew in every frame of a motion."""
+"""The most triangles of a bone for ParaView: it is written anew in every frame of a motion."""
 OTHER = "choose another folder with --out"
 NOT_FINITE = "not_finite"
 """The key of a written summary under which the keys stand whose numbers are none."""

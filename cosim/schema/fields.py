@@ -30,7 +30,7 @@ class Text:
     pattern: Callable[[], str] | None = None
     """The regular expression of the text, made where it is asked for."""
     kind: Kind | None = None
-    """Of which kind a quantity is."""
+    """The kind of a quantity."""
     least: str = ""
     """The least value of a quantity, or what it must be above; empty where there is none."""
     most: str = ""

@@ -25,7 +25,7 @@ OF_ROBOT = (
     "second_extensor",
 )
 MOST_SURFACE = 64 * MB
-"""Of a bone: some 1.3 million triangles of a binary STL."""
+"""The largest file of a bone: some 1.3 million triangles of a binary STL."""
 TENDONS = MUSCLES + OF_ROBOT
 
 Phalanx = Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")]

@@ -43,7 +43,7 @@ ARMS_ABOUT = (
 AT_REST = (30.0, 45.0, 15.0)
 """deg, in which the shares of the flexion moment are taken."""
 LOAD = 0.1
-"""Of a muscle's greatest force, that it pulls with."""
+"""The part of its greatest force that a muscle pulls with."""
 UNKNOWN_STRENGTH = 3.277
 """N, with which a muscle pulls whose greatest force the model does not state; the load of Synek et
 al. 2019.  Forces are taken over the tension."""

@@ -27,8 +27,7 @@ from cosim.errors import (
 )
 from cosim.files import shown_path, write_text
 from cosim.hoods.view import HoodView, arrays_of, audit_arrays, hood_field
-from cosim.models.motion import MovingModels, moving_models
-from cosim.models.states import special_states
+from cosim.models.motion import MovingModels, moving_models, special_states
 from cosim.port import Array, State
 from cosim.solve.session import Session
 
@@ -42,7 +41,7 @@ PAUSE = 10.0
 GLANCE = 2.0
 """s of computing from one time to the next at which who watches a motion is shown it so far."""
 SHAPE_ROUNDING = 1e-9
-"""Of the time between two shapes: so much before it is due a shape is taken."""
+"""The part of the time between two shapes by which one is taken before it is due."""
 UNFINISHED = ".unfinished"
 """What the folder of a motion that has not ended is called after its case's name."""
 

@@ -25,7 +25,7 @@ from cosim.port import (
     Tensions,
 )
 from cosim.solve.session import Session
-from cosim.solve.states import States
+from cosim.solve.static import States
 from cosim.static_response import static_response
 from cosim.tendons.muscles import MusclePull
 

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from cosim.case.schema import Case, as_stated
-from cosim.coupling.equilibrium import Equilibrium, first_answer
+from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium, first_answer
+from cosim.coupling.fixed_point import fixed_point
 from cosim.errors import ConvergenceError, InputError, Progress, named_progress, unexpected
 from cosim.files import path_from
-from cosim.models.build import Models, build_any, with_own_finger
+from cosim.models.build import Models, accelerator_of, build_any, with_own_finger
 from cosim.port import Array, Motion, PairState, Response, State, StorableHood, Tensions
 from cosim.schema.fields import is_number
-from cosim.solve.equilibrium import solve_equilibrium
 from cosim.tendons.muscles import live_muscles
 
 
@@ -34,7 +34,14 @@ class _SharedHood:
     def first_answer(self, models: Models, start: PairState, tension: Array) -> Response:
         """The hood's first answer under the tensions (nt,) N at rest.  Raises ConvergenceError."""
         motion, known = models.finger.motion(start.finger), self.motion
-        if self.answer is None or known is None or not _is_same(motion, known):
+        if (
+            self.answer is None
+            or known is None
+            or not (
+                np.array_equal(motion.position, known.position)
+                and np.array_equal(motion.rotation, known.rotation)
+            )
+        ):
             self.motion, self.answer = motion, first_answer(models.pair, start, tension)
         return self.answer
 
@@ -190,5 +197,21 @@ def _unloaded_equilibrium(
     )
 
 
-def _is_same(a: Motion, b: Motion) -> bool:
-    return np.array_equal(a.position, b.position) and np.array_equal(a.rotation, b.rotation)
+def solve_equilibrium(
+    case: Case,
+    models: Models,
+    start: PairState,
+    tensions: Tensions,
+    progress: Progress,
+    first: Callable[[], Response] | None = None,
+) -> Equilibrium:
+    """The equilibrium from the states `start`, under tensions in N; `first` gives what
+    `first_answer` does.  Raises ConvergenceError."""
+    coupling = case.coupling
+    options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
+    if coupling.scheme != "implicit":
+        known = None if first is None else first()
+        return equilibrium(models.pair, start, tensions, options, progress, known)
+    accelerator = accelerator_of(coupling)
+    turn = coupling.tolerance
+    return fixed_point(models.pair, start, tensions, options, accelerator, turn, progress)

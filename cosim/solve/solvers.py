@@ -13,8 +13,7 @@ from cosim.models.fit import check_fit
 from cosim.solve.motion import SolvedMotion, solve_motion
 from cosim.solve.one_way import solve_one_way
 from cosim.solve.session import Session
-from cosim.solve.states import States
-from cosim.solve.static import solve_static
+from cosim.solve.static import States, solve_static
 
 Equilibria = tuple[Models, States]
 Solved = Equilibria | SolvedMotion

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -15,15 +16,56 @@ from cosim.coupling.excursion import (
     initial_excursions,
     solve_excursions,
 )
+from cosim.coupling.one_way import OneWayPass
 from cosim.errors import ConvergenceError, Progress, named_progress, quiet
 from cosim.models.build import Models, case_finger, tensions
-from cosim.port import Array, PairState, Tensions
-from cosim.solve.equilibrium import solve_equilibrium
-from cosim.solve.session import Session
-from cosim.solve.states import OneWaySlide, SecondStart, States
-from cosim.tendons.elastic import stretch_of
+from cosim.port import Array, OpenFinger, PairState, Tensions
+from cosim.solve.session import Session, solve_equilibrium
 from cosim.tendons.muscles import MusclePull
-from cosim.tendons.table import Sliding
+from cosim.tendons.table import Sliding, stretch_of
+
+
+@dataclass(frozen=True)
+class SecondStart:
+    """The loaded equilibrium that was found from another start."""
+
+    scheme: str
+    """By which scheme of the coupling."""
+    found: Equilibrium | None
+    """None where it did not converge."""
+    failure: str = ""
+    """Why it did not; empty where it did."""
+
+
+@dataclass(frozen=True)
+class OneWaySlide:
+    """The loaded equilibrium with all tendons that have friction sliding one way."""
+
+    finger: OpenFinger
+    found: Equilibrium | None
+    """None where it did not converge."""
+    failure: str = ""
+    """Why it did not; empty where it did."""
+
+
+@dataclass(frozen=True)
+class States:
+    """The two equilibria of an isometric case, and the audit of the loaded one."""
+
+    unloaded: Equilibrium
+    loaded: Equilibrium
+    reciprocity: float | None
+    """None where the hood has no tendons to pull, or rubs on the bones."""
+    pull: MusclePull
+    """The pull of the muscles that have a fibre, in the loaded state."""
+    one_way: OneWayPass | None = None
+    """What a one-way pass handed over; None of a coupled equilibrium."""
+    second: SecondStart | None = None
+    """Where the case asks for it."""
+    ways: Mapping[str, OneWaySlide] = field(default_factory=dict)
+    """By way of sliding, loading and unloading, of a case whose tendons have friction: what lies
+    between them friction can hold."""
+
 
 AUDIT_STEP = 2e-5
 """rad, joint step of the reciprocity audit: small against the contact's smoothing."""

@@ -13,6 +13,7 @@ from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.results.compare import unit_of, value_of
+from cosim.results.picture import new_picture
 from cosim.results.quantities import first_numbers, meaning_of
 from cosim.study.distributions import is_axis
 from cosim.study.execute import StudyOutcome
@@ -30,7 +31,7 @@ ENDS = [f"p{p}" for p in PERCENTILES]
 MOST_LACKING = 4
 """Inputs left out that are named."""
 MOST_CURVES = 6
-"""Of the first numbers that are drawn over a key."""
+"""The most curves: first numbers that are drawn over a key."""
 GREY, BLUE = "0.75", "#0072b2"
 
 
@@ -106,8 +107,8 @@ def write_bands(plan: StudyPlan, bands: pd.DataFrame, folder: Path) -> Figure:
 
 
 def draw_bands(plan: StudyPlan, bands: pd.DataFrame) -> Figure:
-    """Of the first numbers the middle 90 % with median and the case as it is: bars in panels by
-    unit, or over the one axis of numbers curves."""
+    """The middle 90 % of the first numbers, with median and the case as it is: bars in panels by
+    unit, or curves over the one axis of numbers."""
     axes = [p for p in plan.parameters if is_axis(p.law)]
     if len(axes) == 1 and axes[0].law.is_numeric:  # type: ignore[union-attr]
         return _draw_curves(bands, axes[0].name, f"{axes[0].label}, {axes[0].unit}".rstrip(", "))
@@ -115,11 +116,9 @@ def draw_bands(plan: StudyPlan, bands: pd.DataFrame) -> Figure:
 
 
 def _draw_bars(bands: pd.DataFrame) -> Figure:
-    from matplotlib.figure import Figure
-
     units = [unit for _, unit in bands.groupby("unit", sort=False)]
     tall = [len(unit) + 1.6 for unit in units]
-    figure = Figure(figsize=(9.5, 0.5 + 0.26 * sum(tall)), layout="constrained")
+    figure = new_picture(9.5, 0.5 + 0.26 * sum(tall))
     panels = figure.subplots(len(units), 1, squeeze=False, height_ratios=tall)[:, 0]
     for axes, rows in zip(panels, units, strict=True):
         at = np.arange(len(rows))
@@ -136,11 +135,9 @@ def _draw_bars(bands: pd.DataFrame) -> Figure:
 
 
 def _draw_curves(bands: pd.DataFrame, key: str, label: str) -> Figure:
-    from matplotlib.figure import Figure
-
     numbers = [rows for _, rows in bands.groupby("quantity", sort=False)][:MOST_CURVES]
     high = (len(numbers) + 1) // 2
-    figure = Figure(figsize=(9.5, 0.6 + 2.6 * high), layout="constrained")
+    figure = new_picture(9.5, 0.6 + 2.6 * high)
     panels = figure.subplots(high, 2, sharex=True, squeeze=False)
     for axes, rows in zip(panels.flat, numbers, strict=False):
         ordered = rows.sort_values(key)

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from math import inf, isfinite, prod
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
-from pydantic import Field, PlainValidator, ValidationError, WithJsonSchema
+from pydantic import BaseModel, Field, PlainValidator, ValidationError, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from cosim.case.faults import listing
+from cosim.case.faults import at, listing, unknown, value_text
 from cosim.errors import InputError
 from cosim.schema import units
 from cosim.schema.fields import check_texts, fault, is_number, quantity
@@ -28,14 +28,13 @@ from cosim.study.distributions import (
     axis,
     is_axis,
 )
-from cosim.study.faults import faults_of, place_text
 from cosim.study.sampling import KINDS, SCHEMES, Kind, count_points
 from cosim.text_tables import read_toml
 
 MOST_AXES = 4
 """That a message names."""
 MOST_RUNS = 2_000_000
-"""Of the largest study, whose plan takes some GB of memory."""
+"""Runs of the largest study, whose plan takes some GB of memory."""
 OVER = "tendons.EDC.tension=2 N, 4 N, 6 N"
 FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")
 
@@ -445,3 +444,54 @@ def _sampling_faults(study: StudyFile, parameters: list[Parameter]) -> Iterator[
     both = {p.name for p in parameters} & set(study.outputs)
     for name in sorted(both | reserved & (set(study.outputs) | {p.name for p in parameters})):
         yield f"{name!r}: names a column twice; choose another name for the parameter or output"
+
+
+def faults_of(
+    error: ValidationError, values: Any, above: tuple[str, ...], model: type[BaseModel]
+) -> Iterator[str]:
+    """A line for each of a model's faults: the place below `above`, what stands there, what to
+    write."""
+    for item in error.errors(include_url=False, include_input=False):
+        place = tuple(item["loc"])
+        value = values
+        for part in place:
+            value = at(value, part)
+        shown = value_text(value)
+        where = place_text((*above, *place)) + (f" = {shown}" if shown else "")
+        yield f"{where}: {_message(item, place, values, model)}"
+
+
+def place_text(place: tuple[str | int, ...]) -> str:
+    """A place as people write it."""
+    parts = [
+        str(p)[:60] if isinstance(p, int) or re.fullmatch(r"[\w-]+", p) else repr(p[:60])
+        for p in place
+    ]
+    return ".".join(parts) or "the study"
+
+
+def _message(item: Any, place: tuple[str | int, ...], values: Any, model: type[BaseModel]) -> str:
+    kind, context = item["type"], item.get("ctx", {})
+    if kind == "extra_forbidden":
+        table, inside = _keys(model, place[:-1]), values
+        for part in place[:-1]:
+            inside = at(inside, part)
+        return unknown("key", str(place[-1]), table, inside)
+    if kind == "missing":
+        return "is missing"
+    if kind == "literal_error":
+        return f"write {context['expected'].replace(', ', ' or ')}"
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        return "must be a table"
+    if kind == "too_short":
+        return f"needs at least {context['min_length']}"
+    return str(item["msg"]).replace("Input should", "must")
+
+
+def _keys(model: type[BaseModel], place: tuple[str | int, ...]) -> tuple[str, ...]:
+    """The keys of the table at a place, as files name them."""
+    for part in place:
+        stated = model.model_fields[str(part)].annotation
+        tables = [t for t in (stated, *get_args(stated)) if isinstance(t, type)]
+        model = next(t for t in tables if issubclass(t, BaseModel))
+    return tuple(field.alias or name for name, field in model.model_fields.items())

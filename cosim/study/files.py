@@ -1,4 +1,8 @@
-"""What a study leaves beside its table: answers as JSON and CSV, and the page."""
+"""What a study leaves beside its table: answers as JSON and CSV, and the page.
+
+The table of a study: a row for each run, in the study's order, independent of the clock, the
+machine and the number of workers.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.files import relative_path, write_text
+from cosim.files import output_file, relative_path, write_text
 from cosim.json_text import json_text
+from cosim.results.compare import unit_of, value_of
 from cosim.schema.json_schema import STUDY_SCHEMA, with_schema
 from cosim.study.answers import CONFIDENCE, QUANTILES, Indices, Screening
 from cosim.study.bands import bands_of, write_bands
@@ -16,9 +21,9 @@ from cosim.study.execute import StudyOutcome
 from cosim.study.plan import StudyPlan
 from cosim.study.results import FORMAT, MARK, StudyResults, finite, read_study
 from cosim.study.store import Store
-from cosim.study.table import table_of, units_of, write_table
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 
@@ -149,3 +154,54 @@ def _json(content: Any) -> str:
 
 def _write(path: Path, text: str) -> None:
     write_text(path, text)
+
+
+STATUS = ("status", "reason")
+KEY = "key"
+
+
+def table_of(plan: StudyPlan, done: StudyOutcome, store: Store) -> pd.DataFrame:
+    """Columns: run, the parameters, status and reason, the outputs, the address in the store.
+    Runs that were not done are "waiting".  Of a parameter that is now a number and now a word every
+    value is text."""
+    import pandas as pd
+
+    stored = {
+        row.key: (
+            row.status,
+            row.reason,
+            *[value_of(row.summary, quantity) for quantity in plan.outputs.values()],
+        )
+        for row in store.rows(set(done.keys.values()))
+    }
+    absent = (None,) * len(plan.outputs)
+    records = []
+    for run, point in enumerate(plan.points):
+        key = done.keys.get(point, "")
+        if point in done.refused:
+            cells: tuple[Any, ...] = ("refused", done.refused[point], *absent)
+        else:
+            cells = stored.get(key, ("waiting", "", *absent))
+        records.append((run, *point, *cells, key))
+    names = [p.name for p in plan.parameters]
+    columns = ["run", *names, *STATUS, *plan.outputs, KEY]
+    table = pd.DataFrame.from_records(records, columns=columns)
+    for name in names:
+        if table[name].map(type).nunique() > 1:
+            table[name] = table[name].map(str)
+    return table.astype(dict.fromkeys(plan.outputs, float))
+
+
+def units_of(plan: StudyPlan) -> dict[str, str]:
+    """The unit of each parameter and output, by name; "1" of a factor, a plain number or a word."""
+    return {p.name: p.unit or "1" for p in plan.parameters} | {
+        name: unit_of(quantity) for name, quantity in plan.outputs.items()
+    }
+
+
+def write_table(table: pd.DataFrame, folder: Path) -> None:
+    """table.parquet and table.csv, numbers in full.  Raises InputError."""
+    with output_file(folder / "table.parquet") as part:
+        table.to_parquet(part, index=False)
+    with output_file(folder / "table.csv") as part:
+        table.to_csv(part, index=False, lineterminator="\n")

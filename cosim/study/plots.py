@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim.port import Array
 from cosim.results.compare import Target, reference_text
+from cosim.results.picture import new_picture
 from cosim.study.answers import Indices, ResponseSurface, Slopes
 from cosim.study.results import StudyResults
 
@@ -34,9 +35,7 @@ def axis_label(study: StudyResults, name: str) -> str:
 
 def draw_band(study: StudyResults, output: str, targets: Sequence[Target]) -> Figure:
     """The distribution over the runs, its middle 50 and 95 %, and measured values on its scale."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.4, 2.6 + 0.28 * len(targets)), layout="constrained")
+    figure = new_picture(8.4, 2.6 + 0.28 * len(targets))
     axes = figure.subplots()
     values = study.values(output)
     values = values[np.isfinite(values)]
@@ -69,15 +68,13 @@ def _draw_target(axes: Axes, target: Target, height: float) -> None:
 
 def draw_influence(study: StudyResults, output: str) -> Figure | None:
     """Tornado of the slopes, and Sobol's indices with their intervals where there are any."""
-    from matplotlib.figure import Figure
-
     slopes, indices = study.slopes(output), study.sobol(output)
     if slopes is None and indices is None:
         return None
     names = strongest(study, output)
     panels = (slopes is not None) + (indices is not None)
     size = (4.6 * panels + 1.6, 1.3 + 0.34 * len(names))
-    figure = Figure(figsize=size, layout="constrained")
+    figure = new_picture(*size)
     every = list(np.atleast_1d(figure.subplots(1, panels, sharey=True)))
     every[0].set_yticks(range(len(names)), [fill(study.label(n), 30) for n in names], fontsize=9)
     every[0].set_ylim(len(names) - 0.4, -0.6)
@@ -93,12 +90,10 @@ def draw_influence(study: StudyResults, output: str) -> Figure | None:
 
 def draw_screening(study: StudyResults, output: str) -> Figure | None:
     """Morris' mean size of the effects and their SD, a mark for each parameter."""
-    from matplotlib.figure import Figure
-
     found = study.screening(output)
     if found is None:
         return None
-    figure = Figure(figsize=(8.6, 4.6), layout="constrained")
+    figure = new_picture(8.6, 4.6)
     axes = figure.subplots()
     across, up = found.mu_star, found.sigma
     top = 1.12 * float(max((across + found.mu_star_conf).max(), (up + found.sigma_conf).max()))
@@ -179,8 +174,6 @@ def _draw_indices(axes: Axes, study: StudyResults, indices: Indices, names: Sequ
 
 def draw_scatter(study: StudyResults, output: str) -> Figure | None:
     """The output against each numeric parameter, with the means of equal parts of the runs."""
-    from matplotlib.figure import Figure
-
     names = strongest(study, output)
     if not names:
         return None
@@ -189,7 +182,7 @@ def draw_scatter(study: StudyResults, output: str) -> Figure | None:
     shown = finite[:: max(1, -(-len(finite) // MOST_POINTS))]
     rows = -(-len(names) // ACROSS)
     width = min(len(names), ACROSS)
-    figure = Figure(figsize=(2.75 * width + 0.7, 2.4 * rows), layout="constrained")
+    figure = new_picture(2.75 * width + 0.7, 2.4 * rows)
     every = np.atleast_1d(figure.subplots(rows, width, sharey=True, squeeze=False)).ravel()
     for axes, name in zip(every, names, strict=False):
         x = study.table[name].to_numpy(float)
@@ -215,12 +208,10 @@ def _means(x: Array, y: Array) -> tuple[Array, Array]:
 
 def draw_surface(study: StudyResults, output: str, fit: ResponseSurface) -> Figure | None:
     """The quadratic over the two strongest parameters, the others at their means."""
-    from matplotlib.figure import Figure
-
     names = strongest(study, output)[:2]
     if len(names) < 2:
         return None
-    figure = Figure(figsize=(5.6, 4.2), layout="constrained")
+    figure = new_picture(5.6, 4.2)
     axes = figure.subplots()
     at = [study.numeric.index(name) for name in names]
     inputs = study.inputs

@@ -29,7 +29,7 @@ DEATHS = 3
 THREADS = (*BLAS_THREADS, "NUMBA_NUM_THREADS", "FE_SOLVER_THREADS")
 """One of each: the workers are as many as there are cores for them."""
 ENVIRONMENT = {**dict.fromkeys(THREADS, "1"), **MALLOC_SETTINGS}
-"""Of the processes that solve, whatever a worker of Dask was given."""
+"""The environment of the processes that solve, whatever a worker of Dask was given."""
 _here = threading.local()
 
 

@@ -39,14 +39,14 @@ class Surrogate:
     output: str
     unit: str
     names: tuple[str, ...]
-    """Of the parameters, in the order of the study."""
+    """The parameters' names, in the order of the study."""
     low: Array
     high: Array
     """(d,) ends of the parameters' values in the runs, beyond which it does not answer."""
     q2: float
-    """Of runs held out."""
+    """The share of the variance that is explained of runs held out."""
     rms: float
-    """Of the errors at runs held out, in the output's unit."""
+    """The root mean square of the errors at runs held out, in the output's unit."""
     covered: float
     """The part of the runs held out whose 95 % interval holds their value."""
     runs: int

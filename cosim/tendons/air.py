@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
-from cosim.tendons.air_table import PneumaticConfig
+from cosim.tendons.drive_tables import PneumaticConfig
 from cosim.tendons.signals import factor_of
 from cosim.tendons.table import TendonConfig
 

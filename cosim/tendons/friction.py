@@ -45,6 +45,6 @@ def without_friction(finger: OpenFinger) -> OpenFinger:
 def beyond_guides(
     finger: OpenFinger, state: State, tension: Array
 ) -> Mapping[str, tuple[float, float]]:
-    """Of each tendon with friction the tension (N) left at its insertions together, under tensions
+    """The tension (N) left at the insertions of each tendon with friction together, under tensions
     (nt,) N, and the angle (rad) by which it turns at guides."""
     return cast("MujocoFinger", finger).beyond_guides(finger.angles(state), tension)

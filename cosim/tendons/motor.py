@@ -33,7 +33,7 @@ FASTEST = 20.0
 LAST = 1e-3
 """s, over which the speed of a commanded position is taken."""
 HALVINGS = 80
-"""Of the speeds between which a step's is sought: below rounding."""
+"""How often the range of speeds in which a step's is sought is halved: below rounding."""
 
 
 class MotorState(NamedTuple):
@@ -167,7 +167,7 @@ class Motors:
         return MotorStep(tension, stiffness, MotorState(position, speed, state.home))
 
     def signals(self, state: MotorState, time: float) -> Array:
-        """Of each motor (n, 2) how far it has drawn its tendon's end, m, and its torque, N m."""
+        """How far each motor has drawn its tendon's end, m, and its torque, N m, (n, 2)."""
         torques = [
             motor.torque(time, float(x), float(v))
             for motor, x, v in zip(self.each, state.position, state.speed, strict=True)

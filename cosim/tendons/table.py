@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from cosim.port import Array
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import File, Force, Number, Table
-from cosim.tendons.air_table import PneumaticConfig
-from cosim.tendons.drive_tables import ElasticConfig, MotorConfig
+from cosim.tendons.drive_tables import ElasticConfig, MotorConfig, PneumaticConfig
 
 Factor = Annotated[Number, Field(ge=0, le=1e6)]
 
@@ -166,3 +168,11 @@ class TendonConfig(Table):
         if self.activation is not None and self.max_force is not None:
             return self.activation * self.max_force
         return self.tension
+
+
+def stretch_of(tendons: Sequence[TendonConfig]) -> tuple[Array, Array]:
+    """By how much tendons stretch (n,) m/N, and their slack (n,) m; zero of one that keeps its
+    length."""
+    elastic = [t.elastic for t in tendons]
+    give = [0.0 if e is None else 1.0 / e.rate for e in elastic]
+    return np.array(give), np.array([0.0 if e is None else e.slack for e in elastic])

@@ -11,7 +11,8 @@ from typing import Any, Literal, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 
-from cosim.case.file import layers_of
+from cosim.analyses.ladder import rungs_of
+from cosim.case.file import layers_of, packaged_cases
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fingers.kinds import native_tendons
@@ -19,6 +20,7 @@ from cosim.hoods.kinds import KINDS
 from cosim.number_text import read_number
 from cosim.schema import units
 from cosim.schema.fields import Text
+from cosim.text_tables import read_toml
 
 Form = Literal["slider", "switch", "choice", "text"]
 POSTURE, TENDONS, HOOD, LESION = "Posture", "Tendons", "Hood", "Lesion or repair"
@@ -38,7 +40,7 @@ SPAN = 5.0
 WIDE, NARROW = 250.0, 8.0
 """A slider has the schema's range where that is at most so wide, or so many times the value."""
 MOST_SHARE = 0.95
-"""Of a part's width, that is cut in part at most."""
+"""The largest part of its width that is cut of a part."""
 MOST_CHANGE = 5.0
 """mm by which a part is shortened or lengthened at most."""
 LIMIT = f"(length with its unit: at most {MOST_CHANGE:g} mm)"
@@ -165,7 +167,11 @@ def settings_of(case: Case, changes: Mapping[str, str]) -> list[str] | None:
 
 def _plain_settings(case: Case, changes: Mapping[str, str]) -> list[str]:
     """Texts KEY=VALUE of all changes but those of the lesion."""
-    stated = [f"{key}={text}" for key, text in changes.items() if not _is_special(key)]
+    stated = [
+        f"{key}={text}"
+        for key, text in changes.items()
+        if not (key == MODULI or key.startswith("lesion."))
+    ]
     return [*_scaled(case, changes[MODULI]), *stated] if MODULI in changes else stated
 
 
@@ -180,10 +186,6 @@ def control_at_fault(place: str, controls: Sequence[Control]) -> str:
     above = (key for key in keys if place.startswith(f"{key}."))
     below = (key for key in keys if place and key.startswith(f"{place}."))
     return next(above, next(below, ""))
-
-
-def _is_special(key: str) -> bool:
-    return key == MODULI or key.startswith("lesion.")
 
 
 def _scaled(case: Case, text: str) -> Sequence[str]:
@@ -440,3 +442,35 @@ def _lesion_table(texts: Mapping[str, str]) -> dict[str, Any]:
 
 def _number(text: str) -> float | None:
     return read_number(text.split(" ")[0])
+
+
+def rungs_in_words(case: Case) -> list[dict[str, str]]:
+    """The hoods that can be put on the case's finger: rung and words."""
+    if not case.finger.is_native:
+        return [{"name": case.hood.rung(), "label": case.hood.title}]
+    rungs = [
+        rung
+        for rung in rungs_of(case)
+        if rung == case.hood.rung() or case.finger.kind in _kind_on(rung).fits
+    ]
+    return [{"name": rung, "label": _rung_label(case, rung)} for rung in rungs]
+
+
+def _kind_on(rung: str) -> Any:
+    return next(kind.table for kind in KINDS.values() if rung in kind.table.rungs)
+
+
+def _rung_label(case: Case, rung: str) -> str:
+    own = rung == case.hood.rung()
+    return (
+        f"{rung}: {case.hood.title} (the case's own)" if own else f"{rung}: {_kind_on(rung).title}"
+    )
+
+
+def shipped() -> Sequence[Mapping[str, str]]:
+    """The packaged cases: name, family and title."""
+    rows = [
+        {"name": n, "family": p.parent.name, "title": str(read_toml(p).get("title", ""))}
+        for n, p in packaged_cases().items()
+    ]
+    return sorted(rows, key=lambda row: (row["family"], row["name"]))

@@ -34,8 +34,14 @@ from cosim.results.result import Result
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.solve.motion import SolvedMotion
 from cosim.text_tables import toml_settings, toml_text
-from cosim.ui.choices import rungs_in_words
-from cosim.ui.controls import Control, changed_case, control_at_fault, controls_of, settings_of
+from cosim.ui.controls import (
+    Control,
+    changed_case,
+    control_at_fault,
+    controls_of,
+    rungs_in_words,
+    settings_of,
+)
 from cosim.ui.worker import Answer, SoFar, Start, answer, answer_of, motion_so_far
 
 Status = Literal["solving", "done", "at fault", "failed", "stopped", "waiting"]
@@ -67,7 +73,7 @@ class Request:
     is_drag: bool = False
     """While a slider moves."""
     is_check: bool = False
-    """Of an answer that is shown, once more from rest."""
+    """Whether it solves an answer that is shown once more, from rest."""
     is_reduced: bool = False
     """With the reduced hood."""
 

@@ -25,7 +25,7 @@ from cosim.errors import CosimError, InputError
 from cosim.extras import require
 from cosim.json_text import json_text
 from cosim.report.templates import report_file, template
-from cosim.ui.choices import shipped
+from cosim.ui.controls import shipped
 from cosim.ui.desk import Desk
 
 if TYPE_CHECKING:

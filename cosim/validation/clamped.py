@@ -59,7 +59,7 @@ def split_partners(hood: Sequence[Trial], split: Sequence[Trial]) -> dict[str, s
 
 QIU = sources()["qiu2017"].cited
 SEEN = "looked at while other hoods were tried, nothing was fitted to it"
-"""Of the rows that pass through the hood."""
+"""What is noted at the rows that pass through the hood."""
 
 
 def qiu_groups() -> tuple[TrialGroup, ...]:

@@ -35,7 +35,7 @@ from cosim.version import __version__
 FILE = "curves.json"
 Part = Literal["to PIP 60", "beyond"]
 PARTS: tuple[Part, ...] = get_args(Part)
-"""Of a sweep, by the PIP angle in the middle of a window."""
+"""The parts of a sweep, by the PIP angle in the middle of a window."""
 BORDER = 60.0
 """deg, between the parts."""
 
@@ -45,7 +45,7 @@ class Kind(NamedTuple):
 
     name: str
     unit: str
-    """Of rms, largest and step."""
+    """The unit of rms, largest and step."""
     aims: tuple[float, float]
     """The largest rms, to PIP 60 and beyond."""
     floor: float = 0.0
@@ -58,7 +58,7 @@ TIP = Kind("fingertip force", "%", (1.0, 2.0), 0.01)
 SLIP = Kind("slip force", "%", (1.5, 3.0), 0.1)
 """Relative to its own mean size over the window."""
 ARM = Kind("moment arm", "mm", (0.05, 0.2))
-"""Of the pulled tendons, in mm."""
+"""The moment arms of the pulled tendons, in mm."""
 KINDS = {kind.name: kind for kind in (TIP, SLIP, ARM)}
 FORCES = {f"fingertip_force_N.{axis}": TIP for axis in AXES}
 SLIPS = {f"slip_force_N.{slip}": SLIP for slip in ("central", "terminal")}
@@ -202,7 +202,7 @@ class Line(NamedTuple):
     worst: Mapping[str, CurveRow]
     """By the kind's name; empty where gaps leave no window."""
     gaps: int
-    """Of the whole sweep."""
+    """How many there are in the whole sweep."""
 
     @property
     def ratio(self) -> float:

@@ -1,13 +1,20 @@
-"""The validations: every trial run, every compared number with its verdict, misses included."""
+"""The validations: every trial run, every compared number with its verdict, misses included.
+
+Why a compared number misses: what the sensitivity study found, beside the row that it explains.
+
+`cases/data/validation_reasons.csv` has a line for each kind of miss: patterns of
+the groups' and the rows' names (as of file names) and the reason, with the study's own figures.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from fnmatch import fnmatchcase
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
@@ -17,11 +24,11 @@ from cosim.outcome import Outcome
 from cosim.pipeline import plain_summary, run_cases
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
-from cosim.results.compare import Comparison, Kind, Target, number, tally, write_json
+from cosim.results.compare import Comparison, Kind, Target, Verdict, number, tally, write_json
 from cosim.results.result import Result
+from cosim.text_tables import packaged_rows
 from cosim.validation.lengths import measure_lengths
 from cosim.validation.plan import LEE_LOAD, MODULI, groups, rows_of, split_answers
-from cosim.validation.reasons import explain_misses
 from cosim.validation.skill import (
     FACTORS,
     HandGains,
@@ -38,6 +45,44 @@ from cosim.validation.skill import (
 )
 from cosim.validation.trial import Summaries, Trial, TrialGroup
 from fe_solver.febio.published_hood import qian_moduli, solve_published_hood
+
+NOT_KNOWN = "not known"
+MISSES: tuple[Verdict, ...] = ("outside", "no value")
+
+
+class Reason(NamedTuple):
+    """Why rows miss whose names are like `pattern`, in the groups whose names are like `group`."""
+
+    group: str
+    pattern: str
+    text: str
+
+
+@cache
+def reasons() -> tuple[Reason, ...]:
+    """Those of the packaged file, in its order."""
+    rows = (row.cells for row in packaged_rows("validation_reasons"))
+    return tuple(Reason(row["group"], row["pattern"], row["reason"]) for row in rows)
+
+
+def reason_of(group: str, name: str) -> str | None:
+    """The first that fits a row, None where there is none."""
+    fits = (
+        r.text for r in reasons() if fnmatchcase(group, r.group) and fnmatchcase(name, r.pattern)
+    )
+    return next(fits, None)
+
+
+def explain_misses(group: str, rows: Iterable[Comparison]) -> Iterator[Comparison]:
+    """The rows, those that miss with the reason in their note, or that none is known."""
+    for row in rows:
+        if row.verdict not in MISSES:
+            yield row
+            continue
+        why = reason_of(group, row.target.name) or NOT_KNOWN
+        note = "; ".join(part for part in (row.target.note, f"why: {why}") if part)
+        yield replace(row, target=replace(row.target, note=note))
+
 
 MODEL, SPLIT = "model", "fixed split"
 """The answer that is judged, and the null model that has no hood."""

@@ -26,7 +26,7 @@ class Trial:
     posture: str = ""
     """MCP/PIP/DIP, deg; empty where the case's own is asked for."""
     published: str = ""
-    """Of a published hood's own file, which is the case: soft, average or stiff, its moduli."""
+    """The moduli of a published hood's own file, which is the case: soft, average or stiff."""
 
 
 def angles_of(posture: str) -> tuple[float, float, float]:

@@ -1,7 +1,7 @@
 """How sure a compared number is: V&V 20 of the ASME, with E = model - measurement.
 
 u_val^2 = u_num^2 + u_input^2 + u_D^2: of the mesh (`cosim.validation.mesh`), of the model's inputs
-(`cosim.validation.inputs`) and of the measured mean, its SD over the root of the number of
+(`cosim.validation.versions`) and of the measured mean, its SD over the root of the number of
 specimens.  Expanded by Student's factor for 95 % with the degrees of freedom of u_D and u_input
 (Welch and Satterthwaite), it bounds what |E| may be before the model's form is to blame.  A source
 without an SD forms no u_val.
@@ -18,10 +18,9 @@ from typing import Any, Literal, NamedTuple, get_args
 from cosim.analyses.mesh_series import MeshSeries
 from cosim.results.compare import Comparison, number
 from cosim.text_tables import read_json_file
-from cosim.validation.inputs import InputSpread
 from cosim.validation.records import Record, check_record
 from cosim.validation.run import Board
-from cosim.validation.versions import Key, key_of
+from cosim.validation.versions import InputSpread, Key, key_of
 from cosim.version import __version__
 
 FILE = "uncertainty.json"
@@ -71,7 +70,7 @@ class UncertaintyFile(Record):
     meshes: tuple[float, ...] = ()
     """Quads over those of a case of the usual fineness; empty: none were tried."""
     samples: int = 0
-    """Of the inputs."""
+    """How many samples of the inputs there were."""
     failed: Mapping[str, str] = {}
     """Trials without a result on another mesh, with another hood or at a sample, and why."""
     rows: tuple[NumberUncertainty, ...] = ()

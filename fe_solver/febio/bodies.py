@@ -73,7 +73,7 @@ class Model:
     """The load curves by number; controllers of other kinds as their tags."""
     notes: list[str]
     windows: tuple[LoadCurve, ...] = ()
-    """Of each of several steps, what is 1 while it lasts."""
+    """What is 1 while a step lasts, for each of several steps."""
     step: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     """By the `id` of a condition's tag in some of several steps, the numbers of these."""
 
@@ -279,7 +279,7 @@ class _Motions(NamedTuple):
     free: tuple[bool, ...]
     """Which equilibrium finds, likewise."""
     by_step: tuple[tuple[Drive | Given, ...], ...]
-    """Of each of several steps, where some fix or free what others do not."""
+    """The drives of each of several steps, where some fix or free what others do not."""
 
 
 def _motions(model: Model, tags: list[FebTag]) -> list[_Motions]:

@@ -36,7 +36,7 @@ class Parameter(NamedTuple):
     field: str
     """Its name in our law."""
     unit: str = "1"
-    """Of the file: "stress", "degree" (rad in ours) or "1"."""
+    """The unit in the file: "stress", "degree" (rad in ours) or "1"."""
     default: float | None = None
     """What it is where the file does not say it."""
     like: str | None = None

@@ -69,7 +69,7 @@ class Block(NamedTuple):
 
     tag: FebTag
     kind: str
-    """Of its elements."""
+    """The kind of its elements."""
     ids: Ints
     """(k,) numbers."""
     nodes: Ints

@@ -153,9 +153,9 @@ class _Sections:
         return [*top, *out]
 
     def windows(self, steps: tuple[Step, ...]) -> tuple[LoadCurve, ...]:
-        """Of each of several steps, what is 1 while it lasts.  It rises and falls over the first
-        increment of a step, so that at the ends of increments it is as in FEBio, which changes
-        conditions at once."""
+        """What is 1 while a step lasts, for each of several steps.  It rises and falls over the
+        first increment of a step, so that at the ends of increments it is as in FEBio, which
+        changes conditions at once."""
         if len(steps) < 2:
             return ()
         begins = [0.0, *(s.end for s in steps)]

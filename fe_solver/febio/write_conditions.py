@@ -19,7 +19,7 @@ from fe_solver.job.job import Job
 from fe_solver.supports import SpringLaw, SpringSet
 
 TOE_POINTS = 21
-"""Of the table that a spring's toe becomes."""
+"""Points of the table that a spring's toe becomes."""
 TURNED = [3, 2, 1, 0, 7, 5, 6, 4, 8]
 """Our nine nodes as FEBio's of a facet that is wound the other way."""
 SAME_POINT = 1e-12

@@ -41,12 +41,12 @@ class Friction(NamedTuple):
 
     @staticmethod
     def of(away: Array, normal: Array, stick: Array, limit: Array) -> Friction:
-        """Of points `away` (k, 3) m from their anchors."""
+        """The friction of points `away` (k, 3) m from their anchors."""
         return Friction(_in_plane(away, normal), normal, stick, limit)
 
     @staticmethod
     def none(count: int) -> Friction:
-        """Of points that slide freely."""
+        """The friction of points that slide freely."""
         return Friction(*np.zeros((2, count, 3)), *np.zeros((2, count)))
 
     def turned(self, rotation: Array) -> Friction:
@@ -54,7 +54,7 @@ class Friction(NamedTuple):
         return self._replace(slip=self.slip @ rotation.T, normal=self.normal @ rotation.T)
 
     def take(self, which: NDArray[np.intp]) -> Friction:
-        """Of some of the points."""
+        """The friction of some of the points."""
         return Friction(*(column[which] for column in self))
 
     def sliding(self) -> Sliding:

@@ -37,9 +37,9 @@ class Layer:
     modulus: Surface
     """Pa."""
     usual: tuple[float, float]
-    """Of both, m and Pa, what a point that does not touch yet expects to meet."""
+    """What a point that does not touch yet expects to meet of both, m and Pa."""
     share: float = 1.0
-    """Of the modulus that acts; below 1 on the way to an equilibrium alone."""
+    """The part of the modulus that acts; below 1 on the way to an equilibrium alone."""
 
 
 class LayerResponse(NamedTuple):

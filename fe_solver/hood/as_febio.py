@@ -23,8 +23,8 @@ from fe_solver.solver.model import ShellModel
 BULK = 2.2e9
 """Pa, of water, in place of an infinite bulk modulus."""
 SHARE = 0.1
-"""Of a hood's own bending stiffness, what is written as thickness: enough that a sheet which is
-slack on the way does not crease; more would bring its fibres too far from its middle."""
+"""The part of a hood's own bending stiffness that is written as thickness: enough that a sheet
+which is slack on the way does not crease; more would bring its fibres too far from its middle."""
 EVEN = 1e-9
 """Relative difference of growths that are one."""
 

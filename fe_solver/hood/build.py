@@ -19,9 +19,8 @@ from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.guides import Guides, Ropes
 from fe_solver.forces.layer import Layer
 from fe_solver.hood.shell_hood import HoodState, ShellHood
-from fe_solver.materials.in_situ import thickness_as_laid
 from fe_solver.materials.section import Section
-from fe_solver.sheet import Sheet
+from fe_solver.sheet import Sheet, thickness_as_laid
 from fe_solver.solver.augmented_contact import AugmentOptions
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions

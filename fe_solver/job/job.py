@@ -21,7 +21,7 @@ from fe_solver.solver.continuation import SAME_TIME
 from fe_solver.supports import STILL, WALL, ZERO, Body, ContactPair, SpringSet, Tied
 
 MOST_INCREMENTS = 1_000_000
-"""Of a step."""
+"""The most increments of a step."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.mesh_geometry import node_areas, node_means
 from fe_solver.forces.contact import Contact, needed_distance
 from fe_solver.forces.contact_points import ElementPoints
-from fe_solver.forces.guides import Guides, Ties
+from fe_solver.forces.guides import Guides
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.job.checks import check_job
 from fe_solver.job.curves import Curve, Drive
@@ -111,7 +111,7 @@ class JobModel:
     bodies: tuple[Body, ...]
     """The job's own, then those that carry nodes whose displacement is given."""
     coming: Coming | None = None
-    """Of a phase that others go before: what it sets and releases at its begin."""
+    """What a phase that others go before sets and releases at its begin."""
 
     def start(self) -> Configuration:
         """The sheet as the job has it, its bodies where they are at time 0."""
@@ -276,7 +276,7 @@ def _model_from(
     ties = ties_of(job.ties, at.x, at.d, at.position, at.rotation)
     guides, carriers = _guides(job, at, ties.node)
     bodies = (*job.bodies, *carriers)
-    given = _immovable(ties, guides)
+    given = np.union1d(ties.node, guides.node[guides.held.all(axis=1)])
     base = sheet.model(
         springs=springs_of(job.springs),
         ties=ties,
@@ -363,11 +363,6 @@ def _levels(job: Job, node: Ints) -> tuple[Array, NDArray[np.bool_]]:
     held_axes = held[node]
     still = np.stack([held_axes.any(axis=1), held_axes.sum(axis=1) > 1], axis=1)
     return np.eye(3)[np.argmax(held_axes, axis=1)], still
-
-
-def _immovable(ties: Ties, guides: Guides) -> Ints:
-    """Nodes whose place is given: contact could press on them but not move them."""
-    return np.union1d(ties.node, guides.node[guides.held.all(axis=1)])
 
 
 def _contacts(

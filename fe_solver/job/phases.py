@@ -36,7 +36,7 @@ class Phase:
     pairs: tuple[int, ...]
     """The numbers of its contact pairs among those of the whole job."""
     stays: tuple[tuple[bool, ...] | None, ...]
-    """Of each body, which of its six motions stay where they are at the begin; None where its
+    """Which of the six motions of each body stay where they are at the begin; None where its
     motions are those of all steps."""
 
     @property
@@ -82,8 +82,8 @@ class Phase:
 
 
 def _nearest_turn(rotation: Array, driven: Array) -> Array:
-    """Of the rotation vectors (3,) rad of a rotation (3, 3), which differ by whole turns, the one
-    nearest to `driven` (3,)."""
+    """The rotation vector (3,) rad of a rotation (3, 3), of those that differ by whole turns the
+    one nearest to `driven` (3,)."""
     vector = rotation_vector(rotation)
     angle = float(np.linalg.norm(vector))
     if angle == 0.0:

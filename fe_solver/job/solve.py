@@ -72,7 +72,7 @@ class JobState:
     """(n,) N/m2 of all bodies on each node."""
     reaction: Array
     """(n, 6) N and N m with which ties and held displacements act on each node, about it; see
-    `fe_solver.job.reactions`."""
+    `fe_solver.job.results`."""
 
     @property
     def contact(self) -> Array:
@@ -122,7 +122,7 @@ class JobResult:
     element: str = "shell"
     """The kind of element: shell (ours) or q4ans (FEBio's)."""
     touches: tuple[Touch, ...] = ()
-    """Of each contact pair of the job, whether it touched."""
+    """Whether each contact pair of the job touched."""
 
 
 @dataclass(frozen=True)

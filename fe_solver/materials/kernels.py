@@ -71,7 +71,7 @@ ENERGY_ROUNDING = 1e-2
 ASYMPTOTIC = 40.0
 """Where Ei(x) = exp(x)/x sum k!/x^k is exact to the last digit."""
 SERIES = np.array([1 / (k * math.factorial(k)) for k in range(1, 121)])
-"""Of Ei(x) = gamma + ln x + sum x^k / (k k!)."""
+"""The coefficients of Ei(x) = gamma + ln x + sum x^k / (k k!)."""
 EULER = 0.5772156649015329
 
 

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from cosim.port import Array, Ints
 from fe_solver.elements import kernels
-from fe_solver.materials.hyperelastic import Potential
+from fe_solver.materials.crossed_fibres import CrossedLinear
+from fe_solver.materials.hyperelastic import Potential, volume_ratio
 from fe_solver.materials.kernels import (
     BARRIER,
     LAYER_WEIGHTS,
@@ -35,9 +36,8 @@ from fe_solver.materials.kernels import (
     respond,
 )
 from fe_solver.materials.law_table import LawRows, LawTable, code_of, law_table
-from fe_solver.materials.linear import Law, LinearLaw
+from fe_solver.materials.linear import Isotropic, Law, LinearLaw, Orthotropic
 from fe_solver.materials.tension_field import TensionField
-from fe_solver.materials.thickness import thickness_stretch
 
 SHEAR_CORRECTION = 5.0 / 6.0
 LAYER_MOMENTS = LAYER_WEIGHTS * LAYERS ** np.arange(3)[:, None]
@@ -73,7 +73,7 @@ class Patch:
     bending: Array = field(default_factory=lambda: np.zeros((3, 3)))
     """(3, 3) Pa, moduli of bending besides the law's own."""
     shear_correction: float = SHEAR_CORRECTION
-    """Of transverse shear."""
+    """The factor of transverse shear."""
     sliding: bool = False
     """Whether its fibres slide on each other as it bends; of a law that is not linear."""
 
@@ -398,3 +398,49 @@ def _with_shear(p: Patch, strain: Array, plane: Resultants) -> Resultants:
 def _nothing(strain: Array) -> Resultants:
     shape = strain.shape
     return Resultants(np.zeros(shape[:-1]), np.zeros(shape), np.zeros((*shape, 8)))
+
+
+def thickness_stretch(law: Law | TensionField, strain: Array) -> Array:
+    """The current over the stress-free thickness (...) at the strain (..., 3), E11, E22, 2 E12.
+
+    Hyperelastic: J / sqrt(det C) with C the plane's, where J = 1 of an incompressible law and
+    follows from S33 = 0 else.  Linear: sqrt(1 + 2 E33) with E33 = -(nu13/E1 S11 + nu23/E2 S22); of
+    an orthotropic law that says nothing of the thickness (nu23 = nu31 = 0), isotropic around the
+    fibre is assumed: nu13 = nu12 and nu23 = E2 / (2 G23) - 1.  Of a tension field its base law's,
+    without the wrinkles.  NaN where the law has no answer.
+
+    >>> import numpy as np
+    >>> from fe_solver.materials.linear import Isotropic
+    >>> from fe_solver.materials.section import thickness_stretch
+    >>> pulled = np.array([0.02, -0.3 * 0.02, 0.0])  # free to contract across
+    >>> float(thickness_stretch(Isotropic(1e6, 0.3), pulled).round(6))
+    0.993982
+    """
+    strain = np.asarray(strain, dtype=float)
+    match law:
+        case TensionField():
+            return thickness_stretch(law.base, law.elastic_strain(strain))
+        case CrossedLinear():  # fibres in the plane leave S33 to the base
+            return thickness_stretch(law.base, strain)
+        case Isotropic():
+            along = across = law.nu / np.asarray(law.E)
+        case Orthotropic():
+            along, across = _contraction(law)
+        case Potential():
+            plane = (1 + 2 * strain[..., 0]) * (1 + 2 * strain[..., 1]) - strain[..., 2] ** 2
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return np.asarray(volume_ratio(law, strain) / np.sqrt(plane))
+        case _:
+            raise TypeError(f"no thickness of a {type(law).__name__}")
+    stress = law.response(strain).stress
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(1 - 2 * (along * stress[..., 0] + across * stress[..., 1])))
+
+
+def _contraction(law: Orthotropic) -> tuple[Array, Array]:
+    """nu13/E1 and nu23/E2, 1/Pa."""
+    E1, E2 = np.asarray(law.E1), np.asarray(law.E2)
+    if np.any(law.nu23) or np.any(law.nu31):
+        E3 = E2 if law.E3 is None else np.asarray(law.E3)
+        return law.nu31 / E3, law.nu23 / E2
+    return law.nu12 / E1, 1 / (2 * np.asarray(law.G23)) - 1 / E2

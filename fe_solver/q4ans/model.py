@@ -54,7 +54,7 @@ from fe_solver.supports import ContactPair, Tied, links_of, springs_of
 from fe_solver.surfaces.closing import outwards
 
 COORDINATE_ROUNDING = 0.2
-"""Of the last bit of a coordinate, what is lost in its differences."""
+"""What is lost of the last bit of a coordinate in its differences."""
 ON_FACE = 1e-9
 """Share of the thickness by which a node may lie off the sheet's face."""
 
@@ -164,7 +164,7 @@ class SolidModel:
     attached: Array
     """(2n, 3) m, the places of tied nodes in their bodies' frames; zero elsewhere."""
     coming: Coming | None = None
-    """Of a phase that others go before: what it sets and releases at its begin."""
+    """What a phase that others go before sets and releases at its begin."""
 
     @cached_property
     def pairs(self) -> Ints:
@@ -486,7 +486,7 @@ class SolidPattern:
     kept: NDArray[np.bool_]
     """Which of all terms' entries belong to free components."""
     place: Ints
-    """Of each of these among the matrix's data."""
+    """The place of each of these among the matrix's data."""
     slots: sp.csc_array
     """The matrix, whose data number its entries from 1."""
 

@@ -51,7 +51,7 @@ RESIDUAL_TOLERANCE = 1e-7
 """Residual over the largest force at a spring, in contact or of all reactions."""
 MOST_ITERATIONS = 40
 MOST_WHOLE = 25
-"""Of whole steps, after which short ones are tried."""
+"""Rounds of whole steps, after which short ones are tried."""
 FIRST_STEP = 0.1
 """Share of the thickness: no node moves further in the first iteration, nor more than twice as far
 in the next as in the last."""

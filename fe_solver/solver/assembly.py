@@ -26,9 +26,9 @@ class Pattern:
 
     size: int
     indptr: Ints
-    """Of the full matrix."""
+    """The full matrix's."""
     indices: Ints
-    """Of the full matrix."""
+    """The full matrix's."""
     gather_start: Ints
     """Entry k of the data sums gather[gather_start[k]:gather_start[k + 1]]."""
     gather: Ints

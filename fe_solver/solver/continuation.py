@@ -19,7 +19,7 @@ S = TypeVar("S")
 SAME_TIME = 1e-9
 """Share of the time to go; what differs by less is one time."""
 GROWTH = 2.0
-"""Of the step after a quick one."""
+"""The factor of the step after a quick one."""
 MOST_LOOKS = 400
 """Places on the way of a step at which it is looked whether anything is passed through."""
 
@@ -89,7 +89,7 @@ class TimeSteps(ABC, Generic[S]):
     quick: int
     """Iterations up to which the next step is longer."""
     time: float = 0.0
-    """Of the last equilibrium."""
+    """The time of the last equilibrium."""
     effort: Effort = Effort()
     """What was spent since the start."""
     stride: float = np.inf

@@ -48,7 +48,8 @@ END_RESIDUAL = 1e-4
 CONSISTENT_BELOW = 0.1
 """Residual over the largest force below which the next tangent is the consistent one."""
 MOST_HALVINGS = 4
-"""Of a step that would turn a director into the plane of an element, or crush one."""
+"""How often a step is halved that would turn a director into the plane of an element, or crush
+one."""
 SMALLER, MOST_RESTARTS = 0.25, 3
 """Part of the longest step that is allowed from the start on where no halving helps."""
 SHORT = 0.1
@@ -159,7 +160,7 @@ class _Walk:
         """The forces at `c` to first order; None where no step has led there."""
         self.e = self._evaluate(start, convex=not self.near)
         self.factor: Factor | None = None
-        """Of a walk that is near, the last tangent that was factorised: it serves the next ones."""
+        """The last tangent of a walk near by that was factorised: it serves the next ones."""
         self.solves = self.restarts = self.taken = 0
         self._forget()
 

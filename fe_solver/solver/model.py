@@ -57,7 +57,7 @@ class Evaluation:
     points: PointForces
     """Forces of springs, contacts and ropes."""
     bases: tuple[Array, Array]
-    """Of the nodes: A (n, 3, 3) for displacements, T (n, 3, 2) for turns."""
+    """The nodes' bases: A (n, 3, 3) for displacements, T (n, 3, 2) for turns."""
     reduced: Array
     """(5n,) gradient in the nodes' bases, tendon pulls included."""
     follower: Array

@@ -277,7 +277,7 @@ class _Search:
         """Whether no step descends by this tangent; by either."""
         self.chord = None if begun.iterations else _chord_of(previous)
         self.factor = begun.factor or (previous.factor if previous else None)
-        """Of a solution that follows a known one, a tangent near by: it serves where a
+        """A tangent near by, of a solution that follows a known one: it serves where a
         factorisation is dear."""
         known = begun.evaluation
         if known is None or known.convex:

@@ -99,7 +99,7 @@ def descent_step(
 
 
 def last_factorised(factor: Factor | None, kept: Factor | None) -> Factor | None:
-    """Of a step's factor and the one that was kept for steps near by, the one that was made last: a
+    """The factor that was made last, of a step's and the one that was kept for steps near by: a
     damped tangent's is no use again, and a `Nearby` one is the kept one."""
     return kept if factor is None or isinstance(factor, Nearby) else factor
 

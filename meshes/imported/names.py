@@ -120,7 +120,7 @@ def list_names(names: Iterable[str]) -> str:
 def missing_sets_fault(raw: RawMesh, sets: Named) -> list[str]:
     """A fault for the sets that a hood cannot do without, with what was found; none if complete."""
     faults = []
-    lost = np.setdiff1d(np.arange(len(raw.quads)), _all(sets.cells))
+    lost = np.setdiff1d(np.arange(len(raw.quads)), np.unique(_join(sets.cells)))
     if len(lost):
         inside = [n for n, cells in raw.cells.items() if n in sets.unused and lost[0] in cells]
         where = f" (it is in {list_names(inside)})" if inside else ""
@@ -168,7 +168,3 @@ def absent_sets(sets: Named) -> list[str]:
 
 def _join(sets: Mapping[str, Ints]) -> Ints:
     return np.concatenate([np.zeros(0, dtype=np.intp), *sets.values()])
-
-
-def _all(sets: Mapping[str, Ints]) -> Ints:
-    return np.unique(_join(sets))

@@ -53,7 +53,7 @@ class RawMesh:
     fields: Mapping[str, Array] = field(default_factory=dict)
     """Vectors (ne, 3) of the quads by name, in the file's axes, none of them zero."""
     hand: Hand = "right"
-    """Of a left one y is ulnar."""
+    """On a left one y is ulnar."""
 
     def of(self, hand: Hand) -> RawMesh:
         """Return the mesh of a right hand as that of another: a left one is its mirror image."""

@@ -43,11 +43,11 @@ class Joint:
     Raises InputError for an axis without a direction, or more than two."""
 
     names: tuple[str, ...]
-    """Of its angles."""
+    """The names of its angles."""
     parent: str
     child: str
     axes: tuple[Vector, ...] = ((0.0, 1.0, 0.0),)
-    """Of the hinges, in the parent's frame at zero angles; unit after construction."""
+    """The hinges' axes, in the parent's frame at zero angles; unit after construction."""
     zero: tuple[Vector, Vector, Vector] = NO_TURN
     """The child's rotation in its parent at zero angles."""
 

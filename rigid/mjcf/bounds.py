@@ -15,7 +15,7 @@ from cosim.errors import InputError
 from cosim.file_size import MB, check_file_size
 
 MOST_BYTES, MOST_FILE = 32 * MB, 256 * MB
-"""Of a model's text, and of a mesh or picture that it names."""
+"""The largest text of a model, and the largest mesh or picture that it names."""
 MOST_TAGS = 20_000
 """Tags with what is repeated, of a hand's model some thousands; MuJoCo takes a second for them."""
 MOST_COPIES = 3000
@@ -25,7 +25,7 @@ MOST_FILES = 50
 COPIES = {"replicate": "count", "composite": "count", "flexcomp": "count"}
 GRIDS = {"hfield": ("nrow", "ncol"), "texture": ("width", "height")}
 MOST_CELLS = 4_000_000
-"""Of a height field or texture."""
+"""The most cells of a height field or texture."""
 SIZES = {"size": "*", "numeric": "size", "user": "dim"}
 """Tags whose attributes (`*`: all) say how much room to make."""
 MOST_ROOM = 1_000_000

@@ -46,7 +46,7 @@ LOOSE = -1.0
 FIRM = f"{2 * STEP!r} 1", "0.9999 0.9999 0.001 0.5 2"
 """solref and solimp of MuJoCo's stiffest equality at STEP."""
 SOLVER_TOLERANCE = "1e-12"
-"""Of MuJoCo's solver: with its usual 1e-8 a light follower trembles."""
+"""The tolerance of MuJoCo's solver: with its usual 1e-8 a light follower trembles."""
 NO_DEFAULTS = {"armature": "0", "stiffness": "0", "frictionloss": "0"}
 """What a model's defaults may say of joints and tendons, which is not of the hood's."""
 STILL, CHUNK, CHUNKS = 1e-9, 25, 60
@@ -284,7 +284,7 @@ class HeldModel:
 
     @classmethod
     def of(cls, xml: str, joints: tuple[str, ...], parts: HoodParts) -> HeldModel:
-        """Of a model's text."""
+        """The model that a text makes."""
         return cls(mujoco.MjModel.from_xml_string(xml), joints, parts)
 
     def settle(self, angle: Array, tension: Mapping[str, float]) -> None:

@@ -44,7 +44,7 @@ muscles has of a muscle's own stiffness."""
 SOFTEST, STIFFEST = 5.0, 3e5
 """N/m."""
 LEAST_TORQUE = 0.15
-"""Of the median torque: a smaller one counts as if it were as large."""
+"""The part of the median torque below which one counts as if it were as large."""
 ONSETS = (3e-4, 1e-4, 3e-5, 0.0)
 """m, over which bands come to bear."""
 NEWTON, ROUNDS, TRIES, START, ENOUGH = 40, 15, 14, 1.0, 1e-3
@@ -224,8 +224,8 @@ class _Fit:
         return bands
 
     def _pull(self, stretch: Array) -> tuple[Array, Array, Array]:
-        """Of a stretch: its square over two, itself and one where a band bears, smoothly over the
-        onset."""
+        """The square over two of a stretch, the stretch and one where a band bears, smoothly over
+        the onset."""
         if self._onset == 0.0:
             taut = np.maximum(stretch, 0.0)
             return taut**2 / 2, taut, (stretch > 0).astype(float)

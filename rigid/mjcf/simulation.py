@@ -28,9 +28,10 @@ BEARING = 0.03
 STOP = 1.5
 """A curve is a stop where it is so many times as stiff as at its rest; it is not fitted there."""
 FLAT = 1e-3
-"""Of the largest slope: below it a curve counts as flat."""
+"""The part of the largest slope below which a curve counts as flat."""
 SMALL_TORQUE = 0.05
-"""Of the largest torque: below it a curve's fit asks for the same difference everywhere."""
+"""The part of the largest torque below which a curve's fit asks for the same difference
+everywhere."""
 DAMPING, ARMATURE = 1e-3, 1e-5
 """N m s/rad of joints without a stated damping, and kg m2: small beside muscles, large enough for
 steps of TIMESTEP with the inertia of a fingertip."""

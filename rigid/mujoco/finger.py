@@ -167,7 +167,7 @@ class MujocoFinger(ChainFinger):
     def beyond_guides(
         self, angles: Array, tension: Array, grip: Array | None = None
     ) -> dict[str, tuple[float, float]]:
-        """Of each tendon with friction the tension (N) that is left at its insertions together,
+        """The tension (N) that is left at the insertions of each tendon with friction together,
         under tensions (nt,) N, and the angle (rad) by which its longest strand turns at guides."""
         if self.guides is None:
             return {}

@@ -137,7 +137,7 @@ class FrictionWork(NamedTuple):
     held: float
     """Taken up before the tendon slides, or given back."""
     from_stretch: float
-    """Of both what the muscles brought as their tendons stretched, the joints at rest."""
+    """What of both the muscles brought as their tendons stretched, the joints at rest."""
 
 
 NO_WORK = FrictionWork(0.0, 0.0, 0.0)
@@ -231,7 +231,7 @@ class TendonGuides:
         by_owner = [friction[names[t]] for t in self.owner]
         self._mu = np.array([f.coefficient for f in by_owner])
         self.coefficients = np.array([f.coefficient for f in friction.values()])
-        """Of `tendons`."""
+        """The coefficients of `tendons`."""
         self.grip = np.array([GRIPS[f.sliding] for f in by_owner])
         """(n,) g of the tendons as they slide."""
         self.presliding = np.array([f.presliding for f in by_owner])

@@ -11,7 +11,7 @@ from cosim.port import Array
 from rigid.opensim.xml import OsimTag
 
 DEGREE = 4
-"""Of the polynomial of MuJoCo's equality of two joints."""
+"""The degree of the polynomial of MuJoCo's equality of two joints."""
 SAMPLES = 201
 STRAIGHT = 1e-12
 """How far the knots of a spline may lie from a line, of their range, to be read as one."""

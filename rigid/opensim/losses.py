@@ -79,12 +79,8 @@ def unread(root: OsimTag) -> Iterator[Loss]:
     for tag in root.unread():
         if tag.kind in LOOKS:
             yield Loss("dropped", tag.place, tag.line, "how things are drawn", "drawn")
-        elif tag.children or tag.text.strip() not in _neutral(tag.kind):
+        elif tag.children or tag.text.strip() not in ("", NEUTRAL.get(tag.kind, "")):
             yield Loss("dropped", tag.place, tag.line, _reason(tag.kind))
-
-
-def _neutral(kind: str) -> tuple[str, ...]:
-    return ("", NEUTRAL.get(kind, ""))
 
 
 def _reason(kind: str) -> str:

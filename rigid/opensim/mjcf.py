@@ -64,7 +64,7 @@ def mjcf_xml(
     option = etree.SubElement(root, "option", gravity=_text(gravity))
     etree.SubElement(option, "flag", contact="disable")
     fixed: dict[str, list[MjcfSite | Wrap]] = defaultdict(list)
-    surfaces = _wraps(tendons)
+    surfaces = {wrap.name: wrap for tendon in tendons.values() for wrap in tendon.wraps if wrap}
     sites = [*markers, *_path_sites(tendons), *_side_sites(surfaces)]
     parts: list[MjcfSite | Wrap] = [*sites, *surfaces.values()]
     for part in parts:
@@ -82,10 +82,6 @@ def mjcf_xml(
 
 def _text(numbers: Iterable[float]) -> str:
     return " ".join(repr(float(x)) for x in numbers)
-
-
-def _wraps(tendons: Mapping[str, Tendon]) -> dict[str, Wrap]:
-    return {wrap.name: wrap for tendon in tendons.values() for wrap in tendon.wraps if wrap}
 
 
 def _path_sites(tendons: Mapping[str, Tendon]) -> list[MjcfSite]:

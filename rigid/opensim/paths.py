@@ -43,7 +43,7 @@ class Point:
     shown: tuple[str, float, float] | None = None
     moves: tuple[tuple[str, Curve], ...] | None = None
     frame: Transform = IDENTITY
-    """Of the functions in the body."""
+    """The frame of the functions in the body."""
 
     @property
     def moved_by(self) -> tuple[str, ...]:

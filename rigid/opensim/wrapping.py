@@ -21,7 +21,7 @@ from cosim.port import Array
 PLANES = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
 """Turns about the line between both ends of the planes that are tried over an ellipsoid, rad."""
 ABSCISSAE, WEIGHTS = np.polynomial.legendre.leggauss(12)
-"""Of the integral along an arc of an ellipse."""
+"""The points and weights of the integral along an arc of an ellipse."""
 MOST_ROUNDS, STILL = 8, 1e-7
 """Times that all surfaces of a path are taken, and the change of its length (m) at rest."""
 PLACES = 60

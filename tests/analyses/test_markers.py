@@ -18,7 +18,7 @@ from meshes.skeleton import index_finger
 from rigid.chain.pose import BodyMarkers
 from rigid.fingers.index import finger_model
 from rigid.mujoco.finger import MujocoFinger
-from rigid.opensim.trc import read_trc
+from rigid.opensim.sto import read_trc
 
 FINGER = MujocoFinger(finger_model(index_finger()))
 PLACES = {

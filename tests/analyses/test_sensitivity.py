@@ -20,9 +20,9 @@ from cosim.analyses.identify.sensitivity import (
     study,
     to_csv,
     to_json,
+    variations,
 )
 from cosim.analyses.identify.tornado import draw_tornado
-from cosim.analyses.identify.variations import variations
 from cosim.analyses.trials.workers import run_trial
 from cosim.case.file import load_case
 from cosim.case.schema import Case

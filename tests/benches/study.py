@@ -19,9 +19,9 @@ from cosim.processes import WorkerProcess, do_with_memory
 from cosim.study import process as apart
 from cosim.study.engine import Solve, local
 from cosim.study.execute import check_libraries, execute_study
+from cosim.study.files import table_of, write_table
 from cosim.study.plan import read_plan
 from cosim.study.store import Store
-from cosim.study.table import table_of, write_table
 from cosim.study.task import Task, Verdict
 
 RUNS = 64

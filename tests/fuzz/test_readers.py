@@ -31,8 +31,7 @@ from fe_solver.febio.read import read_feb
 from meshes.imported.write import write_vtu
 from rigid.mjcf.read import read_mjcf
 from rigid.opensim.osim import import_osim
-from rigid.opensim.sto import read_sto
-from rigid.opensim.trc import read_trc
+from rigid.opensim.sto import read_sto, read_trc
 from tests.helpers.feb_files import feb_text
 from tests.helpers.feb_strips import quadratic_text
 from tests.helpers.folders import ROOT

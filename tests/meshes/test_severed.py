@@ -13,8 +13,7 @@ from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.hoods.cable.table import PARTS as OF_CABLES
 from cosim.hoods.fe_supports import STRUT, adhesions
-from cosim.hoods.injury import apply_lesion_to_mesh, apply_lesion_to_net
-from cosim.hoods.lesion import LesionConfig
+from cosim.hoods.lesion import LesionConfig, apply_lesion_to_mesh, apply_lesion_to_net
 from cosim.hoods.shell.build import growth_of, thickness_of
 from cosim.hoods.shell.table import PARTS as OF_SHELL
 from cosim.models.build import build, hood_mesh

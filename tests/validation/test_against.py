@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 from cosim.errors import InputError
-from cosim.validation.against import Rows, differences, read_rows
+from cosim.validation.scoreboard import Rows, differences, read_rows
 
 ROW = {
     "case": "run",

@@ -6,7 +6,7 @@ import pytest
 
 from cosim.analyses.length_experiments import HOODS, case_with, experiments, levers
 from cosim.case.file import load_case
-from cosim.report.strengths import NOT_KNOWN, insertion_forces, strength_of
+from cosim.report.lesion_page import NOT_KNOWN, insertion_forces, strength_of
 from cosim.results.quantities import is_known
 from meshes.hood_mesh import REGIONS
 from tests.proofs.studies.length_rows import rows

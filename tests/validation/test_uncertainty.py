@@ -17,14 +17,6 @@ from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.pipeline import run_case
 from cosim.results.compare import Comparison, Target
-from cosim.validation.forms import RUBBING, form_values, form_versions
-from cosim.validation.inputs import (
-    AS_IT_IS,
-    InputSpread,
-    input_spreads,
-    input_versions,
-    read_inputs,
-)
 from cosim.validation.ratios import share_group
 from cosim.validation.records import write_record
 from cosim.validation.run import Board, choose_groups
@@ -38,7 +30,20 @@ from cosim.validation.uncertainty import (
     read_uncertainty,
     update,
 )
-from cosim.validation.versions import audited_summary, key_of, run_versions, values_of_boards
+from cosim.validation.versions import (
+    AS_IT_IS,
+    RUBBING,
+    InputSpread,
+    audited_summary,
+    form_values,
+    form_versions,
+    input_spreads,
+    input_versions,
+    key_of,
+    read_inputs,
+    run_versions,
+    values_of_boards,
+)
 from tests.helpers.folders import ROOT
 
 CASES = ROOT / "cases"

@@ -26,14 +26,17 @@ from cosim.validation.force import AN, MYOHAND, PAST_THE_HOOD, THROUGH_THE_HOOD,
 from cosim.validation.free_finger import needed_stiffness
 from cosim.validation.lengths import OWN_ZERO, measure_lengths
 from cosim.validation.plan import STRAIGHT, groups, losses, rows_of, split_answers, trial_name
-from cosim.validation.reasons import MISSES, NOT_KNOWN, explain_misses, reasons
 from cosim.validation.run import (
+    MISSES,
+    NOT_KNOWN,
     SPLIT,
     Board,
     _case,
     by_kind,
     choose_groups,
+    explain_misses,
     folder_name,
+    reasons,
     run_validation,
 )
 from cosim.validation.run import board_of as board_of_outcomes

@@ -7,7 +7,6 @@ import pytest
 
 from cosim.analyses.mesh_series import MeshSeries, mesh_factors
 from cosim.results.compare import Comparison, Target
-from cosim.validation.inputs import InputSpread
 from cosim.validation.plots import (
     NO_TENDON,
     SHAPES,
@@ -19,6 +18,7 @@ from cosim.validation.plots import (
 from cosim.validation.run import Board
 from cosim.validation.scoreboard import JudgedBoard
 from cosim.validation.uncertainty import NumberUncertainty
+from cosim.validation.versions import InputSpread
 
 
 def row(name: str, model: float | None, unit: str = "N", **more: float | None) -> Comparison:

@@ -16,7 +16,7 @@ from cosim.port import Array, Finger
 from cosim.text_tables import read_csv
 from rigid.chain.pose import BodyMarkers, estimate
 from rigid.chain.statics import ChainFinger
-from rigid.opensim.trc import MarkerMotion, read_trc
+from rigid.opensim.sto import MarkerMotion, read_trc
 
 ON_BASE = 3
 """Markers that place the body that carries the finger."""

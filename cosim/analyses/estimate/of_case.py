@@ -27,7 +27,7 @@ from cosim.fingers.kinds import with_mass
 from cosim.models.build import Models, build
 from cosim.port import AXES, Array, PairState, State, Tensions
 from cosim.schema import units
-from cosim.solve.equilibrium import solve_equilibrium
+from cosim.solve.session import solve_equilibrium
 from cosim.solve.solvers import limit_patience
 from rigid.mujoco.finger import MujocoFinger, needed_torque
 from rigid.muscle.least_cost import Power

@@ -13,6 +13,7 @@ from cosim.analyses.estimate.tracking import Tracking
 from cosim.port import Array
 from cosim.results.conventions import joint_words
 from cosim.results.looks import look
+from cosim.results.picture import new_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,10 +33,8 @@ def draw_estimate(
 ) -> Figure:
     """Tensions as bars over their greatest force, and the feasible forces in the sagittal plane
     with the wanted one; either may lack."""
-    from matplotlib.figure import Figure
-
     panels = [p for p in (tension is not None, forces is not None) if p]
-    sheet = Figure(figsize=(5.2 * len(panels), 4.4), layout="constrained")
+    sheet = new_picture(5.2 * len(panels), 4.4)
     axes = list(np.atleast_1d(sheet.subplots(1, len(panels))))
     if tension is not None:
         _bars(axes.pop(0), capacity, tension)
@@ -106,9 +105,7 @@ def draw_tracking(
 
 def _draw_courses(title: str, *shown: tuple[str, Array, Array, tuple[str, ...]]) -> Figure:
     """Panels over one time: what stands at the axis, times (n,) s, values (n, k), their names."""
-    from matplotlib.figure import Figure
-
-    sheet = Figure(figsize=(7.5, 8.0), layout="constrained")
+    sheet = new_picture(7.5, 8.0)
     panels = sheet.subplots(len(shown), 1, sharex=True)
     for axes, (unit, time, values, labels) in zip(panels, shown, strict=True):
         for k, label in enumerate(labels):

@@ -26,7 +26,7 @@ WHOLE_ROUNDS = 6
 """Rounds of whole steps; then steps stay within a region round the best tensions so far, which
 grows and shrinks by the part of its promise that a step makes, and only a gain counts."""
 LEAST_PART = 2.0**-8
-"""Of a step on which the hood's own solve fails."""
+"""The least part of a step that is tried where the hood's own solve fails."""
 LARGEST_STEP, LEAST_REGION = 0.5, 1e-4
 """Half width of the region at first, and below which the rounds end: of the largest tension."""
 SLOW, STALLED = 1e-3, 5

@@ -51,7 +51,7 @@ the same on a hood, the cheapest pair jumps from the one to the other."""
 BEGIN = 0.02
 """Part of the greatest tensions."""
 MOST_ROUNDS, MOST_BEGIN = 6, 30
-"""Of a plan, and of the first one."""
+"""Rounds of a plan, and of the first one."""
 AGREED = 1e-2
 """Relative difference of the hood's torques and those of a plan, at which its rounds end: what is
 left, the next plan takes out."""
@@ -60,7 +60,7 @@ FOLLOWED, ASTRAY = 2.0, 0.5
 NUDGE = 1e-6
 """Part by which tensions are larger where it is asked whether the finger keeps its way."""
 STEP_ROUNDING = 1e-6
-"""Of a step, by which a motion may be too short for the last one."""
+"""The part of a step by which a motion may be too short for the last one."""
 
 
 class Plan(NamedTuple):
@@ -217,8 +217,8 @@ class Planner:
     def _rounds(
         self, held: HeldFinger, needed: Array, tension: Array, hood: State, share: float, most: int
     ) -> Array:
-        """Of the tensions that make the torques (nq,) N m by the hood's tangent, and cost least in
-        what they have beyond a share of the last ones, those of at most so many rounds that come
+        """The tensions that make the torques (nq,) N m by the hood's tangent, and cost least in
+        what they have beyond a share of the last ones: those of at most so many rounds that come
         nearest."""
         demand, bounds, cost = torque_demand(held), self.setup.bounds, self.setup.cost
         at, kept = held.at(tension, hood), share * tension

@@ -78,7 +78,7 @@ class FitPart:
     end: float
     """With those found."""
     zero: float
-    """Of the null model, which says 0 of every number."""
+    """The same of the null model, which says 0 of every number."""
 
 
 @dataclass(frozen=True)

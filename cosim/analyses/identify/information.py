@@ -20,7 +20,7 @@ from cosim.port import Array, Mask
 LEAST_CHANGE = 0.1
 """SDs by which all rows together change, at least, over a direction that they can tell."""
 DIFFERENCE_NOISE = 1e-6
-"""Of the largest singular value: what differences of solves do not show."""
+"""Relative to the largest singular value: what differences of solves do not show."""
 TAKES_PART = 0.1
 """Share of a direction, and of what is lost of a parameter, from which a parameter is named."""
 
@@ -30,7 +30,7 @@ class Information:
     """What rows can say of n parameters, at the start of a fit."""
 
     names: tuple[str, ...]
-    """Of the parameters."""
+    """The parameters' names."""
     changes: Array
     """(n,) SDs, by which all rows together change over each parameter's range alone."""
     singular_values: Array

@@ -10,6 +10,7 @@ from cosim.analyses.identify.fit import NORMAL, Fit
 from cosim.analyses.identify.parameters import FitParameter
 from cosim.analyses.identify.profile import Profile
 from cosim.results.compare import number
+from cosim.results.picture import new_picture
 from cosim.results.table import csv_text
 
 if TYPE_CHECKING:
@@ -52,12 +53,10 @@ def profiles_csv(fit: Fit) -> str:
 def draw_profiles(fit: Fit) -> Figure:
     """A chart for each parameter: its profile, the parabola of the linearised interval, the limit
     of the 95 % interval, and the interval."""
-    from matplotlib.figure import Figure
-
     count = len(fit.profiles)
     width = min(count, ACROSS)
     rows = -(-count // width)
-    figure = Figure(figsize=(3.7 * width + 0.6, 3.1 * rows + 0.9), layout="constrained")
+    figure = new_picture(3.7 * width + 0.6, 3.1 * rows + 0.9)
     every = figure.subplots(rows, width, squeeze=False).ravel()
     for axes, parameter, profile in zip(every, fit.parameters, fit.profiles, strict=False):
         _draw(axes, fit, parameter, profile)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.analyses.identify.sensitivity import Run, Sensitivity, SensitivityBar, bars
 from cosim.results.compare import Target, reference_text, unit_of
+from cosim.results.picture import new_picture
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -30,13 +31,12 @@ ROOM = 0.28
 def draw_tornado(result: Sensitivity, quantity: str, target: Target | None = None) -> Figure:
     """Bars from the case's own value to those at both sides of every variation, and where the
     measured value or band lies, if there is one."""
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
     every = bars(result, quantity)
     least = TELLING * every[0].swing if every else 0.0
     drawn = [bar for bar in every if bar.swing > least][:MOST_BARS]
-    figure = Figure(figsize=(10.5, 2.2 + 0.34 * max(len(drawn), 1)), layout="constrained")
+    figure = new_picture(10.5, 2.2 + 0.34 * max(len(drawn), 1))
     axes = figure.subplots()
     for place, bar in enumerate(drawn):
         _draw_bar(axes, place, bar, least)

@@ -37,7 +37,7 @@ MOST_STEP = float(np.radians(10.0))
 MOST_BYTES = 1 << 30
 """A larger file is none of samples."""
 SHAPES = ("n", "m", "n", "m", "nn", "nm", "mm", "s")
-"""Of a sample's fields, in their order, for n joints, m tendons and s = 2 slips."""
+"""The shapes of a sample's fields, in their order, for n joints, m tendons and s = 2 slips."""
 
 
 @dataclass(frozen=True)

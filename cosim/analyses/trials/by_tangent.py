@@ -25,7 +25,7 @@ from cosim.fingers.kinds import tip_support_kind
 from cosim.models.build import Models, build, tensions
 from cosim.port import Array
 from cosim.results.static import observe_static
-from cosim.solve.states import States
+from cosim.solve.static import States
 from fe_solver.hood.shell_hood import HoodState
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 

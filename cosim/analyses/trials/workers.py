@@ -25,7 +25,7 @@ from cosim.pipeline import run_case
 from cosim.processes import ProcessPool, one_blas_thread
 from cosim.results.static import observe_static
 from cosim.solve.solvers import solve
-from cosim.solve.states import States
+from cosim.solve.static import States
 
 Summary = Mapping[str, Any]
 Trial = Outcome[Summary]

@@ -12,9 +12,8 @@ from cosim.hoods.cable.table import ENDS, CableHoodConfig
 from cosim.hoods.cable.view import view_of
 from cosim.hoods.fe_supports import contact_levels, supports_of
 from cosim.hoods.fe_view import slip_forces, stored_energy, tangent_seconds
-from cosim.hoods.injury import apply_lesion_to_net, longer
 from cosim.hoods.kind import BuiltHood, HoodBuilder, Site, skeleton_of
-from cosim.hoods.lesion import LesionConfig
+from cosim.hoods.lesion import LesionConfig, apply_lesion_to_net, longer
 from fe_solver.forces.cables import Cables
 from fe_solver.hood.build import Net, TendonEnd, cable_hood
 from fe_solver.hood.shell_hood import ShellHood as FeHood

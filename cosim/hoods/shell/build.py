@@ -11,9 +11,8 @@ from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
 from cosim.hoods.fe_supports import contact_levels, head_arcs, supports_of
 from cosim.hoods.fe_view import slip_forces, stored_energy, tangent_seconds
-from cosim.hoods.injury import apply_lesion_to_mesh, longer
 from cosim.hoods.kind import BuiltHood, HoodBuilder, Site, skeleton_of
-from cosim.hoods.lesion import LesionConfig
+from cosim.hoods.lesion import LesionConfig, apply_lesion_to_mesh, longer
 from cosim.hoods.shell import table
 from cosim.hoods.shell.fibre_table import FibrousConfig
 from cosim.hoods.shell.fibres import Fibres, fibres_of
@@ -29,10 +28,9 @@ from fe_solver.hood.shell_hood import ShellHood as FeHood
 from fe_solver.materials import crossed_fibres, hyperelastic
 from fe_solver.materials import fibres as fibre_materials
 from fe_solver.materials import linear as materials
-from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
 from fe_solver.materials.linear import Law, LinearLaw, Real
 from fe_solver.materials.tension_field import TensionField
-from fe_solver.sheet import Sheet, ShellPart
+from fe_solver.sheet import Sheet, ShellPart, in_situ_growth, stress_free_thickness
 from meshes.coarseness import coarse_rows
 from meshes.hood import generate
 from meshes.hood_lines import even_shares

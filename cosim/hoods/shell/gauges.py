@@ -20,7 +20,7 @@ from meshes.hood_mesh import display_quads
 FARTHEST = 3e-3
 """m from the mid-surface: a point farther off is on no hood."""
 STRAIN_COMPONENTS = ("longitudinal", "lateral", "shear")
-"""Of the surface strain tensor at a point."""
+"""The components of the surface strain tensor at a point."""
 EDGE = 1e-9
 """A barycentric coordinate down to minus that is of a point on the triangle's edge."""
 

@@ -59,7 +59,7 @@ THIN_SHEETS = (
 LACKING = {"one_sheet": ("triangular_ligament",)}
 """Regions that a layout does not have."""
 MOST_NAMES = 20
-"""Of points, that a message lists."""
+"""Names of points that a message lists."""
 PARTS = InjurableParts(
     (*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS, ACROSS
 )
@@ -221,9 +221,9 @@ class ExtraLengthsConfig(Table):
     """How much longer than laid out a slip is, m."""
 
     central_slip: ExtraLength = 0.0
-    """Of the central slip; negative: shorter."""
+    """How much longer the central slip is; negative: shorter."""
     terminal_slip: ExtraLength = 0.0
-    """Of the terminal slip; negative: shorter."""
+    """How much longer the terminal slip is; negative: shorter."""
 
 
 class RetinaculumConfig(Table):
@@ -293,8 +293,8 @@ class ShellHoodConfig(HoodConfig):
     """Thickness of the regions that have neither `thickness` nor `section` of their own; `cosim
     check` names them."""
     bending_stiffness: BendingStiffness = 0.0
-    """Of a strip per its width, as if of a sheet that acts in bending alone, besides what the
-    regions' laws make."""
+    """The bending stiffness of a strip per its width, as if of a sheet that acts in bending alone,
+    besides what the regions' laws make."""
     regions: dict[Annotated[str, name_of("region", REGIONS, also=("all",))], MaterialConfig]
     """Material by region; `all` is of every region, with a region's own keys on top."""
     contact: ContactConfig

@@ -43,7 +43,7 @@ from meshes.markers import Markers
 from meshes.skeleton import JOINTS, Skeleton
 
 PERCENTILES = (0.05, 0.95)
-"""Of the area of a region, what a strain is summed up by beside its mean."""
+"""The parts of a region's area by which a strain is summed up beside its mean."""
 SAME_LINE = 1e-9
 """rad, fibres and mesh lines nearer than that are one."""
 Range = dict[str, float]

@@ -13,7 +13,7 @@ from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, Step
 from fe_solver.job.phases import phases
-from fe_solver.job.reactions import reactions
+from fe_solver.job.results import reactions
 from fe_solver.job.solve import JobState, solve_job
 from fe_solver.q4ans.solve import solve_solid
 from fe_solver.supports import Body, Given, Tied

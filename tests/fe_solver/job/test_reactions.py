@@ -14,7 +14,7 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Drive
 from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement
-from fe_solver.job.reactions import reactions
+from fe_solver.job.results import reactions
 from fe_solver.job.solve import solve_job
 from fe_solver.q4ans.solve import solve_solid
 from fe_solver.supports import WALL, Tied

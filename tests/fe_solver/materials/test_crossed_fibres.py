@@ -16,10 +16,10 @@ from fe_solver.materials.fibres import (
     HolzapfelGasserOgden,
     TransIsoMooneyRivlin,
 )
-from fe_solver.materials.in_situ import in_situ_growth
 from fe_solver.materials.linear import Law
 from fe_solver.materials.section import Patch, join_sections, one_law
 from fe_solver.materials.tension_field import TensionField
+from fe_solver.sheet import in_situ_growth
 from tests.proofs.fe.material_points import axes, differences, least_energy, rotate, strains
 from tests.proofs.fe.material_rows import ARTERY, ISOTROPIC, ORTHOTROPIC, SOFT_TENDON, TENDON
 

@@ -9,8 +9,8 @@ from fe_solver.materials.crossed_fibres import CrossedLinear
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Orthotropic
+from fe_solver.materials.section import thickness_stretch
 from fe_solver.materials.tension_field import TensionField
-from fe_solver.materials.thickness import thickness_stretch
 from fe_solver.q4ans.laws import solid_stress
 
 LIGAMENT = {"c1": 1e6, "c2": 0.2e6, "c3": 0.1e6, "c4": 40.0, "c5": 60e6, "lam_max": 1.03}

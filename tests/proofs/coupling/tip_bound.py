@@ -6,7 +6,7 @@ import numpy as np
 
 from cosim.models.build import Models
 from cosim.port import Array, OpenFinger, State
-from cosim.solve.states import States
+from cosim.solve.static import States
 
 RESISTING = ("passive", "limit", "fingertip")
 DIFFERENCE = 1e-6

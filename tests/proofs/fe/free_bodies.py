@@ -12,7 +12,7 @@ from cosim.checks import Row
 from cosim.port import Array, rotation_vector
 from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, RigidLoad, Step
-from fe_solver.job.reactions import reactions
+from fe_solver.job.results import reactions
 from fe_solver.job.solve import JobResult, JobState, solve_job
 from fe_solver.materials.linear import Isotropic
 from fe_solver.q4ans.solve import solve_solid
