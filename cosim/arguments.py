@@ -10,10 +10,12 @@ from typing import Any, TypeGuard, cast
 
 import numpy as np
 
-from cosim.case.file import case_of, layers_of, load_case
-from cosim.case.schema import Case, as_stated
+from cosim.case.file import case_of, layers_of, load_case, resolved_toml
+from cosim.case.schema import Case, as_stated, check_name
 from cosim.errors import InputError, unexpected
 from cosim.files import is_path
+from cosim.models.build import build
+from cosim.port import Finger, Hood, Pair
 from cosim.results.read import check_converged, read_run
 from cosim.results.result import Result
 from cosim.schema import units
@@ -167,3 +169,47 @@ def real_number(given: object) -> float:
         return float(value)
     except OverflowError:
         return math.inf
+
+
+def pair_from(finger: object, hood: object) -> tuple[Pair, Mapping[str, float], Any]:
+    """Finger and hood of `couple`, the posture (rad) of a finger that a case has, and what tells
+    the forces in the slips of a hood that one has.  Raises InputError."""
+    of_finger = None if _offers(finger, Finger) else case_from(finger, place="finger")
+    of_hood = None if _offers(hood, Hood) else case_from(hood, place="hood")
+    if of_finger is not None and of_hood is not None:
+        tables = {"hood": of_hood.hood, "lesion": of_hood.lesion}
+        models = build(of_finger.model_copy(update=tables))
+        return models.pair, models.posture, models.slips_of
+    if of_finger is not None:
+        models = build(of_finger)
+        return Pair(models.finger, cast(Hood, hood)), models.posture, None
+    if of_hood is not None:
+        models = build(of_hood)
+        of_state = models.slips
+        slips = None if of_state is None else lambda solved: of_state(solved.response.state)
+        return Pair(cast(Finger, finger), models.hood), {}, slips
+    return Pair(cast(Finger, finger), cast(Hood, hood)), {}, None
+
+
+def _offers(given: object, port: type) -> bool:
+    """Whether it has all that a class of the port asks for."""
+    asked = [name for name in vars(port) if not name.startswith("_")]
+    return all(hasattr(given, name) for name in asked)
+
+
+def case_file(case: Any, folder: Path, place: str) -> str | Path:
+    """What names the case: as it is given, or a file of it in the folder.  Raises InputError."""
+    if is_path(case):
+        return case
+    checked = case_from(case, place=place)
+    file = folder / f"{check_name(checked.name)}.toml"
+    file.write_text(resolved_toml(checked), encoding="utf-8")
+    return file
+
+
+def run_folder(run: object, place: Path, name: str) -> Path:
+    """The folder of a run, which a result that has none gets at `place`.  Raises InputError."""
+    if is_path(run):
+        return Path(run)
+    result = result_from(run, name)
+    return result.save(place) if result.folder is None else result.folder

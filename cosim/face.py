@@ -8,30 +8,33 @@ from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cosim.arguments import (
     by_name,
+    case_file,
     case_from,
     cases_from,
     fraction,
     is_several,
+    pair_from,
     quantity_in_si,
     result_from,
+    run_folder,
     session_from,
     whole_number,
 )
-from cosim.case.file import packaged_cases, resolved_toml
-from cosim.case.schema import Case, check_name
+from cosim.case.file import packaged_cases
+from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
 from cosim.errors import CosimError, InputError, Progress, quiet, unexpected
 from cosim.files import is_path, path_from
 from cosim.models.build import build
 from cosim.outcome import Outcome
 from cosim.pipeline import run_case, run_each
-from cosim.port import AXES, Finger, Hood, Pair, PairState, Tensions
+from cosim.port import AXES, Finger, Hood, PairState, Tensions
 from cosim.results.compare import as_dict, compare_with_targets, numbers_of, read_targets, unit_of
 from cosim.results.coupled import CoupledResult
 from cosim.results.quantities import check_quantities
@@ -249,7 +252,7 @@ def couple(
     True
 
     Raises InputError for a tendon that neither has or that would push, and ConvergenceError."""
-    pair, held, slips = _pair_from(finger, hood)
+    pair, held, slips = pair_from(finger, hood)
     pulls = by_name("tensions", tensions, '{"EDC": 3.0}')
     known = (*pair.hood.tendons, *pair.finger.tendons)
     for name in pulls:
@@ -273,32 +276,6 @@ def couple(
     solved = equilibrium(pair, initial, Tensions(*asked), options, progress)
     forces = None if slips is None else slips(solved)
     return CoupledResult(**vars(solved), pair=pair, slips=dict(forces or {}))
-
-
-def _pair_from(finger: object, hood: object) -> tuple[Pair, Mapping[str, float], Any]:
-    """Finger and hood of `couple`, the posture (rad) of a finger that a case has, and what tells
-    the forces in the slips of a hood that one has.  Raises InputError."""
-    of_finger = None if _offers(finger, Finger) else case_from(finger, place="finger")
-    of_hood = None if _offers(hood, Hood) else case_from(hood, place="hood")
-    if of_finger is not None and of_hood is not None:
-        tables = {"hood": of_hood.hood, "lesion": of_hood.lesion}
-        models = build(of_finger.model_copy(update=tables))
-        return models.pair, models.posture, models.slips_of
-    if of_finger is not None:
-        models = build(of_finger)
-        return Pair(models.finger, cast(Hood, hood)), models.posture, None
-    if of_hood is not None:
-        models = build(of_hood)
-        of_state = models.slips
-        slips = None if of_state is None else lambda solved: of_state(solved.response.state)
-        return Pair(cast(Finger, finger), models.hood), {}, slips
-    return Pair(cast(Finger, finger), cast(Hood, hood)), {}, None
-
-
-def _offers(given: object, port: type) -> bool:
-    """Whether it has all that a class of the port asks for."""
-    asked = [name for name in vars(port) if not name.startswith("_")]
-    return all(hasattr(given, name) for name in asked)
 
 
 def moment_arms(case: AnyCase, steps: int = 9) -> pandas.DataFrame:
@@ -454,7 +431,7 @@ def identify(
     measured = path_from("targets", targets)
     with TemporaryDirectory() as place:
         names = [
-            _case_file(case, Path(place), f"cases[{i}]")
+            case_file(case, Path(place), f"cases[{i}]")
             for i, case in enumerate(cases if is_several(cases) else [cases])
         ]
         stated = stated_cases(names, tuple(settings), path)
@@ -463,16 +440,6 @@ def identify(
             chosen, workers, most, progress,
             allow_unidentified=allow_unidentified, profiles=profiles,
         )  # fmt: skip
-
-
-def _case_file(case: Any, folder: Path, place: str) -> str | Path:
-    """What names the case: as it is given, or a file of it in the folder.  Raises InputError."""
-    if is_path(case):
-        return case
-    checked = case_from(case, place=place)
-    file = folder / f"{check_name(checked.name)}.toml"
-    file.write_text(resolved_toml(checked), encoding="utf-8")
-    return file
 
 
 def run_study(
@@ -611,16 +578,8 @@ def write_report(
 
     with TemporaryDirectory() as place:
         folders = [
-            _run_folder(run, Path(place) / str(i), f"runs[{i}]") for i, run in enumerate(runs)
+            run_folder(run, Path(place) / str(i), f"runs[{i}]") for i, run in enumerate(runs)
         ]
         measured = None if data is None else path_from("data", data)
         write.write_report(folders, path_from("out", out), "html", data=measured)
     return Path(out)
-
-
-def _run_folder(run: object, place: Path, name: str) -> Path:
-    """The folder of a run, which a result that has none gets at `place`.  Raises InputError."""
-    if is_path(run):
-        return Path(run)
-    result = result_from(run, name)
-    return result.save(place) if result.folder is None else result.folder

@@ -1,7 +1,7 @@
 """What a page shows and what it was asked: one state on the server, which every tab of it shares.
 
-Changes come from the tabs, in any order and number; one thread has the newest solved in a process
-of its own.  What is older is dropped, and a solve that nobody waits for any more is interrupted.
+Changes come from the tabs, in any order and number; `solving` has the newest solved, and `saving`
+writes what is shown.
 """
 
 from __future__ import annotations
@@ -12,45 +12,39 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from threading import Condition, RLock, Thread, Timer
+from threading import Condition, RLock
 from typing import Any, Literal
 
 from cosim.analyses.ladder import case_on_rung, rungs_of
-from cosim.case.file import base_name, case_of, load_case, packaged_cases, resolved_toml
+from cosim.case.file import case_of, load_case, packaged_cases
 from cosim.case.schema import Case, check_name
 from cosim.case.usual import unusual_values
 from cosim.errors import ConvergenceError, CosimError, InputError, ResidualText, StoppedError
 from cosim.files import shown_path, temporary_folder
 from cosim.models.fit import check_fit
 from cosim.outcome import one_line
-from cosim.processes import ProcessEndedError, WorkerProcess, do_with_memory
+from cosim.processes import ProcessEndedError
 from cosim.report.views import View, limits, pack_views
-from cosim.report.write import write_report
 from cosim.results.answer import answer as answer_in_words
 from cosim.results.answer import doubts
 from cosim.results.compare import unit_of, value_of
 from cosim.results.quantities import key_quantities
 from cosim.results.result import Result
-from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.solve.motion import SolvedMotion
-from cosim.text_tables import toml_settings, toml_text
 from cosim.ui.controls import (
     Control,
     changed_case,
     control_at_fault,
     controls_of,
     rungs_in_words,
-    settings_of,
 )
-from cosim.ui.worker import Answer, SoFar, Start, answer, answer_of, motion_so_far
+from cosim.ui.saving import case_file_text, save_run, write_page_report
+from cosim.ui.solving import Request, Solving
+from cosim.ui.worker import Answer, SoFar, answer_of, motion_so_far
 
 Status = Literal["solving", "done", "at fault", "failed", "stopped", "waiting"]
 """`at fault`: a value cannot be solved with; `failed`: no equilibrium was found; `waiting`: a
 motion, which is solved when it is asked for."""
-INTERRUPT_LIMIT = 4.0
-"""s in which a solve that was interrupted ends; else its process is ended."""
-CALM = 1.0
-"""s after an answer without a change, until it is solved once more from rest."""
 ALIKE = 1e-4
 """Relative difference of two answers, to which they are the same equilibrium."""
 MOST_RESIDUALS = 400
@@ -59,23 +53,6 @@ MOST_TEXT = 2_000_000
 WAIT = 600.0
 """s that saving waits for the solve to end."""
 ADVICE = "Go back to the last value, or take smaller steps towards this one."
-
-
-@dataclass(frozen=True)
-class Request:
-    """A solve that was asked for."""
-
-    number: int
-    case: Case
-    label: str = ""
-    """The case, and what was changed in it."""
-    start: Start = "nearby"
-    is_drag: bool = False
-    """While a slider moves."""
-    is_check: bool = False
-    """Whether it solves an answer that is shown once more, from rest."""
-    is_reduced: bool = False
-    """With the reduced hood."""
 
 
 @dataclass(frozen=True)
@@ -110,12 +87,10 @@ class Desk:
         self._lock = RLock()
         self._changed = Condition(self._lock)
         self._listeners: list[Callable[[], None]] = []
-        self._process = WorkerProcess() if is_live else None
+        self._solving = Solving(self, self._changed) if is_live else None
         self._room = temporary_folder("cosim-ui")
         self._folder = Path(self._room.name)
         self._version, self._picture, self._number, self._closed = 0, 0, 0, False
-        self._wanted: Request | None = None
-        self._running: Request | None = None
         self._shown: Shown | None = None
         self._so_far: View | None = None
         self._pin: Pin | None = None
@@ -126,9 +101,8 @@ class Desk:
         self._controls: tuple[Control, ...] = ()
         with self._lock:
             self._begin(case)
-        self._thread = Thread(target=self._work, daemon=True)
-        if is_live:
-            self._thread.start()
+        if self._solving is not None:
+            self._solving.start()
 
     # --- what the tabs ask for
 
@@ -194,10 +168,8 @@ class Desk:
         """Stop the solve that runs; what is shown stays."""
         with self._lock:
             self._check_live()
-            self._wanted = None
             self._number += 1
-            if self._running is not None:
-                self._interrupt(self._running)
+            self._drop()
             if self._status == "solving":
                 self._tell("stopped")
 
@@ -222,7 +194,7 @@ class Desk:
         runs.  Raises InputError where there is none, or the folder cannot be written."""
         shown = self._settled()
         name = self._free_name(shown.request.case.name)
-        folder = _named(shown.answer.result, name).save(self._out)
+        folder = save_run(shown.answer.result, name, self._out)
         with self._lock:
             self._saved = f"The run is in {shown_path(folder)}."
             self._publish()
@@ -234,29 +206,19 @@ class Desk:
         shown = self._settled()
         with self._lock:
             pin = self._pin
-        case = shown.request.case.name
-        runs = [_named(shown.answer.result, case).save(self._folder / "now")]
-        against = None
-        if pin is not None and pin.answer is not shown.answer:
-            name = f"{pin.answer.result.case}_pinned"
-            against = _named(pin.answer.result, name).save(self._folder / "pin")
-        file = self._folder / "report.html"
-        write_report(runs, file, "html", against)
-        return file
+        is_same = pin is None or pin.answer is shown.answer
+        pinned = None if pin is None or is_same else pin.answer.result
+        name = shown.request.case.name
+        return write_page_report(self._folder, name, shown.answer.result, pinned)
 
     def case_text(self) -> tuple[str, str]:
         """The name of a case file and its text, TOML: what the page states now.  Raises
         InputError."""
         with self._lock:
-            case, changes, own = self._case(), dict(self._changes), self._base is self._stated
+            case, changes, is_own = self._case(), dict(self._changes), self._base is self._stated
             stated = self._stated
-        name = case.name + ("_changed" if changes or not own else "")
-        settings = settings_of(stated, changes) if own else None
-        if settings is None or not _is_of_file(stated):
-            return name, resolved_toml(case)
-        base = base_name(stated.source, Path.cwd())
-        head = toml_text({"extends": base, "title": f"{stated.title}, changed"})
-        return name, f"{schema_line(CASE_SCHEMA)}\n{head}{toml_settings(settings)}"
+        name = case.name + ("_changed" if changes or not is_own else "")
+        return name, case_file_text(case, stated, changes if is_own else None)
 
     # --- what a run that is watched says
 
@@ -282,7 +244,7 @@ class Desk:
         found = answer_of(result)
         with self._lock:
             request = Request(self._number, self._base, self._base.name, "from rest")
-            self._take(request, found)
+            self.take(request, found)
 
     def fail(self, error: CosimError) -> None:
         """Say how the run that is watched failed."""
@@ -376,10 +338,8 @@ class Desk:
         with self._lock:
             self._closed = True
             self._publish()
-        if self._process is not None:
-            self._process.kill()
-            self._thread.join(INTERRUPT_LIMIT)
-            self._process.end()
+        if self._solving is not None:
+            self._solving.close()
         self._room.cleanup()
 
     # --- inside
@@ -422,21 +382,23 @@ class Desk:
             case = self._case()
             check_fit(case)
         except InputError as error:
-            self._wanted = None
+            self._drop()
             self._place_faults(error)
-            if self._running is not None:
-                self._interrupt(self._running)
             self._tell("at fault")
             return
         self._unusual = [*unusual_values(case), *case.dropped]
         if case.task == "motion" and not is_asked:
-            self._wanted = None
-            if self._running is not None:
-                self._interrupt(self._running)
+            self._drop()
             self._tell("waiting")
             return
         request = Request(self._number, case, self._label(), is_drag=is_drag)
-        self._put(self._with_reduced_hood(request) if is_drag else request)
+        if self._solving is not None:
+            self._solving.put(self._with_reduced_hood(request) if is_drag else request)
+        self._tell("solving")
+
+    def _drop(self) -> None:
+        if self._solving is not None:
+            self._solving.drop()
 
     def _with_reduced_hood(self, request: Request) -> Request:
         """The request with the reduced hood in place of the full one, where there is one and only
@@ -452,86 +414,27 @@ class Desk:
             return request
         return replace(request, case=case, is_reduced=True)
 
-    def _put(self, request: Request) -> None:
-        running = self._running
-        self._wanted = request
-        if running is not None and not (request.is_drag and running.is_drag):
-            self._interrupt(running)
-        self._tell("solving")
-
-    def _interrupt(self, running: Request) -> None:
-        """End the solve that runs; where it does not end soon, its process."""
-        process = self._process
-        if process is None:
-            return
-        process.interrupt()
-
-        def end() -> None:
-            if self._running is running:
-                process.end_call()
-
-        timer = Timer(INTERRUPT_LIMIT, end)
-        timer.daemon = True
-        timer.start()
-
-    def _work(self) -> None:
-        """Solve what is wanted, one after the other, until the desk is closed."""
-        while (request := self._next()) is not None:
-            try:
-                found = self._solve(request)
-            except CosimError as error:
-                self._end(request, error)
-            except Exception as error:  # a fault of ours is said, and the page goes on
-                self._end(request, CosimError(f"the program failed: {error!r}"))
-            else:
-                with self._lock:
-                    self._running = None
-                    self._take(request, found)
-
-    def _next(self) -> Request | None:
-        """The request that is wanted next; the check of an answer once nothing else is.  None where
-        the desk is closed."""
-        with self._lock:
-            while not self._closed:
-                if self._wanted is None:
-                    shown = self._shown
-                    is_open = shown is not None and self._needs_check(shown)
-                    if self._changed.wait(CALM if is_open else None) or not is_open:
-                        continue
-                    assert shown is not None
-                    if self._wanted is not None or not self._needs_check(shown):
-                        continue
-                    self._wanted = replace(shown.request, start="from rest", is_check=True)
-                self._running, self._wanted = self._wanted, None
-                if not self._running.is_check:
-                    self._residuals.clear()
-                return self._running
+    def check_wanted(self) -> Request | None:
+        """The request that solves what is shown once more, from rest; None where none is due."""
+        shown = self._shown
+        if shown is None or shown.is_checked or shown.note:
             return None
-
-    def _needs_check(self, shown: Shown) -> bool:
         request = shown.request
-        return not (
-            shown.is_checked
-            or shown.note
-            or request.is_reduced
-            or request.number != self._number
-            or request.case.task == "motion"
-        )
+        is_due = request.number == self._number and not request.is_reduced
+        if not is_due or request.case.task == "motion":
+            return None
+        return replace(request, start="from rest", is_check=True)
 
-    def _solve(self, request: Request) -> Answer:
-        assert self._process is not None
+    def is_stale(self, request: Request) -> bool:
+        """Whether nobody waits for a request."""
+        return request.number != self._number and not request.is_drag
 
-        def hear(message: Any) -> None:
-            with self._lock:
-                is_stale = request.number != self._number and not request.is_drag
-                if not is_stale and not request.is_check:
-                    self.hear(message)
-            if is_stale and self._process is not None:  # it was not yet solving when interrupted
-                self._process.interrupt()
+    def begin(self, request: Request) -> None:
+        """Forget the residuals of the solve before."""
+        if not request.is_check:
+            self._residuals.clear()
 
-        return self._process.call(do_with_memory, answer, request.case, request.start, hear=hear)
-
-    def _take(self, request: Request, found: Answer) -> None:
+    def take(self, request: Request, found: Answer) -> None:
         """Show an answer, unless it is older than what is shown."""
         if request.is_check:
             self._confirm(request, found)
@@ -559,10 +462,9 @@ class Desk:
         self._picture += bool(note)
         self._publish()
 
-    def _end(self, request: Request, error: CosimError) -> None:
+    def fail_request(self, request: Request, error: CosimError) -> None:
         """Say how a solve failed, unless nobody waits for it."""
         with self._lock:
-            self._running = None
             if self._closed or request.number != self._number:
                 return
             self._so_far = None
@@ -637,9 +539,9 @@ class Desk:
             return shown
 
     def _is_settled(self) -> bool:
-        busy = self._status == "solving" or self._running is not None or self._wanted is not None
-        shown = self._shown
-        return self._closed or not (busy or (shown is not None and self._needs_check(shown)))
+        is_solving = self._solving is not None and self._solving.is_busy
+        busy = is_solving or self._status == "solving" or self.check_wanted() is not None
+        return self._closed or not busy
 
     def _free_name(self, name: str) -> str:
         name += "_changed" if self._changes or self._base is not self._stated else ""
@@ -674,13 +576,3 @@ def _is_alike(one: Result, other: Result) -> bool:
     a, b = ({**{f"tip {k}": v for k, v in r.tip_force.items()}, **r.slips} for r in (one, other))
     scale = max((abs(v) for v in b.values()), default=0.0) or 1.0
     return all(abs(a.get(name, 0.0) - value) <= ALIKE * scale for name, value in b.items())
-
-
-def _is_of_file(case: Case) -> bool:
-    """Whether its file states this case, with nothing on top."""
-    return case.source.is_file() and resolved_toml(load_case(case.source)) == resolved_toml(case)
-
-
-def _named(result: Result, name: str) -> Result:
-    """The result under another name."""
-    return replace(result, name=name, summary={**result.summary, "case": name})

@@ -15,7 +15,7 @@ from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError, ResidualText, StoppedError
 from cosim.processes import ProcessEndedError
 from cosim.results.read import read_run
-from cosim.ui import desk as desk_module
+from cosim.ui import solving
 from cosim.ui.desk import MOST_TEXT, Desk
 from tests.helpers.hang import HANG
 
@@ -61,8 +61,8 @@ class HeldProcess:
 @pytest.fixture
 def held(monkeypatch: pytest.MonkeyPatch) -> HeldProcess:
     process = HeldProcess()
-    monkeypatch.setattr(desk_module, "WorkerProcess", lambda: process)
-    monkeypatch.setattr(desk_module, "CALM", 0.01)
+    monkeypatch.setattr(solving, "WorkerProcess", lambda: process)
+    monkeypatch.setattr(solving, "CALM", 0.01)
     return process
 
 
