@@ -9,10 +9,10 @@ from typing import Annotated, NamedTuple
 import typer
 
 from cosim.analyses.mesh_series import MeshSeries, mesh_factors
+from cosim.commands.door import door
 from cosim.commands.options import to
 from cosim.commands.terminal import console, print_table, say, show_table, warn_of_audits
-from cosim.commands.validate_curves import validate_curves
-from cosim.errors import InputError
+from cosim.commands.validate_curves import check_update, validate_curves
 from cosim.files import check_file
 from cosim.validation.mesh import USUAL, finenesses, mesh_series, mesh_versions, tally
 from cosim.validation.page import IN_TERMINAL, mesh_table, rows_of, write_page
@@ -25,7 +25,6 @@ from cosim.validation.scoreboard import (
     read_rows,
     write_scoreboard,
 )
-from cosim.validation.sweeps import read_sweeps
 from cosim.validation.trial import TrialGroup
 from cosim.validation.uncertainty import FILE, UncertaintyFile, read_committed, sentence
 from cosim.validation.uncertainty import update as update_uncertainty
@@ -40,28 +39,16 @@ from cosim.validation.versions import (
     run_versions,
 )
 
+OUT = Path("runs/validation")
 PLACE = Path("cases/scoreboard.json")
 """Where the committed scoreboard is, of a checkout; the uncertainties are beside it."""
 MESH = "hood.mesh"
 
 
-def validate(
-    only: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Only the group of this name, or the trials whose name contains it.",
-        ),
-    ] = None,
-    out: Annotated[Path, to("Folder for the runs and the page.")] = Path("runs/validation"),
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Replace a value of every trial; hood.mesh=MI29.FEB is --published.",
-        ),
-    ] = None,
+def validate_trials(
+    only: str | None = None,
+    out: Path = OUT,
+    settings: list[str] | None = None,
     published: Annotated[
         Path | None,
         typer.Option(metavar="MI29.FEB", help="The published hood's file (FEBio's test suite)."),
@@ -88,31 +75,9 @@ def validate(
             "--forms", help="Repeat with every hood of the ladder and with friction: their spread."
         ),
     ] = False,
-    curves: Annotated[
-        bool,
-        typer.Option(
-            "--curves",
-            help="In place of the trials sweep postures by two degrees: how rough forces and "
-            "moment arms are, beside aims. Some 20 minutes.",
-        ),
-    ] = False,
-    full: Annotated[
-        bool,
-        typer.Option(
-            "--full", help="With --curves: every muscle over every joint, on other meshes. Hours."
-        ),
-    ] = False,
-    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
-    listed: Annotated[
-        bool, typer.Option("--list", help="Name the trials by group, and run none.")
-    ] = False,
-    update: Annotated[
-        bool,
-        typer.Option(
-            "--update",
-            help=f"Write {PLACE}, the committed scoreboard, as well, with --curves the curves'.",
-        ),
-    ] = False,
+    workers: int = 2,
+    listed: bool = False,
+    update: bool = False,
     against: Annotated[
         Path | None,
         typer.Option(
@@ -121,25 +86,10 @@ def validate(
         ),
     ] = None,
 ) -> None:
-    """Run the validations; print the tally by kind of reference, the skill over null models, and
-    every compared number, misses first."""
-    if full and (update or not curves):
-        raise InputError("--full: only with --curves and without --update; leave it out")
+    """The board of all compared numbers."""
     hoods, other_settings = _hoods(settings or [])
-    if update and (only or other_settings):
-        raise InputError("--update takes all trials as they are: leave out --only and --set")
-    if update and not PLACE.parent.is_dir():
-        raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
-    if curves:
-        if any((meshes, samples, forms, against, published, hoods)):
-            raise InputError("--curves takes --only, --set, --full, --list, --out and --update")
-        sweeps = read_sweeps(full, other_settings, only or "")
-        if listed:
-            for sweep in sweeps:
-                typer.echo(f"{sweep.name}: {len(sweep.cases)} runs")
-            return
-        whole = validate_curves(sweeps, out, workers, update, say)
-        raise typer.Exit(0 if whole else 1)
+    if update:
+        check_update(only, other_settings)
     groups = choose_groups(only, hoods[-1] if hoods else published)
     if listed:
         _list(groups)
@@ -293,3 +243,37 @@ def _print_meshes(series: Mapping[Key, MeshSeries]) -> None:
 def _print_failures(board: Board) -> None:
     for name, why in board.failures.items():
         console().print(f"failed: {name}: {why}")
+
+
+@door({"": validate_trials, "--curves": validate_curves})
+def validate(
+    only: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Only the group of this name, or the trials whose name contains it.",
+        ),
+    ] = None,
+    out: Annotated[Path, to("Folder for the runs and the page.")] = OUT,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Replace a value of every trial; hood.mesh=MI29.FEB is --published.",
+        ),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
+    listed: Annotated[
+        bool, typer.Option("--list", help="Name the trials by group, and run none.")
+    ] = False,
+    update: Annotated[
+        bool,
+        typer.Option(
+            "--update",
+            help=f"Write {PLACE}, the committed scoreboard, as well, with --curves the curves'.",
+        ),
+    ] = False,
+) -> None:
+    """Run the validations; print the tally by kind of reference, the skill over null models, and
+    every compared number, misses first."""

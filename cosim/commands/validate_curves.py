@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
-from cosim.commands.terminal import show_table
-from cosim.errors import Progress
+from cosim.commands.terminal import say, show_table
+from cosim.errors import InputError
 from cosim.files import check_file
 from cosim.validation.curves import (
     FILE,
@@ -22,29 +23,62 @@ from cosim.validation.curves import (
 )
 from cosim.validation.curves_page import table_of, write_page
 from cosim.validation.records import write_record
-from cosim.validation.sweeps import PostureSweep
+from cosim.validation.sweeps import read_sweeps
 
 PLACE = Path("cases") / FILE
 """Where the committed board of curves is, of a checkout."""
 
 
 def validate_curves(
-    sweeps: Sequence[PostureSweep], out: Path, workers: int, update: bool, progress: Progress
-) -> bool:
+    curves: Annotated[
+        bool,
+        typer.Option(
+            "--curves",
+            help="In place of the trials sweep postures by two degrees: how rough forces and "
+            "moment arms are, beside aims. Some 20 minutes.",
+        ),
+    ],
+    only: str = "",
+    out: Path = Path("runs/validation"),
+    settings: Sequence[str] = (),
+    full: Annotated[
+        bool,
+        typer.Option("--full", help="Every muscle over every joint, on other meshes. Hours."),
+    ] = False,
+    workers: int = 2,
+    listed: bool = False,
+    update: bool = False,
+) -> None:
     """Run the sweeps, print how rough they are, and leave points, roughness and page in `out`, with
-    `update` the roughness in the checkout too.  Whether every run has a result.  Raises
-    InputError."""
+    `update` the roughness in the checkout too.  Exit code 1 where a run has no result."""
+    if update:
+        check_update(only, settings)
+        if full:
+            raise InputError("--full: does not go with --update; leave it out")
+    sweeps = read_sweeps(full, settings, only)
+    if listed:
+        for sweep in sweeps:
+            typer.echo(f"{sweep.name}: {len(sweep.cases)} runs")
+        return
     places = [out / FILE, *([PLACE] if update else [])]
     check_file(places[0])
     before = read_committed()
-    curves = run_curves(sweeps, workers, progress)
-    write_points(out / "curves.csv", curves)
+    found = run_curves(sweeps, workers, say)
+    write_points(out / "curves.csv", found)
     for place in places:
-        write_record(place, curves_file(curves))
-    write_page(out / "curves.html", curves, before)
-    _print(curves, before)
+        write_record(place, curves_file(found))
+    write_page(out / "curves.html", found, before)
+    _print(found, before)
     typer.echo(f"curves in {out / 'curves.html'}, {out / 'curves.csv'} and {places[-1]}")
-    return not any(curve.gaps for curve in curves)
+    raise typer.Exit(1 if any(curve.gaps for curve in found) else 0)
+
+
+def check_update(only: str | None, settings: Sequence[str]) -> None:
+    """Check that a committed board can be written anew.  Raises InputError."""
+    if only or settings:
+        raise InputError("--update takes all trials as they are: leave out --only and --set")
+    if not PLACE.parent.is_dir():
+        raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
 
 
 def _print(curves: Sequence[Curve], before: CurvesFile) -> None:

@@ -214,8 +214,8 @@ def test_the_committed_board_is_of_the_sweeps_that_run_by_default() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--full"], "--full: only with --curves"),
-        (["--curves", "--meshes", "3"], "--curves takes --only, --set"),
+        (["--full"], "--full: does nothing here, only with --curves"),
+        (["--curves", "--meshes", "3"], "--meshes: does not go with --curves"),
         (["--curves", "--full", "--update"], "leave it out"),
         (["--curves", "--only", "EDC", "--update"], "leave out --only"),
         (["--curves", "--only", "nobody"], "no sweep has this name"),
