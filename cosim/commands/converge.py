@@ -10,13 +10,14 @@ import typer
 from cosim.analyses.converge import (
     MOST_MESHES,
     MeshStudy,
+    add_errors,
+    keep_errors,
     meshes_of,
     solve_meshes,
     table_of,
     to_csv,
     to_json,
 )
-from cosim.analyses.mesh_errors import add_errors, keep_errors
 from cosim.case.file import load_case
 from cosim.commands.options import CaseName, Settings, Workers, to
 from cosim.commands.terminal import show_table, stages, warn_of_audits

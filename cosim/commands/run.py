@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from cosim.analyses.mesh_errors import known_errors
+from cosim.analyses.converge import known_errors
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.case.usual import unusual_values

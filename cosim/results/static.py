@@ -18,7 +18,6 @@ from cosim.models.double_count import pairs
 from cosim.port import AXES, Array, Finger
 from cosim.results.arrays import Arrays, along
 from cosim.results.audit import NOT_RECIPROCAL, PATH_DEPENDENT, missed_bounds
-from cosim.results.clamped_tip import arm_differences
 from cosim.results.conventions import FRAME, attributes, by_axis, is_slack, vector_of
 from cosim.results.half_degree import half_degree
 from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of
@@ -27,7 +26,7 @@ from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
 from cosim.results.result import Result
 from cosim.results.scene import scene, with_measures
 from cosim.results.second_start import second_start_block, second_start_differences
-from cosim.results.tip_reach import tip_force_over_reach
+from cosim.results.tip_reach import arm_differences, tip_force_over_reach
 from cosim.solve.static import States
 from cosim.tendons.friction import beyond_guides
 from cosim.version import __version__

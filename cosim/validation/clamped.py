@@ -1,6 +1,6 @@
 """Validations by forces at a clamped fingertip, and by the differences of arms in them.
 
-Force and differences are one datum (`cosim.results.clamped_tip`) and count once: Qiu's hands by the
+Force and differences are one datum (`cosim.results.tip_reach`) and count once: Qiu's hands by the
 differences, with the forces beside them in a variant; Synek's by the forces, whose third component
 no difference has, with the differences beside them.  Groups that restate are variants."""
 
@@ -17,13 +17,13 @@ from cosim.case.file import load_case
 from cosim.fingers.kinds import skeleton_of
 from cosim.measured import read_measured, sources, values_of
 from cosim.port import Array
-from cosim.results.clamped_tip import (
+from cosim.results.compare import Comparison, Kind, Target, numbers_of, value_of
+from cosim.results.tip_reach import (
     arm_differences,
     chain_points,
     force_over_tension,
     to_world,
 )
-from cosim.results.compare import Comparison, Kind, Target, numbers_of, value_of
 from cosim.validation.force import CLAMPED
 from cosim.validation.trial import (
     Summaries,

@@ -5,6 +5,10 @@ pulls a junction that slides along the path's last line, where the hood takes ov
 way is the muscle's excursion, so that arms which the hood has before its junctions (at the MCP) go
 into the bands.  A hood without arms in abduction gets those of the paths that it takes away.
 Ranges of a muscle's length shift by what its tendon is longer or shorter in the reference posture.
+
+A model's `<default>` classes are first stated on its own elements, so that they change nothing
+that is added to it.  MuJoCo's writer leaves out of an element what is as its class says, whatever
+attributes there are; putting the class's attributes back is its inverse and needs no list of them.
 """
 
 from __future__ import annotations
@@ -21,7 +25,6 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array
 from rigid.mjcf.bounds import check_bounds
-from rigid.mjcf.defaults import state_defaults
 from rigid.mjcf.hood import (
     FOLLOWER,
     Band,
@@ -508,3 +511,52 @@ def _with_slides(
 
 def _text(numbers: Array) -> str:
     return " ".join(repr(float(x)) for x in numbers)
+
+
+MAIN = "main"
+OF_SECTION = {"equality": "equality", "tendon": "tendon", "actuator": "general"}
+"""The kind under which a class speaks of all elements of a section; else it is the element's."""
+SECTIONS = ("asset", "contact", "deformable", *OF_SECTION)
+Facts = dict[str, dict[str, str]]
+"""Attributes by kind."""
+
+
+def state_defaults(root: ET.Element) -> None:
+    """Put the attributes of all classes onto the elements of a model that MuJoCo wrote, and take
+    the classes away."""
+    classes: dict[str, Facts] = {}
+    for tag in root.findall("default"):
+        _read(tag, {}, classes)
+        root.remove(tag)
+    for part in root:
+        if part.tag == "worldbody":
+            _state_body(part, MAIN, classes)
+        elif part.tag in SECTIONS:
+            for tag in part:
+                _state(tag, OF_SECTION.get(part.tag, tag.tag), MAIN, classes)
+
+
+def _read(default: ET.Element, above: Facts, classes: dict[str, Facts]) -> None:
+    facts = {kind: dict(of_kind) for kind, of_kind in above.items()}
+    for tag in default:
+        if tag.tag != "default":
+            facts.setdefault(tag.tag, {}).update(tag.attrib)
+    classes[default.get("class", MAIN)] = facts
+    for tag in default.findall("default"):
+        _read(tag, facts, classes)
+
+
+def _state_body(body: ET.Element, name: str, classes: Mapping[str, Facts]) -> None:
+    name = body.attrib.pop("childclass", name)
+    for tag in body:
+        if tag.tag in ("body", "frame"):
+            _state_body(tag, name, classes)
+        else:
+            _state(tag, tag.tag, name, classes)
+
+
+def _state(tag: ET.Element, kind: str, name: str, classes: Mapping[str, Facts]) -> None:
+    facts = dict(classes.get(tag.attrib.pop("class", name), {}).get(kind, {}))
+    if "cranksite" not in tag.attrib:
+        facts.pop("cranklength", None)  # which MuJoCo takes of a class, but of no other actuator
+    tag.attrib = {**facts, **tag.attrib}

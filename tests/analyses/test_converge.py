@@ -12,8 +12,16 @@ from typer.testing import CliRunner
 
 import cosim
 from cosim.analyses import converge
-from cosim.analyses.converge import MeshNumber, MeshStudy, meshes_of, table_of
-from cosim.analyses.mesh_errors import add_errors, keep_errors, known_errors, shipped_errors
+from cosim.analyses.converge import (
+    MeshNumber,
+    MeshStudy,
+    add_errors,
+    keep_errors,
+    known_errors,
+    meshes_of,
+    shipped_errors,
+    table_of,
+)
 from cosim.analyses.mesh_series import MeshSeries
 from cosim.array_cache import OFF, VARIABLE
 from cosim.case.schema import Case

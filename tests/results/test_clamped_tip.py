@@ -7,14 +7,14 @@ import pytest
 
 from cosim.case.file import load_case
 from cosim.pipeline import run_case
-from cosim.results.clamped_tip import (
+from cosim.results.compare import numbers_of
+from cosim.results.quantities import is_known
+from cosim.results.tip_reach import (
     arm_differences,
     chain_points,
     force_over_tension,
     to_world,
 )
-from cosim.results.compare import numbers_of
-from cosim.results.quantities import is_known
 
 POINTS = chain_points((45e-3, 25e-3, 20e-3), (30, 45, 15))
 

@@ -20,8 +20,7 @@ from cosim.cli import app
 from cosim.scoring.names import match_names
 from meshes.skeleton import index_finger
 from rigid.fingers.index import finger_model
-from rigid.mjcf.attach import Attached, hand_arms, write_attached
-from rigid.mjcf.defaults import state_defaults
+from rigid.mjcf.attach import Attached, hand_arms, state_defaults, write_attached
 from rigid.mjcf.hood import FOLLOWER, compile_model
 from rigid.mjcf.read import part_names
 from rigid.mjcf.write import mjcf_xml
