@@ -101,7 +101,9 @@ def run_each(
     Raises InputError where a process is ended from outside, and what `ended` raises."""
     made = [outcome_of(c) if callable(c) else Outcome("converged", c) for c in cases]
     ready = {i: one.value for i, one in enumerate(made) if one.value is not None}
-    faulty = ((i, Outcome[T](o.status, None, o.error)) for i, o in enumerate(made) if o.error)
+    faulty = (
+        (i, Outcome[T](o.status, None, o.error, o.seconds)) for i, o in enumerate(made) if o.error
+    )
     ran = run_cases([*ready.values()], then, workers) if ready else ()
     outcomes: dict[int, Outcome[T]] = {}
     for i, outcome in chain(faulty, (([*ready][k], outcome) for k, outcome in ran)):
