@@ -74,7 +74,14 @@ class ReportTable:
         units, "figures" with words, "words" has any columns; without a class for a notebook."""
         from markupsafe import Markup
 
-        heads = Markup("").join(map(Markup('<th scope="col">{}</th>').format, self.columns))
+        kinds = [Markup("")] * len(self.columns)
+        if not kind.startswith("numbers"):
+            of_words = [
+                any(isinstance(c, str) for c in cells) for cells in zip(*self.rows, strict=True)
+            ]
+            kinds = [Markup("" if words else ' class="n"') for words in of_words] or kinds
+        pairs = zip(kinds, self.columns, strict=True)
+        heads = Markup("").join(Markup('<th scope="col"{}>{}</th>').format(*pair) for pair in pairs)
         rows = Markup("").join(map(self._row, self.rows))
         pattern = "<thead><tr>{}</tr></thead>\n<tbody>\n{}</tbody></table>"
         inner = Markup(pattern).format(heads, rows)
