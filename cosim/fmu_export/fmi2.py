@@ -16,7 +16,8 @@ from pythonfmu.enums import Fmi2Status
 try:
     from cosim.fmu.quantity import Quantity
     from cosim.fmu_export.describe import finish_description
-    from cosim.fmu_export.run import Stateful, UnitRun
+    from cosim.fmu_export.hooks import Stateful
+    from cosim.fmu_export.run import UnitRun
 except ImportError as error:
     fault = f"{Path(__file__).with_name('needs.txt').read_text('utf-8')} ({error})"
 

@@ -165,8 +165,12 @@ def _html(frame: pd.DataFrame) -> str:
 
 def _cell(value: Any) -> Cell:
     """A number as such, anything else in words."""
-    is_number = isinstance(value, float | int | np.number) and not isinstance(value, bool)
-    return float(value) if is_number else str(value)
+    match value:
+        case bool() | np.bool_():
+            return str(value)
+        case float() | int() | np.number():
+            return float(value)
+    return str(value)
 
 
 def _page(

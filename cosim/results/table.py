@@ -104,24 +104,31 @@ def _td(cell: Cell, digits: int) -> Markup:
     from markupsafe import Markup
 
     shown = cell_html(cell, digits)
-    if cell is None:
-        return Markup('<td class="n none">{}</td>').format(shown)
-    if isinstance(cell, str | bool):
-        mark = Markup(' class="miss"' if shown.startswith(MISS) else "")
-        return Markup("<td{}>{}</td>").format(mark, shown)
+    match cell:
+        case None:
+            return Markup('<td class="n none">{}</td>').format(shown)
+        case str() | bool():
+            mark = Markup(' class="miss"' if shown.startswith(MISS) else "")
+            return Markup("<td{}>{}</td>").format(mark, shown)
     return Markup('<td class="n" data-value="{}">{}</td>').format(cell, shown)
 
 
 def cell_text(cell: Cell, digits: int = 4) -> str:
     """A cell in words: numbers to so many digits, a dash where there is none."""
-    if isinstance(cell, bool):
-        return "yes" if cell else "no"
-    return cell if isinstance(cell, str) else number(cell, digits)
+    match cell:
+        case bool():
+            return "yes" if cell else "no"
+        case str():
+            return cell
+    return number(cell, digits)
 
 
 def cell_html(cell: Cell, digits: int = 4) -> str:
     """The same for a page, where a number has a minus and no hyphen."""
-    return cell if isinstance(cell, str) else cell_text(cell, digits).replace("-", "−")
+    match cell:
+        case str():
+            return cell
+    return cell_text(cell, digits).replace("-", "−")
 
 
 def csv_text(rows: Iterable[Iterable[Any]]) -> str:

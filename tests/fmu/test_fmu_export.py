@@ -19,7 +19,8 @@ from cosim.coupling.equilibrium import CouplingOptions, equilibrium
 from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.unit import Unit
-from cosim.fmu_export.run import Stateful, UnitRun, part_of
+from cosim.fmu_export.hooks import Stateful
+from cosim.fmu_export.run import UnitRun, part_of
 from cosim.fmu_export.state import SerialisedState
 from cosim.fmu_export.static_parts import HoodPart
 from cosim.fmu_export.write import write_fmu
