@@ -13,6 +13,7 @@ slip at their middles, the sheet beside them left whole.  The thin sheets betwee
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +34,8 @@ PLACES = {
     "lateral_slip_ulnar": (HOOD_END + SLIP_START) / 2,
 }
 """mm, the station at which a region is severed."""
+SAME_ROW = 0.2
+"""mm, of stations of one row of nodes."""
 LEAST_LEFT = 1e-3
 """The part of a quad's width that is left beside a cut at least, or the quad is cut whole."""
 STRAND_OF = {"extensor_tendon_distal": "extensor_tendon"}
@@ -78,6 +81,46 @@ def cut_part_of(mesh: HoodMesh, part: str, share: float) -> HoodMesh:
     left = np.ones(len(mesh.quads)) if mesh.left is None else mesh.left.copy()
     left[row] *= np.where(kept < LEAST_LEFT, 0.0, kept)
     return _whole(replace(mesh, left=left), left > 0.0, part)
+
+
+def cut_ends(mesh: HoodMesh, part: str) -> Ints:
+    """Return the pairs (k, 2) of nodes on either side of where a part of the mesh, or of what it
+    was before its cuts, is severed: proximal, distal.
+
+    Raises InputError where either side is left out."""
+    whole = mesh.whole or mesh
+    corners = whole.quads[_row_of_part(whole, part), :4]
+    edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    edges = np.take_along_axis(edges, np.argsort(whole.station[edges], axis=1), axis=1)
+    first, last = whole.station[edges].T
+    crossed = np.unique(edges[(first <= PLACES[part]) & (last > PLACES[part])], axis=0)
+    pairs_now = kept_nodes(mesh)[crossed]
+    pairs_now = pairs_now[(pairs_now >= 0).all(axis=1)]
+    if not len(pairs_now):
+        raise InputError(f"lesion.suture: of {part} only one end is left; cut less")
+    return np.asarray(pairs_now)
+
+
+def kept_nodes(mesh: HoodMesh) -> Ints:
+    """Return the number (n,) in a mesh of each node of what it was before its cuts, -1 of those
+    that went with them."""
+    whole = mesh.whole or mesh
+    place = {tuple(point): i for i, point in enumerate(mesh.points.tolist())}
+    return np.array([place.get(tuple(point), -1) for point in whole.points.tolist()])
+
+
+def part_nodes(mesh: HoodMesh, part: str) -> Ints:
+    """Return the nodes (k,) in the row at which a part is severed, or in its middle.  Raises
+    InputError where a cut has taken them."""
+    if part in PLACES and mesh.whole is not None:
+        with suppress(InputError):
+            return np.unique(mesh.quads[_row_of_part(mesh, part)])
+    own = np.unique(mesh.part_cells(part))
+    if not len(own):
+        raise InputError(f"lesion.graft: no {part} is left in the hood to hold it")
+    station = mesh.station[own]
+    middle = station[np.abs(station - station.mean()).argmin()]
+    return np.asarray(own[np.abs(station - middle) < SAME_ROW])
 
 
 def _whole_part(mesh: HoodMesh, part: str) -> Mask:

@@ -109,6 +109,13 @@ def lesion_text(case: Case) -> Iterator[str]:
         yield from (f"{name.replace('_', ' ')} {verb}" for name in names)
     for name, share in lesion.cut_partly.items():
         yield f"{name.replace('_', ' ')} cut through {100 * share:g} % of its width"
+    for name, suture in lesion.suture.items():
+        gap = f", {1e3 * suture.gap:g} mm apart" if suture.gap else ""
+        yield f"{name.replace('_', ' ')} sutured with {1e-3 * suture.stiffness:g} N/mm{gap}"
+    for name, graft in lesion.graft.items():
+        end = graft.end or f"{graft.bone} bone"
+        way = f"from the {graft.start} to the {end}".replace("_", " ")
+        yield f"graft {name.replace('_', ' ')} {way}, {1e-3 * graft.stiffness:g} N/mm"
     for name, more in lesion.length_changes().items():
         word = "shorter" if more < 0 else "longer"
         yield f"{name.replace('_', ' ')} {1e3 * abs(more):g} mm {word}"

@@ -10,6 +10,13 @@ from typing import Annotated
 import typer
 
 from cosim.analyses.lesion import TIPS, both_sides, freed_text, lesion_text, named_parts
+from cosim.analyses.repairs import (
+    MEASURES,
+    compare_repairs,
+    find_repairs,
+    read_repairs,
+    table_of_repairs,
+)
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.commands.options import Settings, Workers, to
@@ -24,6 +31,7 @@ from cosim.report.lesion_page import (
     signs_of,
     tables_of_lesion,
 )
+from cosim.report.repairs_page import repair_sentences, repairs_page
 from cosim.report.tables import as_csv, as_json, as_markdown
 from cosim.report.write import Form
 from cosim.results.audit import describe_misses
@@ -44,12 +52,22 @@ def lesion(
     form: Annotated[
         Form, typer.Option("--format", help="A page, or its tables alone as csv, json or md.")
     ] = "html",
-    out: Annotated[Path, to("Folder for the four runs.")] = Path("runs"),
+    out: Annotated[Path, to("Folder for the runs.")] = Path("runs"),
     workers: Workers = 2,
+    repairs: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Compare the repairs that a TOML file states, or a packaged one."
+        ),
+    ] = None,
 ) -> None:
     """Solve a case without its lesion and with it, fingertip free and held, and report both:
-    posture, slip forces, fingertip force, strain maps."""
+    posture, slip forces, fingertip force, strain maps.  With --repairs report each repair beside
+    them, ranked by how near it comes to the intact finger."""
     checked = load_case(case, settings or ())
+    if repairs is not None:
+        _compare_repairs(checked, repairs, page, form, out, workers)
+        return
     where = page or Path(f"{checked.name}.{form}")
     check_file(where)
     pairs = _solve_runs(checked, out, workers)
@@ -63,6 +81,32 @@ def lesion(
     typer.echo(f"report in {where}, runs in {out}")
     runs = [run for pair in pairs for run in (pair.before, pair.after)]
     raise typer.Exit(warn_of_audits({run.name: list(describe_misses(run.summary)) for run in runs}))
+
+
+def _compare_repairs(
+    case: Case, source: Path, page: Path | None, form: Form, out: Path, workers: int
+) -> None:
+    file = read_repairs(find_repairs(source))
+    where = page or Path(f"{case.name}_repairs.{form}")
+    check_file(where)
+    check_target(out, case.name)
+    with stages(case.name) as progress:
+        found = compare_repairs(
+            case, file, out, workers, lambda done, of: progress.say(f"{done}/{of} runs")
+        )
+    table = table_of_repairs(found)
+    if form == "html":
+        text = repairs_page(found)
+    elif form == "json":
+        text = as_json([], [table])
+    else:
+        text = {"csv": as_csv, "md": as_markdown}[form]([table])
+    write_text(where, text)
+    for said in repair_sentences(found):
+        typer.echo(said)
+    m = MEASURES[found.rank]
+    show_table(table.only("finger", "rank", f"{m.words}, {m.unit}", "repair bears, N", "remark"))
+    typer.echo(f"report in {where}, runs in {out}")
 
 
 def _solve_runs(case: Case, out: Path, workers: int) -> list[RunPair]:

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from cosim.hoods.lesion import SLIPS
 from cosim.hoods.view import Field
 from cosim.port import Array, State
 from fe_solver.forces.contact import coulomb_defects
-from fe_solver.forces.springs import spring_state
+from fe_solver.forces.springs import node_spring_state, spring_state
 from fe_solver.hood.build import heights
 from fe_solver.hood.shell_hood import RETRIES
 from fe_solver.hood.shell_hood import ShellHood as FeHood
@@ -22,6 +23,8 @@ from meshes.bands import HoodLine, band_heights
 from meshes.glide import CarriedPoint, glide, tendon_shift
 from meshes.hull import lines_to_joint
 
+REPAIRS = ("suture_", "graft_")
+"""How the spring sets of repairs are called, before the part or the user's name."""
 MUSCLE = 20e-3
 """m, how far a tendon is drawn proximally of its eyelet."""
 
@@ -36,6 +39,8 @@ class FeView:
     """(n, 3) m, as laid."""
     spring_force: Mapping[str, float]
     """N, magnitude of each spring set's summed force."""
+    repair_force: Mapping[str, float]
+    """N, the tensions of each suture and graft together."""
     spring_tension: Array
     """(ns,) N of every spring."""
     spring_set: tuple[str, ...]
@@ -118,6 +123,7 @@ class FeView:
             **({"lateral_band_height_mm": heights} if heights else {}),
             **({} if self.tendon_shift is None else {"tendon_shift_mm": 1e3 * self.tendon_shift}),
             "spring_force_N": dict(self.spring_force),
+            **({"repair_force_N": dict(self.repair_force)} if self.repair_force else {}),
             **self.own_summary(),
             **self.audit(),
             **({"hood_solved": self.attempt} if self.attempt in RETRIES else {}),
@@ -164,7 +170,12 @@ def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
     return FeView(
         points=c.x,
         reference=hood.model.reference,
-        spring_force={name: float(np.linalg.norm(forces[name])) for name in hood.groups},
+        spring_force={
+            name: float(np.linalg.norm(forces[name]))
+            for name in hood.groups
+            if not name.startswith(REPAIRS)
+        },
+        repair_force=repair_forces(hood, state),
         spring_tension=spring_state(springs, c.x, c.position, c.rotation).force,
         spring_set=tuple(hood.groups[i] for i in springs.group),
         spring_node=springs.node,
@@ -210,15 +221,26 @@ def rope_lines(hood: FeHood, state: State) -> dict[str, Array]:
     return {t: np.tensordot(share, places, 1) for t, share in shares if share.any()}
 
 
+def repair_forces(hood: FeHood, state: State) -> dict[str, float]:
+    """Return the tensions (N) of each suture and graft together, by its name."""
+    model, c = hood.model, state.configuration
+    each = (
+        (model.springs.group, spring_state(model.springs, c.x, c.position, c.rotation).force),
+        (model.links.group, node_spring_state(model.links, c.x).force),
+    )
+    total = sum(np.bincount(group, force, len(hood.groups)) for group, force in each)
+    return {name: float(total[i]) for i, name in enumerate(hood.groups) if name.startswith(REPAIRS)}
+
+
 def slip_forces(hood: FeHood, state: State) -> dict[str, float]:
-    """Forces (N) in the central slip (0 where nothing but the sheet holds it) and the terminal
-    one."""
+    """Forces (N) on the bone of the central slip (0 where nothing but the sheet holds it) and of
+    the terminal one, with their sutures."""
     forces = hood.group_forces(state)
-    central = forces.get("central_slip", np.zeros(3))
-    return {
-        "central": float(np.linalg.norm(central)),
-        "terminal": float(np.linalg.norm(forces["terminal_slip"])),
+    every = {
+        slip: forces.get(slip, np.zeros(3)) + forces.get(f"suture_{slip}", np.zeros(3))
+        for slip in SLIPS
     }
+    return {slip.removesuffix("_slip"): float(np.linalg.norm(f)) for slip, f in every.items()}
 
 
 def stored_energy(state: State) -> float:

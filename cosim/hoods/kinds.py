@@ -63,7 +63,8 @@ def unfit_lesion(hood: HoodConfig, kind: str, lesion: LesionConfig) -> str:
         none = f'a hood of kind "{kind}" has no parts to injure'
         return f"lesion: {hood.cannot_be_injured(lesion) or none}; {able} have"
     for key, names in lesion.names().items():
-        allowed = getattr(parts, key, parts.lengths)
+        of = {"shorten": "lengths", "lengthen": "lengths", "suture": "joined", "graft": "joined"}
+        allowed: tuple[str, ...] = getattr(parts, of.get(key, key))
         for name in names:
             if name not in allowed:
                 return f"lesion.{key}: {_unknown(name, key, kind, allowed)}"
@@ -73,6 +74,8 @@ def unfit_lesion(hood: HoodConfig, kind: str, lesion: LesionConfig) -> str:
 def _unknown(name: str, key: str, kind: str, allowed: Sequence[str]) -> str:
     if not allowed and key == "cut_partly":
         return f'a hood of kind "{kind}" is cut whole or not at all; "shell" can be cut in part'
+    if not allowed and key in ("suture", "graft"):
+        return f'a hood of kind "{kind}" takes no {key}; "shell" does'
     if not allowed:
         on_bones = [f'"{name}"' for name, of in KINDS.items() if of.table.lies_on_bones]
         return f'a hood of kind "{kind}" lies on no bone; {" and ".join(on_bones)} do'

@@ -109,6 +109,7 @@ STATE = (
     Quantity("joints_at_limit.<joint>.limit_torque_Nmm", "torque of the limit on <joint>"),
     Quantity("slip_ratio", "force in the terminal slip over that in the central slip"),
     Quantity("spring_force_N.<springs>", "force of the springs <springs>"),
+    Quantity(f"repair_force_N.{ANY}", "tension of the suture or graft"),
     Quantity("cable.*.tension_N", "tension of the cable *"),
     Quantity("cable.*.mean_strain_percent", "mean strain of the cable *"),
     Quantity(

@@ -490,8 +490,8 @@ def _message(item: Any, place: tuple[str | int, ...], values: Any, model: type[B
 
 def _keys(model: type[BaseModel], place: tuple[str | int, ...]) -> tuple[str, ...]:
     """The keys of the table at a place, as files name them."""
-    for part in place:
-        stated = model.model_fields[str(part)].annotation
+    for part in (p for p in place if isinstance(p, str)):
+        stated = model.model_fields[part].annotation
         tables = [t for t in (stated, *get_args(stated)) if isinstance(t, type)]
         model = next(t for t in tables if issubclass(t, BaseModel))
     return tuple(field.alias or name for name, field in model.model_fields.items())

@@ -24,7 +24,7 @@ from fe_solver.sheet import Sheet, thickness_as_laid
 from fe_solver.solver.augmented_contact import AugmentOptions
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions
-from fe_solver.supports import SpringSet, Tied, springs_of, ties_of
+from fe_solver.supports import SpringSet, Tied, links_of, springs_of, ties_of
 from fe_solver.surfaces.spline_distance import Surface
 
 STICK = 0.01
@@ -152,6 +152,7 @@ def _hood(
     model = replace(
         bare,
         springs=springs_of(held),
+        links=links_of(held),
         ties=ties,
         guides=guides_of(X, rest, s.guide_body, s.pull, guided),
         share=share,

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 
 import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.fe_supports import contact_levels, head_arcs, supports_of
+from cosim.hoods.fe_supports import contact_levels, head_arcs, pose_surfaces, supports_of
 from cosim.hoods.fe_view import slip_forces, stored_energy, tangent_seconds
 from cosim.hoods.kind import BuiltHood, HoodBuilder, Site, skeleton_of
 from cosim.hoods.lesion import LesionConfig, apply_lesion_to_mesh, longer
+from cosim.hoods.repairs import repairs
 from cosim.hoods.shell import table
 from cosim.hoods.shell.fibre_table import FibrousConfig
 from cosim.hoods.shell.fibres import Fibres, fibres_of
@@ -137,6 +138,11 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     )
     tendons, highest = _tendons(mesh, site.anatomy, hood.retinaculum), float(heights(sheet).max())
     supports = supports_of(hood, site, mesh, points, tendons, highest)
+    if site.lesion is not None and (site.lesion.suture or site.lesion.graft):
+        joined = repairs(
+            site.lesion, mesh, points, supports.rest, pose_surfaces(site.anatomy.bones)
+        )
+        supports = replace(supports, springs=[*supports.springs, *joined])
     if not any(s.name == "central_slip" for s in supports.springs) and not any(
         len(nodes) for nodes in mesh.tied.values()
     ):

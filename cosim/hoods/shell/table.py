@@ -61,7 +61,11 @@ LACKING = {"one_sheet": ("triangular_ligament",)}
 MOST_NAMES = 20
 """Names of points that a message lists."""
 PARTS = InjurableParts(
-    (*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS, ACROSS
+    (*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS),
+    REGIONS,
+    REGIONS,
+    ACROSS,
+    (*SLIPS, *ACROSS),
 )
 
 
