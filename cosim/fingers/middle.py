@@ -9,8 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from cosim.fingers.chain import build_on_mujoco
-from cosim.fingers.common import Extensor, JointedFingerConfig
+from cosim.fingers.common import Extensor
 from cosim.fingers.kind import Eyelets, FingerKind
+from cosim.fingers.own import AnatomicalFingerConfig
 from cosim.port import Triangles
 from cosim.schema.types import Number
 from meshes.skeleton import BODIES, Skeleton, index_finger
@@ -23,7 +24,7 @@ AREAS = {"FDP": 4.1, "FDS": 4.2, "EDC": 1.7, "LUM": 0.2, "UI": 2.2, "RI": 2.8}
 """cm2: Chao et al. 1989, digit III, as Synek et al. 2019 take them."""
 
 
-class MiddleFingerConfig(JointedFingerConfig):
+class MiddleFingerConfig(AnatomicalFingerConfig):
     """The MuJoCo middle finger of Synek et al. 2019."""
 
     title: ClassVar[str] = "middle finger of a right hand"
@@ -38,6 +39,9 @@ class MiddleFingerConfig(JointedFingerConfig):
     terminal: Literal["myohand", "an1979"] = "myohand"
     """Path of the terminal slip at the DIP, of hoods that lie on no bone: MyoHand's (arm of 3.3
     mm), or the normative table's (4.0 mm, where its index finger has 2.0)."""
+
+    def bone_scale(self) -> tuple[float, float, float]:
+        return self.length_scale, self.length_scale, self.length_scale
 
     def muscle_areas(self, names: Collection[str]) -> tuple[Mapping[str, float], str]:
         areas = dict(AREAS)
