@@ -148,17 +148,27 @@ def _carried(model: FingerModel) -> list[str]:
     ]
 
 
-def new_own_case(
-    name: str, given: OwnBones, out: Path, progress: Progress = quiet
-) -> tuple[Path, tuple[str, ...]]:
-    """Write the folder `out` of a case whose hood is laid on the user's bones, whole or not at all:
-    the case file and what there is to tell.  Raises InputError."""
+@dataclass(frozen=True)
+class OwnCase:
+    """A case that was written, and what there is to tell."""
+
+    case: Path
+    finger: OwnFinger
+    slips: tuple[str, str]
+    """How the slips' lengths were had, and from what."""
+    report: tuple[str, ...]
+
+
+def new_own_case(name: str, given: OwnBones, out: Path, progress: Progress = quiet) -> OwnCase:
+    """Write the folder `out` of a case whose hood is laid on the user's bones, whole or not at all.
+    Raises InputError."""
     check_name(name)
     check_folder(out, REPORT)
     finger = own_finger(given, progress)
     hood = cast(ShellHoodConfig, load_case(finger.template.base).hood)
     central = finger.size * hood.extra_length.central_slip
     report = [*finger.report, *_hood_words(finger)]
+    slips = "scaled", f"{finger.size:.3f}, the phalanges' length over ours"
     with output_folder(out, REPORT) as part:
         case = part / f"{name}.toml"
         _write_files(part, finger)
@@ -167,10 +177,11 @@ def new_own_case(
         if given.finds_slips:
             found = find_lengths(case, finger.template.base, central, finger.size, progress)
             report += found.report
+            slips = "found", f"the packaged hood's sharing of EDC's pull, in {found.solves} solves"
             text = _case_text(name, finger, hood, found.central)
             case.write_text(text, encoding="utf-8")
         (part / REPORT).write_text("\n".join(report) + "\n", encoding="utf-8")
-    return out / f"{name}.toml", tuple(report)
+    return OwnCase(out / f"{name}.toml", finger, slips, tuple(report))
 
 
 def _hood_words(finger: OwnFinger) -> list[str]:

@@ -72,7 +72,7 @@ def cloud_of(surface: Triangles, count: int) -> Cloud:
     points = np.einsum("nk,nkd->nd", weights, vertices[faces[which]])
     normals = (normal / np.where(area > 0, area, 1.0)[:, None])[which]
     _, near = cKDTree(points).query(points, k=12)
-    mean = normals[near].mean(axis=1)
+    mean = normals[near].mean(axis=1) + 1e-6 * normals  # of two that face each other
     return Cloud(points, mean / np.linalg.norm(mean, axis=1, keepdims=True))
 
 

@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 
 from cosim.anatomy.bones import read_surface
-from cosim.anatomy.register import Fit, lay, register
+from cosim.anatomy.register import Fit, cloud_of, lay, register
 from cosim.case.file import load_case
 from cosim.errors import InputError, Progress
 from cosim.fingers.common import Extensor
@@ -24,9 +24,9 @@ from meshes.skeleton import BODIES, Skeleton
 
 SIZE = (0.55, 1.6)
 """Of a bone's length over the packaged one's."""
-PROPORTION = 1.35
+PROPORTION = 1.5
 """How much longer than another, against the packaged ones', a bone of one finger can be.  Of ten
-hands the lengths of a phalanx vary by 6 to 9 % (SD)."""
+hands the lengths of a phalanx vary by 6 to 9 % (SD), and their means by up to 14 % from ours."""
 ALIKE = 0.011
 """Mean distance over length, after an affine fit, beyond which a bone is no such bone: phalanges
 of another hand come to 0.5 to 0.8 %, another phalanx to 1.4 %."""
@@ -36,6 +36,12 @@ NEAR = 0.003
 """Mean distance over length, of a metacarpal that is its finger's beyond doubt."""
 EITHER_WAY = 1.25
 """Over which the other end first fits worse."""
+FLAT = 0.6
+"""Of a bone's mean section, the largest flat face at an end beyond which the bone was cut there:
+ours and those of another hand have 0.1 to 0.5, one cut by a tenth of its length 0.6 and more."""
+ROUGH = 0.04e-3
+"""m, mean distance after the spline from which a surface is rough: 0.01 to 0.03 of smooth ones,
+0.05 to 0.08 with noise of 0.3 mm."""
 HANDS = {"right": "left", "left": "right"}
 Stated = Mapping[tuple[str, str], Array]
 """What landmarks say: m in a bone's file, by body and name."""
@@ -76,10 +82,11 @@ def template_of(kind: str) -> Template:
     if kind not in kinds_with_a_hood():
         raise InputError(f"--finger-kind {kind}: expected one of {', '.join(kinds_with_a_hood())}")
     base = FINGERS[kind].table.shell_case or "base/index_finger"
-    finger = cast(AnatomicalFingerConfig, load_case(f"{base}.toml").finger)
+    finger = load_case(f"{base}.toml").native_finger()
     anatomy = anatomy_of(finger, Extensor(lies_on_bones=True))
     assert anatomy.skeleton is not None
-    return Template(kind, f"{base}.toml", anatomy.skeleton, anatomy.bones, finger)
+    config = cast(AnatomicalFingerConfig, finger)
+    return Template(kind, f"{base}.toml", anatomy.skeleton, anatomy.bones, config)
 
 
 def lay_bones(
@@ -118,11 +125,24 @@ def lay_bones(
         progress(f"laying our {body} on yours")
         fits[body] = register(template.bones[body], surface)
         report.append(_fit_words(body, fits[body]))
-        faults += _shape_faults(body, surface, fits[body], files[body], hand)
-    if not faults and "metacarpal" in surfaces:
-        faults += _metacarpal_faults(surfaces["metacarpal"], fits["metacarpal"], template, hand)
+        told = []
+        if body == "metacarpal":
+            told = _metacarpal_faults(surface, fits[body], template, hand)
+        faults += (
+            told
+            or _cut_faults(body, surface, files[body])
+            or _shape_faults(body, surface, fits[body], files[body])
+        )
     faults += _side_faults(fits, landmarks, hand)
     _refuse(faults)
+    for body, fit in fits.items():
+        if fit.distance["spline"][0] > ROUGH:
+            points, faces = template.bones[body]
+            surfaces[body] = fit.carry(points), faces
+            report.append(
+                f"{body}: its surface is rough (or unlike ours); the hood lies on ours as the "
+                "spline bends it, with the distance told above"
+            )
     along = float(np.mean([fit.stretch[0] for fit in fits.values()]))
     across = float(np.mean([fit.stretch[1:] for fit in fits.values()]))
     for body in BODIES:
@@ -151,6 +171,23 @@ def span(surface: Triangles) -> float:
     points = surface[0]
     axis = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
     return float(np.ptp(points @ axis))
+
+
+def flat_end(surface: Triangles, count: int = 6000) -> float:
+    """The largest flat face at an end of a bone, over its mean section."""
+    points, faces = surface
+    cloud = cloud_of(surface, count)
+    a, b, c = points[faces].transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    section = abs(np.einsum("nk,nk->", a, np.cross(b, c))) / 6 / span(surface)
+    axis = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
+    most = 0
+    at_end = np.flatnonzero(np.abs(cloud.normals @ axis) > 0.7)
+    for i in at_end[:: max(1, len(at_end) // 150)]:
+        off = np.abs((cloud.points - cloud.points[i]) @ cloud.normals[i])
+        alike = cloud.normals @ cloud.normals[i] > 0.99
+        most = max(most, int((alike & (off < 0.2e-3)).sum()))
+    return float(most / count * area / section)
 
 
 def _unit(
@@ -200,7 +237,18 @@ def _fit_words(body: str, fit: Fit) -> str:
     )
 
 
-def _shape_faults(body: str, surface: Triangles, fit: Fit, path: Path, hand: str) -> list[str]:
+def _cut_faults(body: str, surface: Triangles, path: Path) -> list[str]:
+    flat = flat_end(surface)
+    if flat < FLAT:
+        return []
+    return [
+        f"{body} ({path.name}): ends in a flat face ({100 * flat:.0f} % of its mean section), as "
+        "if the scan had cut its end off; give the whole bone, or leave it out (--bone for the "
+        "others): ours is then scaled in its place"
+    ]
+
+
+def _shape_faults(body: str, surface: Triangles, fit: Fit, path: Path) -> list[str]:
     length = span(surface)
     mean, most = fit.distance["affine"]
     if mean > ALIKE * length:

@@ -14,8 +14,10 @@ import typer
 from cosim.anatomy.case_folder import new_case
 from cosim.anatomy.own_case import OwnBones, new_own_case
 from cosim.anatomy.read import UserAnatomy
+from cosim.commands.new_page import write_page
 from cosim.commands.options import pairs_of, quantity, three_numbers, to
-from cosim.errors import InputError, say
+from cosim.commands.terminal import say
+from cosim.errors import InputError
 from cosim.schema import units
 from cosim.text_tables import read_toml
 from meshes.imported.checks import Placing, parse_axes
@@ -113,7 +115,9 @@ def new(
     if hood is None and finger is None and (bones or bone):
         surfaces = _surfaces(bones, bone or ())
         own = OwnBones(finger_kind, surfaces, hand, bone_unit, landmarks)
-        _show(*new_own_case(name, own, out or Path(name), say), True)
+        written = new_own_case(name, own, out or Path(name), say)
+        page, lacking = write_page(written, say)
+        _show(written.case, (*written.report, f"page: {page}{lacking}"), True)
         return
     if bone or landmarks or hand != "right" or finger_kind != "index":
         raise InputError(
