@@ -14,6 +14,7 @@ from cosim.anatomy.carry import Carrier
 from cosim.anatomy.case_folder import REPORT, check_case, check_name, obj_text, write_schema
 from cosim.anatomy.joints import HEADS, MOST_ANGLE, MOST_SHIFT, Head, Joints, fit_head, joints_of
 from cosim.anatomy.landmarks import read_landmarks, stated_axes
+from cosim.anatomy.scan import in_posture, scan_words
 from cosim.anatomy.slip_lengths import find_lengths
 from cosim.anatomy.user_bones import LaidBones, Template, lay_bones, template_of
 from cosim.case.file import load_case
@@ -40,6 +41,8 @@ class OwnBones:
     unit: str | None = None
     """Of the files; from the lengths where it is not stated."""
     landmarks: Path | None = None
+    posture: Mapping[str, float] | None = None
+    """rad, of one scan in which the bones lie as in the hand; else our zero begins each joint."""
     finds_slips: bool = True
     """Whether the slips' lengths are found again, by solves."""
 
@@ -78,6 +81,9 @@ def own_finger(given: OwnBones, progress: Progress = quiet) -> OwnFinger:
     }
     _check_heads(heads, stated)
     joints = joints_of(ours, laid.fits, heads, stated)
+    said = scan_words(joints, laid.given)
+    if given.posture is not None:
+        joints = in_posture(joints, laid.given, given.posture)
     carrier = Carrier(ours, laid.fits, joints)
     kind = FINGERS[given.kind]
     assert kind.model is not None
@@ -97,7 +103,7 @@ def own_finger(given: OwnBones, progress: Progress = quiet) -> OwnFinger:
         carrier.eyelets(kind.eyelets(template.config)),
         width * kind.width(template.config),
         size,
-        (*laid.report, *_joint_words(template, heads, joints, stated), *_carried(model)),
+        (*laid.report, *_joint_words(template, heads, joints, stated), *said, *_carried(model)),
     )
 
 

@@ -27,6 +27,9 @@ ROUNDS = 8
 """Of the spline, each from closest points anew."""
 SMOOTHING = 2.0
 """Of the spline, in its own measure: it passes so much beside points that lie at random."""
+CLEARLY = 2.0
+"""Times worse, of a similarity with the other end first, beyond which that end is not looked at
+again."""
 ACROSS = 0.5
 """Cosine of a point's normal and that of the surface there, below which they are no pair."""
 
@@ -87,7 +90,7 @@ class Fit:
     distance: dict[str, tuple[float, float]]
     """Mean and 95th percentile (m) of the distances between the surfaces after each fit."""
     flipped: float
-    """The mean distance of the best affine map with the other end first, over the best's."""
+    """How many times worse the bone fits with the other end first, in the mean."""
     surface: Array = field(repr=False)
     """Points (k, 3) m all over the packaged bone."""
     template: Array = field(repr=False)
@@ -140,9 +143,7 @@ def register(template: Triangles, user: Triangles) -> Fit:
     """Lay a packaged bone onto a user's surface that lies anywhere, in any unit of length but of
     the same hand."""
     target, source = cloud_of(user, SAMPLES), cloud_of(template, TEMPLATE)
-    best, other = sorted(_affine(source, target), key=lambda fit: float(fit[2].mean()))
-    matrix, offset, affine, similarity = best
-    flipped = float(other[2].mean() / max(affine.mean(), 1e-9))
+    (matrix, offset, affine, similarity), flipped = _affine(source, target)
     centres, moved, bent = _bend(source, target, matrix, offset)
     distance = {
         "similarity": _spread(similarity),
@@ -152,17 +153,29 @@ def register(template: Triangles, user: Triangles) -> Fit:
     return Fit(matrix, offset, distance, flipped, source.points, centres, moved)
 
 
-def _affine(source: Cloud, target: Cloud) -> list[tuple[Array, Array, Array, Array]]:
-    """For either end first the best affine map: matrix, offset, distances, and those of the
-    similarity before it."""
+Affine = tuple[Array, Array, Array, Array]
+"""Matrix, offset, distances (n,) m of an affine map, and those of the similarity before it."""
+
+
+def _affine(source: Cloud, target: Cloud) -> tuple[Affine, float]:
+    """The best affine map, and how many times worse the best one fits with the other end first."""
     coarse = source.take(COARSE)
     starts = [_start(coarse, target, turn) for turn in _turns(source, target)]
-    out = []
-    for way in (0, 1):
-        start = min(starts[way::2], key=lambda start: start[0])[1:]
-        matrix, offset, similarity = _closest(source, target, *start, similar=True)
-        out.append((*_closest(source, target, matrix, offset, similar=False), similarity))
-    return out
+    ends = sorted(
+        (min(starts[way::2], key=lambda start: start[0]) for way in (0, 1)),
+        key=lambda start: start[0],
+    )
+    if ends[1][0] > CLEARLY * ends[0][0]:
+        return _refined(source, target, ends[0]), ends[1][0] / max(ends[0][0], 1e-9)
+    best, other = sorted(
+        (_refined(source, target, end) for end in ends), key=lambda fit: float(fit[2].mean())
+    )
+    return best, float(other[2].mean() / max(best[2].mean(), 1e-9))
+
+
+def _refined(source: Cloud, target: Cloud, start: tuple[float, Array, Array]) -> Affine:
+    matrix, offset, similarity = _closest(source, target, *start[1:], similar=True)
+    return (*_closest(source, target, matrix, offset, similar=False), similarity)
 
 
 def _spread(gaps: Array) -> tuple[float, float]:
@@ -217,7 +230,7 @@ def _closest(
         step = np.linalg.lstsq(rows, -weight * gap, rcond=1e-9)[0]
         change = _similarity(step[:4]) if similar else np.eye(3) + step[:9].reshape(3, 3)
         matrix, offset = change @ matrix, change @ (offset - middle) + middle + step[-3:]
-        if np.abs(gap).mean() < 1e-9 or np.abs(change - np.eye(3)).max() < 1e-7:
+        if np.abs(gap).mean() < 1e-9 or np.abs(change - np.eye(3)).max() < 1e-6:
             break
     normals = source.normals @ np.linalg.inv(matrix)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -292,4 +305,4 @@ def _smooth(points: Array, step: Array, at: np.ndarray) -> Array:
 def lay(template: Triangles, user: Triangles) -> float:
     """The mean distance (m) of a packaged bone, stretched to fit, from a user's."""
     target, source = cloud_of(user, SAMPLES), cloud_of(template, TEMPLATE)
-    return min(float(gaps.mean()) for _, _, gaps, _ in _affine(source, target))
+    return float(_affine(source, target)[0][2].mean())

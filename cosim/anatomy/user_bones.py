@@ -122,6 +122,9 @@ def lay_bones(
     landmarks = {(body, name): value * UNITS[unit] * turn for (body, name), value in stated.items()}
     fits = {}
     for body, surface in surfaces.items():
+        if cut := _cut_faults(body, surface, files[body]):
+            faults += cut
+            continue
         progress(f"laying our {body} on yours")
         fits[body] = register(template.bones[body], surface)
         report.append(_fit_words(body, fits[body]))

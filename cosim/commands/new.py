@@ -87,8 +87,12 @@ def new(
         str, typer.Option(help="The MCP's centre in the hood's file, in its unit and axes.")
     ] = "0 0 0",
     posture: Annotated[
-        str, typer.Option(help="Flexion of MCP, PIP and DIP, deg, in which the hood was laid.")
-    ] = "0 0 0",
+        str | None,
+        typer.Option(
+            help="Flexion of MCP, PIP and DIP, deg, in which the hood was laid, 0 0 0 if not "
+            "given; or of one scan of the bones that our hood is laid on."
+        ),
+    ] = None,
     thickness: Annotated[
         str | None,
         typer.Option(help="The sheet's, as \"0.65 mm\"; else the file's, or the base case's."),
@@ -114,7 +118,8 @@ def new(
     them, and say what was found, assumed and dropped."""
     if hood is None and finger is None and (bones or bone):
         surfaces = _surfaces(bones, bone or ())
-        own = OwnBones(finger_kind, surfaces, hand, bone_unit, landmarks)
+        scan = None if posture is None else _posture(posture)
+        own = OwnBones(finger_kind, surfaces, hand, bone_unit, landmarks, scan)
         written = new_own_case(name, own, out or Path(name), say)
         page, lacking = write_page(written, say)
         _show(written.case, (*written.report, f"page: {page}{lacking}"), True)
@@ -134,7 +139,7 @@ def new(
         placing,
         bone_unit or unit,
         bone_frame,
-        _posture(posture),
+        _posture(posture or "0 0 0"),
         _thickness(thickness),
         _scale(length_scale, finger),
     )
