@@ -131,11 +131,7 @@ def lay_bones(
         told = []
         if body == "metacarpal":
             told = _metacarpal_faults(surface, fits[body], template, hand)
-        faults += (
-            told
-            or _cut_faults(body, surface, files[body])
-            or _shape_faults(body, surface, fits[body], files[body])
-        )
+        faults += told or _shape_faults(body, surface, fits[body], files[body])
     faults += _side_faults(fits, landmarks, hand)
     _refuse(faults)
     for body, fit in fits.items():

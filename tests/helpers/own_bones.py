@@ -45,10 +45,7 @@ def _without(points: np.ndarray, faces: np.ndarray, dropped: np.ndarray) -> np.n
         if beside:
             to[i] = beside[int(np.linalg.norm(points[beside] - points[i], axis=1).argmin())]
     faces = to[faces]
-    flat = (
-        (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 0] == faces[:, 2])
-    )
-    faces = faces[~flat]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     _, first, times = np.unique(
         np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
     )
