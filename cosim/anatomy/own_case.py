@@ -27,7 +27,7 @@ from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.text_tables import notes, toml_text
 from meshes.skeleton import BODIES, JOINTS
 from rigid.mjcf.write import mjcf_xml
-from rigid.model import FingerModel
+from rigid.model import FingerModel, Vector, Via
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,18 @@ class OwnFinger:
     size: float
     """Of the phalanges together, over the packaged finger's."""
     report: tuple[str, ...] = field(default=())
+
+    def tendon_points(self) -> dict[str, list[tuple[str, Vector]]]:
+        """By tendon the bodies and points (3,) m that it passes, its muscle's end left out."""
+        return {
+            tendon.name: [
+                (element.body, element.point)
+                for strand in tendon.strands
+                for element in strand.path[1:]
+                if isinstance(element, Via)
+            ]
+            for tendon in self.model.tendons
+        }
 
 
 def own_finger(given: OwnBones, progress: Progress = quiet) -> OwnFinger:
@@ -109,9 +121,10 @@ def own_finger(given: OwnBones, progress: Progress = quiet) -> OwnFinger:
 
 def _check_heads(heads: Mapping[str, Head], stated: Mapping[tuple[str, str], Any]) -> None:
     """Refuse a head that contradicts the carried joint, where no landmark decides."""
+    axis = ", and flexion_radial and flexion_ulnar on its axis"
     wrong = [
-        f"{body}: {head}; name the joint by landmarks (--landmarks FILE): distal_joint, and "
-        "flexion_radial and flexion_ulnar of its axis"
+        f"{body}: {head}; name the joint by landmarks (--landmarks FILE): distal_joint"
+        + ("" if body == "metacarpal" else axis)
         for body, head in heads.items()
         if (head.odd_angle and body != "middle" and (body, "flexion") not in stated)
         or (head.odd_shift and (body, "distal_joint") not in stated)

@@ -32,7 +32,7 @@ ALIKE = 0.011
 of another hand come to 0.5 to 0.8 %, another phalanx to 1.4 %."""
 MIRRORED = 0.6
 """Part of the metacarpal's distance that the mirrored one may have at least."""
-NEAR = 0.003
+NEAR_OURS = 0.003
 """Mean distance over length, of a metacarpal that is its finger's beyond doubt."""
 EITHER_WAY = 1.25
 """Over which the other end first fits worse."""
@@ -267,7 +267,7 @@ def _shape_faults(body: str, surface: Triangles, fit: Fit, path: Path) -> list[s
 def _metacarpal_faults(surface: Triangles, fit: Fit, template: Template, hand: str) -> list[str]:
     """The metacarpal's base tells the side and, where ours differ, the finger."""
     mean = fit.distance["affine"][0]
-    if mean < NEAR * span(surface):
+    if mean < NEAR_OURS * span(surface):
         return []
     points, faces = surface
     mirrored = lay(template.bones["metacarpal"], (points * [1, 1, -1], faces[:, ::-1]))

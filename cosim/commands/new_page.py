@@ -17,14 +17,13 @@ from cosim.pipeline import run_case
 from cosim.report.anatomy_page import AnatomyPage, Drawn, write_anatomy_page
 from cosim.results.result import Result
 from meshes.skeleton import BODIES, JOINTS
-from rigid.model import Via
 
 POSTURES = ("0/0/0", "30/45/15", "60/0/0")
 """MCP/PIP/DIP, deg: those in which the most arms are published."""
 HELD = ('finger.tip.kind="posture"', "finger.posture.MCP_abduction=0 deg", "output.picture=false")
 SHOWN = 1
 """The posture of the picture."""
-LEAST = 0.05
+LEAST_ARM = 0.05
 """mm, of an arm that is listed."""
 
 
@@ -79,15 +78,8 @@ def _drawn(own: OwnCase) -> Drawn:
 
     bones = {b: (world(b, points), faces) for b, (points, faces) in bone_surfaces(case).items()}
     points = {
-        tendon.name: np.vstack(
-            [
-                world(via.body, np.array(via.point))
-                for strand in tendon.strands
-                for via in strand.path[1:]
-                if isinstance(via, Via)
-            ]
-        )
-        for tendon in finger.model.tendons
+        tendon: np.vstack([world(body, np.array(point)) for body, point in passed])
+        for tendon, passed in finger.tendon_points().items()
     }
     moved = {"MCP": 1, "MCP_abduction": 1, "PIP": 2, "DIP": 3}
     axes = {
@@ -157,7 +149,7 @@ def _arm(
         None if run is None else float(run.summary["moment_arm_mm"][tendon][joint])
         for run in (mine, ours)
     ]
-    if all(value is None or abs(value) < LEAST for value in values):
+    if all(value is None or abs(value) < LEAST_ARM for value in values):
         return ""
     yours, our = ("–" if value is None else f"{value:.2f}" for value in values)
     published = _published(known)
