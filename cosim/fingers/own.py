@@ -58,9 +58,7 @@ class AnatomicalFingerConfig(JointedFingerConfig):
     another)."""
     bones: dict[BodyName, BoneConfig] = Field(default_factory=dict)
     """Surfaces in place of our bones, by body."""
-    eyelets: dict[TendonName, tuple[Coordinate, Coordinate, Coordinate]] = Field(
-        default_factory=dict
-    )
+    eyelets: dict[TendonName, tuple[Coordinate, Coordinate, Coordinate]] | None = None
     """Where a tendon beside the metacarpal runs to the hood from, in place of ours: distal of the
     MCP, dorsal and radial (`cosim new` carries them over to bones of yours)."""
     breadth: Annotated[Number, Field(ge=0.1, le=3)] | None = None
@@ -139,7 +137,7 @@ def with_own_anatomy(kind: FingerKind[Any]) -> FingerKind[Any]:
         return ours.width(finger) if finger.breadth is None else finger.breadth
 
     def eyelets(finger: AnatomicalFingerConfig) -> Eyelets:
-        stated = {tendon: (s, d, r) for tendon, (s, d, r) in finger.eyelets.items()}
+        stated = {tendon: (s, d, r) for tendon, (s, d, r) in (finger.eyelets or {}).items()}
         return {**_scaled(finger), **stated}
 
     def _scaled(finger: AnatomicalFingerConfig) -> Eyelets:
