@@ -42,6 +42,8 @@ ours and those of another hand have 0.1 to 0.5, one cut by a tenth of its length
 ROUGH = 0.04e-3
 """m, mean distance after the spline from which a surface is rough: 0.01 to 0.03 of smooth ones,
 0.05 to 0.08 with noise of 0.3 mm."""
+MANY = 30000
+"""Triangles of a surface beyond which contact with it takes minutes to prepare."""
 HANDS = {"right": "left", "left": "right"}
 Stated = Mapping[tuple[str, str], Array]
 """What landmarks say: m in a bone's file, by body and name."""
@@ -135,12 +137,14 @@ def lay_bones(
     faults += _side_faults(fits, landmarks, hand)
     _refuse(faults)
     for body, fit in fits.items():
-        if fit.distance["spline"][0] > ROUGH:
+        rough, count = fit.distance["spline"][0] > ROUGH, len(surfaces[body][1])
+        if rough or count > MANY:
+            why = "its surface is rough (or unlike ours)" if rough else f"has {count} triangles"
             points, faces = template.bones[body]
             surfaces[body] = fit.carry(points), faces
             report.append(
-                f"{body}: its surface is rough (or unlike ours); the hood lies on ours as the "
-                "spline bends it, with the distance told above"
+                f"{body}: {why}; the hood lies on ours as the spline bends it, with the distance "
+                "told above"
             )
     along = float(np.mean([fit.stretch[0] for fit in fits.values()]))
     across = float(np.mean([fit.stretch[1:] for fit in fits.values()]))

@@ -137,8 +137,14 @@ def with_own_anatomy(kind: FingerKind[Any]) -> FingerKind[Any]:
         return ours.width(finger) if finger.breadth is None else finger.breadth
 
     def eyelets(finger: AnatomicalFingerConfig) -> Eyelets:
+        theirs = _scaled(finger)
+        if unknown := [tendon for tendon in finger.eyelets or {} if tendon not in theirs]:
+            raise InputError(
+                f"finger.eyelets.{unknown[0]}: runs to no side of a hood; expected some of "
+                f"{', '.join(theirs)}"
+            )
         stated = {tendon: (s, d, r) for tendon, (s, d, r) in (finger.eyelets or {}).items()}
-        return {**_scaled(finger), **stated}
+        return {**theirs, **stated}
 
     def _scaled(finger: AnatomicalFingerConfig) -> Eyelets:
         """Ours; under a finger out of a file as much further along as its proximal phalanx is

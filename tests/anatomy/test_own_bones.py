@@ -259,6 +259,18 @@ def test_landmarks_override_and_tell_the_side(files: dict[str, Path], tmp_path: 
     np.testing.assert_allclose(stated_axes(both)["middle", "flexion"], np.ones(3) / np.sqrt(3))
 
 
+def test_a_fine_surface_is_taken_as_the_spline_bends_ours(
+    files: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+):
+    """The distance of millions of triangles would take minutes to prepare."""
+    monkeypatch.setattr("cosim.anatomy.user_bones.MANY", 1000)
+    finger = own_finger(OwnBones("index", {"middle": files["middle"]}))
+    points, faces = finger.laid.surfaces["middle"]
+    np.testing.assert_array_equal(faces, bone_surface("middle")[1])
+    assert np.abs(finger.joints.local("middle", points) - bone_surface("middle")[0]).max() < 0.3e-3
+    assert any("triangles; the hood lies on ours" in line for line in finger.report)
+
+
 def test_any_finger_takes_eyelets_and_a_breadth():
     settings = ['finger.eyelets.LUM=["-9 mm", "-6 mm", "7 mm"]', "finger.breadth=1.3"]
     for kind in ("index_finger", "middle_hood"):
@@ -266,6 +278,10 @@ def test_any_finger_takes_eyelets_and_a_breadth():
         anatomy = anatomy_of(finger, Extensor(lies_on_bones=True))
         assert anatomy.eyelets["LUM"] == pytest.approx((-9e-3, -6e-3, 7e-3))
         assert anatomy.width == 1.3
+    with pytest.raises(InputError, match=r"eyelets.FDP: .*expected some of LUM, FPI"):
+        anatomy_of(
+            load_case("isometric_edc", [settings[0].replace("LUM", "FDP")]).finger, Extensor()
+        )
 
 
 def test_bones_alone_need_no_hood_and_their_options_no_other(files: dict[str, Path]):
