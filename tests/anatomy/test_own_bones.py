@@ -17,7 +17,7 @@ from cosim.anatomy.landmarks import read_landmarks, stated_axes
 from cosim.anatomy.own_case import OwnBones, own_finger
 from cosim.anatomy.register import Fit, register
 from cosim.anatomy.scan import in_posture, scan_words
-from cosim.anatomy.user_bones import Template, flat_end, template_of
+from cosim.anatomy.user_bones import Template, flat_end, kinds_with_a_hood, template_of
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import InputError
@@ -86,7 +86,7 @@ def test_a_sphere_and_a_cylinder_are_found():
     assert (radius, rms) == (pytest.approx(3e-3), pytest.approx(0, abs=1e-9))
 
 
-@pytest.mark.parametrize("kind", ["index", "middle"])
+@pytest.mark.parametrize("kind", kinds_with_a_hood())
 def test_our_bones_on_themselves_are_our_finger(kind: str):
     """Joints, paths, surfaces that tendons wrap over, and eyelets, to rounding."""
     template = template_of(kind)
