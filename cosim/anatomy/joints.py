@@ -212,17 +212,15 @@ def joints_of(
     follow = np.eye(3)
     for body, joint, k in (("proximal", "PIP", 1), ("middle", "DIP", 2)):
         carried = axes[body].T @ fits[body].carry_axis(parent_axis(ours, joint))
+        new = follow @ carried
         if joint == "PIP" and body in heads:
-            turn = axes[body].T @ heads[body].turn @ axes[body]
-            new, follow = turn @ carried, turn
-        else:
-            new = follow @ carried
+            new = axes[body].T @ heads[body].turn @ axes[body] @ carried
         if (body, "flexion") in stated:
             new = axes[body].T @ stated[body, "flexion"]
             new *= np.sign(new @ carried)
         zero[k] = _straight(new, zero[k])
         axis[JOINTS.index(joint)] = zero[k].T @ new
-        follow = zero[k].T @ follow @ zero[k]
+        follow = zero[k].T @ _between(carried, new)[0] @ zero[k]
     return Joints(replace(ours, length=length, zero=zero, axis=axis, source={}), origin, axes)
 
 

@@ -15,7 +15,7 @@ from cosim.anatomy.case_folder import REPORT, check_case, check_name, obj_text, 
 from cosim.anatomy.joints import HEADS, MOST_ANGLE, MOST_SHIFT, Head, Joints, fit_head, joints_of
 from cosim.anatomy.landmarks import read_landmarks, stated_axes
 from cosim.anatomy.scan import in_posture, scan_words
-from cosim.anatomy.slip_lengths import find_lengths
+from cosim.anatomy.slip_lengths import SlipLengths, find_lengths
 from cosim.anatomy.user_bones import LaidBones, Template, lay_bones, template_of
 from cosim.case.file import load_case
 from cosim.errors import InputError, Progress, quiet
@@ -43,8 +43,6 @@ class OwnBones:
     landmarks: Path | None = None
     posture: Mapping[str, float] | None = None
     """rad, of one scan in which the bones lie as in the hand; else our zero begins each joint."""
-    finds_slips: bool = True
-    """Whether the slips' lengths are found again, by solves."""
 
 
 @dataclass(frozen=True)
@@ -173,8 +171,7 @@ class OwnCase:
 
     case: Path
     finger: OwnFinger
-    slips: tuple[str, str]
-    """How the slips' lengths were had, and from what."""
+    slips: SlipLengths
     report: tuple[str, ...]
 
 
@@ -187,18 +184,14 @@ def new_own_case(name: str, given: OwnBones, out: Path, progress: Progress = qui
     hood = cast(ShellHoodConfig, load_case(finger.template.base).hood)
     central = finger.size * hood.extra_length.central_slip
     report = [*finger.report, *_hood_words(finger)]
-    slips = "scaled", f"{finger.size:.3f}, the phalanges' length over ours"
     with output_folder(out, REPORT) as part:
         case = part / f"{name}.toml"
         _write_files(part, finger)
         case.write_text(_case_text(name, finger, hood, central), encoding="utf-8")
         check_case(case)
-        if given.finds_slips:
-            found = find_lengths(case, finger.template.base, central, finger.size, progress)
-            report += found.report
-            slips = "found", f"the packaged hood's sharing of EDC's pull, in {found.solves} solves"
-            text = _case_text(name, finger, hood, found.central)
-            case.write_text(text, encoding="utf-8")
+        slips = find_lengths(case, finger.template.base, central, finger.size, progress)
+        report += slips.report
+        case.write_text(_case_text(name, finger, hood, slips.central), encoding="utf-8")
         (part / REPORT).write_text("\n".join(report) + "\n", encoding="utf-8")
     return OwnCase(out / f"{name}.toml", finger, slips, tuple(report))
 

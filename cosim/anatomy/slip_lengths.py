@@ -42,6 +42,8 @@ class SlipLengths:
     """The central slip's extra length, m, and what is said of it."""
 
     central: float
+    is_met: bool
+    """Whether the slips share a pull as the packaged hood's do."""
     solves: int
     report: tuple[str, ...]
 
@@ -74,7 +76,9 @@ def find_lengths(
             break
         length = float(np.clip(new, low, high))
     if not tried:
-        return SlipLengths(start, 1, (f"slips: not found{words}; scaled from the packaged hood's",))
+        return SlipLengths(
+            start, False, 1, (f"slips: not found{words}; scaled from the packaged hood's",)
+        )
     best = min(tried, key=lambda one: abs(one[1]))
     report = [
         f"slips: central {1e3 * best[0]:+.3f} mm beyond its laid-out length (scaled from the "
@@ -83,7 +87,8 @@ def find_lengths(
         f"{wanted:.3f}" + (words if abs(best[1]) >= SAME_RATIO else "")
     ]
     report += _unmet(best[2])
-    return SlipLengths(best[0], len(tried) + 1, tuple(report))
+    met = abs(best[1]) < SAME_RATIO
+    return SlipLengths(best[0], met, len(tried) + 1, tuple(report))
 
 
 def _straight(case: str | Path, central: float | None) -> Mapping[str, Any]:

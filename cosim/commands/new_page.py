@@ -169,6 +169,7 @@ def _source_rows(own: OwnCase) -> list[list[str]]:
     lacking = [body for body in BODIES if body not in finger.laid.given]
     tendons = ", ".join(finger.model.muscles)
     fitted = ", ".join(head.joint for head in finger.heads.values()) or "none"
+    solves, found = own.slips.solves, "found" if own.slips.is_met else "not met"
     rows = [
         ["what", "how", "from"],
         [f"surfaces of {given}", "measured", "your files"],
@@ -180,7 +181,7 @@ def _source_rows(own: OwnCase) -> list[list[str]]:
         [f"points of {tendons}", "carried", "thin-plate spline on the bone, our height off it"],
         [f"eyelets of {', '.join(finger.eyelets)}", "carried", "the metacarpal"],
         ["hood", "laid", "the generator, over your surfaces"],
-        ["slips' lengths", *own.slips],
+        ["length of the central slip", found, f"the slips' shares of a pull, {solves} solves"],
         ["springs' slack and toe", "scaled", f"{finger.size:.3f}, the phalanges' length over ours"],
         ["height of soft tissue, sections, moduli, strengths", "assumed", finger.template.base],
     ]

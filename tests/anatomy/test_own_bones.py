@@ -129,6 +129,9 @@ def test_a_turned_pip_turns_the_dip_with_it(index: Template):
     dip = angle(parent_axis(joints, "DIP"), parent_axis(ours, "DIP"))
     assert pip == pytest.approx(6.0, abs=0.3)
     assert dip == pytest.approx(6.0, abs=0.5)
+    stated = {("proximal", "flexion"): turn @ parent_axis(ours, "PIP")}
+    again = joints_of(ours, fits, {}, stated).skeleton
+    np.testing.assert_allclose(parent_axis(again, "DIP"), parent_axis(joints, "DIP"), atol=2e-3)
     stated = {("middle", "flexion"): np.array([0.0, -1.0, 0.0])}
     joints = joints_of(ours, fits, {"proximal": _turned(head, turn)}, stated).skeleton
     assert angle(parent_axis(joints, "DIP"), np.array([0.0, 1.0, 0.0])) < 1e-4
