@@ -567,11 +567,12 @@ def score(
 
     `models`: MuJoCo files (.xml), OpenSim files (.osim), case files, names of packaged cases, or
     cases.  `names`: from our names of joints, muscles and the tip to the models', or a TOML file of
-    such, where they are not found by their usual names.  `finger`: "index" or "middle", else the
-    first that a model has.  `tolerance`: by how much a muscle's length may be off OpenSim's, m or a
-    text.  What it returns has the tables `summary` (a row for each model and group of numbers: the
-    skill over no answer and the place among reference models) and `table` (a row for each number),
-    `hands` with what reading each model lost and what to doubt, and `write(path)` for the page.
+    such, where they are not found by their usual names.  `finger`: "index", "middle", "ring" or
+    "little", else the first that a model has.  `tolerance`: by how much a muscle's length may be
+    off OpenSim's, m or a text.  What it returns has the tables `summary` (a row for each model and
+    group of numbers: the skill over no answer and the place among reference models) and `table` (a
+    row for each number), `hands` with what reading each model lost and what to doubt, and
+    `write(path)` for the page.
 
     >>> import cosim
     >>> scores = cosim.score("split_edc")

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ State = Any
 
 AXES = ("distal", "radial", "dorsal")
 """The world's x, y, z, fixed to the metacarpal."""
+Hand = Literal["right", "left"]
+"""The side of a finger.  Everything within the program is a right hand's, whose axes AXES are
+right-handed; a left hand is its mirror image, and `mirror` leads to and from its own frame."""
 STATIC = math.inf
 """The time step that asks `Hood.advance` for static equilibrium."""
 
@@ -47,6 +50,28 @@ def skew(vector: Array) -> Array:
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
     return out
+
+
+def mirror(vectors: Array, hand: Hand = "left") -> Array:
+    """Return points, forces or other vectors (..., 3) of a right hand as those of a left one, whose
+    frame is x distal, y ulnar, z dorsal, and the other way round; as they are where `hand` is the
+    right one.
+
+    >>> mirror([0.01, 0.02, 0.03])
+    array([ 0.01, -0.02,  0.03])
+    """
+    vectors = np.asarray(vectors, dtype=float)
+    return vectors * [1.0, -1.0, 1.0] if hand == "left" else vectors
+
+
+def mirror_axial(vectors: Array) -> Array:
+    """Return axes of rotation, moments or rotation vectors (..., 3), as `mirror` does vectors: what
+    turns towards a side turns towards its mirror image.
+
+    >>> mirror_axial([0.0, 1.0, 0.0])  # flexion stays flexion
+    array([-0.,  1., -0.])
+    """
+    return np.asarray(vectors, dtype=float) * [-1.0, 1.0, -1.0]
 
 
 def rotation_matrix(vector: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Smooth bones of the index finger from tables of measured cross-sections.
+"""Smooth bones of the fingers from tables of measured cross-sections.
 
 A table holds rows of rays from a centre on the bone's midline.  Along the shaft the rays of a row
 are normal to x (a plane section); towards each end the centre stays and the rays tilt until they
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.port import Array
-from meshes.skeleton import BODIES
+from meshes.skeleton import BODIES, MYOHAND
 
 FINEST = 20e-6
 """m, the shortest edge length that `Bone.surface` accepts (a million triangles)."""
@@ -126,8 +126,9 @@ def _tube_triangles(rows: int, count: int) -> NDArray[np.int64]:
 
 
 @cache
-def load_bone(name: str) -> Bone:
-    """Return the measured bone of a body of `meshes.skeleton.BODIES`, unscaled.
+def load_bone(name: str, finger: str = "index") -> Bone:
+    """Return the measured bone of a body of `meshes.skeleton.BODIES` and of a finger of
+    `meshes.skeleton.MYOHAND`, unscaled.
 
     Raises InputError for another name.
 
@@ -138,13 +139,16 @@ def load_bone(name: str) -> Bone:
     """
     if name not in BODIES:
         raise InputError(f"no bone is named {name!r}; expected one of {', '.join(BODIES)}")
-    text = files("meshes").joinpath("bones", f"{name}.csv").read_text(encoding="utf-8")
+    if finger not in MYOHAND:
+        known = ", ".join(MYOHAND)
+        raise InputError(f"no bones are measured of a finger {finger!r}; expected one of {known}")
+    text = files("meshes").joinpath("bones", finger, f"{name}.csv").read_text(encoding="utf-8")
     return parse_table(name, text)
 
 
 @lru_cache(maxsize=64)
 def bone_surface(
-    name: str, length: float = 1.0, width: float = 1.0
+    name: str, length: float = 1.0, width: float = 1.0, finger: str = "index"
 ) -> tuple[Array, NDArray[np.int64]]:
     """Return the `Bone.surface` of a measured bone that is scaled; its arrays cannot be written.
 
@@ -155,7 +159,7 @@ def bone_surface(
     >>> float((longer[-1] / usual[-1])[0].round(3))  # the distal end's x
     1.1
     """
-    surface = load_bone(name).scale(length, width).surface()
+    surface = load_bone(name, finger).scale(length, width).surface()
     for values in surface:
         values.setflags(write=False)
     return surface

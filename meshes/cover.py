@@ -38,15 +38,6 @@ class Head(NamedTuple):
     sides: float
 
 
-class Tissue(NamedTuple):
-    """Moduli of what covers a bone, Pa: over its shaft, on its head's articular face, and at the
-    condyles' sides."""
-
-    shaft: float
-    face: float
-    sides: float
-
-
 @dataclass(frozen=True)
 class Joint:
     """The joint of a head in its bone's frame: its middle (3,) m and the unit axis (3,) of
@@ -68,41 +59,32 @@ class Joint:
         return np.cross(self.axis, dorsal), dorsal
 
 
-def thinner(points: Array, joint: Joint, back: float, head: Head) -> Array:
-    """The thickness (n,) m by which what covers a bone is thinner at `points` (n, 3) m, in its
-    frame, than the `back` (m) over its back.
-
-    >>> import numpy as np
-    >>> from meshes.cover import Head, Joint, thinner
-    >>> joint = Joint(np.zeros(3), np.array([0.0, 1.0, 0.0]))
-    >>> over_back_face_side = np.array([[0, 0, 4e-3], [4e-3, 0, 0], [0, 5e-3, 0]])
-    >>> 1e3 * thinner(over_back_face_side, joint, 2e-3, Head(0.6e-3, 1.2e-3))
-    array([0. , 1.4, 0.8])
-    """
-    on_face, beside = _places(points, joint)
-    at_sides = (back - head.sides) * beside
-    out: Array = at_sides + (back - head.face - at_sides) * on_face
-    return out
-
-
-def modulus(points: Array, joint: Joint, tissue: Tissue) -> Array:
-    """Return the modulus (n,) Pa of what covers a bone at `points` (n, 3) m, in its frame: as its
-    thickness it goes over from the back's to the condyles' sides' and to the joint's face's."""
-    on_face, beside = _places(points, joint)
-    around = tissue.shaft + (tissue.sides - tissue.shaft) * beside
-    out: Array = around + (tissue.face - around) * on_face
-    return out
-
-
-def _places(points: Array, joint: Joint) -> tuple[Array, Array]:
-    """How far (n,), 0 to 1, points (n, 3) m lie on the joint's face, and beside the head."""
+def shares(points: Array, joint: Joint) -> tuple[Array, Array]:
+    """Return how far (n,), 0 to 1, points (n, 3) m in a bone's frame lie on the joint's face, and
+    on the condyles' sides; what is left to 1 lies over the shaft."""
     from_centre = points - joint.centre
     distal, dorsal = joint.directions()
     ahead, above, beside = (from_centre @ axis for axis in (distal, dorsal, joint.axis))
     turned = np.arctan2(ahead, above)
     on_face = _ease(turned, *FACE) * _ease(np.pi - turned, *FACE)
     beside_head = _ease(np.arctan2(np.abs(beside), above), *SIDE) * _ease(-ahead, *SHAFT)
-    return on_face, beside_head
+    return on_face, (1.0 - on_face) * beside_head
+
+
+def blend(on: tuple[Array, Array], shaft: float, face: float, sides: float) -> Array:
+    """Return a number of what covers a bone, from its values over shaft, face and sides, by the
+    `shares` of face and sides; of these or, since it is linear in them, of their splines.
+
+    >>> import numpy as np
+    >>> from meshes.cover import Joint, blend, shares
+    >>> joint = Joint(np.zeros(3), np.array([0.0, 1.0, 0.0]))
+    >>> over_back_face_side = np.array([[0, 0, 4e-3], [4e-3, 0, 0], [0, 5e-3, 0]])
+    >>> blend(shares(over_back_face_side, joint), 2.0, 0.6, 1.2)  # mm thick
+    array([2. , 0.6, 1.2])
+    """
+    on_face, on_sides = on
+    out: Array = shaft + (face - shaft) * on_face + (sides - shaft) * on_sides
+    return out
 
 
 def _ease(value: Array, start: float, end: float) -> Array:

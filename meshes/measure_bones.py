@@ -1,9 +1,10 @@
 """Measure bone surfaces into the tables of `meshes/bones` (a developer's tool).
 
-    python -m meshes.measure_bones FOLDER
+    python -m meshes.measure_bones FINGER FOLDER
 
-FOLDER holds 2mc.stl, 2proxph.stl, 2midph.stl and 2distph.stl of MyoHub/myo_sim at 2cef885
-(Apache-2.0), in metres, each in MyoHand's frame of its body.
+FOLDER holds 2mc.stl, 2proxph.stl, 2midph.stl and 2distph.stl (4mc.stl ... of the ring finger,
+5mc.stl ... of the little finger) of MyoHub/myo_sim at 2cef885 (Apache-2.0), in metres, each in
+MyoHand's frame of its body.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from cosim.extras import require
 from cosim.port import Array
 from meshes.bones import Bone, parse_table
-from meshes.skeleton import index_finger
+from meshes.skeleton import BODIES, MYOHAND, myohand_finger
 
 
 @dataclass(frozen=True)
@@ -35,14 +36,28 @@ class MeasurementPlan:
     angles: int
 
 
-PLANS = {
-    "metacarpal": MeasurementPlan("2mc.stl", -49e-3, 0.0, 50, 20, 80),
-    "proximal": MeasurementPlan("2proxph.stl", 10.5e-3, 42.5e-3, 40, 14, 64),
-    "middle": MeasurementPlan("2midph.stl", 7.0e-3, 24.5e-3, 28, 14, 64),
-    "distal": MeasurementPlan("2distph.stl", 5.0e-3, 15.5e-3, 22, 14, 64),
+PARTS = dict(zip(BODIES, ("mc", "proxph", "midph", "distph"), strict=True))
+ROWS = {"metacarpal": (50, 20, 80), "proximal": (40, 14, 64), "middle": (28, 14, 64)}
+ROWS["distal"] = (22, 14, 64)
+"""By bone: stations, rows of a fan, angles."""
+FANS = {
+    "index": ((-49e-3, 0.0), (10.5e-3, 42.5e-3), (7.0e-3, 24.5e-3), (5.0e-3, 15.5e-3)),
+    "ring": ((-45e-3, 0.0), (10.0e-3, 40.3e-3), (6.5e-3, 24.2e-3), (4.7e-3, 16.0e-3)),
+    "little": ((-40e-3, 0.0), (9.8e-3, 36.0e-3), (6.3e-3, 20.4e-3), (4.7e-3, 14.8e-3)),
 }
+"""By finger, the proximal and the distal centre of each of BODIES."""
+
+
+def plan_of(finger: str, body: str) -> MeasurementPlan:
+    """How a finger's bone is measured."""
+    ray = {"index": 2, "ring": 4, "little": 5}[finger]
+    return MeasurementPlan(
+        f"{ray}{PARTS[body]}.stl", *FANS[finger][BODIES.index(body)], *ROWS[body]
+    )
+
+
 HEADER = """\
-Cross-sections of the index finger's {name} bone: distance from a centre to the surface.
+Cross-sections of the {finger} finger's {name} bone: distance from a centre to the surface.
 Unit: mm (tilt: deg). Frame: the body frame of meshes/skeleton.py: x distal, y radial, z dorsal.
 Source: measured on {file} of MyoHub/myo_sim at 2cef885 (Apache-2.0) by casting rays from centres
 on the bone's midline (python -m meshes.measure_bones); the farthest crossing is kept.
@@ -59,7 +74,7 @@ def read_stl(path: Path) -> Array:
 
 def farthest_hits(triangles: Array, origin: Array, rays: Array) -> Array:
     """The distance (n,) along unit rays (n, 3) from one origin to the last triangle they cross
-    (Moeller and Trumbore, J Graphics Tools 2, 1997)."""
+    (Moeller and Trumbore, J Graphics Tools 2, 1997); nan through a hole."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     ab, ac, s = b - a, c - a, origin - a
     q = np.cross(s, ab)
@@ -72,7 +87,7 @@ def farthest_hits(triangles: Array, origin: Array, rays: Array) -> Array:
             u = np.einsum("fi,fi->f", s, p) / determinant
             v, t = q @ ray / determinant, height / determinant
         hit = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (t > 0)
-        out[i] = t[hit].max()
+        out[i] = t[hit].max() if hit.any() else np.nan
     return out
 
 
@@ -100,12 +115,24 @@ def measure(name: str, plan: MeasurementPlan, triangles: Array) -> Bone:
     radii = np.array(
         [farthest_hits(triangles, c, r) for c, r in zip(centres, unit.points, strict=True)]
     )
+    _close_holes(radii, 1e3 * centres[:, None] + 2 * unit.points)
     return Bone(name, centres, tilt, radii)
 
 
-def table(bone: Bone, plan: MeasurementPlan) -> str:
+def _close_holes(radii: Array, places: Array) -> None:
+    """Put a smooth surface through the neighbours of rays that hit none, in place; places (ns, na,
+    3) mm: somewhere on the rays."""
+    from scipy.interpolate import RBFInterpolator
+
+    hole = np.isnan(radii)
+    if hole.any():
+        smooth = RBFInterpolator(places[~hole], radii[~hole], neighbors=200)
+        radii[hole] = smooth(places[hole])
+
+
+def table(bone: Bone, plan: MeasurementPlan, finger: str = "index") -> str:
     """The text of the table, rounded to 3 decimals."""
-    header = HEADER.format(name=bone.name, file=plan.file, angles=plan.angles)
+    header = HEADER.format(finger=finger, name=bone.name, file=plan.file, angles=plan.angles)
     rows = np.column_stack([bone.centres * 1e3, np.degrees(bone.tilt), bone.radii * 1e3])
     lines = [f"# {line}" for line in header.splitlines()]
     lines += [",".join(f"{v:.3f}" for v in row) for row in rows]
@@ -139,14 +166,18 @@ def main() -> None:
     """Measure the bones of a folder, as the module says."""
     require("the distance of measured surfaces", "pyvista")
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("finger", choices=tuple(MYOHAND))
     parser.add_argument("folder", type=Path, help="folder of the four STL files")
-    folder = parser.parse_args().folder
-    skeleton = index_finger()
-    for name, plan in PLANS.items():
-        triangles = read_stl(folder / plan.file)
+    given = parser.parse_args()
+    skeleton = myohand_finger(given.finger)
+    for name in BODIES:
+        plan = plan_of(given.finger, name)
+        triangles = read_stl(given.folder / plan.file)
         triangles = skeleton.from_source(name, triangles.reshape(-1, 3)).reshape(-1, 3, 3)
-        text = table(measure(name, plan, triangles), plan)
-        (Path(__file__).parent / "bones" / f"{name}.csv").write_text(text, encoding="utf-8")
+        text = table(measure(name, plan, triangles), plan, given.finger)
+        path = Path(__file__).parent / "bones" / given.finger / f"{name}.csv"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
         error = fit_error(triangles, parse_table(name, text)) * 1e3
         print(
             f"{name}: {len(text) / 1e3:.0f} kB; distance of {len(error)} dorsal points, mm: "

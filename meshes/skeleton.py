@@ -1,4 +1,4 @@
-"""Joint centres, axes and body frames of the index finger.
+"""Joint centres, axes and body frames of the fingers.
 
 Source of the numbers: the joint frames of MyoHand (github MyoHub/myo_sim at 2cef885, Apache-2.0),
 which trace back to published OpenSim upper-limb and hand models.  They are facts transcribed from
@@ -23,17 +23,67 @@ from cosim.port import Array
 BODIES = ("metacarpal", "proximal", "middle", "distal")
 JOINTS = ("MCP", "MCP_abduction", "PIP", "DIP")
 
-# MyoHand frames, m: x radial, -y distal, z dorsal.
-MCP_CENTRE = np.array([0.003501, -0.028243, 0.00362])
-PIP_CENTRE = np.array([0.00751, -0.041273, 0.007326])
-DIP_CENTRE = np.array([0.003333, -0.024888, 0.00122])
-# Direction of the distal phalanx: first principal axis of its surface (measured on 2distph.stl).
-DISTAL_AXIS = np.array([0.14186086, -0.98663876, 0.08012154])
-TIP_LENGTH = 0.01811  # m, DIP centre to MyoHand's tip site
-MCP_FLEXION = np.array([0.995013, 0.09975, 0.0])
-MCP_ABDUCTION = np.array([-0.054999, 0.085899, 0.994785])
-PIP_FLEXION = np.array([0.97517, 0.0998334, -0.197677])
-DIP_FLEXION = np.array([0.995004, 0.0998334, 0.0])
+Direction = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class JointFrames:
+    """A finger in MyoHand's frames, m: x radial, -y distal, z dorsal."""
+
+    mcp: Direction
+    """Each joint's centre in the frame of the bone before it."""
+    pip: Direction
+    dip: Direction
+    tip: float
+    """From the DIP's centre to MyoHand's tip site."""
+    long_axis: Direction
+    """The distal phalanx's: the first principal axis of its surface's vertices (measured on the
+    STL)."""
+    axes: tuple[Direction, Direction, Direction, Direction]
+    """Of the joints, in the order of JOINTS, in the frame of the bone after each."""
+
+
+MYOHAND: Mapping[str, JointFrames] = {
+    "index": JointFrames(
+        (0.003501, -0.028243, 0.00362),
+        (0.00751, -0.041273, 0.007326),
+        (0.003333, -0.024888, 0.00122),
+        0.01811,
+        (0.14186086, -0.98663876, 0.08012154),
+        (
+            (0.995013, 0.09975, 0.0),
+            (-0.054999, 0.085899, 0.994785),
+            (0.97517, 0.0998334, -0.197677),
+            (0.995004, 0.0998334, 0.0),
+        ),
+    ),
+    "ring": JointFrames(
+        (-0.00183, -0.023689, -0.000173),
+        (-0.003528, -0.040255, 0.001345),
+        (-0.002317, -0.024789, 0.000563),
+        0.01806,
+        (-0.10856145, -0.98662271, 0.12161431),
+        (
+            (0.900447, 0.0, 0.434966),
+            (-0.434966, 0.0, 0.900447),
+            (0.921061, 0.0, 0.389418),
+            (0.825336, 0.0, 0.564642),
+        ),
+    ),
+    "little": JointFrames(
+        (-0.001597, -0.021431, -0.001496),
+        (-0.005279, -0.035563, -0.002879),
+        (-0.002871, -0.020677, -0.002243),
+        0.01729,
+        (-0.17094549, -0.98165631, -0.08443061),
+        (
+            (0.825336, 0.0, 0.564642),
+            (-0.564642, 0.0, 0.825336),
+            (0.825336, 0.0, 0.564642),
+            (0.643112, -0.226804, 0.731414),
+        ),
+    ),
+}
 
 
 def _unit(v: Array) -> Array:
@@ -110,26 +160,37 @@ def index_finger() -> Skeleton:
     >>> finger.tip({"PIP": 0.5}).round(4)  # m, in the metacarpal's frame
     array([ 0.0806, -0.0045, -0.0202])
     """
-    proximal = _frame(PIP_CENTRE, MCP_FLEXION)
-    middle = _frame(DIP_CENTRE, MCP_FLEXION)
-    distal = _frame(DISTAL_AXIS, MCP_FLEXION)
-    pip = _straightening(PIP_FLEXION, PIP_CENTRE, DIP_CENTRE)
-    dip = _straightening(DIP_FLEXION, DIP_CENTRE, DISTAL_AXIS)
-    zero = np.stack([np.eye(3), proximal.T @ pip @ middle, middle.T @ dip @ distal])
+    return myohand_finger("index")
+
+
+def myohand_finger(name: str) -> Skeleton:
+    """Return a finger of `MYOHAND` in our frames.
+
+    >>> from meshes.skeleton import myohand_finger
+    >>> (1e3 * myohand_finger("little").length).round(1)  # mm, joint to joint and to the tip
+    array([ 0. , 36.1, 21. , 17.3])
+    """
+    of = MYOHAND[name]
+    mcp, pip, dip, long_axis = map(np.array, (of.mcp, of.pip, of.dip, of.long_axis))
+    flexion, abduction, at_pip, at_dip = map(np.array, of.axes)
+    proximal, middle, distal = (_frame(x, flexion) for x in (pip, dip, long_axis))
+    turn_pip = _straightening(at_pip, pip, dip)
+    turn_dip = _straightening(at_dip, dip, long_axis)
+    zero = np.stack([np.eye(3), proximal.T @ turn_pip @ middle, middle.T @ turn_dip @ distal])
     axis = np.stack(
         [
-            proximal.T @ _unit(MCP_FLEXION),
-            proximal.T @ _unit(MCP_ABDUCTION),
-            middle.T @ _unit(PIP_FLEXION),
-            distal.T @ _unit(DIP_FLEXION),
+            proximal.T @ _unit(flexion),
+            proximal.T @ _unit(abduction),
+            middle.T @ _unit(at_pip),
+            distal.T @ _unit(at_dip),
         ]
     )
-    norms = [float(np.linalg.norm(c)) for c in (PIP_CENTRE, DIP_CENTRE)]
+    norms = [float(np.linalg.norm(c)) for c in (pip, dip)]
     origin = np.zeros(3)
     source = {
-        "metacarpal": (proximal, MCP_CENTRE),
+        "metacarpal": (proximal, mcp),
         "proximal": (proximal, origin),
         "middle": (middle, origin),
         "distal": (distal, origin),
     }
-    return Skeleton(np.array([0.0, *norms, TIP_LENGTH]), zero, axis, source)
+    return Skeleton(np.array([0.0, *norms, of.tip]), zero, axis, source)

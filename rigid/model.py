@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.port import Array
+from cosim.port import Array, mirror, mirror_axial
 
 Vector = tuple[float, float, float]
 Surface = tuple[Array, Array]
@@ -158,6 +158,45 @@ class FingerModel:
         """Return the finger with those tendons of another too whose names it lacks."""
         more = tuple(t for t in other.tendons if t.name not in self.muscles)
         return replace(self, tendons=(*self.tendons, *more))
+
+    def mirrored(self) -> FingerModel:
+        """Return the finger of the other hand: its mirror image, with y ulnar."""
+        tendons = tuple(
+            Tendon(t.name, tuple(Strand(tuple(map(_mirrored, s.path)), s.share) for s in t.strands))
+            for t in self.tendons
+        )
+        meshes = {b: (mirror(points), faces[:, ::-1]) for b, (points, faces) in self.meshes.items()}
+        segments = tuple(map(_mirrored_segment, self.segments))
+        return replace(self, segments=segments, tip=_at(self.tip), tendons=tendons, meshes=meshes)
+
+
+def _at(point: Vector) -> Vector:
+    return vector(mirror(np.array(point)))
+
+
+def _axis(axis: Vector) -> Vector:
+    return vector(mirror_axial(np.array(axis)))
+
+
+def _mirrored(element: PathElement) -> PathElement:
+    if isinstance(element, Via):
+        return replace(element, point=_at(element.point))
+    side = None if element.side is None else _at(element.side)
+    if isinstance(element, WrapCylinder):
+        axis = _axis(element.axis)
+        return replace(element, centre=_at(element.centre), side=side, axis=axis)
+    return replace(element, centre=_at(element.centre), side=side)
+
+
+def _mirrored_segment(segment: Segment) -> Segment:
+    x, y, z = np.outer(*2 * [mirror(np.ones(3))]) * np.array(segment.rotation)
+    return replace(
+        segment,
+        position=_at(segment.position),
+        rotation=(vector(x), vector(y), vector(z)),
+        hinges=tuple(replace(hinge, axis=_axis(hinge.axis)) for hinge in segment.hinges),
+        centre=_at(segment.centre),
+    )
 
 
 def _check_names(names: Iterable[str], among: tuple[str, ...], what: str) -> None:

@@ -33,10 +33,11 @@ PACKAGED = sorted(packaged_cases())
 MOVING = [name for name in PACKAGED if load_case(name).forward is not None]
 STILL = [name for name in PACKAGED if name not in MOVING]
 ISOMETRIC = [name for name in PACKAGED if name.startswith("isometric")]
-MIDDLE = [name for name in PACKAGED if name.startswith("hood_")]
+HOODED = [name for name in PACKAGED if name.startswith(("hood_", "ring_", "little_"))]
 KINDS = (
     *("hood_", "lesion", "fingertip_", "strain_lee2008", "thesis_"),
     *("cable_", "cuts_", "forward_", "free_", "lengths_", "isometric_", "muscle_"),
+    *("ring_", "little_"),
 )
 OFTEN = (
     *("cable_edc", "cuts_sagittal_bands", "fingertip_isotropic_edc", "free_split_"),
@@ -52,7 +53,7 @@ and without numba, with feral and with SuperLU differ by less than 1e-7; elsewhe
 mathematical functions round otherwise, and by how much nobody has measured."""
 COARSEST = "hood.mesh.quads=120"
 SHARED = Session(most=12)
-HEADS = {"FDIm": "FDI", "FDIl": "FDI", "RIp": "RI"}
+HEADS = {"FDIm": "FDI", "FDIl": "FDI", "RIp": "RI", "ADMp": "ADM"}
 """Muscle of each tendon that is one of two heads."""
 SHELL_KEYS = {
     "hood_quads",
@@ -396,8 +397,8 @@ def test_the_packaged_motion_keeps_its_books_and_halving_the_step_changes_little
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ISOMETRIC + MIDDLE)
-def test_isometric_and_middle_finger_cases_as_shipped(name):
+@pytest.mark.parametrize("name", ISOMETRIC + HOODED)
+def test_isometric_and_other_fingers_cases_as_shipped(name):
     check_audit(run(name).summary)
 
 

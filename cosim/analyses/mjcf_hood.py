@@ -46,8 +46,9 @@ BEARS = 0.01
 
 NOTE = "cosim_hood_"
 """Before a finger's name: the text of a model that keeps the hood's table."""
-OTHER_NAME = {"FPI": "UI", "UI": "FPI"}
-"""The ulnar interosseous is called FPI at the index finger and UI at the others."""
+ULNAR = ("FPI", "UI", "ADM")
+"""What the ulnar intrinsic is called at the index, at the middle and ring, and at the little
+finger."""
 
 
 class Error(NamedTuple):
@@ -239,7 +240,8 @@ def hood_muscles(made: HoodFile, names: Mapping[str, str]) -> tuple[str, ...]:
 
 def _known(muscle: str, names: Mapping[str, str]) -> str:
     """What this finger's muscle of that name is called."""
-    return OTHER_NAME.get(muscle, muscle) if muscle not in names else muscle
+    others = [name for name in ULNAR if name in names] if muscle in ULNAR else []
+    return muscle if muscle in names or not others else others[0]
 
 
 def attached_hood(path: Path, finger: str) -> Mapping[str, Any] | None:

@@ -62,15 +62,14 @@ class OwnFinger:
 
     def tendon_points(self) -> dict[str, list[tuple[str, Vector]]]:
         """By tendon the bodies and points (3,) m that it passes, its muscle's end left out."""
-        return {
-            tendon.name: [
-                (element.body, element.point)
-                for strand in tendon.strands
-                for element in strand.path[1:]
-                if isinstance(element, Via)
-            ]
-            for tendon in self.model.tendons
-        }
+        out: dict[str, list[tuple[str, Vector]]] = {}
+        for tendon in self.model.tendons:
+            passed = out.setdefault(tendon.name, [])
+            for element in (e for strand in tendon.strands for e in strand.path[1:]):
+                match element:
+                    case Via(body, point):
+                        passed.append((body, point))
+        return out
 
 
 def own_finger(given: OwnBones, progress: Progress = quiet) -> OwnFinger:

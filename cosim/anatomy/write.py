@@ -8,6 +8,7 @@ from pathlib import Path
 from cosim.anatomy.feb import write_feb_mesh
 from cosim.errors import InputError
 from cosim.files import output_file
+from cosim.port import Hand
 from meshes.hood_mesh import HoodMesh, to_json
 from meshes.imported.raw import RawMesh
 from meshes.imported.write import WRITERS, raw_of
@@ -26,16 +27,17 @@ def check_ending(path: Path) -> None:
         )
 
 
-def write_hood(mesh: HoodMesh, skeleton: Skeleton, path: Path) -> str:
-    """Write the mesh, whole or not at all, its springs anchored to the bones of `skeleton`; what
-    the file cannot hold, as words.  Raises InputError."""
+def write_hood(mesh: HoodMesh, skeleton: Skeleton, path: Path, hand: Hand = "right") -> str:
+    """Write the mesh, whole or not at all, its springs anchored to the bones of `skeleton`, of the
+    left `hand` mirrored but in our own format; what the file cannot hold, as words.  Raises
+    InputError."""
     check_ending(path)
     ending = path.suffix.lower()
     with output_file(path) as part:
         if ending == OWN:
             part.write_text(to_json(mesh), encoding="utf-8")
             return ""
-        FORMATS[ending](raw_of(mesh, skeleton), part)
+        FORMATS[ending](raw_of(mesh, skeleton).of(hand), part)
     return ", ".join(_lost(mesh, ending))
 
 

@@ -55,7 +55,8 @@ def mesh(
     check_file(out)
     typer.echo(f"{checked.name}: laying out the hood", err=True)
     generated = hood_mesh(checked)
-    lost = write_hood(generated, skeleton_of(checked.native_finger()), out)
+    finger = checked.native_finger()
+    lost = write_hood(generated, skeleton_of(finger), out, finger.side())
     typer.echo(f"{len(generated.quads)} quads in {shown_path(out)}")
     if lost:
         typer.echo(f"not in the file: {lost}")

@@ -21,7 +21,7 @@ from cosim.models.febio import written_hood
 from cosim.schema.units import LENGTH, parse
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
-from fe_solver.hood.as_job import job_of_hood
+from fe_solver.hood.as_job import job_of_hood, mirrored
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions, move_to_mid_surface
@@ -233,6 +233,8 @@ def export(
             written = written_hood(checked, models, progress.say)
         tension, _ = tensions(checked, models)
         job = job_of_hood(written.hood, written.motion, tension, written.surfaces, checked.name)
+        if checked.finger.side() == "left":
+            job = mirrored(job)
         write_feb(job, out, remarks=written.remarks)
         typer.echo(f"{len(job.sheet.quads)} elements in {out}")
         for line in written.remarks:

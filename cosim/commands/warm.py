@@ -39,6 +39,8 @@ WARMUPS = (
     Warmup("fingers in motion", "forward_edc", SHORT, "case"),
     Warmup("hoods of joint angles", "network_edc", {}, "case"),
     Warmup("bones of the middle finger", "hood_majorflex_edc"),
+    Warmup("bones of the ring finger", "ring_edc"),
+    Warmup("bones of the little finger", "little_edc"),
     Warmup("links of the robotic finger", "robot_cable_extensor"),
     Warmup("bones of an anatomy of one's own", "own_edc"),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,6 +12,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from cosim.port import Hand
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import (
@@ -26,19 +28,6 @@ from meshes.skeleton import JOINTS
 
 EQUAL_SHARES = 0.5
 """The central slip's, where tendons part into two equal strands (An et al. 1979)."""
-INDEX_AREAS = {
-    "FDP": 4.79,
-    "FDS": 4.79,
-    "EDC": 1.39,
-    "EI": 1.12,
-    "LUM": 0.28,
-    "FPI": 2.80,
-    "UI": 2.80,
-    "FDIm": 3.53 / 2,
-    "FDIl": 3.53 / 2,
-}
-"""cm2: AnyBody's index finger, after Wu et al. 2008 (FPI is its UI, the two heads of FDI share its
-RI equally)."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +59,11 @@ class FingerConfig(Table):
     KEPT: ClassVar[frozenset[str]] = frozenset({"posture", "tip", "limit", "passive", "gravity"})
     """What bones and joints do not depend on."""
 
+    def side(self) -> Hand:
+        """The hand that the finger is of; the right one where the kind does not say."""
+        hand: Hand = getattr(self, "hand", "right")
+        return hand
+
     def files(self) -> tuple[Path, ...]:
         """The files that the finger is built from."""
         return ()
@@ -84,7 +78,9 @@ class FingerConfig(Table):
 
     def muscle_areas(self, names: Collection[str]) -> tuple[Mapping[str, float], str]:
         """cm2 by muscle of a finger with the tendons `names`, and the source in words."""
-        return INDEX_AREAS, "Wu 2008, in AnyBody's index finger"
+        from rigid.fingers.index import INDEX
+
+        return INDEX.areas, INDEX.areas_source
 
 
 def stamps(files: Collection[Path]) -> list[str]:
@@ -259,8 +255,15 @@ class MassiveFingerConfig(ChainFingerConfig):
 class JointedFingerConfig(MassiveFingerConfig):
     """What the table of a finger with the joints of a human one states."""
 
-    posture: PostureConfig
-    """Joint angles, held or from which the finger starts."""
+    hand: Hand = "right"
+    """Of a left hand all that the case states and the numbers of a run are said by direction
+    (distal, radial, dorsal; flexion and radial abduction positive) and are the right hand's; files
+    of bones are read, and shapes, models and pictures made, as those of the left hand, in its own
+    frame: x distal, y ulnar, z dorsal."""
+    posture: PostureConfig = PostureConfig.model_construct(
+        MCP=math.radians(30), MCP_abduction=0.0, PIP=math.radians(45), DIP=math.radians(15)
+    )
+    """Joint angles, held or from which the finger starts; by default 30, 45 and 15 deg."""
     passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
         default_factory=dict
     )

@@ -51,16 +51,14 @@ class FmuFingerConfig(FmuTable, FingerConfig):
         from cosim.fmu.finger import FmuFinger as Unit
 
         names = self.bodies, self.joints, self.tendons
-        si, loading = self.assume_si, self.loading()
-        return Unit(self.path, *names, self.map, assume_si=si, loading=loading)
+        return Unit(self.path, *names, self.map, **self.speech())
 
     def in_motion(self) -> FmuMovingFinger:
         """The unit, for a motion in time.  Raises InputError."""
         from cosim.fmu.finger import FmuMovingFinger
 
         names = self.bodies, self.joints, self.tendons
-        si, loading = self.assume_si, self.loading()
-        return FmuMovingFinger(self.path, *names, self.map, assume_si=si, loading=loading)
+        return FmuMovingFinger(self.path, *names, self.map, **self.speech())
 
 
 KIND = FingerKind(FmuFingerConfig)

@@ -87,11 +87,10 @@ def bones(finger: IndexFingerConfig, extensor: Extensor) -> Mapping[str, Triangl
 
 def eyelets(finger: IndexFingerConfig) -> Eyelets:
     """Points from which the intrinsic tendons run to a sheet."""
-    from rigid.fingers.anatomy import eyelets
-    from rigid.fingers.index import INTRINSIC, O2O3, rows
+    from rigid.fingers.index import O2O3, record
 
     along, across = O2O3 * finger.length_scale, O2O3 * finger.width_scale
-    return eyelets(rows(finger.intrinsics), INTRINSIC, along, across)
+    return record(finger.intrinsics).eyelets(along, across)
 
 
 KIND = FingerKind(IndexFingerConfig, build, bones, model, skeleton, width, eyelets)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.fingers import fmu, hinge, index, middle, planar, robot
+from cosim.fingers import fmu, hinge, index, normative, planar, robot
 from cosim.fingers.common import Extensor, MassiveFingerConfig
 from cosim.fingers.kind import Anatomy, FingerKind
 from cosim.fingers.own import with_own_anatomy
@@ -23,11 +23,13 @@ if TYPE_CHECKING:
 
 FINGERS: Mapping[str, FingerKind[Any]] = {
     kind.name: with_own_anatomy(kind)
-    for kind in (index.KIND, middle.KIND, planar.KIND, hinge.KIND, robot.KIND, fmu.KIND)
+    for kind in (index.KIND, *normative.KINDS, planar.KIND, hinge.KIND, robot.KIND, fmu.KIND)
 }
 NativeFinger = (
     index.IndexFingerConfig
-    | middle.MiddleFingerConfig
+    | normative.MiddleFingerConfig
+    | normative.RingFingerConfig
+    | normative.LittleFingerConfig
     | planar.PlanarFingerConfig
     | hinge.HingeFingerConfig
     | robot.RobotFingerConfig
@@ -111,6 +113,7 @@ def mjcf(
         cast(MassiveFingerConfig, finger).gravity,
         losses,
         hood,
+        finger.side(),
     )
 
 

@@ -17,7 +17,7 @@ from cosim.fingers.chain import build_on_mujoco
 from cosim.fingers.common import EQUAL_SHARES, Extensor, JointedFingerConfig
 from cosim.fingers.kind import Eyelets, FingerKind
 from cosim.mesh_file import read_triangles
-from cosim.port import Array, Triangles
+from cosim.port import Hand, Triangles, mirror
 from cosim.schema.types import (
     MUSCLES,
     BodyName,
@@ -103,7 +103,7 @@ def with_own_anatomy(kind: FingerKind[Any]) -> FingerKind[Any]:
     def model(finger: AnatomicalFingerConfig, extensor: Extensor) -> FingerModel:
         if finger.path is None:
             return our_model(finger, extensor)
-        whole = _in_file(finger.path)
+        whole = _in_file(finger.path, finger.hand)
         left = set(our_model(finger, extensor).muscles)
         every = (Extensor(EQUAL_SHARES), Extensor(lies_on_bones=True))
         others = {m for e in every for m in our_model(finger, e).muscles} - left
@@ -120,7 +120,7 @@ def with_own_anatomy(kind: FingerKind[Any]) -> FingerKind[Any]:
         lacking = set(BODIES) - set(finger.bones)
         packaged = our_bones(finger, extensor) if lacking else {}
         return {
-            body: _user_bone(body, finger.bones[body], np.array(finger.bone_scale()))
+            body: _user_bone(body, finger.bones[body], finger)
             if body in finger.bones
             else packaged[body]
             for body in BODIES
@@ -131,7 +131,7 @@ def with_own_anatomy(kind: FingerKind[Any]) -> FingerKind[Any]:
             return our_skeleton(finger)
         from rigid.mjcf.read import skeleton_of
 
-        return skeleton_of(_in_file(finger.path))
+        return skeleton_of(_in_file(finger.path, finger.hand))
 
     def width(finger: AnatomicalFingerConfig) -> float:
         return ours.width(finger) if finger.breadth is None else finger.breadth
@@ -166,20 +166,20 @@ def with_own_anatomy(kind: FingerKind[Any]) -> FingerKind[Any]:
     )
 
 
-def _in_file(path: Path) -> FingerModel:
+def _in_file(path: Path, hand: Hand) -> FingerModel:
     """The finger of a MuJoCo model, with the tendons that a case can name."""
     stamp = path.stat()
-    return _read(path, stamp.st_mtime_ns, stamp.st_size)
+    return _read(path, stamp.st_mtime_ns, stamp.st_size, hand)
 
 
 @lru_cache(maxsize=8)
-def _read(path: Path, changed: int, size: int) -> FingerModel:
+def _read(path: Path, changed: int, size: int, hand: Hand) -> FingerModel:
     from rigid.mjcf.read import read_mjcf
 
-    return read_mjcf(path, tendons=MUSCLES).model
+    return read_mjcf(path, tendons=MUSCLES, hand=hand).model
 
 
-def _user_bone(body: str, bone: BoneConfig, scale: Array) -> Triangles:
+def _user_bone(body: str, bone: BoneConfig, finger: AnatomicalFingerConfig) -> Triangles:
     loaded = read_triangles(bone.surface, f"finger.bones.{body}.surface")
     points = np.array(loaded.vertices, dtype=float) * {"m": 1.0, "mm": 1e-3}[bone.unit]
     faces = np.array(loaded.faces, dtype=np.intp)
@@ -192,4 +192,6 @@ def _user_bone(body: str, bone: BoneConfig, scale: Array) -> Triangles:
         )
     if bone.frame == "myohand":
         points = index_finger().from_source(body, points)
-    return points * scale, faces
+    if finger.hand == "left":
+        points, faces = mirror(points), faces[:, ::-1]
+    return points * np.array(finger.bone_scale()), faces

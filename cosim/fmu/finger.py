@@ -22,7 +22,7 @@ from cosim.fmu.mapping import places
 from cosim.fmu.quantity import KINEMATICS, Quantity, finger_quantities, moving_quantities
 from cosim.fmu.table import APART, Loading
 from cosim.fmu.unit import SavedState, Unit
-from cosim.port import AffineLoad, Array, Load, Motion
+from cosim.port import AffineLoad, Array, Hand, Load, Motion
 
 AFFINE_LOAD = ("load_motion", "load_position", "load_rotation")
 """Quantities of a load that follows the bodies."""
@@ -68,7 +68,7 @@ FingerState = TypeVar("FingerState", FmuFingerState, FmuMovingState)
 class _UnitFinger(ABC, Generic[FingerState]):
     """A finger whose unit has the quantities QUANTITIES, of which it may lack those of MAY_LACK.
 
-    `names` maps them (see `mapping.places`).
+    `names` maps them (see `mapping.places`), `hand` is the one in whose frame it speaks.
     Raises InputError for an FMU that cannot be opened or does not map."""
 
     QUANTITIES: ClassVar[Callable[..., tuple[Quantity, ...]]]
@@ -86,10 +86,13 @@ class _UnitFinger(ABC, Generic[FingerState]):
         *,
         assume_si: bool = False,
         loading: Loading = APART,
+        hand: Hand = "right",
     ) -> None:
         self.bodies, self.joints, self.tendons = bodies, joints, tendons
         self.unit, quantities = Unit(path, loading), type(self).QUANTITIES(bodies, joints, tendons)
-        self._place = places(self.unit.opened, quantities, names or {}, self.MAY_LACK, assume_si)
+        self._place = places(
+            self.unit.opened, quantities, names or {}, self.MAY_LACK, assume_si, hand
+        )
         self.kinematics = FmuKinematics(self.unit, self._place, bodies)
         values = self.unit.values(self._place, self.ANSWERS)
         self._begin: FingerState = self._state(values)

@@ -16,7 +16,7 @@ from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.quantity import STATIC_STEP, TOLERANCE, WITH_TANGENT, hood_quantities, tangent_of
 from cosim.fmu.table import APART, Loading
 from cosim.fmu.unit import SavedState, Unit
-from cosim.port import Array, HoodJacobian, Load, Motion, Response, check_step, skew
+from cosim.port import Array, Hand, HoodJacobian, Load, Motion, Response, check_step, skew
 
 TangentBy = Literal["outputs", "directional derivatives", "differences"]
 ANSWERS = ("force", "moment", "excursion")
@@ -48,7 +48,7 @@ class FmuHood:
 
     A state is a saved state of the unit, so that any may be advanced from any number of times.
     `tangent_by` says where `jacobian` comes from: outputs, directional derivatives, differences.
-    `loading`: how the unit is loaded.
+    `loading`: how the unit is loaded; `hand`: in whose frame it speaks.
 
     Raises InputError for an FMU that cannot be opened or does not map."""
 
@@ -63,13 +63,14 @@ class FmuHood:
         rest_step: float | None = None,
         assume_si: bool = False,
         loading: Loading = APART,
+        hand: Hand = "right",
     ) -> None:
         self.bodies, self.tendons, self.sources = bodies, tendons, sources
         self.unit, self._rest_step, self._tolerance = Unit(path, loading), rest_step, 0.0
         quantities = hood_quantities(bodies, sources, tendons)
         tangent = [q.name for q in tangent_of(bodies, tendons)]
         optional = (*tangent, STATIC_STEP.name, TOLERANCE.name, WITH_TANGENT.name)
-        self._place = places(self.unit.opened, quantities, names or {}, optional, assume_si)
+        self._place = places(self.unit.opened, quantities, names or {}, optional, assume_si, hand)
         self._tangent = [name for name in tangent if name in self._place]
         self.tangent_by: TangentBy = "differences"
         if self.unit.opened.differentiates:

@@ -14,7 +14,7 @@ from cosim.errors import InputError, nearest_names
 from cosim.fmu.archive import UnpackedFmu
 from cosim.fmu.quantity import OPEN_AXES, UNITS, Quantity
 from cosim.number_text import MOST_NUMBER, RANGE, read_number
-from cosim.port import Array
+from cosim.port import Array, Hand
 from cosim.schema.units import Kind, parse
 
 KINDS = {False: ("Real", "Float64"), True: ("Boolean",)}
@@ -52,12 +52,14 @@ def places(
     names: Mapping[str, str],
     optional: Collection[str] = (),
     assume_si: bool = False,
+    hand: Hand = "right",
 ) -> dict[str, VariablePlace]:
     """The place of every quantity; `names` gives, by quantity, the name of an array variable, or of
     the variables of its entries as a template (`F_{body}_{axis}`).  A quantity that `names` leaves
     out has the name that our own units give it; an `optional` one of these may be missing.  A
     placeholder may be numbered from 1 on: `r[{body_index},{axis_index}]`.
-    `assume_si` takes a variable without unit to be in SI units.
+    `assume_si` takes a variable without unit to be in SI units; the FMU speaks in the frame of
+    `hand`.
 
     Raises InputError that lists what does not map."""
     quantities = list(quantities)
@@ -94,10 +96,18 @@ def places(
         found, scales = _misfits(q, matched, len(entries), _units(opened), assume_si)
         faults += found
         located[q.name] = VariablePlace(
-            tuple(v.valueReference for v in matched), q.shape, q.switch, *scales.T
+            tuple(v.valueReference for v in matched), q.shape, q.switch, *_turned(q, scales, hand)
         )
     _refuse(opened.path, faults)
     return located
+
+
+def _turned(q: Quantity, scales: Array, hand: Hand) -> Array:
+    """Factor and offset of every entry, from those (entries, 2) of the variables, so that what is
+    read of a left hand is the right one's."""
+    if hand == "right":
+        return scales.T
+    return np.ravel(q.signs(hand)) * scales.T
 
 
 def _absent(quantity: Quantity, missing: Sequence[str], variables: Mapping[str, Any]) -> str:

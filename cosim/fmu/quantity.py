@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.port import Array
+from cosim.port import Array, Hand, mirror, mirror_axial
 
 Values = Mapping[str, Array]
 """Arrays by the quantity's name."""
@@ -27,6 +27,8 @@ OPEN_AXES = frozenset({"body", "source", "tendon"})
 XYZ = ("x", "y", "z")
 TWIST = ("x", "y", "z", "rx", "ry", "rz")
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+MIRRORED = np.concatenate([mirror(np.ones(3)), mirror_axial(np.ones(3))])
+"""Of twists and wrenches."""
 UNITS: Mapping[str, Mapping[str, int]] = {
     "m": {"m": 1},
     "rad": {"rad": 1},
@@ -79,6 +81,19 @@ class Quantity:
             )
             for chosen in every
         ]
+
+    def signs(self, hand: Hand) -> Array:
+        """Return what its entries are multiplied by between the frame of that hand and the
+        program's, which is the right one's: 1, or -1 of components that a mirror turns."""
+        out = np.ones(self.shape)
+        if hand == "right":
+            return out
+        turn = mirror_axial if "moment" in self.name else mirror
+        of = {XYZ: turn(np.ones(3)), TWIST: MIRRORED, WRENCH: MIRRORED}
+        for i, (_, labels) in enumerate(self.axes):
+            if labels in of:
+                out *= of[labels].reshape([-1 if k == i else 1 for k in range(out.ndim)])
+        return out
 
     def others(self, template: str, names: Iterable[str]) -> list[str]:
         """Of some names those that fit the template with another body, source or tendon."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+from cosim.port import Hand
 from cosim.schema import units
 from cosim.schema.fields import quantity
 from cosim.schema.types import ArchiveFile, Switch, Table
@@ -48,6 +49,8 @@ class FmuTable(Table):
     """The FMU; it runs code."""
     assume_si: Switch = False
     """Take variables without a stated unit as SI units."""
+    hand: Hand = "right"
+    """In whose frame it speaks: that of a left hand has y ulnar."""
     strict: Switch = False
     """Refuse an FMU whose description breaks the standard; otherwise what can be read is read, with
     a warning."""
@@ -60,6 +63,10 @@ class FmuTable(Table):
     def files(self) -> tuple[Path, ...]:
         """The file that the FMU is."""
         return (self.path,)
+
+    def speech(self) -> dict[str, Any]:
+        """How the FMU is loaded and what it says is read, as its loader's keywords."""
+        return {"assume_si": self.assume_si, "loading": self.loading(), "hand": self.hand}
 
     def loading(self) -> Loading:
         """How the FMU is loaded."""

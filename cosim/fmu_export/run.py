@@ -87,7 +87,10 @@ class UnitRun:
         self.quantities = self.part.quantities
         ends = list(accumulate((q.zero().size for q in self.quantities), initial=0))
         self.place = {q.name: slice(*ends[i : i + 2]) for i, q in enumerate(self.quantities)}
-        self._values = np.concatenate([np.ravel(self.part.begin[q.name]) for q in self.quantities])
+        self._signs = {q.name: q.signs(case.finger.side()) for q in self.quantities}
+        """Between the frame of the case's hand, in which the unit speaks, and the program's."""
+        begin = [np.ravel(self._signs[q.name] * self.part.begin[q.name]) for q in self.quantities]
+        self._values = np.concatenate(begin)
         outputs = [np.full(q.zero().size, q.causality == "output") for q in self.quantities]
         self._is_output = np.concatenate(outputs)
         self._state, self._fault, self.time = self.part.start(), "", 0.0
@@ -199,11 +202,12 @@ class UnitRun:
     def _show(self, state: State, outputs: Values) -> None:
         values = self._values.copy()
         for name, value in outputs.items():
-            values[self.place[name]] = np.ravel(value)
+            values[self.place[name]] = np.ravel(self._signs[name]) * np.ravel(value)
         self._values, self._state = values, state
 
     def _value(self, quantity: Quantity) -> Array:
-        return self._values[self.place[quantity.name]].reshape(quantity.shape)
+        values = self._values[self.place[quantity.name]].reshape(quantity.shape)
+        return self._signs[quantity.name] * values
 
 
 def _special(part: UnitPart) -> Special | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache, partial
 
@@ -24,7 +24,7 @@ from fe_solver.supports import SpringLaw, SpringSet, Tied
 from fe_solver.surfaces.spline_distance import SplineDistance
 from meshes.cable_net import CableNet
 from meshes.coarseness import Arc, arcs
-from meshes.cover import FLEXION, Head, Joint, Tissue, modulus, thinner
+from meshes.cover import FLEXION, Head, Joint, blend, shares
 from meshes.hood_mesh import Attachment, HoodMesh
 from meshes.hull import DIP, PIP, along, carriers
 from meshes.skeleton import BODIES, Skeleton
@@ -79,7 +79,8 @@ def supports_of(
 def _contact_law(contact: ContactConfig, site: Site, highest: float) -> ContactLaw:
     """Return how a hood touches the bones; on a layer a node sticks as stiffly as the thickest part
     of it, incompressible, bears shear (a third of its modulus over its thickness)."""
-    levels = contact_levels(contact, site.anatomy.bones, site.skeleton, highest)
+    bones, skeleton = site.anatomy.bones, site.skeleton
+    levels = contact_levels(contact, bones, skeleton, highest)
     if contact.layer is None:
         assert contact.stiffness is not None  # by the schema, as the smoothing
         assert contact.smoothing is not None
@@ -92,7 +93,7 @@ def _contact_law(contact: ContactConfig, site: Site, highest: float) -> ContactL
         NO_SMOOTHING,
         *levels,
         friction=contact.friction,
-        layers=layers_of(contact, contact.layer, levels[0], site.skeleton),
+        layers=layers_of(contact, contact.layer, _bare(contact, bones, highest), skeleton),
     )
 
 
@@ -102,33 +103,47 @@ def layers_of(
     surfaces: Mapping[str, SplineDistance],
     skeleton: Skeleton,
 ) -> dict[str, Layer]:
-    """What covers the bones, by body: its thickness and its modulus as fields on the grids of the
-    `surfaces`."""
-    tissue = Tissue(moduli.shafts, moduli.faces, moduli.sides)
+    """Return what covers the bones of bare `surfaces`, by body: its thickness and its modulus as
+    fields on their grids."""
+    tissue = (moduli.shafts, moduli.faces, moduli.sides)
     return {
         body: Layer(
-            surface.field(_thickness(contact, body, skeleton)),
-            surface.field(_modulus(tissue, body, skeleton)),
+            _thickness(contact, body, surface, skeleton),
+            _over(surface, body, skeleton, *tissue),
             (getattr(contact.offset, body), moduli.shafts),
         )
         for body, surface in surfaces.items()
     }
 
 
-def _thickness(contact: ContactConfig, body: str, skeleton: Skeleton) -> Callable[[Array], Array]:
-    """Return the thickness (n,) m of what covers a bone, by points (n, 3) m in its frame."""
-    back, head = getattr(contact.offset, body), _head(contact, body)
-    if head is None:
-        return lambda points: np.full(len(points), back)
-    joint = Joint.of(skeleton, body)
-    return lambda points: back - thinner(points, joint, back, head)
+def _thickness(
+    contact: ContactConfig, body: str, surface: SplineDistance, skeleton: Skeleton
+) -> SplineDistance:
+    """Return the thickness, m, of what covers a bone, as a field on its surface's grid."""
+    back = getattr(contact.offset, body)
+    return _over(surface, body, skeleton, back, *(_head(contact, body) or Head(back, back)))
 
 
-def _modulus(tissue: Tissue, body: str, skeleton: Skeleton) -> Callable[[Array], Array]:
-    """Return the modulus (n,) Pa of what covers a bone, by points (n, 3) m in its frame."""
+def _over(
+    surface: SplineDistance, body: str, skeleton: Skeleton, shaft: float, face: float, sides: float
+) -> SplineDistance:
+    """Return a number of what covers a bone as a field on its surface's grid, from its values over
+    shaft, face and sides."""
     if body not in FLEXION:
-        return lambda points: np.full(len(points), tissue.shaft)
-    return partial(modulus, joint=Joint.of(skeleton, body), tissue=tissue)
+        return replace(surface, coefficients=np.full_like(surface.coefficients, shaft))
+    joint = Joint.of(skeleton, body)
+    on = _splined_shares(surface, tuple(joint.centre), tuple(joint.axis))
+    return replace(surface, coefficients=blend(on, shaft, face, sides))
+
+
+@lru_cache(maxsize=16)
+def _splined_shares(
+    surface: SplineDistance, centre: tuple[float, ...], axis: tuple[float, ...]
+) -> tuple[Array, Array]:
+    """Return the coefficients of `meshes.cover.shares` on a surface's grid."""
+    joint = Joint(np.array(centre), np.array(axis))
+    face, sides = surface.fields(partial(shares, joint=joint))
+    return face.coefficients, sides.coefficients
 
 
 def headed(contact: ContactConfig) -> set[str]:
@@ -220,13 +235,19 @@ def contact_levels(
     face does, as a case states them: where a head is covered by less than the bone's back, the
     surface lies as much deeper.  `highest`: m that the hood touches above its face at most."""
     offset = {body: getattr(contact.offset, body) for body in bones}
-    surfaces = pose_surfaces(bones, {body: o + highest for body, o in offset.items()})
-    for body in surfaces:
-        if (head := _head(contact, body)) is not None:
-            joint = Joint.of(skeleton, body)
-            less = partial(thinner, joint=joint, back=offset[body], head=head)
-            surfaces[body] = surfaces[body].plus(less)
+    surfaces = _bare(contact, bones, highest)
+    for body, bare in surfaces.items():
+        if _head(contact, body) is not None:
+            less = offset[body] - _thickness(contact, body, bare, skeleton).coefficients
+            surfaces[body] = replace(bare, coefficients=bare.coefficients + less)
     return surfaces, offset
+
+
+def _bare(
+    contact: ContactConfig, bones: Mapping[str, Triangles], highest: float
+) -> dict[str, SplineDistance]:
+    """Return the surfaces of the bones, their distances known as far as a hood touches them."""
+    return pose_surfaces(bones, {body: getattr(contact.offset, body) + highest for body in bones})
 
 
 def head_arcs(

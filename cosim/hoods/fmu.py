@@ -8,7 +8,7 @@ from pydantic import Field
 
 from cosim.fmu.quantity import HOOD_QUANTITIES
 from cosim.fmu.table import FmuTable
-from cosim.hoods.kind import BuiltHood, HoodBuilder, HoodConfig, HoodKind, Site
+from cosim.hoods.kind import FINGERS, BuiltHood, HoodBuilder, HoodConfig, HoodKind, Site
 from cosim.schema import units
 from cosim.schema.fields import name_of, quantity
 from cosim.schema.types import TendonName
@@ -21,7 +21,7 @@ class FmuHoodConfig(FmuTable, HoodConfig):
     for one without the switch `static`."""
 
     title: ClassVar[str] = "a hood in an FMU"
-    fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot", "fmu")
+    fits: ClassVar[tuple[str, ...]] = (*FINGERS, "planar", "hinge", "robot", "fmu")
     needs_no_tension: ClassVar[bool] = False
     kind: Literal["fmu"]
     tendons: Annotated[tuple[TendonName, ...], Field(min_length=1)]
@@ -53,8 +53,7 @@ def build(hood: FmuHoodConfig, site: Site) -> BuiltHood:
         *names,
         hood.map,
         rest_step=hood.rest_step,
-        assume_si=hood.assume_si,
-        loading=hood.loading(),
+        **hood.speech(),
     )
     return BuiltHood(unit)
 

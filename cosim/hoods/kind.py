@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from meshes.skeleton import Skeleton
     from rigid.mjcf.hood import HoodParts
 
+FINGERS = ("index", "middle", "ring", "little")
+"""The kinds of finger with the joints of a human one."""
 Slips = Mapping[str, float]
 """N, in the central and the terminal slip."""
 

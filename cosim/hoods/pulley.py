@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from cosim.hoods.kind import BuiltHood, HoodBuilder, HoodConfig, HoodKind, Site
+from cosim.hoods.kind import FINGERS, BuiltHood, HoodBuilder, HoodConfig, HoodKind, Site
 from cosim.port import Array, Motion
 from cosim.schema.types import BodyName, Coordinate, Table, TendonName
 
@@ -26,7 +26,7 @@ class PulleyHoodConfig(HoodConfig):
     """Tendons as straight lines through points fixed to bodies."""
 
     title: ClassVar[str] = "no deformable hood: cables through eyelets"
-    fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot", "fmu")
+    fits: ClassVar[tuple[str, ...]] = (*FINGERS, "planar", "hinge", "robot", "fmu")
     example: ClassVar[tuple[str, ...]] = ("pulley_edc",)
     kind: Literal["pulley"]
     paths: dict[TendonName, Annotated[tuple[PathPointConfig, ...], Field(min_length=2)]]

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field
 
 from cosim.fingers.common import EQUAL_SHARES, Extensor
-from cosim.hoods.kind import BuiltHood, HoodBuilder, HoodConfig, HoodKind, Site, no_variations
+from cosim.hoods.kind import (
+    FINGERS,
+    BuiltHood,
+    HoodBuilder,
+    HoodConfig,
+    HoodKind,
+    Site,
+    no_variations,
+)
 from cosim.hoods.variation import Variation, shift
 from cosim.schema.types import Number
 from meshes.skeleton import BODIES
@@ -23,7 +31,7 @@ class SplitHoodConfig(HoodConfig):
     hood going to the central slip (equal parts in the normative model: An et al. 1979)."""
 
     title: ClassVar[str] = "no hood: tendons that part in fixed shares"
-    fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot")
+    fits: ClassVar[tuple[str, ...]] = (*FINGERS, "planar", "hinge", "robot")
     is_coupled: ClassVar[bool] = False
     rungs: ClassVar[Mapping[str, str]] = {"split": "base/split"}
     example: ClassVar[tuple[str, ...]] = ("split_edc",)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cosim.port import Array, State
+from cosim.port import Array, Hand, State, mirror
 
 STRAIN = "longitudinal_strain"
 """The cell data of every hood with a shape: strain along fibres or cables, dimensionless."""
@@ -84,6 +84,24 @@ class HoodField:
     """(m,) or (m, 3) each."""
     lines: Mapping[str, Array] = field(default_factory=dict)
     """(k, 3) m by name, of its tendons beyond the mesh."""
+
+    def of(self, hand: Hand) -> HoodField:
+        """Return the hood of a right hand as that of another, and the other way round: with its
+        directions, and each cell turning the other way."""
+        if hand == "right":
+            return self
+
+        def other(data: Mapping[str, Array]) -> dict[str, Array]:
+            vectors = {name for name, values in data.items() if np.shape(values)[-1:] == (3,)}
+            return {k: mirror(v) if k in vectors else v for k, v in data.items()}
+
+        return HoodField(
+            mirror(self.points),
+            self.quads[:, ::-1],
+            other(self.point_data),
+            other(self.cell_data),
+            other(self.lines),
+        )
 
 
 class HoodView(Protocol):

@@ -34,7 +34,7 @@ EVIDENCE: Mapping[Evidence, tuple[str, str]] = {
     "published model": ("△", "of published models, not measured"),
 }
 """A shape for each, the strongest first, and what it means."""
-MUSCLES = ("FDP", "FDS", "EDC", "EI", "FDI", "FPI", "LUM", "RI", "UI")
+MUSCLES = ("FDP", "FDS", "EDC", "EI", "EDM", "FDI", "FPI", "LUM", "RI", "UI", "ADM")
 """Columns of the tables by muscle; others follow."""
 WORDS = {
     **{"MCP_abduction": "MCP, sideways", "min": "least", "max": "largest", "": "not said"},

@@ -4,7 +4,7 @@
   const errors = [];
   window.addEventListener("error", (event) => errors.push(event.message));
   window.addEventListener("unhandledrejection", (event) => errors.push(String(event.reason)));
-  const { CAMERAS, CONFIG, FONT, extremes, field, fields, fixed, frame, nearest, numbers, said, shape } = CosimScene;
+  const { CONFIG, FONT, extremes, field, fields, fixed, frame, nearest, numbers, said, shape } = CosimScene;
   const $ = (id) => document.getElementById(id);
   const make = (tag, text = "", attributes = {}) => {
     const made = Object.assign(document.createElement(tag), { textContent: text });
@@ -34,7 +34,7 @@
 
   // --- state
   const now = { field: "along", frame: 0, off: new Set(["names"]), playing: 0 };
-  let camera = CAMERAS.oblique;
+  let camera;
   const panels = []; // what is seen beside one another: { index, stage, title, readout, still }
   const view = (panel = panels[0]) => data.views[panel.index];
   const leader = () => panels.find((panel) => view(panel).times.length) || panels[0]; // whose frames the slider counts
@@ -67,7 +67,7 @@
     tell(panel, v, k);
     if (!range) { panel.stage.textContent = "There is nothing to show in space of this run."; return Promise.resolve(); }
     const first = !panel.stage.data;
-    return Plotly.react(panel.stage, traces, CosimScene.layout(range, panel.stage.clientWidth, panel.stage.clientHeight, camera), CONFIG).then(() => {
+    return Plotly.react(panel.stage, traces, CosimScene.layout(range, panel.stage.clientWidth, panel.stage.clientHeight, camera, v.hand), CONFIG).then(() => {
       if (!first) return;
       const follow = (change) => { if (change["scene.camera"]) look(change["scene.camera"], panel); };
       panel.stage.on("plotly_relayouting", follow);
@@ -277,6 +277,8 @@
     if (typeof DecompressionStream === "undefined") { $("stuck").textContent = `▲ ${OLD}`; $("stuck").hidden = false; return; }
     const [views, library] = await Promise.all([unpack("views"), unpack("plotly")]);
     data = JSON.parse(views);
+    const from = (name) => CosimScene.camera(name, data.views[0].hand);
+    camera = from("oblique");
     document.head.append(make("script", library));
     addPanel(0);
     if ($("beside") && matchMedia("(min-width: 900px)").matches) { $("beside").value = "1"; addPanel(1); $("spaces").classList.add("two"); }
@@ -288,7 +290,7 @@
     if ($("field")) $("field").addEventListener("change", () => { now.field = $("field").value; draw(); });
     $("slider").addEventListener("input", () => { stop(); go(Number($("slider").value)); });
     if ($("play")) $("play").addEventListener("click", play);
-    for (const button of document.querySelectorAll("[data-look]")) button.addEventListener("click", () => look(CAMERAS[button.dataset.look], null));
+    for (const button of document.querySelectorAll("[data-look]")) button.addEventListener("click", () => look(from(button.dataset.look), null));
     const details = [...document.querySelectorAll("details:not(.long)")];
     window.addEventListener("beforeprint", () => details.forEach((d) => { d.open = true; }));
     await Promise.all([draw(), ...layCharts()]);

@@ -5,13 +5,14 @@ const CosimScene = (() => {
   const SVG = "http://www.w3.org/2000/svg";
   const INK = "#10161a", QUIET = "#3d474e", MINUS = "−";
   const BONE = [236, 228, 208], LIGHT = [0.3, 0.62, 0.72], DOT = "#b3004b";
-  // Where one looks from; distal is to the left in each.
+  // Where one looks from; distal is to the left in each, from the radial side of a left hand to the right.
   const look = (eye, up) => ({ eye, up, center: { x: 0, y: 0, z: 0 }, projection: { type: "orthographic" } });
   const CAMERAS = {
     oblique: look({ x: 0.3, y: 1.8, z: 0.6 }, { x: 0, y: 0, z: 1 }),
     radial: look({ x: 0, y: 1.9, z: 0 }, { x: 0, y: 0, z: 1 }),
     dorsal: look({ x: 0, y: 0, z: 1.9 }, { x: 0, y: -1, z: 0 }),
   };
+  const camera = (name, hand) => (hand === "left" && name !== "dorsal" ? { ...CAMERAS[name], eye: { ...CAMERAS[name].eye, y: -CAMERAS[name].eye.y } } : CAMERAS[name]);
   const FONT = { family: "system-ui, -apple-system, 'Segoe UI', 'Helvetica Neue', 'DejaVu Sans', Arial, sans-serif", size: 13, color: "#1c2227" };
   const CONFIG = { displaylogo: false, responsive: true, displayModeBar: false };
   const NAMED = 6; // points on a map have their names beside them up to so many
@@ -190,11 +191,11 @@ const CosimScene = (() => {
   }
   // One box for several views, so that they are drawn to one scale.
   const commonBox = (views) => views.map((v) => v.box).filter(Boolean).reduce((a, b) => a.map(([low, high], i) => [Math.min(low, b[i][0]), Math.max(high, b[i][1])]));
-  function layout(range, width, height, camera = CAMERAS.oblique) { // one range for all frames, so that nothing jumps
+  function layout(range, width, height, camera, hand) { // one range for all frames, so that nothing jumps
     const axis = (i, name) => ({ range: range[i], title: { text: name, font: FONT }, showbackground: false, gridcolor: "#e6eaed", zeroline: false,
       tickfont: { ...FONT, size: 11 }, nticks: i === 1 ? 3 : 6, showspikes: false, showticklabels: i !== 1 || width >= 600 });
     return { margin: { l: 0, r: 0, t: 0, b: 0 }, showlegend: false, paper_bgcolor: "#fff", font: FONT, uirevision: "same", hoverlabel: { font: FONT },
-      scene: { xaxis: axis(0, "distal, mm"), yaxis: axis(1, "radial, mm"), zaxis: axis(2, "dorsal, mm"), aspectmode: "manual",
+      scene: { xaxis: axis(0, "distal, mm"), yaxis: axis(1, hand === "left" ? "ulnar, mm" : "radial, mm"), zaxis: axis(2, "dorsal, mm"), aspectmode: "manual",
         aspectratio: aspect(range, width, height), camera, uirevision: "same" } };
   }
 
@@ -286,5 +287,5 @@ const CosimScene = (() => {
     return `${said(low)} to ${said(high)} ${f.unit}; ${Math.round((100 * under) / values.length)} % in compression`;
   }
 
-  return { CAMERAS, CONFIG, FONT, PARTS, colourBar, commonBox, extremes, field, fields, fixed, flatMap, frame, layout, legend, nearest, numbers, said, shape, summary, traces };
+  return { CONFIG, FONT, PARTS, camera, colourBar, commonBox, extremes, field, fields, fixed, flatMap, frame, layout, legend, nearest, numbers, said, shape, summary, traces };
 })();

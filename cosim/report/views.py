@@ -14,7 +14,7 @@ from cosim.hoods.kinds import colours_of
 from cosim.hoods.lesion import SLIPS
 from cosim.hoods.shell.gauges import place_gauges
 from cosim.hoods.view import HoodField
-from cosim.port import Array
+from cosim.port import Array, Hand, mirror
 from cosim.report.dots import dots_in_words
 from cosim.report.flat import flatten_sheet
 from cosim.report.packing import floats, integers
@@ -134,6 +134,39 @@ class View:
     net: Net | None
     dots: Dots | None
     notes: tuple[str, ...]
+    hand: Hand = "right"
+
+    def in_own_frame(self) -> View:
+        """Return the view as it is to be shown in space: of a left hand its mirror image."""
+        if self.hand == "right":
+            return self
+        turn = np.outer(*2 * [mirror(np.ones(3))])
+        bones = tuple(
+            replace(
+                b,
+                vertices=mirror(b.vertices),
+                faces=b.faces[:, ::-1],
+                position=mirror(b.position),
+                rotation=turn * b.rotation,
+            )
+            for b in self.bones
+        )
+        return replace(
+            self,
+            bones=bones,
+            tendons=tuple({k: mirror(p) for k, p in paths.items()} for paths in self.tendons),
+            tip=mirror(self.tip),
+            force=mirror(self.force),
+            sheet=self.sheet
+            and replace(
+                self.sheet,
+                points=mirror(self.sheet.points),
+                fibres=tuple(map(mirror, self.sheet.fibres)),
+            ),
+            net=self.net and replace(self.net, points=mirror(self.net.points)),
+            dots=self.dots and replace(self.dots, position=mirror(self.dots.position)),
+            hand="right",
+        )
 
     @property
     def fields(self) -> tuple[SheetField, ...]:
@@ -166,6 +199,7 @@ def view_of(run: Result) -> View:
         net=net,
         dots=_dots(run, steps, sheet),
         notes=notes,
+        hand=run.hand,
     )
     try:
         return _with_finger(view, run.checked_case())
@@ -388,6 +422,7 @@ def pack_views(views: Sequence[View], scales: Sequence[Mapping[str, tuple[float,
 def _pack_view(
     view: View, scale: Mapping[str, tuple[float, float]], surfaces: dict[str, Any]
 ) -> Any:
+    hand, force, view = view.hand, view.force, view.in_own_frame()
     bones = []
     for bone in view.bones:
         surface = {"v": floats(1e3 * bone.vertices), "f": integers(bone.faces)}
@@ -413,7 +448,8 @@ def _pack_view(
         "box": None if room is None else (1e3 * room).tolist(),
         "tip": floats(1e3 * view.tip),
         "arrow": floats(1e3 * arrow_ends(view)),
-        "force": view.force.tolist(),
+        "force": force.tolist(),
+        "hand": hand,
         "slips": view.slips,
         "notes": view.notes,
         "joints": [joint.replace("_", " ") for joint in view.joints],

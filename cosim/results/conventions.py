@@ -12,6 +12,7 @@ from cosim.version import __version__
 OPPOSITE = {"proximal": "distal", "ulnar": "radial", "palmar": "dorsal"}
 """The name of each axis's other way: the palmar component is minus the dorsal one."""
 FRAME = "world, fixed to the metacarpal: x distal, y radial, z dorsal; right-handed"
+LEFT_FRAME = "world of a left hand, fixed to the metacarpal: x distal, y ulnar, z dorsal"
 COMPONENTS = tuple(f"{kind}_{axis}" for kind in ("force", "moment") for axis in AXES)
 """The components of a wrench, in the order of the port."""
 SOURCES = {

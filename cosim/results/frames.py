@@ -13,7 +13,7 @@ from cosim.errors import InputError
 from cosim.hoods.kinds import COLOURS
 from cosim.hoods.view import FAMILIES, STRAIN, HoodField
 from cosim.mesh_file import read_mesh_file
-from cosim.port import Array
+from cosim.port import Array, Hand
 from cosim.results.arrays import Arrays
 from cosim.results.strokes import carry
 
@@ -68,8 +68,9 @@ def frames_of(
     )
 
 
-def read_hood(path: Path) -> HoodField:
-    """Read a hood from a file that a run wrote.  Raises ValueError for another file."""
+def read_hood(path: Path, hand: Hand) -> HoodField:
+    """Read a hood from a file that a run of a finger of that hand wrote.  Raises ValueError for
+    another file."""
     mesh = read_mesh_file(path)
     data = {name: np.asarray(blocks[0]) for name, blocks in mesh.cell_data.items()}
     if STRAIN not in data or "displacement" not in mesh.point_data:
@@ -77,11 +78,12 @@ def read_hood(path: Path) -> HoodField:
     cells = mesh.cells_dict.get("quad", mesh.cells_dict.get("line"))
     if cells is None:
         raise ValueError("it has neither quads nor line cells")
-    return HoodField(mesh.points, cells, mesh.point_data, data)
+    return HoodField(mesh.points, cells, mesh.point_data, data).of(hand)
 
 
-def read_shapes(folder: Path, arrays: Arrays) -> tuple[tuple[float, HoodField], ...]:
-    """Read the hood of a motion at its stored times (s), none where none were stored.
+def read_shapes(folder: Path, arrays: Arrays, hand: Hand) -> tuple[tuple[float, HoodField], ...]:
+    """Read the hood of a motion at its stored times (s), none where none were stored; `hand` as of
+    `read_hood`.
 
     Raises InputError where a file cannot be read."""
     index = folder / "hood.pvd"
@@ -91,7 +93,7 @@ def read_shapes(folder: Path, arrays: Arrays) -> tuple[tuple[float, HoodField], 
     try:
         found = DATA_SET.findall(index.read_text(encoding="utf-8"))
         for k, (time, name) in enumerate(found):
-            out.append((float(time), with_lines(read_hood(folder / name), arrays, k)))
+            out.append((float(time), with_lines(read_hood(folder / name, hand), arrays, k)))
     except (OSError, ValueError, InputError, LookupError) as error:
         raise InputError(f"{index}: the shapes of the hood cannot be read ({error})") from error
     return tuple(out)

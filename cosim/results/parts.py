@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.hoods.view import HoodField
 from cosim.json_text import json_text
-from cosim.port import Array
+from cosim.port import Array, Hand, mirror
 from cosim.results.arrays import Arrays
 from cosim.results.conventions import COMPONENTS, by_axis
 
@@ -50,6 +50,25 @@ class Scene:
     """The user's points (3,) on the hood: ink dots."""
     gauges: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     """The two points between which each gauge lies."""
+    hand: Hand = "right"
+    """Of the left one pictures and files show the mirror image."""
+
+    def in_own_frame(self) -> Scene:
+        """Return the scene as it is to be shown in space: of a left hand its mirror image."""
+        if self.hand == "right":
+            return self
+        return replace(
+            self,
+            hood=self.hood and self.hood.of(self.hand),
+            bones=tuple((name, mirror(v), faces[:, ::-1]) for name, v, faces in self.bones),
+            tendons=tuple((name, mirror(points)) for name, points in self.tendons),
+            tip=self.tip and (mirror(self.tip[0]), mirror(self.tip[1])),
+            frames=tuple((time, hood.of(self.hand)) for time, hood in self.frames),
+            origins={body: mirror(at) for body, at in self.origins.items()},
+            joints=tuple((name, mirror(at)) for name, at in self.joints),
+            points={name: mirror(at) for name, at in self.points.items()},
+            hand="right",
+        )
 
 
 @dataclass(frozen=True)
@@ -89,6 +108,12 @@ def joint_forces(
     # a bone between two joints receives the one and hands on the other
     through = np.cumsum(joint[:0:-1, :3], axis=0)[::-1]
     return {name: by_axis(force) for name, force in zip(names, through, strict=True)}
+
+
+def hand_of(case_table: Mapping[str, Any]) -> Hand:
+    """Return the hand of the finger of a case, as a table."""
+    hand: Hand = case_table.get("finger", {}).get("hand", "right")
+    return hand
 
 
 @dataclass(frozen=True)
@@ -133,6 +158,11 @@ class CaseParts:
     def case(self) -> str:
         """The case's name."""
         return str(self.summary["case"])
+
+    @property
+    def hand(self) -> Hand:
+        """The hand of the case's finger."""
+        return hand_of(self.case_table)
 
     @property
     def title(self) -> str:

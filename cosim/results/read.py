@@ -14,14 +14,14 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.hoods.view import HoodField
-from cosim.port import AXES
+from cosim.port import AXES, Hand
 from cosim.results.answer import answer, doubts
 from cosim.results.arrays import ARRAYS, Arrays
 from cosim.results.audit import Audit, describe_misses
 from cosim.results.compare import Target, compare_with_targets, numbers_of, read_json
 from cosim.results.frames import frames_of, read_hood, with_lines
 from cosim.results.load_and_rest import describe_rest
-from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
+from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene, hand_of
 from cosim.results.quantities import check_quantities, misfit
 from cosim.results.result import Result
 from cosim.results.write import (
@@ -52,15 +52,16 @@ def _read_run(folder: Path) -> Result:
     check_converged(summary, str(folder))
     comparison = folder / "comparison.json"
     arrays = read_arrays(folder)
-    hood = None
+    case = _read(folder / "case.toml", _case)
+    hood, hand = None, hand_of(tomllib.loads(case))
     if (path := folder / "hood.vtu").is_file():
-        hood = _read(path, lambda path: _hood(path, arrays))
+        hood = _read(path, lambda path: _hood(path, arrays, hand))
     return Result(
         summary,
         arrays,
         _read(folder / "ledger.csv", _ledger) if (folder / "ledger.csv").is_file() else (),
-        Scene(hood, (), ()),
-        _read(folder / "case.toml", _case),
+        Scene(hood, (), (), hand=hand),
+        case,
         folder.resolve().name,
         folder,
         read_json(comparison) if comparison.is_file() else (),
@@ -229,9 +230,9 @@ def _check_arrays(arrays: Arrays) -> None:
             raise ValueError(f"its axis {dim} is not {', '.join(AXES)}")
 
 
-def _hood(path: Path, arrays: Arrays) -> HoodField:
+def _hood(path: Path, arrays: Arrays, hand: Hand) -> HoodField:
     """The hood at the end.  Raises ValueError and others where it is not that of the arrays."""
-    hood = with_lines(read_hood(path), arrays, -1)
+    hood = with_lines(read_hood(path, hand), arrays, -1)
     if "time" not in arrays.dims:
         frames_of(arrays, hood, ())
     return hood

@@ -216,13 +216,14 @@ class Result(CaseParts):
             raise InputError(f"plot: hood_only: the hood of {self.name} has no shape to draw")
         stage = stage_of(scenes)
         width = None if width_mm is None else width_mm / 25.4
-        return replace(stage, whole=scenes[0], is_film=False, views=SIDES[view], width=width)
+        views = tuple(side.of(self.hand) for side in SIDES[view])
+        return replace(stage, whole=scenes[0], is_film=False, views=views, width=width)
 
     def _shown(self, hood_only: bool) -> Scene:
         whole = self._whole_scene
         if not hood_only:
             return whole
-        return Scene(whole.hood, (), (), points=whole.points, gauges=whole.gauges)
+        return Scene(whole.hood, (), (), points=whole.points, gauges=whole.gauges, hand=whole.hand)
 
     def _figure(self, kind: Plot, stage: Stage | None, hood_only: bool) -> Figure:
         load_matplotlib()
@@ -294,7 +295,7 @@ class Result(CaseParts):
         Raises InputError where files of a run that was read cannot be."""
         shapes = self.scene.frames
         if not shapes and self.folder is not None:
-            shapes = read_shapes(self.folder, self.arrays)
+            shapes = read_shapes(self.folder, self.arrays, self.hand)
         return frames_of(self.arrays, self.hood, shapes)
 
     @cached_property
@@ -306,7 +307,7 @@ class Result(CaseParts):
             return scenes_of(self.frames, self.arrays, self.checked_case())
         except InputError as error:
             warnings.warn(f"bones and tendons are not shown: {error}", stacklevel=3)
-            return tuple(Scene(frame.hood, (), ()) for frame in self.frames)
+            return tuple(Scene(frame.hood, (), (), hand=self.hand) for frame in self.frames)
 
     def checked_case(self) -> Case:
         """The case that was run.  Raises InputError where it cannot be built again."""

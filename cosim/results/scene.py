@@ -53,7 +53,8 @@ def with_measures(scene: Scene, arrays: Arrays, k: int, case: Case) -> Scene:
         points = dict(zip(names, arrays.variables["hood_point_position"].values[k], strict=True))
     gauges = getattr(case.hood, "gauges", {}) if points else {}
     pulled = {name: value for name, value in tensions.items() if value > least}
-    return replace(scene, pulled=pulled, points=points, gauges=gauges)
+    hand = case.finger.side()
+    return replace(scene, pulled=pulled, points=points, gauges=gauges, hand=hand)
 
 
 def origins_of(motion: Motion) -> dict[str, Array]:

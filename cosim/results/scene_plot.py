@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cosim.hoods.kinds import colours_of
-from cosim.port import Array
+from cosim.port import Array, Hand
 from cosim.results.looks import (
     BONE,
     FORCE,
@@ -73,10 +73,19 @@ class PlotView:
     up: tuple[float, float, float]
     label: tuple[str, str]
     sign: tuple[int, int]
+    towards: tuple[float, float, float]
+
+    def of(self, hand: Hand) -> PlotView:
+        """Return the view of that hand: the left one is seen as in a mirror."""
+        if hand == "right":
+            return self
+        x, y, z = self.right
+        title, sign = f"{self.title} of a left hand", (-self.sign[0], self.sign[1])
+        return replace(self, title=title, right=(-x, -y, -z), sign=sign)
 
     def project(self, points: Array) -> Array:
         """Project points (..., 3) m to (..., 3): right, up and height towards the viewer, mm."""
-        axes = np.array([self.right, self.up, np.cross(self.right, self.up)])
+        axes = np.array([self.right, self.up, self.towards])
         return 1e3 * np.asarray(points) @ axes.T
 
     def place(self, points: Array) -> Array:
@@ -87,9 +96,11 @@ class PlotView:
 VIEWS = (
     PlotView(
         *("from the radial side", (-1, 0, 0), (0, 0, 1), ("distal, mm", "dorsal, mm"), (-1, 1)),
+        (0, 1, 0),
     ),
     PlotView(
         *("from the dorsal side", (-1, 0, 0), (0, -1, 0), ("distal, mm", "radial, mm"), (-1, -1)),
+        (0, 0, 1),
     ),
 )
 
@@ -141,7 +152,8 @@ def stage_of(scenes: Sequence[Scene]) -> Stage:
         limits = colour_limits(np.concatenate(values), shown[0].is_signed)
     box = np.stack([points.min(axis=0), points.max(axis=0)])
     longest = max((len(_pull(*pull)) for pull in pulled.items()), default=0)
-    return Stage(box, limits, whole, len(scenes) > 1, newtons_of(largest), longest)
+    views = tuple(view.of(whole.hand) for view in VIEWS)
+    return Stage(box, limits, whole, len(scenes) > 1, newtons_of(largest), longest, views)
 
 
 def newtons_of(scene: Scene) -> float:
@@ -236,7 +248,8 @@ def _lay_out(title: str, stage: Stage) -> Figure:
         panel = (LEFT / width, floor / height, (scale * across + beside) / width, tall / height)
         ax = figure.add_axes(panel)
         ends = (low[axis], high[axis])[:: view.sign[1]]
-        ax.set(xlim=(high[0], low[0] - beside / scale), ylim=ends, ylabel=view.label[1])
+        across_ends = (high[0], low[0] - beside / scale)[:: -view.sign[0]]
+        ax.set(xlim=across_ends, ylim=ends, ylabel=view.label[1])
         looks: Any = {"va": "bottom", "fontsize": SMALL_TEXT, "color": "0.35"}
         ax.text(0, 1.0, view.title, transform=ax.transAxes, **looks)
         ax.tick_params(labelsize=SMALL_TEXT)
@@ -449,7 +462,9 @@ def _write_names(
     order = sorted(ends, key=lambda words: ends[words][1])
     low, high = ax.get_ylim()
     heights = _spread(np.array([ends[words][1] for words in order]), line, low, high)
-    left = ax.get_xlim()[1] + LETTER / LINE * line * max(map(len, order), default=0)
+    room = LETTER / LINE * line * max(map(len, order), default=0)
+    start, end = ax.get_xlim()
+    left = end + room if view.sign[0] < 0 else start + line / 4
     for words, height in zip(order, heights, strict=True):
         ax.annotate(
             words,

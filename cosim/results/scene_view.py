@@ -28,8 +28,9 @@ class Player:
     """Shows the frames of a run in one plotter: what is there moves, and nothing is added."""
 
     def __init__(self, plotter: Any, scenes: Sequence[Scene], labels: Sequence[str]) -> None:
-        self.plotter, self.scenes, self.labels = plotter, scenes, labels
-        self.stage = stage_of(scenes)
+        self.plotter, self.labels, self.hand = plotter, labels, scenes[-1].hand
+        self.scenes = [scene.in_own_frame() for scene in scenes]
+        self.stage = stage_of(self.scenes)
         self.k, self.is_playing = len(scenes) - 1, False
         self.slider: Any = None
         self.frames = [self._meshes(k) for k in range(len(scenes))]
@@ -114,16 +115,18 @@ class Player:
 
 
 def player_of(scenes: Sequence[Scene], labels: Sequence[str], title: str) -> Player:
-    """Return what plays all there is to see, from the radial side with distal to the left, at
-    the last frame.  A window has a slider where there are several; a motion plays."""
+    """Return what plays all there is to see, from the radial side with distal to the left (of a
+    left hand to the right), at the last frame.  A window has a slider where there are several; a
+    motion plays."""
     import pyvista
 
     plotter: Any = pyvista.Plotter(title=title, off_screen=pyvista.OFF_SCREEN)
     player = Player(plotter, scenes, labels)
     _add_legend(plotter, player)
-    plotter.add_axes(xlabel="distal", ylabel="radial", zlabel="dorsal")
+    is_left = player.hand == "left"
+    plotter.add_axes(xlabel="distal", ylabel="ulnar" if is_left else "radial", zlabel="dorsal")
     low, high = player.stage.box
-    plotter.view_vector((0.0, 1.0, 0.0), viewup=(0.0, 0.0, 1.0))
+    plotter.view_vector((0.0, -1.0 if is_left else 1.0, 0.0), viewup=(0.0, 0.0, 1.0))
     plotter.reset_camera(bounds=np.stack([low, high], axis=1).ravel().tolist())
     plotter.camera.zoom(1.35)
     if len(scenes) > 1 and not plotter.off_screen:

@@ -8,6 +8,8 @@ import itertools
 import logging
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -19,8 +21,8 @@ from cosim.errors import InputError
 from cosim.files import FULL, beside, clear_leftovers, replace_folder, unwritable
 from cosim.hoods.view import HoodField
 from cosim.json_text import json_text, plain
-from cosim.port import Array
-from cosim.results.conventions import FRAME
+from cosim.port import Array, Hand
+from cosim.results.conventions import FRAME, LEFT_FRAME
 from cosim.results.frames import frames_of
 from cosim.results.parts import LEDGER_HEADER, CaseParts, LedgerRow, Scene
 from cosim.results.picture import load_matplotlib, write_figure
@@ -138,9 +140,10 @@ def _further_files(run: CaseParts) -> Iterator[tuple[str, Callable[[Path], objec
     """What shows a run's numbers, by the file's name, and what writes it."""
     yield "ledger.csv", lambda path: path.write_bytes(_ledger_text(run.rows).encode())
     if (hood := run.hood) is not None:
-        yield "hood.vtu", lambda path: _write_hood(path, hood)
+        yield "hood.vtu", lambda path: _write_hood(path, hood, run.hand)
     if run.scene.frames:
-        yield "hood.pvd", lambda path: _write_frames(path, run.scene.frames, _write_hood)
+        write_hood = partial(_write_hood, hand=run.hand)
+        yield "hood.pvd", lambda path: _write_frames(path, run.scene.frames, write_hood)
     if run.scene.bones and run.scene.frames:
         yield "finger.pvd", lambda path: _write_frames(path, _scenes_over_time(run), _write_finger)
     elif run.scene.bones and run.axis == "state":
@@ -241,10 +244,11 @@ def _write_frames(
 def _write_finger(path: Path, scene: Scene) -> None:
     """Bones as triangles and tendons as lines, with the number of each and N of a tendon that is
     pulled; a comment says which number is which."""
-    bones = [(name, *decimate(v, faces, BONE_TRIANGLES)) for name, v, faces in scene.bones]
-    points = [*(v for _, v, _ in bones), *(p for _, p in scene.tendons)]
+    bones = tuple((name, *decimate(v, faces, BONE_TRIANGLES)) for name, v, faces in scene.bones)
+    hand, scene = scene.hand, replace(scene, bones=bones).in_own_frame()
+    points = [*(v for _, v, _ in scene.bones), *(p for _, p in scene.tendons)]
     starts = np.cumsum([0, *map(len, points)])
-    triangles = [faces + a for (_, _, faces), a in zip(bones, starts, strict=False)]
+    triangles = [faces + a for (_, _, faces), a in zip(scene.bones, starts, strict=False)]
     lines = [
         np.stack([np.arange(a, b - 1), np.arange(a + 1, b)], axis=1)
         for a, b in itertools.pairwise(starts[len(bones) :])
@@ -267,14 +271,15 @@ def _write_finger(path: Path, scene: Scene) -> None:
     )
     data = {"number": numbers, "pull_N": tension[: len(blocks)]}
     # single precision shows a micrometre
-    _write_vtu(path, np.concatenate(points).astype(np.float32), blocks, {}, data, names)
+    _write_vtu(path, np.concatenate(points).astype(np.float32), blocks, {}, data, names, hand)
 
 
-def _write_hood(path: Path, hood: HoodField) -> None:
+def _write_hood(path: Path, hood: HoodField, hand: Hand) -> None:
+    hood = hood.of(hand)
     cell_data = {name: [np.asarray(values)] for name, values in hood.cell_data.items()}
     point_data = {name: np.asarray(values) for name, values in hood.point_data.items()}
     kind = {4: "quad", 2: "line"}[hood.quads.shape[1]]
-    _write_vtu(path, hood.points, [(kind, hood.quads)], point_data, cell_data)
+    _write_vtu(path, hood.points, [(kind, hood.quads)], point_data, cell_data, hand=hand)
 
 
 def _write_vtu(
@@ -284,6 +289,7 @@ def _write_vtu(
     point_data: dict[str, Array],
     cell_data: dict[str, list[np.ndarray]],
     note: str = "",
+    hand: Hand = "right",
 ) -> None:
     """Write a .vtu with the frame, and a note, in a comment."""
     import meshio
@@ -292,5 +298,6 @@ def _write_vtu(
     mesh.write(path, file_format="vtu")
     # a comment: meshio, which users read it with, ends on a text among the data
     grid, text = "<UnstructuredGrid>", path.read_text(encoding="utf-8")
-    words = f"Frame: {FRAME}; m" + f"; {note}".replace("--", "- -") * bool(note)
+    frame = FRAME if hand == "right" else LEFT_FRAME
+    words = f"Frame: {frame}; m" + f"; {note}".replace("--", "- -") * bool(note)
     path.write_text(text.replace(grid, f"<!--{words}-->\n{grid}", 1), encoding="utf-8")

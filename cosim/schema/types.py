@@ -12,7 +12,10 @@ from cosim.schema import units
 from cosim.schema.fields import existing_file, fault, name_of, quantity
 from meshes.skeleton import BODIES
 
-MUSCLES = ("EDC", "EI", "LUM", "FPI", "RI", "RIp", "UI", "FDP", "FDS", "FDIm", "FDIl")
+MUSCLES = (
+    *("EDC", "EI", "EDM", "LUM", "FPI", "RI", "RIp", "UI", "ADM", "ADMp"),
+    *("FDP", "FDS", "FDIm", "FDIl"),
+)
 OF_ROBOT = (
     "extensor",
     "dip_flexor",

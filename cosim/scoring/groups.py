@@ -76,7 +76,12 @@ class ScoreGroup:
 
 def score_groups(finger: FingerName) -> tuple[ScoreGroup, ...]:
     """All groups of a finger, in the order in which they are told."""
-    return _index_groups() if finger == "index" else _middle_groups()
+    match finger:
+        case "index":
+            return _index_groups()
+        case "middle":
+            return _middle_groups()
+    return (ScoreGroup(ARMS, f"arms, {finger}", finger, ARMS_ABOUT, "Ketchum et al. 1978"),)
 
 
 def _index_groups() -> tuple[ScoreGroup, ...]:

@@ -78,8 +78,10 @@ class HandModel:
 WANTED: Mapping[str, tuple[str, ...]] = {
     "index": ("EDC", "EI", "LUM", "FPI", "FDP", "FDS", "FDI"),
     "middle": ("EDC", "LUM", "RI", "UI", "FDP", "FDS"),
+    "ring": ("EDC", "LUM", "RI", "UI", "FDP", "FDS"),
+    "little": ("EDC", "EDM", "LUM", "RI", "ADM", "FDP", "FDS"),
 }
-HEADS = {"FDI": ("FDIm", "FDIl"), "RI": ("RI", "RIp")}
+HEADS = {"FDI": ("FDIm", "FDIl"), "RI": ("RI", "RIp"), "ADM": ("ADM", "ADMp")}
 """Muscles that are two tendons here."""
 
 

@@ -17,8 +17,8 @@ from cosim.text_tables import read_toml
 from meshes.skeleton import BODIES, JOINTS
 from rigid.mjcf.read import PartNames
 
-FingerName = Literal["index", "middle"]
-FINGERS: tuple[FingerName, ...] = ("index", "middle")
+FingerName = Literal["index", "middle", "ring", "little"]
+FINGERS: tuple[FingerName, ...] = ("index", "middle", "ring", "little")
 SHIPPED = ("myohand", "opensim")
 """The mappings of `cases/data/names_*.toml`, which are of the index finger."""
 TIP = "tip"

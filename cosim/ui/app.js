@@ -1,7 +1,7 @@
 // The page of `cosim ui`: it shows the server's state, which all tabs share, and sends what is asked.
 "use strict";
 (() => {
-  const { CAMERAS, CONFIG, field, fields, fixed, nearest, said } = CosimScene;
+  const { CONFIG, field, fields, fixed, nearest, said } = CosimScene;
   const $ = (id) => document.getElementById(id);
   function make(tag, text = "", attributes = {}) {
     const made = Object.assign(document.createElement(tag), { textContent: text });
@@ -11,7 +11,7 @@
   const STATUS = { solving: "Solving", done: "Solved", "at fault": "Not solved: a value is at fault", failed: "Not solved", stopped: "Stopped", waiting: "This is a motion: press Solve to run it" };
   const POSITIONS = 200; // of a slider that moves by factors
   let state = null, drawn = { views: [], picture: -1 }, controls = [], built = "", rows = new Map();
-  const now = { field: "", frame: null, off: new Set(["names"]), playing: 0, camera: CAMERAS.oblique, looks: 0 };
+  const now = { field: "", frame: null, off: new Set(["names"]), playing: 0, camera: null, looks: 0 };
 
   // --- the server
   const get = (where) => fetch(where).then((answer) => answer.json());
@@ -212,7 +212,7 @@
       const parts = Object.keys(CosimScene.PARTS).filter((part) => !now.off.has(part));
       const traces = CosimScene.traces(drawn, v, k, now.field, parts);
       const [width, height] = [room.clientWidth, room.clientHeight];
-      const layout = { ...CosimScene.layout(box, width, height, now.camera), width, height, uirevision: now.looks };
+      const layout = { ...CosimScene.layout(box, width, height, now.camera || CosimScene.camera("oblique", v.hand), v.hand), width, height, uirevision: now.looks };
       layout.scene.uirevision = now.looks;
       if (width < 250) for (const axis of ["xaxis", "yaxis", "zaxis"]) layout.scene[axis].visible = false; // no room for words
       return Plotly.react(room, traces, layout, CONFIG).then(() => { if (!room.dataset.heard) follow(room); });
@@ -379,7 +379,7 @@
   // --- begin
   async function start() {
     for (const button of document.querySelectorAll("[data-look]"))
-      button.addEventListener("click", () => { now.camera = CAMERAS[button.dataset.look]; now.looks += 1; draw(); });
+      button.addEventListener("click", () => { now.camera = primary() ? CosimScene.camera(button.dataset.look, primary().hand) : null; now.looks += 1; draw(); });
     $("field").addEventListener("change", () => { now.field = $("field").value; keys(); draw(); });
     $("frame").addEventListener("input", () => { now.frame = Number($("frame").value); draw(); });
     $("play").addEventListener("click", play);

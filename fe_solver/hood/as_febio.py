@@ -63,11 +63,9 @@ def replacements(
 ) -> Replacements:
     """What is written in place of what FEBio's format cannot say; the equilibrium that is `solved`
     is asked for where contact is to be made straight about it, `heads` and `spacing` as of
-    `linear_contact`.  What there is no form for stays as it is, and is refused where the hood is
-    made a job.  Raises InputError as `in_situ` does."""
-    sheet, out = hood.sheet, []
-    if sheet is None:
-        return Replacements((), {})
+    `linear_contact`.  What else there is no form for stays as it is, and is refused where the hood
+    is made a job.  Raises InputError as `sheet_of` and `in_situ` do."""
+    sheet, out = sheet_of(hood), []
     in_situ(sheet)  # what is refused, before anything is solved
     if any(p.sliding for p in sheet.parts):
         words = "fibres that do not slide: a shell bends as a solid"
@@ -97,6 +95,25 @@ def replacements(
         )
         out.append(Replacement("hood.contact", words, lambda h: _with_contacts(h, contacts)))
     return Replacements(tuple(out), surfaces)
+
+
+def sheet_of(hood: ShellHood) -> Sheet:
+    """Return a hood's sheet.  Raises InputError where there is none, or of elements that FEBio's
+    format has no shell for."""
+    sheet = hood.sheet
+    if sheet is None:
+        raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
+    if sheet.quads.shape[1] != 4:
+        raise InputError(
+            "a hood of nine-node elements is not written, only one of four-node elements; set "
+            'hood.mesh.elements to "linear"'
+        )
+    if sheet.left is not None:
+        raise InputError(
+            "a hood with a part that is cut partly is not written: no shell of FEBio's format has "
+            "lost a share of its width; leave out lesion.cut_partly"
+        )
+    return sheet
 
 
 def _of_parts(setting: str, words: str, change: Callable[[ShellPart], ShellPart]) -> Replacement:

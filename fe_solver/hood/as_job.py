@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.port import Array, Ints, Motion, Triangles
+from cosim.port import Array, Ints, Motion, Triangles, mirror, mirror_axial
 from fe_solver.elements.mesh_geometry import is_triangle, node_means
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
-from fe_solver.hood.as_febio import bones_lie_below, in_situ, mean_fibre
+from fe_solver.hood.as_febio import bones_lie_below, in_situ, mean_fibre, sheet_of
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, Step
@@ -101,21 +101,62 @@ def job_of_hood(
     return replace(job, contacts=tuple(pairs))
 
 
+def mirrored(job: Job) -> Job:
+    """Return the job of a hood as that of the other hand: its mirror image, y turned to -y."""
+    sheet = job.sheet
+    quads, thickness, height = (
+        _reorder_corners(sheet.quads, values)
+        for values in (sheet.quads, sheet.thickness, sheet.height)
+    )
+    sheet = replace(
+        sheet,
+        points=mirror(sheet.points),
+        quads=quads,
+        parts=tuple(_turn_over(part) for part in sheet.parts),
+        thickness=thickness,
+        height=height,
+        fibre=mirror(sheet.fibre),
+    )
+    held = (
+        replace(h, displacement=_scaled(h.displacement, mirror(np.ones(3))[h.component]))
+        for h in job.held
+    )
+    bodies = tuple(
+        replace(
+            b,
+            origin=mirror(b.origin),
+            vertices=mirror(b.vertices),
+            triangles=np.asarray(b.triangles)[:, ::-1],
+            displacement=_turned(b.displacement, mirror(np.ones(3))),
+            rotation=_turned(b.rotation, mirror_axial(np.ones(3))),
+        )
+        for b in job.bodies
+    )
+    return replace(
+        job,
+        sheet=sheet,
+        held=tuple(held),
+        springs=tuple(replace(s, anchor=mirror(s.anchor)) for s in job.springs),
+        forces=tuple(replace(f, force=mirror(f.force)) for f in job.forces),
+        contacts=tuple(
+            replace(c, triangles=np.asarray(c.triangles)[:, ::-1]) for c in job.contacts
+        ),
+        bodies=bodies,
+    )
+
+
+def _turned(drives: Iterable[Drive], signs: Array) -> tuple[Drive, Drive, Drive]:
+    x, y, z = (_scaled(d, sign) for d, sign in zip(drives, signs, strict=True))
+    return x, y, z
+
+
+def _scaled(drive: Drive, factor: float) -> Drive:
+    return replace(drive, value=factor * drive.value)
+
+
 def _writable_sheet(hood: ShellHood) -> Sheet:
     """Return the hood's sheet.  Raises InputError where a job cannot say what the hood has."""
-    m, sheet = hood.model, hood.sheet
-    if sheet is None:
-        raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
-    if sheet.quads.shape[1] != 4:
-        raise InputError(
-            "a hood of nine-node elements is not written, only one of four-node elements; set "
-            'hood.mesh.elements to "linear"'
-        )
-    if sheet.left is not None:
-        raise InputError(
-            "a hood with a part that is cut partly is not written: no shell of FEBio's format has "
-            "lost a share of its width; leave out lesion.cut_partly"
-        )
+    m, sheet = hood.model, sheet_of(hood)
     if any(contact.layer is not None for contact in m.contacts):
         raise InputError(
             "a hood on a layer of tissue that gives is not written: FEBio's contact is a penalty "

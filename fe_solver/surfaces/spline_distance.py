@@ -6,8 +6,8 @@ negative inside.  The exact shapes are in `fe_solver.surfaces.shapes`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +60,7 @@ def _coefficients(values: Array) -> Array:
     return out
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SplineDistance:
     """Tricubic uniform B-spline (C2) over a grid of exact signed distances.
 
@@ -144,17 +144,16 @@ class SplineDistance:
             cache.write("distances", key, {"coefficients": baked.coefficients})
         return baked
 
-    def plus(self, values: Callable[[Array], Array]) -> SplineDistance:
-        """The spline of this distance and of `values` (n,) m at points (n, 3), sampled on the same
-        grid: a level that lies higher over the surface here than there."""
-        return replace(self, coefficients=self.coefficients + self.field(values).coefficients)
-
-    def field(self, values: Callable[[Array], Array]) -> SplineDistance:
-        """The spline on the same grid through `values` (n,) at points (n, 3), of any unit."""
+    def fields(self, values: Callable[[Array], Sequence[Array]]) -> list[SplineDistance]:
+        """Return the splines on the same grid through several `values` (n,) at points (n, 3), of
+        any unit."""
         cells = np.array(self.coefficients.shape) - 2
         places = np.stack(np.meshgrid(*map(np.arange, cells), indexing="ij"), axis=-1)
-        sampled = values((self.origin + self.spacing * places).reshape(-1, 3)).reshape(cells)
-        return self.from_grid(self.origin, self.spacing, sampled, self.outside)
+        sampled = values((self.origin + self.spacing * places).reshape(-1, 3))
+        return [
+            self.from_grid(self.origin, self.spacing, each.reshape(cells), self.outside)
+            for each in sampled
+        ]
 
     @classmethod
     def from_grid(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.mesh_file import read_mesh_file
-from cosim.port import Array, Ints
+from cosim.port import Array, Hand, Ints, mirror
 
 FORMATS = (".vtu", ".vtp", ".vtk", ".msh", ".inp")
 CORNERS = {
@@ -52,6 +52,17 @@ class RawMesh:
     """(ne,) of a file that states it; the points lie on the mid-surface."""
     fields: Mapping[str, Array] = field(default_factory=dict)
     """Vectors (ne, 3) of the quads by name, in the file's axes, none of them zero."""
+    hand: Hand = "right"
+    """Of a left one y is ulnar."""
+
+    def of(self, hand: Hand) -> RawMesh:
+        """Return the mesh of a right hand as that of another: a left one is its mirror image."""
+        if hand == "right":
+            return self
+        fields = {name: mirror(values) for name, values in self.fields.items()}
+        return replace(
+            self, points=mirror(self.points), quads=self.quads[:, ::-1], fields=fields, hand=hand
+        )
 
 
 def read_raw(path: Path) -> RawMesh:

@@ -62,7 +62,8 @@ def write_inp(raw: RawMesh, path: Path) -> None:
 
 
 def _inp_lines(raw: RawMesh) -> Iterator[str]:
-    yield "*HEADING\nhood mesh, mm: x distal, y radial, z dorsal\n*NODE"
+    side = "radial" if raw.hand == "right" else "ulnar (a left hand)"
+    yield f"*HEADING\nhood mesh, mm: x distal, y {side}, z dorsal\n*NODE"
     for i, (x, y, z) in enumerate(raw.points.tolist(), 1):
         yield f"{i}, {x!r}, {y!r}, {z!r}"
     yield "*ELEMENT, TYPE=S4"

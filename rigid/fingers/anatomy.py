@@ -22,7 +22,7 @@ A straight line between them cuts through the joint, or leaves it, where the joi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -108,6 +108,8 @@ class FingerAnatomy:
     """Offset of each distal frame O from its joint's centre, in O2O3."""
     ways: Mapping[str, tuple[Way, ...]]
     """By muscle."""
+    reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """By joint, where it is not `SHEATH_REACH`."""
 
 
 def extensor(row: str, bands: Sequence[str], central: float) -> tuple[Way, ...]:
@@ -189,7 +191,7 @@ def _path(
             radius = o2o3 * _ring(anatomy, joint, row)
             guide = [WrapCylinder(BODIES[i], vector(centre), vector(axis), radius, vector(centre))]
             unit = o2o3 * (end - start) / np.linalg.norm(end - start)
-            proximal, distal = SHEATH_REACH[joint]
+            proximal, distal = anatomy.reach.get(joint, SHEATH_REACH[joint])
             start, end = start - proximal * unit, end + distal * unit
         elif row in SLIDES_OVER or row in BANDS:
             radius = LEAST_ARM if row in BANDS else _distance(start, end, 0.0) - CLEARANCE

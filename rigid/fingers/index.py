@@ -7,10 +7,12 @@ intrinsic tendons may have another source's path at the MCP (`INTRINSIC_ROWS`).
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
-from meshes.skeleton import Skeleton
-from rigid.fingers.anatomy import CENTRAL, FLEXORS, FingerAnatomy, Row, Way, assemble, extensor
+from meshes.skeleton import Skeleton, index_finger
+from rigid.fingers.anatomy import FLEXORS, Row
+from rigid.fingers.normative import BOTH, NormativeFinger
 from rigid.model import FingerModel, Surface
 
 O2O3 = 0.020
@@ -58,32 +60,32 @@ ROWS: Mapping[str, Mapping[str, Row]] = {
         "TE": ((0.000, 0.100, -0.009), (-0.004, 0.199, -0.010)),
     },
 }
-OFFSET = {"DIP": 0.224, "PIP": 0.288, "MCP": 0.432}
 
-INTRINSIC = {"LUM": "LU", "FPI": "UI"}
-"""The tendons that join a hood from the sides, by their MCP rows."""
-# Both heads of the first dorsal interosseous insert where An has one (RI).
-ON_BONES: Mapping[str, tuple[Way, ...]] = {
-    **FLEXORS,
-    "FDIm": ((1.0, (("MCP", "RI"),)),),
-    "FDIl": ((1.0, (("MCP", "RI"),)),),
-}
+INDEX = NormativeFinger(
+    "index finger",
+    O2O3,
+    index_finger,
+    ROWS,
+    {"DIP": 0.224, "PIP": 0.288, "MCP": 0.432},
+    # EI runs with EDC: the normative model has one long extensor (LE).
+    {"EDC": ("LE", BOTH), "EI": ("LE", BOTH), "LUM": ("LU", ("RB",)), "FPI": ("UI", ("UB",))},
+    {
+        **{"FDP": 4.79, "FDS": 4.79, "EDC": 1.39, "EI": 1.12, "LUM": 0.28},
+        **{"FPI": 2.80, "UI": 2.80, "FDIm": 3.53 / 2, "FDIl": 3.53 / 2},
+    },  # FPI is its UI, the two heads of FDI share its RI equally
+    "Wu 2008, in AnyBody's index finger",
+    # Both heads of the first dorsal interosseous insert where An has one (RI).
+    on_bones={
+        **FLEXORS,
+        "FDIm": ((1.0, (("MCP", "RI"),)),),
+        "FDIl": ((1.0, (("MCP", "RI"),)),),
+    },
+)
 
 
-def rows(intrinsics: Intrinsics = "an1979") -> Mapping[str, Mapping[str, Row]]:
-    """The rows by joint and name, those of the intrinsic tendons at the MCP by their source."""
-    return {**ROWS, "MCP": {**ROWS["MCP"], **INTRINSIC_ROWS[intrinsics]}}
-
-
-def hood_strands(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
-    """The muscles of the hood where its slips carry fixed shares.  EI runs with EDC: the normative
-    model has one long extensor (LE)."""
-    return {
-        "EDC": extensor("LE", ("RB", "UB"), central),
-        "EI": extensor("LE", ("RB", "UB"), central),
-        "LUM": extensor("LU", ("RB",), central),
-        "FPI": extensor("UI", ("UB",), central),
-    }
+def record(intrinsics: Intrinsics = "an1979") -> NormativeFinger:
+    """The finger with the intrinsic tendons' rows at the MCP by their source."""
+    return replace(INDEX, rows={**ROWS, "MCP": {**ROWS["MCP"], **INTRINSIC_ROWS[intrinsics]}})
 
 
 def finger_model(
@@ -106,6 +108,6 @@ def finger_model(
     >>> finger_model(index_finger(), central=0.5).muscles[:4]
     ('EDC', 'EI', 'LUM', 'FPI')
     """
-    hood = {} if central is None else hood_strands(central)
-    anatomy = FingerAnatomy("index finger", rows(intrinsics), OFFSET, {**hood, **ON_BONES})
-    return assemble(anatomy, skeleton, o2o3, bones)
+    finger = record(intrinsics)
+    ways = finger.on_bones if central is None else finger.strands(central)
+    return finger.model(ways, skeleton, o2o3, bones)

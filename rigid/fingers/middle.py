@@ -9,12 +9,14 @@ not used here.  The radial interosseous and the terminal slip are those of anoth
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from meshes.skeleton import Skeleton
-from rigid.fingers.anatomy import CENTRAL, FLEXORS, FingerAnatomy, Row, Way, assemble, extensor
+from rigid.fingers.anatomy import CENTRAL, Row
+from rigid.fingers.normative import BOTH, NormativeFinger
 from rigid.model import FingerModel
 
 O2O3 = 0.02363
@@ -72,44 +74,37 @@ ROWS: Mapping[str, Mapping[str, Row]] = {
         "TE": TERMINAL_SLIP["myohand"],
     },
 }
-OFFSET = {"DIP": 0.17, "PIP": 0.22, "MCP": 0.37}
-RI_TO_BONE = 0.5
-"""The radial interosseous' share that ends on the proximal phalanx (same source)."""
-
-INTRINSIC = {"LUM": "LU", "RI": "RI", "UI": "UI"}
-"""The tendons that join a hood from the sides, by their MCP rows."""
-TO_BONES: Mapping[str, tuple[Way, ...]] = {
-    "RIp": ((1.0, (("MCP", "RI"),)),),
-    **FLEXORS,
-}
-"""RIp is the part of the radial interosseous that ends on the proximal phalanx."""
-
-
-def rows(
-    interosseous: Source = "myohand", terminal: Source = "myohand"
-) -> Mapping[str, Mapping[str, Row]]:
-    """The rows by joint and name, the radial interosseous' and the terminal slip's by source."""
-    mcp = {**ROWS["MCP"], "RI": RADIAL_INTEROSSEOUS[interosseous]}
-    return {**ROWS, "MCP": mcp, "DIP": {**ROWS["DIP"], "TE": TERMINAL_SLIP[terminal]}}
-
-
-def muscle_strands(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
-    """Each muscle's strands, `central` being the central slip's share of what enters the hood."""
-    hooded = extensor("RI", ("RB",), central)
-    radial = tuple(((1.0 - RI_TO_BONE) * share, rows) for share, rows in hooded)
-    return {
-        "EDC": extensor("LE", ("RB", "UB"), central),
-        "LUM": extensor("LU", ("RB",), central),
-        "RI": ((RI_TO_BONE, (("MCP", "RI"),)), *radial),
-        "UI": extensor("UI", ("UB",), central),
-        **FLEXORS,
-    }
 
 
 def skeleton() -> Skeleton:
     """Bones in line at zero angles, parallel flexion axes, abduction normal to them."""
     axis = np.array([[0.0, 1, 0], [0, 0, 1], [0, 1, 0], [0, 1, 0]])
     return Skeleton(np.array([0.0, *LENGTHS]), np.tile(np.eye(3), (3, 1, 1)), axis, {})
+
+
+MIDDLE = NormativeFinger(
+    "middle finger",
+    O2O3,
+    skeleton,
+    ROWS,
+    {"DIP": 0.17, "PIP": 0.22, "MCP": 0.37},
+    {
+        "EDC": ("LE", BOTH),
+        "LUM": ("LU", ("RB",)),
+        "RI": ("RI", ("RB",)),
+        "UI": ("UI", ("UB",)),
+    },
+    {"FDP": 4.1, "FDS": 4.2, "EDC": 1.7, "LUM": 0.2, "UI": 2.2, "RI": 2.8},
+    "Chao 1989, digit III, in Synek 2019",
+    to_bone={"RI": 0.5},  # the same source's share that ends on the proximal phalanx
+)
+
+
+def record(interosseous: Source = "myohand", terminal: Source = "myohand") -> NormativeFinger:
+    """The finger with the radial interosseous' and the terminal slip's rows by source."""
+    mcp = {**ROWS["MCP"], "RI": RADIAL_INTEROSSEOUS[interosseous]}
+    dip = {**ROWS["DIP"], "TE": TERMINAL_SLIP[terminal]}
+    return replace(MIDDLE, rows={**ROWS, "MCP": mcp, "DIP": dip})
 
 
 def finger_model(
@@ -119,16 +114,5 @@ def finger_model(
     terminal: Source = "myohand",
 ) -> FingerModel:
     """The finger, all lengths times `scale`."""
-    return _assembled(muscle_strands(central), scale, rows(interosseous, terminal))
-
-
-def finger_model_for_hood(scale: float = 1.0, interosseous: Source = "myohand") -> FingerModel:
-    """The finger with the tendons that end on bones, for a hood that takes the others."""
-    return _assembled(TO_BONES, scale, rows(interosseous))
-
-
-def _assembled(
-    ways: Mapping[str, tuple[Way, ...]], scale: float, points: Mapping[str, Mapping[str, Row]]
-) -> FingerModel:
-    anatomy = FingerAnatomy("middle finger", points, OFFSET, ways)
-    return assemble(anatomy, skeleton().scale(scale), O2O3 * scale)
+    finger = record(interosseous, terminal)
+    return finger.scaled_model(finger.strands(central), scale)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.port import Array
+from cosim.port import Array, Hand
 from meshes.skeleton import BODIES, JOINTS
 
 ALIKE = 0.7
@@ -90,9 +90,11 @@ def frames_of(
     sign: Array,
     tip: Array,
     losses: list[str],
+    hand: Hand = "right",
 ) -> Frames:
     """Return our frames of the four bodies, from the axes (`joint`, times `sign`), bodies and `tip`
-    (3,) m of a model at zero angles; what had to be changed is added to `losses`.
+    (3,) m of a model at zero angles, whose y are ulnar of a left `hand`; what had to be changed is
+    added to `losses`.
 
     Raises InputError where the MCP's two axes do not meet, two joints lie in one place, or an axis
     is not where a finger has it."""
@@ -114,7 +116,7 @@ def frames_of(
             "two joints, or the last joint and the tip, lie within 1 mm of each other"
         )
     built = np.array([_frame(x, y) for x, y in zip(ahead, axis[[0, 2, 3]], strict=True)])
-    _check_senses(where, joint, built, axis)
+    _check_senses(where, joint, built, axis, hand)
     turn, theirs = [], data.xmat[list(body)].reshape(-1, 3, 3)
     for i in (1, 2, 3):
         kept = _is_ours(theirs[i], built[i - 1]) and _at(data.xpos[body[i]], centre[i])
@@ -143,8 +145,10 @@ def _frame(x: Array, y: Array) -> Array:
     return np.column_stack([x, y, np.cross(x, y)])
 
 
-def _check_senses(where: Where, joint: Sequence[int], built: Array, axis: Array) -> None:
-    """Positive in flexion and in radial abduction, of a right hand."""
+def _check_senses(
+    where: Where, joint: Sequence[int], built: Array, axis: Array, hand: Hand
+) -> None:
+    """Positive in flexion and in radial abduction."""
     theirs = [where.model.joint(j).name for j in joint]
     for k in (2, 3):
         if axis[k] @ axis[0] < 0:
@@ -153,10 +157,10 @@ def _check_senses(where: Where, joint: Sequence[int], built: Array, axis: Array)
                 f"senses; flexion is positive here: --set-name {JOINTS[k]}=-{theirs[k]}, or the "
                 "same of the MCP"
             )
-    if axis[1] @ built[0][:, 2] < 0:
+    if (axis[1] @ built[0][:, 2] < 0) == (hand == "right"):
         raise UlnarAbductionError(
             f"{where.path}: the joint {theirs[1]!r} (MCP_abduction) turns to the ulnar side of a "
-            f"right hand when MCP, PIP and DIP flex: write --set-name MCP_abduction=-{theirs[1]}, "
-            "or, if those three extend where they are positive, a minus before each of them; a "
-            "left hand has to be mirrored"
+            f"{hand} hand when MCP, PIP and DIP flex: write --set-name MCP_abduction=-{theirs[1]}, "
+            "or, if those three extend where they are positive, a minus before each of them, or, "
+            f"if it is a {'left' if hand == 'right' else 'right'} hand, say so (finger.hand)"
         )

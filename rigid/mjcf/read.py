@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.port import Array
+from cosim.port import Array, Hand
 from meshes.skeleton import BODIES, JOINTS, Skeleton
 from rigid.fingers.anatomy import VIEW_METACARPAL, VIEW_RADIUS
 from rigid.mjcf.bounds import check_bounds
@@ -108,6 +108,7 @@ def read_mjcf(
     names: Mapping[str, str] | None = None,
     tendons: Sequence[str] | None = None,
     assumed_tip: float | None = None,
+    hand: Hand = "right",
 ) -> ReadFinger:
     """Read the finger of a MuJoCo model.
 
@@ -115,8 +116,9 @@ def read_mjcf(
     "-NAME" for a joint that turns the other way, "A|B" for the first of several that is there;
     `tendons`: the names that a tendon may have, all
     others being dropped (every name if not given); `assumed_tip`: without a site for the fingertip,
-    where it is taken to be, straight on from the DIP, over the middle phalanx's length.  Returns
-    the finger and what was changed or dropped.
+    where it is taken to be, straight on from the DIP, over the middle phalanx's length; `hand`: the
+    side that the file is of, of which a left one is mirrored.  Returns the finger, of a right hand,
+    and what was changed or dropped.
 
     Raises InputError where the file is no MuJoCo model or holds no such finger.
 
@@ -148,7 +150,7 @@ def read_mjcf(
     sign = np.array([signs[j] for j in JOINTS])
     data = _at_zero(m, joint)
     tip = _tip(where, data, joint, assumed_tip, losses)
-    frames = frames_of(where, data, body, joint, sign, tip, losses)
+    frames = frames_of(where, data, body, joint, sign, tip, losses, hand)
     owner = np.array([_owner(m, b, body) for b in range(m.nbody)])
     read = read_tendons(m, data, owner, frames, plain, tendons)
     ends = frames.local(3, tip)
@@ -156,6 +158,9 @@ def read_mjcf(
         _segment(m, data, frames, i, body, joint, sign, ends, losses) for i in range(4)
     )
     model = FingerModel(Path(path).stem, segments, vector(ends), read.tendons)
+    if hand == "left":
+        model = model.mirrored()
+        losses.append("changed: a left hand, mirrored into a right one")
     return ReadFinger(model, read.max_force, (*losses, *read.losses, *_losses(m, joint, body)))
 
 

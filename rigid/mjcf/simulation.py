@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from cosim.port import Array
+from cosim.port import Array, Hand
 from rigid.chain.joint_torques import JointLaw, TorqueCurve
 from rigid.mjcf.hood import HeldModel, HoodParts, add_hood, compile_model
-from rigid.mjcf.write import mjcf_tree
+from rigid.mjcf.write import mirror_tree, mjcf_tree
 from rigid.model import FingerModel, Surface
 
 BEARING = 0.03
@@ -51,10 +51,12 @@ def simulation_xml(
     gravity: Sequence[float] = (0.0, 0.0, 0.0),
     losses: Sequence[str] = (),
     hood: HoodParts | None = None,
+    hand: Hand = "right",
 ) -> str:
     """Return the finger as a MuJoCo model (MJCF text) with the passive torques and limits of `law`,
     with a hood, and the keyframe "posture": joint angles (rad) and tensions (N).  `gravity` (3,)
-    m/s2; `losses`: what else the file lacks, for its first lines."""
+    m/s2; `losses`: what else the file lacks, for its first lines; `hand`: the left one is the
+    finger's mirror image."""
     meshes = {body: coarse_surface(surface) for body, surface in model.meshes.items()}
     root = mjcf_tree(replace(model, meshes=meshes), gravity)
     root[:0] = [ET.Comment(f" {text} ") for text in (*losses, *_deviations(law))]
@@ -79,6 +81,8 @@ def simulation_xml(
     if muscles:
         frame["ctrl"] = _numbers(tension[name] for name in muscles)
     ET.SubElement(ET.SubElement(root, "keyframe"), "key", frame)
+    if hand == "left":
+        mirror_tree(root)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode")
 

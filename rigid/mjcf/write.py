@@ -12,9 +12,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cosim.port import Array
+from cosim.port import Array, mirror, mirror_axial
 from rigid.model import FingerModel, Segment, Strand, Tendon, Via, WrapCylinder, WrapSphere
 
+VECTORS = {"pos", "fromto", "vertex", "gravity", "axis"}
+"""Attributes of places and directions, three numbers each."""
 HALF_WIDTH = 0.02
 """m, half the drawn length of a cylinder, which MuJoCo takes as infinite."""
 
@@ -53,6 +55,22 @@ def mjcf_tree(model: FingerModel, gravity: Sequence[float]) -> ET.Element:
     _add_tendons(root, model)
     _add_actuators(root, model)
     return root
+
+
+def mirror_tree(root: ET.Element) -> None:
+    """Turn the elements that `mjcf_tree` and `rigid.mjcf.hood` make of a finger into those of its
+    mirror image, of the other hand."""
+    for element in root.iter():
+        for key in VECTORS & element.attrib.keys():
+            way = element.tag == "joint" and key == "axis" and element.get("type") != "slide"
+            given = np.array(element.attrib[key].split(), dtype=float).reshape(-1, 3)
+            element.attrib[key] = _text(np.ravel(mirror_axial(given) if way else mirror(given)))
+        if "quat" in element.attrib:
+            w, *axis = map(float, element.attrib["quat"].split())
+            element.attrib["quat"] = _text([w, *mirror_axial(np.array(axis))])
+        if element.tag == "mesh":
+            faces = np.array(element.attrib["face"].split()).reshape(-1, 3)
+            element.attrib["face"] = " ".join(faces[:, ::-1].ravel())
 
 
 def _text(numbers: Sequence[float] | Array) -> str:

@@ -21,7 +21,7 @@ from cosim.solve.session import Session
 from meshes.bands import OVER_MCP
 from meshes.glide import crossing, sheet_edges
 from meshes.skeleton import index_finger
-from rigid.fingers.index import INTRINSIC, O2O3, OFFSET, ROWS
+from rigid.fingers.index import INDEX, O2O3, ROWS
 
 COARSE, FINER = "hood.mesh.quads=120", "hood.mesh.quads=250"
 SHARED = Session(most=12)
@@ -46,8 +46,8 @@ def pulled(tendon: str, mcp: float) -> Result:
 
 def arm_of_line(tendon: str, mcp: float) -> float:
     """mm about the MCP, of the straight line between An's points of the tendon."""
-    near, far = (np.array(p) for p in ROWS["MCP"][INTRINSIC[tendon]])
-    far = far + np.array([OFFSET["MCP"], 0, 0])
+    near, far = (np.array(p) for p in ROWS["MCP"][INDEX.intrinsic[tendon]])
+    far = far + np.array([INDEX.offset["MCP"], 0, 0])
     turn = np.deg2rad(mcp)
     x, y = (
         far[0] * np.cos(turn) + far[1] * np.sin(turn),
@@ -69,7 +69,7 @@ def secant(result: Result, tendon: str, joint: str) -> float:
     return torque / (now["tension_N"][tendon] - before["tension_N"][tendon])
 
 
-@pytest.mark.parametrize("tendon", INTRINSIC)
+@pytest.mark.parametrize("tendon", INDEX.intrinsic)
 @pytest.mark.parametrize("mcp", [0, 60, 80])
 def test_an_intrinsics_arm_at_the_mcp_is_that_of_its_line(tendon, mcp):
     assert secant(pulled(tendon, mcp), tendon, "MCP") == pytest.approx(
@@ -77,7 +77,7 @@ def test_an_intrinsics_arm_at_the_mcp_is_that_of_its_line(tendon, mcp):
     )
 
 
-@pytest.mark.parametrize("tendon", INTRINSIC)
+@pytest.mark.parametrize("tendon", INDEX.intrinsic)
 @pytest.mark.parametrize("mcp", [0, 60, 80])
 def test_the_sheet_does_not_roll_round_the_phalanx(tendon, mcp):
     result = pulled(tendon, mcp)

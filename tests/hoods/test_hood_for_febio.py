@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from cosim.case.file import load_case
+from cosim.errors import InputError
 from cosim.hoods.fe_view import slip_forces
 from cosim.models.build import build, tensions
 from cosim.models.febio import HEAD, written_hood
@@ -41,8 +42,10 @@ def tissue_hood():
         u = np.clip(x[:, 0] / 20e-3, 0, 1)
         return 0.5e-3 * u**3 * (10 - 15 * u + 6 * u * u)
 
-    surface = bare.plus(less)
-    layer = Layer(surface.field(lambda x: 1e-3 - less(x)), surface.field(one_mpa), (1e-3, 1e6))
+    thinner, modulus = bare.fields(lambda x: (less(x), one_mpa(x)))
+    surface = replace(bare, coefficients=bare.coefficients + thinner.coefficients)
+    thickness = replace(bare, coefficients=1e-3 - thinner.coefficients)
+    layer = Layer(thickness, modulus, (1e-3, 1e6))
     (contact,) = model.contacts
     contact = replace(contact, surface=surface, offset=contact.offset + 1e-3, layer=layer)
     part = replace(sheet.parts[0], bending=2e6 * np.eye(3))
@@ -79,6 +82,21 @@ def test_penalties_on_a_surface_of_equal_energy_press_as_the_tissue_does(tmp_pat
     (last,) = solve_job(move_to_mid_surface(again), options=options).states
     touched = answer.load.wrench[0, answer.load.sources.index("contact"), :3]
     assert last.contact[0] == pytest.approx(touched, abs=0.01 * np.abs(touched).max())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"left": np.full(112, 0.5)}, "cut partly"),
+        ({"quads": np.zeros((112, 9), dtype=np.intp)}, "nine-node"),
+        (None, "cables"),
+    ],
+)
+def test_what_no_file_can_say_is_refused_before_anything_is_solved(change, words):
+    hood, _ = tissue_hood()
+    sheet = change and replace(hood.sheet, **change)
+    with pytest.raises(InputError, match=words):
+        replacements(replace(hood, sheet=sheet), lambda: pytest.fail("solved"), ())
 
 
 @pytest.mark.slow

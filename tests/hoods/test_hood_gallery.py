@@ -33,7 +33,7 @@ from cases.hood_gallery.studies import (
 )
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError
-from cosim.fingers.middle import MiddleFingerConfig
+from cosim.fingers.normative import MiddleFingerConfig
 from cosim.hoods.shell.variation import scale_moduli
 from cosim.report.figures import write_figures
 from meshes.bands import HoodLine, SagittalBands, band_heights, sagittal_angles

@@ -139,7 +139,7 @@ def test_the_sheet_lies_on_the_longer_bones_from_end_to_end():
 
 def test_intrinsic_tendons_run_through_the_third_digits_points():
     models, _ = build_with()
-    hood, rows = models.hood, middle_finger.rows()["MCP"]
+    hood, rows = models.hood, middle_finger.record().rows["MCP"]
     ropes = hood.model.ropes
     for tendon, row in (("LUM", "LU"), ("RI", "RI"), ("UI", "UI")):
         x, dorsal, beside = np.array(rows[row][0]) * middle_finger.O2O3
@@ -201,7 +201,7 @@ def test_half_of_the_radial_interosseous_ends_on_the_proximal_phalanx():
         split = load_case(f"middle_{posture}_ri").tendons["RI"].tension
         hooded = load_case(f"hood_{posture}_ri").tendons
         assert hooded["RI"].tension + hooded["RIp"].tension == pytest.approx(split)
-        assert hooded["RIp"].tension == pytest.approx(middle_finger.RI_TO_BONE * split)
+        assert hooded["RIp"].tension == pytest.approx(middle_finger.MIDDLE.to_bone["RI"] * split)
 
 
 # Cases and targets --------------------------------------------------------------------------------

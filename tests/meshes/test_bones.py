@@ -8,7 +8,7 @@ from fe_solver.surfaces.spline_distance import SplineDistance
 from fe_solver.surfaces.triangle_distance import check_surface
 from meshes.bones import bone_surface, load_bone, spline
 from meshes.measure_bones import MeasurementPlan, farthest_hits, fit_error, measure, read_stl, table
-from meshes.skeleton import BODIES, index_finger
+from meshes.skeleton import BODIES, index_finger, myohand_finger
 
 # Width (radial) and depth (dorsal) in mm over 0-20, 40-60 and 80-100 % of the bone's length,
 # measured on the surfaces of MyoHub/myo_sim at 2cef885 (Apache-2.0), not on our tables.
@@ -20,6 +20,17 @@ SIZES = {
 }
 VOLUMES = {"metacarpal": 4450, "proximal": 2021, "middle": 640, "distal": 200}  # mm3, same source
 LENGTHS = {"metacarpal": 66.1, "proximal": 40.7, "middle": 23.9, "distal": 15.7}  # mm, same source
+# mm over all (along, radial, dorsal), and mm3: 4mc.stl ... and 5mc.stl ... of the same source.
+RING_AND_LITTLE = {
+    ("ring", "metacarpal"): ((60.66, 11.14, 10.89), 2992),
+    ("ring", "proximal"): ((38.10, 12.36, 9.44), 1592),
+    ("ring", "middle"): ((24.02, 9.59, 7.09), 608),
+    ("ring", "distal"): ((16.98, 8.34, 4.79), 206),
+    ("little", "metacarpal"): ((54.42, 13.07, 11.27), 2810),
+    ("little", "proximal"): ((34.16, 11.92, 9.39), 1262),
+    ("little", "middle"): ((19.92, 9.16, 6.12), 460),
+    ("little", "distal"): ((14.84, 8.01, 4.16), None),  # hollow and open there
+}
 
 
 def volume(vertices, faces):
@@ -43,6 +54,30 @@ def test_surface_is_closed_and_faces_outwards(name):
     assert len(np.unique(edges, axis=0)) == len(edges)  # each way once: one orientation
     assert len(vertices) - len(edges) // 2 + len(faces) == 2  # Euler: a sphere
     assert volume(vertices, faces) * 1e9 == pytest.approx(VOLUMES[name], rel=0.02)
+
+
+@pytest.mark.parametrize(("finger", "name"), RING_AND_LITTLE)
+def test_bones_of_the_ring_and_the_little_finger_are_myohands(finger, name):
+    size, filled = RING_AND_LITTLE[finger, name]
+    vertices, faces = load_bone(name, finger).surface()
+    assert len(check_surface(vertices, faces)[0]) == len(vertices)
+    assert 1e3 * np.ptp(vertices, axis=0) == pytest.approx(size, abs=0.21)
+    if filled is not None:
+        assert volume(vertices, faces) * 1e9 == pytest.approx(filled, rel=0.02)
+    length = myohand_finger(finger).length[BODIES.index(name)]
+    ends = vertices[:, 0].min(), vertices[:, 0].max()
+    if name in ("proximal", "middle"):
+        assert 0.1 * length < ends[0] < 0.17 * length
+        assert 1.0 * length < ends[1] < 1.15 * length
+    elif name == "distal":
+        assert ends[1] == pytest.approx(length, abs=0.8e-3)
+    else:
+        assert 4e-3 < ends[1] < 7e-3
+
+
+def test_no_bones_of_another_finger():
+    with pytest.raises(InputError, match="finger 'thumb'; expected one of index, ring, little"):
+        load_bone("distal", "thumb")
 
 
 @pytest.mark.parametrize("name", BODIES)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -10,17 +12,18 @@ from cosim.case.file import load_case
 from cosim.fingers.kinds import anatomy_of
 from cosim.hoods.fe_supports import contact_levels, pose_surfaces
 from fe_solver.surfaces.spline_distance import SplineDistance
-from meshes.cover import FLEXION, Head, Joint, thinner
+from meshes.cover import FLEXION, Joint, blend, shares
 from meshes.skeleton import index_finger
 
-BACK, HEAD = 2.0e-3, Head(face=0.6e-3, sides=1.2e-3)
+COVER = (2.0, 0.6, 1.2)
+"""mm over back, face and sides."""
 SQUARE = Joint(np.array([0.04, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
 
 
 def cover(*from_centre: tuple[float, float, float]) -> np.ndarray:
     """mm over a head whose axis lies square to its bone, at places in mm from its middle."""
     points = SQUARE.centre + 1e-3 * np.array(from_centre)
-    return 1e3 * (BACK - thinner(points, SQUARE, BACK, HEAD))
+    return blend(shares(points, SQUARE), *COVER)
 
 
 def test_back_face_and_sides_have_what_is_stated_for_them():
@@ -44,8 +47,8 @@ def test_the_cover_has_no_kink():
     way, h = rng.normal(size=x.shape), 1e-6
 
     def slope(at: np.ndarray) -> np.ndarray:
-        ahead, behind = (thinner(at + s * h * way, SQUARE, BACK, HEAD) for s in (1, -1))
-        return (ahead - behind) / (2 * h)
+        ahead, behind = (blend(shares(at + s * h * way, SQUARE), *COVER) for s in (1, -1))
+        return 1e-3 * (ahead - behind) / (2 * h)
 
     assert np.abs(slope(x + 3 * h * way) - slope(x)).max() < 0.02
 
@@ -64,7 +67,8 @@ def test_a_distance_and_a_level_over_it_add_up():
     grid = np.linspace(-0.01, 0.01, 21)
     z = np.meshgrid(grid, grid, grid, indexing="ij")[2]
     plane = SplineDistance.from_grid(np.full(3, -0.01), 1e-3, z, 5e-3)
-    raised = plane.plus(lambda points: 0.1 * points[:, 0] - 0.2 * points[:, 1])
+    (level,) = plane.fields(lambda points: [0.1 * points[:, 0] - 0.2 * points[:, 1]])
+    raised = replace(plane, coefficients=plane.coefficients + level.coefficients)
     value, gradient, hessian = raised.distance(np.array([[1e-3, 2e-3, 3.3e-3]]))
     assert value == pytest.approx([3.3e-3 + 0.1e-3 - 0.4e-3])
     assert gradient == pytest.approx(np.array([[0.1, -0.2, 1.0]]))

@@ -353,7 +353,7 @@ NO_FINGER = '<mujoco><worldbody><body><joint name="elbow"/><geom size="1"/></bod
     ("text", "words"),
     [
         ("<mujoco>", "is no MuJoCo model"),
-        (f"{NO_FINGER}</mujoco>", "no index or middle finger was found"),
+        (f"{NO_FINGER}</mujoco>", "no index or middle or ring or little finger was found"),
         (finger_xml().partition("<tendon>")[0] + "</mujoco>", "no muscle of the index"),
         (finger_xml().replace('spatial name="', 'spatial name="x'), "xFDP2"),
     ],

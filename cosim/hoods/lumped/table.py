@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from cosim.fingers.common import JointAngle
-from cosim.hoods.kind import HoodConfig, HoodKind
+from cosim.hoods.kind import FINGERS, HoodConfig, HoodKind
 from cosim.hoods.lesion import SLIPS, InjurableParts, LesionConfig
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
@@ -87,7 +87,7 @@ class NetworkHoodConfig(HoodConfig):
     title: ClassVar[str] = (
         "no deformable hood: tendons sprung from junctions, moment arms at joints"
     )
-    fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot")
+    fits: ClassVar[tuple[str, ...]] = (*FINGERS, "planar", "hinge", "robot")
     can_be_injured: ClassVar[bool] = True
     rungs: ClassVar[Mapping[str, str]] = {"network": "base/network"}
     example: ClassVar[tuple[str, ...]] = ("network_edc",)

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from cosim.errors import InputError, nearest_names
 from cosim.fingers.common import PostureConfig, stamps
-from cosim.hoods.kind import HoodConfig, kind_of
+from cosim.hoods.kind import FINGERS, HoodConfig, kind_of
 from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts, LesionConfig
 from cosim.hoods.shell.fibre_table import (
     CurvedFibresConfig,
@@ -238,6 +238,13 @@ class RetinaculumConfig(Table):
 
 WHOLE, ULNAR = (0.0, 0.0, 0.0), (0.0, -1.0, 0.0)
 PALMAR, DORSAL = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
+# An et al. 1979: in the third to the fifth digit the lumbrical runs palmar of the interosseous.
+WITH_TWO_INTEROSSEI = {
+    "EDC": ("central", WHOLE),
+    "LUM": ("radial", PALMAR),
+    "RI": ("radial", DORSAL),
+    "UI": ("ulnar", WHOLE),
+}
 ENDS = {
     "index": {
         "EDC": ("central", WHOLE),
@@ -245,12 +252,15 @@ ENDS = {
         "LUM": ("radial", WHOLE),
         "FPI": ("ulnar", WHOLE),
     },
-    # An et al. 1979: the third digit's lumbrical runs palmar of its interosseous.
-    "middle": {
+    "middle": WITH_TWO_INTEROSSEI,
+    "ring": WITH_TWO_INTEROSSEI,
+    # The extensor digiti minimi joins its common extensor from the ulnar side.
+    "little": {
         "EDC": ("central", WHOLE),
+        "EDM": ("central", ULNAR),
         "LUM": ("radial", PALMAR),
         "RI": ("radial", DORSAL),
-        "UI": ("ulnar", WHOLE),
+        "ADM": ("ulnar", WHOLE),
     },
 }
 """By finger, the tendons that act through the hood: the end that each one pulls, and of the half
@@ -263,7 +273,7 @@ class ShellHoodConfig(HoodConfig):
     laws make."""
 
     title: ClassVar[str] = "a sheet of nonlinear shell elements over the bones"
-    fits: ClassVar[tuple[str, ...]] = ("index", "middle")
+    fits: ClassVar[tuple[str, ...]] = FINGERS
     lies_on_bones: ClassVar[bool] = True
     needs_no_tension: ClassVar[bool] = False
     can_be_injured: ClassVar[bool] = True

@@ -7,7 +7,7 @@ import pytest
 
 from cosim.analyses.moment_arms import native_arms
 from cosim.case.file import load_case
-from cosim.fingers.middle import KIND
+from cosim.fingers.kinds import FINGERS
 from cosim.models.build import build
 from cosim.port import Array
 from meshes.skeleton import JOINTS
@@ -78,6 +78,6 @@ def test_a_case_chooses_its_path_in_split_and_hood(
 ) -> None:
     case = load_case(name, [f'finger.interosseous="{source}"', *settings])
     proximal = RADIAL_INTEROSSEOUS[source][0]  # type: ignore[index]
-    assert KIND.eyelets(case.finger)["RI"] == pytest.approx(O2O3 * np.array(proximal))
+    assert FINGERS["middle"].eyelets(case.finger)["RI"] == pytest.approx(O2O3 * np.array(proximal))
     arm = native_arms(build(case), {"MCP": np.radians(30.0)})[muscle][0]
     assert 1e3 * arm == pytest.approx(at_mcp("RI", source, 30)[0], abs=1e-6)
