@@ -179,13 +179,18 @@ def _axis(axis: Vector) -> Vector:
 
 
 def _mirrored(element: PathElement) -> PathElement:
-    if isinstance(element, Via):
-        return replace(element, point=_at(element.point))
-    side = None if element.side is None else _at(element.side)
-    if isinstance(element, WrapCylinder):
-        axis = _axis(element.axis)
-        return replace(element, centre=_at(element.centre), side=side, axis=axis)
-    return replace(element, centre=_at(element.centre), side=side)
+    match element:
+        case Via():
+            return replace(element, point=_at(element.point))
+        case WrapCylinder():
+            centre, axis = _at(element.centre), _axis(element.axis)
+            return replace(element, centre=centre, axis=axis, side=_beside(element.side))
+        case WrapSphere():
+            return replace(element, centre=_at(element.centre), side=_beside(element.side))
+
+
+def _beside(side: Vector | None) -> Vector | None:
+    return None if side is None else _at(side)
 
 
 def _mirrored_segment(segment: Segment) -> Segment:

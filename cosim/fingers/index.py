@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class IndexFingerConfig(AnatomicalFingerConfig):
     """The MuJoCo index finger: ours, or with `path` the user's."""
 
-    title: ClassVar[str] = "index finger of a right hand"
+    title: ClassVar[str] = "index finger of a human hand"
     has_literature: ClassVar[bool] = True
     kind: Literal["index"]
     length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0

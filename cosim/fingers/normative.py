@@ -51,7 +51,7 @@ class NormativeFingerConfig(AnatomicalFingerConfig):
 class MiddleFingerConfig(NormativeFingerConfig):
     """The MuJoCo middle finger of Synek et al. 2019."""
 
-    title: ClassVar[str] = "middle finger of a right hand"
+    title: ClassVar[str] = "middle finger of a human hand"
     shell_case: ClassVar[str | None] = "base/middle_hood"
     flexed: ClassVar[tuple[float, float, float]] = (40.0, 55.0, 35.0)
     kind: Literal["middle"]
@@ -71,7 +71,7 @@ class MiddleFingerConfig(NormativeFingerConfig):
 class RingFingerConfig(NormativeFingerConfig):
     """The MuJoCo ring finger: joints and bones of MyoHand, tendons of An et al. 1979."""
 
-    title: ClassVar[str] = "ring finger of a right hand"
+    title: ClassVar[str] = "ring finger of a human hand"
     shell_case: ClassVar[str | None] = "base/ring_hood"
     kind: Literal["ring"]
 
@@ -85,7 +85,7 @@ class LittleFingerConfig(NormativeFingerConfig):
     """The MuJoCo little finger: joints and bones of MyoHand, tendons of An et al. 1979.  Its ulnar
     intrinsic is the abductor digiti minimi (ADM)."""
 
-    title: ClassVar[str] = "little finger of a right hand"
+    title: ClassVar[str] = "little finger of a human hand"
     shell_case: ClassVar[str | None] = "base/little_hood"
     kind: Literal["little"]
 
