@@ -29,6 +29,7 @@ CONTENTS = {
     "Guides": {
         "cosim/README.md": "cosim/index.md",
         "cosim/case/README.md": "cosim/case.md",
+        "cosim/anatomy/README.md": "cosim/anatomy.md",
         "cosim/results/README.md": "cosim/results.md",
         "cosim/analyses/README.md": "cosim/analyses.md",
         "cosim/solve/README.md": "cosim/motion.md",

@@ -154,6 +154,11 @@ class FingerModel:
         _check_names(muscles, self.muscles, f"finger {self.name}: tendons")
         return replace(self, tendons=tuple(t for t in self.tendons if t.name in muscles))
 
+    def with_tendons_of(self, other: FingerModel) -> FingerModel:
+        """Return the finger with those tendons of another too whose names it lacks."""
+        more = tuple(t for t in other.tendons if t.name not in self.muscles)
+        return replace(self, tendons=(*self.tendons, *more))
+
     def mirrored(self) -> FingerModel:
         """Return the finger of the other hand: its mirror image, with y ulnar."""
         tendons = tuple(

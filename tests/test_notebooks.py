@@ -26,6 +26,10 @@ NEEDS_FMU = [
 MARKS = {
     **{name: [pytest.mark.slow] for name in LONG},
     **dict.fromkeys(("fmu", "controller"), NEEDS_FMU),
+    "own_bones": [
+        pytest.mark.slow,
+        pytest.mark.skipif(find_spec("pyvista") is None, reason="the extra view is missing"),
+    ],
     "environment": [
         pytest.mark.skipif(find_spec("gymnasium") is None, reason="the extra gym is missing")
     ],

@@ -61,7 +61,7 @@ def read_bones(
     notes: list[str] = []
     surfaces = {}
     for body, path in zip(BODIES, files, strict=True):
-        points, faces = _read(path, f"{body} ({path.name})", faults, notes)
+        points, faces = read_surface(path, f"{body} ({path.name})", faults, notes)
         if len(faces):
             surfaces[body] = _place(body, points, faces, frame, unit, hood, chain)
     faults += _duplicates(surfaces)
@@ -75,7 +75,7 @@ def read_bones(
     return Bones(surfaces, tuple(notes))
 
 
-def _read(path: Path, what: str, faults: list[str], notes: list[str]) -> Triangles:
+def read_surface(path: Path, what: str, faults: list[str], notes: list[str]) -> Triangles:
     """A closed surface of one piece, normals outward; of no faces where that cannot be had."""
     none = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp)
     mesh = load_surface(path, what)

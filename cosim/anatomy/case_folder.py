@@ -29,15 +29,19 @@ def new_case(name: str, given: UserAnatomy, out: Path) -> tuple[Path, tuple[str,
     """Write the folder `out` whole or not at all; the case file and what there is to tell.
 
     Raises InputError for anything that the case could not be run with."""
-    if not re.fullmatch(r"[A-Za-z0-9][\w-]{0,80}", name):
-        raise InputError(f"{name!r}: a case's name is made of letters, digits, _ and -")
-
+    check_name(name)
     check_folder(out, REPORT)
     built = read_anatomy(given, _defaults())
     with output_folder(out, REPORT) as part:
         write_case(part, name, given, built)
-        _check(part / f"{name}.toml")
+        check_case(part / f"{name}.toml")
     return out / f"{name}.toml", built.report
+
+
+def check_name(name: str) -> None:
+    """Check that a case can be called so.  Raises InputError."""
+    if not re.fullmatch(r"[A-Za-z0-9][\w-]{0,80}", name):
+        raise InputError(f"{name!r}: a case's name is made of letters, digits, _ and -")
 
 
 def _defaults() -> Defaults:
@@ -53,14 +57,19 @@ def write_case(part: Path, name: str, given: UserAnatomy, built: Built) -> None:
         (part / "finger.xml").write_text(mjcf_xml(built.model) + "\n", encoding="utf-8")
     scale = 1.0 if built.model is not None else given.length_scale
     for body, (points, faces) in (built.bones.surfaces if built.bones else {}).items():
-        text = _obj(points / [scale, 1.0, 1.0], faces)
+        text = obj_text(points / [scale, 1.0, 1.0], faces)
         (part / f"{body}.obj").write_text(text, encoding="utf-8")
-    (part / CASE_SCHEMA).write_text(json.dumps(json_schema(), ensure_ascii=False), encoding="utf-8")
+    write_schema(part)
     (part / f"{name}.toml").write_text(_case_text(name, given, built), encoding="utf-8")
     (part / REPORT).write_text("\n".join(built.report) + "\n", encoding="utf-8")
 
 
-def _obj(points: np.ndarray, faces: np.ndarray) -> str:
+def write_schema(part: Path) -> None:
+    """The schema that editors complete the case by, into its folder."""
+    (part / CASE_SCHEMA).write_text(json.dumps(json_schema(), ensure_ascii=False), encoding="utf-8")
+
+
+def obj_text(points: np.ndarray, faces: np.ndarray) -> str:
     """The text of an OBJ file, m, in full precision."""
     rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
     rows += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
@@ -102,7 +111,7 @@ def _case_text(name: str, given: UserAnatomy, built: Built) -> str:
     return f"{schema_line(CASE_SCHEMA)}\n{notes(remarks)}{toml_text(values)}"
 
 
-def _check(path: Path) -> None:
+def check_case(path: Path) -> None:
     """What `cosim check` does.  Raises InputError."""
     case = load_case(path)
     check_fit(case)

@@ -91,13 +91,9 @@ class Defaults:
 def read_anatomy(given: UserAnatomy, defaults: Defaults) -> Built:
     """Read and check all that the user gives.  Raises InputError."""
     if given.hood is None and given.finger is None:
-        alone = (
-            "; bones alone go onto our finger in a case file, each by [finger.bones.proximal] with "
-            'surface = "proximal.stl", unit = "mm" and frame = "ours"'
-        )
         raise InputError(
-            "give a hood's mesh (--hood), a finger (--finger), or both"
-            + (alone if given.bones else "")
+            "give a hood's mesh (--hood), a finger (--finger), or both; or bones alone (--bones), "
+            "that our hood is laid on"
         )
     check_names(given.names, FINGER_NAMES)
     report: list[str] = []

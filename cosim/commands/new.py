@@ -12,15 +12,20 @@ import numpy as np
 import typer
 
 from cosim.anatomy.case_folder import new_case
+from cosim.anatomy.own_case import OwnBones, new_own_case
 from cosim.anatomy.read import UserAnatomy
+from cosim.commands.new_page import write_page
 from cosim.commands.options import pairs_of, quantity, three_numbers, to
+from cosim.commands.terminal import say
 from cosim.errors import InputError
 from cosim.schema import units
 from cosim.text_tables import read_toml
 from meshes.imported.checks import Placing, parse_axes
+from meshes.skeleton import BODIES
 
 Unit = Literal["m", "cm", "mm", "um", "in"]
 Frame = Literal["body", "hood", "myohand"]
+Hand = Literal["right", "left"]
 Files = tuple[Path, Path, Path, Path]
 
 
@@ -34,7 +39,26 @@ def new(
         Files | None,
         typer.Option(
             metavar="METACARPAL PROXIMAL MIDDLE DISTAL",
-            help="Four closed surfaces, STL or OBJ; ours if not given.",
+            help="Four closed surfaces, STL or OBJ; ours if not given.  Without --hood and "
+            "--finger they may lie anywhere, and our hood is laid on them.",
+        ),
+    ] = None,
+    bone: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="BODY=FILE", help="One of the bones that a hood is laid on; repeatable."
+        ),
+    ] = None,
+    finger_kind: Annotated[
+        str, typer.Option(help="Whose bones they are: index, middle, ..., without --hood.")
+    ] = "index",
+    hand: Annotated[
+        Hand, typer.Option(help="Of which hand the bones are; a left one's are mirrored.")
+    ] = "right",
+    landmarks: Annotated[
+        Path | None,
+        typer.Option(
+            help="A CSV file of points on the bones, bone,landmark,x,y,z, which override."
         ),
     ] = None,
     finger: Annotated[
@@ -46,7 +70,11 @@ def new(
     ] = None,
     unit: Annotated[Unit, typer.Option(help="Unit of the hood's file.")] = "mm",
     bone_unit: Annotated[
-        Unit | None, typer.Option(help="Unit of the bones' files; the hood's if not given.")
+        Unit | None,
+        typer.Option(
+            help="Unit of the bones' files; if not given the hood's, or without a hood by their "
+            "lengths."
+        ),
     ] = None,
     bone_frame: Annotated[
         Frame,
@@ -59,8 +87,12 @@ def new(
         str, typer.Option(help="The MCP's centre in the hood's file, in its unit and axes.")
     ] = "0 0 0",
     posture: Annotated[
-        str, typer.Option(help="Flexion of MCP, PIP and DIP, deg, in which the hood was laid.")
-    ] = "0 0 0",
+        str | None,
+        typer.Option(
+            help="Flexion of MCP, PIP and DIP, deg, in which the hood was laid, 0 0 0 if not "
+            "given; or of one scan of the bones that our hood is laid on."
+        ),
+    ] = None,
     thickness: Annotated[
         str | None,
         typer.Option(help="The sheet's, as \"0.65 mm\"; else the file's, or the base case's."),
@@ -82,8 +114,21 @@ def new(
     ] = None,
     out: Annotated[Path | None, to("The folder to write; else NAME.")] = None,
 ) -> None:
-    """Make a case of your own hood mesh, bones and finger, and say what was found, assumed and
-    dropped."""
+    """Make a case of your own hood mesh, bones and finger, or of bones alone with our hood laid on
+    them, and say what was found, assumed and dropped."""
+    if hood is None and finger is None and (bones or bone):
+        surfaces = _surfaces(bones, bone or ())
+        scan = None if posture is None else _posture(posture)
+        own = OwnBones(finger_kind, surfaces, hand, bone_unit, landmarks, scan)
+        written = new_own_case(name, own, out or Path(name), say)
+        page, lacking = write_page(written, say)
+        _show(written.case, (*written.report, f"page: {page}{lacking}"), True)
+        return
+    if bone or landmarks or hand != "right" or finger_kind != "index":
+        raise InputError(
+            "--bone, --finger-kind, --hand and --landmarks: are of bones that our hood is laid on; "
+            "leave out --hood and --finger"
+        )
     centre = np.array(three_numbers("--origin", origin, "0 0 0"))
     placing = Placing(unit, parse_axes(axes), centre)
     given = UserAnatomy(
@@ -94,18 +139,30 @@ def new(
         placing,
         bone_unit or unit,
         bone_frame,
-        _posture(posture),
+        _posture(posture or "0 0 0"),
         _thickness(thickness),
         _scale(length_scale, finger),
     )
     case, report = new_case(name, given, out or Path(name))
-    _show(case, report, given)
+    _show(case, report, given.hood is not None)
 
 
-def _show(case: Path, report: Sequence[str], given: UserAnatomy) -> None:
+def _surfaces(bones: Files | None, single: Sequence[str]) -> dict[str, Path]:
+    """The bones' files by body."""
+    out = dict(zip(BODIES, bones or (), strict=False))
+    for body, file in pairs_of("--bone", single, "proximal=p1.stl"):
+        if body not in BODIES:
+            raise InputError(f"--bone {body}={file}: expected one of {', '.join(BODIES)}")
+        if body in out:
+            raise InputError(f"--bone {body}={file}: is given twice")
+        out[body] = Path(file)
+    return {body: out[body] for body in BODIES if body in out}
+
+
+def _show(case: Path, report: Sequence[str], has_hood: bool) -> None:
     for line in report:
         typer.echo(line)
-    pulled = "" if given.hood is None else " --set tendons.EDC.activation=0.1"
+    pulled = "" if not has_hood else " --set tendons.EDC.activation=0.1"
     typer.echo(f"case in {case}; for example: cosim run {case}{pulled}")
 
 

@@ -12,6 +12,7 @@ from cosim.errors import InputError
 from cosim.fingers import fmu, hinge, index, normative, planar, robot
 from cosim.fingers.common import Extensor, MassiveFingerConfig
 from cosim.fingers.kind import Anatomy, FingerKind
+from cosim.fingers.own import with_own_anatomy
 from cosim.port import Finger, Triangles
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 FINGERS: Mapping[str, FingerKind[Any]] = {
-    kind.name: kind
+    kind.name: with_own_anatomy(kind)
     for kind in (index.KIND, *normative.KINDS, planar.KIND, hinge.KIND, robot.KIND, fmu.KIND)
 }
 NativeFinger = (

@@ -9,8 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from cosim.fingers.chain import build_on_mujoco
-from cosim.fingers.common import Extensor, HeldTipConfig, JointedFingerConfig, TipConfig
+from cosim.fingers.common import Extensor, HeldTipConfig, TipConfig
 from cosim.fingers.kind import Eyelets, FingerKind
+from cosim.fingers.own import AnatomicalFingerConfig
 from cosim.port import Triangles
 from cosim.schema.types import Number
 from meshes.skeleton import BODIES, Skeleton, myohand_finger
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound="NormativeFingerConfig")
 
 
-class NormativeFingerConfig(JointedFingerConfig):
+class NormativeFingerConfig(AnatomicalFingerConfig):
     """What the table of a finger says that is one record of `rigid.fingers`."""
 
     tip: TipConfig = HeldTipConfig(kind="clamped")
@@ -33,6 +34,9 @@ class NormativeFingerConfig(JointedFingerConfig):
     def record(self) -> NormativeFinger:
         """Its record."""
         raise NotImplementedError
+
+    def bone_scale(self) -> tuple[float, float, float]:
+        return self.length_scale, self.length_scale, self.length_scale
 
     def muscle_areas(self, names: Collection[str]) -> tuple[Mapping[str, float], str]:
         finger = self.record()

@@ -312,10 +312,7 @@ def test_bones_of_the_other_side_are_refused(surfaces: Surfaces, tmp_path: Path,
     assert "mirror the four bones as the hood was mirrored" in said
 
 
-def test_bones_alone_are_told_the_way_that_there_is(files: Path, tmp_path: Path):
-    code, said = new(tmp_path, *bones(files))
-    assert code == 2
-    assert "[finger.bones.proximal]" in said
+def test_a_bone_goes_onto_our_finger_in_a_case_file(files: Path):
     text = 'extends = "split_edc"\n[finger.bones.proximal]\nsurface = "proximal.obj"\n'
     (files / "own.toml").write_text(f'{text}unit = "m"\nframe = "ours"\n', encoding="utf-8")
     assert load_case(files / "own.toml").finger.bones["proximal"].frame == "ours"
