@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from cosim.analyses.lesion import TIPS, Tip, both_sides
+from cosim.case.faults import describe, listing
 from cosim.case.schema import Case
 from cosim.errors import InputError, first_twice
 from cosim.pipeline import Outcome, plain_summary, run_each
@@ -23,7 +24,6 @@ from cosim.results.result import Result
 from cosim.results.table import Cell, ReportTable
 from cosim.schema.fields import check_texts
 from cosim.schema.types import Table
-from cosim.study.file import faults_of
 from cosim.text_tables import read_toml
 
 INTACT, INJURED = "intact", "injured"
@@ -88,6 +88,12 @@ class RepairsFile(Table):
     condition: tuple[ConditionConfig, ...] = ()
     """The ranges over which they are compared."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _can_be_written(cls, values: Any) -> Any:
+        check_texts(values)
+        return values
+
 
 def find_repairs(path: Path) -> Path:
     """Return the file at a path, or the packaged one of that name.  Raises InputError."""
@@ -106,11 +112,10 @@ def read_repairs(path: Path) -> RepairsFile:
     """Read a file of repairs.  Raises InputError that lists every fault."""
     values = read_toml(path)
     try:
-        check_texts(values)
         found = RepairsFile.model_validate(values)
     except ValidationError as error:
-        lines = faults_of(error, values, (), RepairsFile)
-        raise InputError("\n  ".join([f"{path}: no table of repairs", *lines])) from None
+        faults, count = describe(error, RepairsFile, values, [(str(path), values)])
+        raise InputError(listing(str(path), [*map(str, faults)], count)) from None
     names = [repair.name for repair in found.repair]
     if twice := first_twice([INTACT, INJURED, *names]):
         raise InputError(f"{path}: repair.name: {twice} stands for another one already")

@@ -17,6 +17,7 @@ from cosim.analyses.repairs import (
     read_repairs,
     table_of_repairs,
 )
+from cosim.analyses.repairs_page import repair_sentences, repairs_page
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.commands.options import Settings, Workers, to
@@ -31,7 +32,6 @@ from cosim.report.lesion_page import (
     signs_of,
     tables_of_lesion,
 )
-from cosim.report.repairs_page import repair_sentences, repairs_page
 from cosim.report.tables import as_csv, as_json, as_markdown
 from cosim.report.write import Form
 from cosim.results.audit import describe_misses

@@ -463,8 +463,8 @@ def _write_names(
     low, high = ax.get_ylim()
     heights = _spread(np.array([ends[words][1] for words in order]), line, low, high)
     room = LETTER / LINE * line * max(map(len, order), default=0)
-    start, end = ax.get_xlim()
-    left = end + room if view.sign[0] < 0 else start + line / 4
+    first, last = ax.get_xlim()
+    left = last + room if view.sign[0] < 0 else first + line / 4
     for words, height in zip(order, heights, strict=True):
         ax.annotate(
             words,

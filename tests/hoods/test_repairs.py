@@ -16,6 +16,7 @@ from cosim.analyses.repairs import (
     read_repairs,
     table_of_repairs,
 )
+from cosim.analyses.repairs_page import repair_sentences, repairs_page
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.fingers.kinds import anatomy_of, skeleton_of
@@ -23,7 +24,6 @@ from cosim.hoods.lesion import apply_lesion_to_mesh
 from cosim.hoods.repairs import suture
 from cosim.models.build import build
 from cosim.port import Motion
-from cosim.report.repairs_page import repair_sentences, repairs_page
 from meshes.severed import PLACES, cut_ends
 from meshes.skeleton import BODIES
 from tests.helpers.jobs import run
