@@ -23,6 +23,7 @@ from cosim.files import check_folder, output_folder
 from cosim.fingers.common import EQUAL_SHARES, Extensor
 from cosim.fingers.kinds import FINGERS
 from cosim.hoods.shell.table import ShellHoodConfig
+from cosim.port import Hand, mirror
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.text_tables import notes, toml_text
 from meshes.skeleton import BODIES, JOINTS
@@ -37,7 +38,7 @@ class OwnBones:
     kind: str
     bones: Mapping[str, Path]
     """Surfaces by body."""
-    hand: str = "right"
+    hand: Hand = "right"
     unit: str | None = None
     """Of the files; from the lengths where it is not stated."""
     landmarks: Path | None = None
@@ -59,6 +60,8 @@ class OwnFinger:
     size: float
     """Of the phalanges together, over the packaged finger's."""
     report: tuple[str, ...] = field(default=())
+    hand: Hand = "right"
+    """Of a left one all this is its mirror image, and what is written is its own."""
 
     def tendon_points(self) -> dict[str, list[tuple[str, Vector]]]:
         """By tendon the bodies and points (3,) m that it passes, its muscle's end left out."""
@@ -113,6 +116,7 @@ def own_finger(given: OwnBones, progress: Progress = quiet) -> OwnFinger:
         width * kind.width(template.config),
         size,
         (*laid.report, *_joint_words(template, heads, joints, stated), *said, *_carried(model)),
+        given.hand,
     )
 
 
@@ -185,12 +189,12 @@ def new_own_case(name: str, given: OwnBones, out: Path, progress: Progress = qui
     report = [*finger.report, *_hood_words(finger)]
     with output_folder(out, REPORT) as part:
         case = part / f"{name}.toml"
-        _write_files(part, finger)
-        case.write_text(_case_text(name, finger, hood, central), encoding="utf-8")
+        write_files(part, finger)
+        case.write_text(case_text(name, finger, hood, central), encoding="utf-8")
         check_case(case)
         slips = find_lengths(case, finger.template.base, central, finger.size, progress)
         report += slips.report
-        case.write_text(_case_text(name, finger, hood, slips.central), encoding="utf-8")
+        case.write_text(case_text(name, finger, hood, slips.central), encoding="utf-8")
         (part / REPORT).write_text("\n".join(report) + "\n", encoding="utf-8")
     return OwnCase(out / f"{name}.toml", finger, slips, tuple(report))
 
@@ -204,10 +208,14 @@ def _hood_words(finger: OwnFinger) -> list[str]:
     ]
 
 
-def _write_files(part: Path, finger: OwnFinger) -> None:
-    (part / "finger.xml").write_text(mjcf_xml(finger.model) + "\n", encoding="utf-8")
+def write_files(part: Path, finger: OwnFinger) -> None:
+    """Write the finger's model, bones and the schema of its case into the folder `part`."""
+    is_left = finger.hand == "left"
+    model = finger.model.mirrored() if is_left else finger.model
+    (part / "finger.xml").write_text(mjcf_xml(model) + "\n", encoding="utf-8")
     for body, (points, faces) in finger.laid.surfaces.items():
-        text = obj_text(finger.joints.local(body, points), faces)
+        local = mirror(finger.joints.local(body, points), finger.hand)
+        text = obj_text(local, faces[:, ::-1] if is_left else faces)
         (part / f"{body}.obj").write_text(text, encoding="utf-8")
     write_schema(part)
 
@@ -216,7 +224,9 @@ def _mm(metres: float) -> str:
     return f"{1e3 * metres:.6g} mm"
 
 
-def _case_text(name: str, finger: OwnFinger, hood: ShellHoodConfig, central: float) -> str:
+def case_text(name: str, finger: OwnFinger, hood: ShellHoodConfig, central: float) -> str:
+    """Return the case of a finger, whose hood is as a packaged `hood` at its size, its central slip
+    `central` m longer than laid."""
     remarks = [
         f"Written by `cosim new`; {REPORT} says what was measured, carried over and assumed.",
         "Materials, contact, passive joints, posture: the base case's until you state yours.",
@@ -236,6 +246,7 @@ def _case_text(name: str, finger: OwnFinger, hood: ShellHoodConfig, central: flo
         "extends": finger.template.base,
         "title": f"{name}: hood on own bones",
         "finger": {
+            "hand": finger.hand,
             "path": "finger.xml",
             "breadth": round(finger.breadth, 6),
             "eyelets": {t: [_mm(value) for value in at] for t, at in finger.eyelets.items()},

@@ -114,7 +114,9 @@ def lay_bones(
     unit = _unit(raw, template, unit, report)
     turn = np.array([1.0, 1.0, -1.0 if hand == "left" else 1.0])
     if hand == "left":
-        report.append("side: left, stated: the bones are mirrored; the case is of a right hand")
+        report.append(
+            "side: left, stated: solved as its mirror image; files and pictures are the left hand's"
+        )
     else:
         report.append("side: right, stated" + ("" if stated else "; no single bone tells it"))
     surfaces = {

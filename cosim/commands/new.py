@@ -18,6 +18,7 @@ from cosim.commands.new_page import write_page
 from cosim.commands.options import pairs_of, quantity, three_numbers, to
 from cosim.commands.terminal import say
 from cosim.errors import InputError
+from cosim.port import Hand
 from cosim.schema import units
 from cosim.text_tables import read_toml
 from meshes.imported.checks import Placing, parse_axes
@@ -25,7 +26,6 @@ from meshes.skeleton import BODIES
 
 Unit = Literal["m", "cm", "mm", "um", "in"]
 Frame = Literal["body", "hood", "myohand"]
-Hand = Literal["right", "left"]
 Files = tuple[Path, Path, Path, Path]
 
 
@@ -53,7 +53,7 @@ def new(
         str, typer.Option(help="Whose bones they are: index, middle, ..., without --hood.")
     ] = "index",
     hand: Annotated[
-        Hand, typer.Option(help="Of which hand the bones are; a left one's are mirrored.")
+        Hand, typer.Option(help="Of which hand the bones are; the case is of that hand.")
     ] = "right",
     landmarks: Annotated[
         Path | None,

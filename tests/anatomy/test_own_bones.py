@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from cosim.anatomy.carry import Carrier
 from cosim.anatomy.joints import Joints, fit_cylinder, fit_head, fit_sphere, joints_of, parent_axis
 from cosim.anatomy.landmarks import read_landmarks, stated_axes
-from cosim.anatomy.own_case import OwnBones, own_finger
+from cosim.anatomy.own_case import OwnBones, case_text, own_finger, write_files
 from cosim.anatomy.register import Fit, register
 from cosim.anatomy.scan import in_posture, scan_words
 from cosim.anatomy.user_bones import Template, flat_end, kinds_with_a_hood, template_of
@@ -238,6 +238,24 @@ def test_a_left_metacarpal_is_told(index: Template, tmp_path: Path):
     assert any(line.startswith("side: left, stated") for line in finger.report)
     assert finger.laid.fits["metacarpal"].distance["affine"][0] < 0.06e-3
     assert finger.size == pytest.approx(1.0, abs=0.01)
+
+
+def test_what_is_written_of_a_left_hand_is_read_as_its_mirror_image(tmp_path: Path):
+    """The files are those of a left hand, the case says so, and what is solved is the right one."""
+    path = write_surface(mirrored(load_bone("metacarpal").surface(1.2e-3)), tmp_path / "left.stl")
+    finger = own_finger(OwnBones("index", {"metacarpal": path}, hand="left"))
+    hood = load_case("base/index_finger").hood
+    write_files(tmp_path, finger)
+    text = case_text("mine", finger, hood, hood.extra_length.central_slip)
+    (tmp_path / "mine.toml").write_text(text)
+    read = load_case(tmp_path / "mine.toml").finger
+    assert read.hand == "left"
+    laid = anatomy_of(read, Extensor(lies_on_bones=True))
+    here = finger.joints.local("proximal", finger.laid.surfaces["proximal"][0])
+    assert laid.bones["proximal"][0] == pytest.approx(here, abs=1e-9)
+    assert laid.skeleton.axis == pytest.approx(finger.joints.skeleton.axis, abs=1e-6)
+    there = np.loadtxt(tmp_path / "proximal.obj", usecols=(1, 2, 3), max_rows=len(here))
+    assert there == pytest.approx(here * [1, -1, 1], abs=1e-9)
 
 
 def test_landmarks_override_and_tell_the_side(files: dict[str, Path], tmp_path: Path):
