@@ -28,7 +28,7 @@ from cosim.text_tables import read_toml
 
 INTACT, INJURED = "intact", "injured"
 MOST_WAYS = 60
-"""Of the conditions that repairs are compared in."""
+"""The most conditions that repairs are compared in."""
 NAME = r"^[a-z][a-z0-9_]{0,40}$"
 
 
@@ -71,7 +71,7 @@ class ConditionConfig(Table):
     """What differs between patients and days, and no surgeon chooses."""
 
     key: str
-    """Of the case, as tendons.EDC.tension."""
+    """A key of the case, as tendons.EDC.tension."""
     values: Annotated[tuple[str | float, ...], Field(min_length=2)]
     """The values that it takes, each with each of the other conditions."""
 

@@ -19,7 +19,7 @@ from meshes.skeleton import BODIES, JOINTS, Skeleton
 HEADS = {"metacarpal": "MCP", "proximal": "PIP", "middle": "DIP"}
 """Joint at the distal end of each bone."""
 REACH = 1.6
-"""Of a head's radius, within which points about the joint's centre are fitted."""
+"""Times a head's radius, within which points about the joint's centre are fitted."""
 FACING = 60.0
 """deg, of a point's normal to the sagittal plane: what is steeper is no part of a cylinder."""
 MOST_ANGLE, MOST_SHIFT = 10.0, 1.0

@@ -20,7 +20,7 @@ FIBRE = {
     "tendon_slack_length": ("tendon_slack_length", 1e3, "mm"),
     "pennation": ("pennation_angle_at_optimal", degrees(1.0), "deg"),
 }
-"""Of a muscle's table: OpenSim's name, and how the case states it."""
+"""The keys of a muscle's table: OpenSim's name, and how the case states it."""
 
 
 def imported_muscles(

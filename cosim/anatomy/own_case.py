@@ -40,7 +40,7 @@ class OwnBones:
     """Surfaces by body."""
     hand: Hand = "right"
     unit: str | None = None
-    """Of the files; from the lengths where it is not stated."""
+    """The files' unit; from the lengths where it is not stated."""
     landmarks: Path | None = None
     posture: Mapping[str, float] | None = None
     """rad, of one scan in which the bones lie as in the hand; else our zero begins each joint."""
@@ -58,10 +58,10 @@ class OwnFinger:
     eyelets: Mapping[str, tuple[float, float, float]]
     breadth: float
     size: float
-    """Of the phalanges together, over the packaged finger's."""
+    """The phalanges' length together, over the packaged finger's."""
     report: tuple[str, ...] = field(default=())
     hand: Hand = "right"
-    """Of a left one all this is its mirror image, and what is written is its own."""
+    """The side; of a left one all this is its mirror image, and what is written is its own."""
 
     def tendon_points(self) -> dict[str, list[tuple[str, Vector]]]:
         """By tendon the bodies and points (3,) m that it passes, its muscle's end left out."""

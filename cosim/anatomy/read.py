@@ -71,7 +71,7 @@ class Built:
 
     model: FingerModel | None
     tendons: Mapping[str, Mapping[str, Any]]
-    """Of each tendon what its table of the case says."""
+    """What each tendon's table of the case says."""
     bones: Bones | None
     hood: HoodMesh | None
     offset: Mapping[str, float]
@@ -82,7 +82,7 @@ class Built:
 
 @dataclass(frozen=True)
 class Defaults:
-    """Of the base case: the sheet's thickness, m, and its contact with the bones."""
+    """The base case's: the sheet's thickness, m, and its contact with the bones."""
 
     thickness: float
     contact: ContactConfig

@@ -24,9 +24,9 @@ ROLLS = 16
 CENTRES = 300
 """Points through which the spline runs."""
 ROUNDS = 8
-"""Of the spline, each from closest points anew."""
+"""Rounds of the spline, each from closest points anew."""
 SMOOTHING = 2.0
-"""Of the spline, in its own measure: it passes so much beside points that lie at random."""
+"""The spline's stiffness, in its own measure: how much beside points at random it passes."""
 CLEARLY = 2.0
 """Times worse, of a similarity with the other end first, beyond which that end is not looked at
 again."""

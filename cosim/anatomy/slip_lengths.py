@@ -20,7 +20,7 @@ from cosim.errors import ConvergenceError, Progress
 from cosim.pipeline import run_case
 
 PULL = "11.8 N"
-"""Of EDC in the experiment whose ratio of the slips the packaged hood was fitted to."""
+"""EDC's tension in the experiment whose ratio of the slips the packaged hood was fitted to."""
 STRAIGHT = (
     'finger.tip.kind="posture"',
     *(f"finger.posture.{joint}=0 deg" for joint in ("MCP", "MCP_abduction", "PIP", "DIP")),

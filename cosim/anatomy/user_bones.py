@@ -23,7 +23,7 @@ from meshes.imported.checks import UNITS
 from meshes.skeleton import BODIES, Skeleton
 
 SIZE = (0.55, 1.6)
-"""Of a bone's length over the packaged one's."""
+"""The range of a bone's length over the packaged one's."""
 PROPORTION = 1.5
 """How much longer than another, against the packaged ones', a bone of one finger can be.  Of ten
 hands the lengths of a phalanx vary by 6 to 9 % (SD), and their means by up to 14 % from ours."""
@@ -37,8 +37,9 @@ NEAR_OURS = 0.003
 EITHER_WAY = 1.25
 """Over which the other end first fits worse."""
 FLAT = 0.6
-"""Of a bone's mean section, the largest flat face at an end beyond which the bone was cut there:
-ours and those of another hand have 0.1 to 0.5, one cut by a tenth of its length 0.6 and more."""
+"""Share of a bone's mean section, the largest flat face at an end beyond which the bone was cut
+there: ours and those of another hand have 0.1 to 0.5, one cut by a tenth of its length 0.6 and
+more."""
 ROUGH = 0.04e-3
 """m, mean distance after the spline from which a surface is rough: 0.01 to 0.03 of smooth ones,
 0.05 to 0.08 with noise of 0.3 mm."""

@@ -256,10 +256,10 @@ class JointedFingerConfig(MassiveFingerConfig):
     """What the table of a finger with the joints of a human one states."""
 
     hand: Hand = "right"
-    """Of a left hand all that the case states and the numbers of a run are said by direction
-    (distal, radial, dorsal; flexion and radial abduction positive) and are the right hand's; files
-    of bones are read, and shapes, models and pictures made, as those of the left hand, in its own
-    frame: x distal, y ulnar, z dorsal."""
+    """The side.  Of a left hand all that the case states and the numbers of a run are said by
+    direction (distal, radial, dorsal; flexion and radial abduction positive) and are the right
+    hand's; files of bones are read, and shapes, models and pictures made, as those of the left
+    hand, in its own frame: x distal, y ulnar, z dorsal."""
     posture: PostureConfig = PostureConfig.model_construct(
         MCP=math.radians(30), MCP_abduction=0.0, PIP=math.radians(45), DIP=math.radians(15)
     )

@@ -228,7 +228,7 @@ def repair_forces(hood: FeHood, state: State) -> dict[str, float]:
         (model.springs.group, spring_state(model.springs, c.x, c.position, c.rotation).force),
         (model.links.group, node_spring_state(model.links, c.x).force),
     )
-    total = sum(np.bincount(group, force, len(hood.groups)) for group, force in each)
+    total = np.sum([np.bincount(i, force, len(hood.groups)) for i, force in each], axis=0)
     return {name: float(total[i]) for i, name in enumerate(hood.groups) if name.startswith(REPAIRS)}
 
 

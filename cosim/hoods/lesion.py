@@ -50,7 +50,7 @@ class SutureConfig(Table):
     """What joins the ends of a part that is cut, a slip to its bone; it bears tension alone."""
 
     stiffness: Stiffness
-    """Of the whole suture."""
+    """The whole suture's."""
     gap: Annotated[float, quantity(units.LENGTH, least="0 mm", most="10 mm")] = 0.0
     """How far the ends part before it bears anything."""
 
@@ -68,7 +68,7 @@ class GraftConfig(Table):
     """Where on it: distal, radial and dorsal of its proximal joint (of the metacarpal: its distal
     one), along its own axes."""
     stiffness: Stiffness
-    """Of the whole graft: its modulus times its section over its length."""
+    """The whole graft's: its modulus times its section over its length."""
     slack: Annotated[float, quantity(units.LENGTH, least="-10 mm", most="10 mm")] = 0.0
     """How much longer it is than its way in the hood as laid; negative where it is drawn taut."""
 

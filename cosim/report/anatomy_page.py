@@ -23,7 +23,7 @@ INKS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#3333
 VIEWS = (("from radial", 0, 2, 1, "dorsal, mm"), ("from dorsal", 0, 1, 2, "radial, mm"))
 """Title, axes shown, the axis that one looks along, and the label of the second."""
 SHADE = ("#f1e6cf", "#a5916c")
-"""Of a bone, towards the eye and across it."""
+"""Shades of a bone, towards the eye and across it."""
 REACH = 11e-3
 """m, of a joint's axis to either side in the picture."""
 
@@ -51,7 +51,7 @@ class AnatomyPage:
     title: str
     drawn: Drawn
     picture: Figure | None
-    """Of a run."""
+    """The run's own."""
     picture_words: str
     bones: Sequence[Sequence[str]]
     """Rows of texts, the first the header; so each table."""

@@ -49,7 +49,8 @@ class Guides:
     origin: float = -45.0
     """x of the point on the metacarpal from which every tendon runs straight to its cylinder."""
     head_radius: float = 10.0
-    """Of the sphere that is the metacarpal's head, over which flexors, abduction and adduction run.
+    """The radius of the sphere that is the metacarpal's head, over which flexors, abduction and
+    adduction run.
     The paper's objects are "spheres or cylinders" without saying which where; its abduction tendon
     "presses on the joint capsule and curves over it", and the simplified model that one of its
     authors published later (MyoFinger, github.com/MyoHub/myo_sim, finger/finger_v0.xml) has a
@@ -73,7 +74,7 @@ class Guides:
     extensor_x: float = -8.0
     extensor_z: float = 10.0
     extensor_proximal_x: float = 8.0
-    """Of the extensor's guide on the proximal phalanx, where the short branch to it ends."""
+    """The place of the extensor's guide on the proximal phalanx, where the short branch ends."""
     extensor_proximal_z: float = 9.0
     before_pip: float = 8.4
     """How far proximal of the PIP axis the extensor's guide on the proximal phalanx is."""
@@ -87,8 +88,8 @@ class Guides:
     """x of the extensor's end on the distal phalanx."""
     dip_height: float = 1.2
     side_x: float = -8.0
-    """Of the abduction tendon's guide; the adduction tendon's is its mirror image.  Chosen with
-    `side_end` so that no arm over table II falls below 2.8 mm."""
+    """The place of the abduction tendon's guide; the adduction tendon's is its mirror image.
+    Chosen with `side_end` so that no arm over table II falls below 2.8 mm."""
     side_y: float = 11.0
     side_z: float = -4.0
     side_end: float = 14.0
@@ -106,8 +107,8 @@ class RobotDesign:
     lengthening: Arms = tuple(tuple(map(float, row)) for row in TABLE_III)
     """mm, table III: of `TENDONS` (columns) per rad of `JOINTS` (rows) in the straight finger."""
     long_share: float = LONG
-    """Of the extensor's tension, what its pulley leaves to the distal phalanx; its other two
-    branches share the rest equally."""
+    """The share of the extensor's tension that its pulley leaves to the distal phalanx; its other
+    two branches share the rest equally."""
     guides: Guides = field(default_factory=Guides)
     routes: tuple[TendonRoute, ...] = ()
     """Tendons beside those of the paper, or in place of one of the same name."""
@@ -115,7 +116,7 @@ class RobotDesign:
 
     @property
     def short_share(self) -> float:
-        """Of each of the two short branches."""
+        """That of each of the two short branches."""
         return (1.0 - self.long_share) / 2
 
 
