@@ -10,8 +10,8 @@ import re
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
-PRODUCT = 105088
-TESTS = 71020
+PRODUCT = 108610
+TESTS = 72330
 
 
 def _lines(*packages: str) -> int:

@@ -22,7 +22,7 @@ Settings = tuple[str, ...]
 
 MOST_EXTENDED = 50
 """Files, each of which extends the next."""
-NO_FAMILIES = {"base", "studies", "data"}  # folders of cases/
+NO_FAMILIES = {"base", "studies", "repairs", "data"}  # folders of cases/
 
 
 def load_case(path_or_name: str | Path, overrides: Sequence[str] = ()) -> Case:

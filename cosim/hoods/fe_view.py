@@ -39,8 +39,6 @@ class FeView:
     """(n, 3) m, as laid."""
     spring_force: Mapping[str, float]
     """N, magnitude of each spring set's summed force."""
-    repair_force: Mapping[str, float]
-    """N, the tensions of each suture and graft together."""
     spring_tension: Array
     """(ns,) N of every spring."""
     spring_set: tuple[str, ...]
@@ -71,6 +69,8 @@ class FeView:
     """Which attempt of the solver converged here, in words."""
     friction: Mapping[str, float] = field(default_factory=dict)
     """What `friction_audit` says; empty of a hood without friction."""
+    repair_force: Mapping[str, float] = field(default_factory=dict)
+    """N, the tensions of each suture and graft together."""
 
     def lines(self) -> Mapping[str, Array]:
         """What pictures draw of it as lines (k, 3) m, by name."""
