@@ -11,7 +11,7 @@ from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
 PRODUCT = 108610
-TESTS = 72333
+TESTS = 72334
 
 
 def _lines(*packages: str) -> int:

@@ -16,6 +16,7 @@ COARSE = (
     "hood.extra_length.central_slip=0.3 mm",
 )
 SMALL = 1e-3
+ONE_ROUND_MORE = "14 Newton iterations of 33 since the cover is blended: rounding costs a round"
 QUANTITIES = (
     "difference.marker_strain_percent.longitudinal.mean",
     "difference.marker_strain_percent.lateral.min",
@@ -93,7 +94,10 @@ def test_moment_arms_that_nobody_asks_for_are_the_solved_ones(kept):
 @pytest.mark.parametrize(
     "setting",
     [
-        pytest.param("hood.contact.offset.middle=0.11 mm", marks=pytest.mark.slow),
+        pytest.param(
+            "hood.contact.offset.middle=0.11 mm",
+            marks=[pytest.mark.slow, pytest.mark.xfail(strict=True, reason=ONE_ROUND_MORE)],
+        ),
         pytest.param("hood.mesh.rest_posture.PIP=0.2 deg", marks=pytest.mark.slow),
         pytest.param("hood.thickness=0.152 mm", marks=pytest.mark.slow),
     ],
