@@ -23,6 +23,7 @@ from cosim.results.write import write_files
 from cosim.solve.motion import SolvedMotion, checkpoint_folder
 from cosim.solve.session import Session
 from cosim.solve.solvers import Solved, solve_case
+from cosim.stopwatch import timed
 
 T = TypeVar("T")
 
@@ -51,6 +52,7 @@ def run_case(case: Case, session: Session | None = None, progress: Progress = qu
         return result
 
 
+@timed("summing up")
 def observe(case: Case, solved: Solved, wall: float) -> Result:
     """What a solved case leaves behind; `wall`: the seconds that it took."""
     if isinstance(solved, SolvedMotion):

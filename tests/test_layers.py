@@ -36,6 +36,7 @@ ALLOWED = {
     "cosim.number_text": (),
     "cosim.array_cache": ("cosim.files", "cosim.content_key"),
     "cosim.content_key": (),
+    "cosim.stopwatch": (),
     "cosim.processes": ("cosim.port", "cosim.interrupts"),
     "cosim.interrupts": (),
     "cosim.extras": (),
@@ -52,7 +53,7 @@ ALLOWED = {
     "cosim.coupling.accelerators": ("cosim.port",),
     "cosim.coupling.state": ("cosim.port", "cosim.coupling.accelerators"),
     "cosim.coupling.schemes": (
-        *("cosim.port", "cosim.static_response"),
+        *("cosim.port", "cosim.static_response", "cosim.stopwatch"),
         *("cosim.coupling.accelerators", "cosim.coupling.state"),
     ),
     "cosim.coupling.adaptive": ("cosim.port", "cosim.coupling.state", "cosim.coupling.schemes"),
@@ -75,7 +76,7 @@ ALLOWED = {
     "fe_solver": (
         *("cosim.port", "cosim.files", "cosim.mesh_file", "cosim.processes", "cosim.checks"),
         *("cosim.xml_tree", "cosim.kernels", "cosim.array_cache", "cosim.content_key"),
-        *("cosim.extras", "cosim.file_size", "cosim.number_text", "fe_solver"),
+        *("cosim.extras", "cosim.file_size", "cosim.number_text", "cosim.stopwatch", "fe_solver"),
     ),
     "rigid": (
         *("cosim.port", "cosim.coupling.finger_equilibrium", "cosim.files", "cosim.checks"),
@@ -97,6 +98,7 @@ FLOORS = (
         "cosim.json_text",
         "cosim.interrupts",
         "cosim.number_text",
+        "cosim.stopwatch",
         "cosim.zip_file",
     },
     {"cosim.file_size"},

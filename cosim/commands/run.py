@@ -43,13 +43,17 @@ from cosim.results.answer import answer, doubts, trust
 from cosim.results.audit import describe_misses
 from cosim.results.result import Result
 from cosim.results.summary_tables import batch_table, tables
+from cosim.results.table import Cell, ReportTable
 from cosim.results.write import check_target, without_nan, write_run
 from cosim.solve.motion import UNFINISHED, check_not_begun, checkpoint_folder
 from cosim.solve.session import Session
+from cosim.stopwatch import Stopwatch, stopwatch
 from cosim.study.file import is_study
 from cosim.study.plan import read_plan
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from cosim.ui.desk import Desk
 
 Voice = Literal["plain", "quiet", "json"]
@@ -97,10 +101,15 @@ def begin(
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="With --watch: open the browser, or not.")
     ] = True,
+    profile: Annotated[
+        bool, typer.Option("--profile", help="Print where the time went; with --workers 1.")
+    ] = False,
     quiet: Quiet = False,
     as_json: AsJsonLines = False,
 ) -> None:
     """Run cases from their beginning."""
+    if profile and workers > 1:
+        raise InputError(f"--profile: measures one process, not {workers}; leave --workers out")
     if workers > 1:
         process_context()  # imports while the cases are read
     if watch:
@@ -116,7 +125,14 @@ def begin(
     voice = _voice(quiet, as_json)
     if watch:
         _run_watched(checked[0], out, voice, browser)
-    _run_all(checked, out, voice, workers)
+    if not profile:
+        _run_all(checked, out, voice, workers)
+    before = time.process_time()
+    with stopwatch() as measured:
+        try:
+            _run_all(checked, out, voice)
+        finally:
+            console(to_errors=True).print(_profile(measured, before))
 
 
 def _run_watched(case: Case, out: Path, voice: Voice, opens: bool) -> None:
@@ -168,6 +184,16 @@ def _run_all(
     warn({name: [*texts, *lacking[name]] for name, texts in warnings.items()})
     missed = warn_of_audits({n: list(describe_misses(s or {})) for n, s in summaries.items()})
     raise typer.Exit(failed or missed or (INCOMPLETE if any(lacking.values()) else 0))
+
+
+def _profile(measured: Stopwatch, before: float) -> Table:
+    """The parts of a run, those within a part indented; `before`: processor's s before it."""
+    rows: list[Sequence[Cell]] = [["start, imports, case (processor)", "", "", before]]
+    for way, part in measured.parts.items():
+        name = "  " * (len(way) - 1) + way[-1]
+        rows.append([name, part.calls, part.factorisations or "", part.seconds])
+    columns = ["part", "calls", "factorisations", "time s"]
+    return ReportTable("profile", "", columns, rows, digits=3).in_terminal()
 
 
 def _voice(quiet: bool, as_json: bool) -> Voice:

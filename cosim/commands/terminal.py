@@ -72,9 +72,10 @@ def exit_on_error() -> Iterator[None]:
         raise typer.Exit(tell(NoMemoryError.of(error))) from None
 
 
-def console() -> Console:
+def console(to_errors: bool = False) -> Console:
     """The printer of plain text, as wide as the terminal."""
-    return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)
+    width = None if sys.stdout.isatty() else WIDTH
+    return Console(width=width, highlight=False, markup=False, stderr=to_errors)
 
 
 class Stages:

@@ -42,6 +42,7 @@ from cosim.coupling.state import (
 from cosim.errors import ConvergenceError, pulse
 from cosim.port import Array, Hood, Motion, MovingFinger, Response, State
 from cosim.static_response import static_response
+from cosim.stopwatch import timed
 
 LENGTH = 0.046
 """m, of a proximal phalanx (Buchner et al. 1988, J Biomech 21, table 2)."""
@@ -128,6 +129,7 @@ def begin(
     )
 
 
+@timed("steps")
 def step(
     scheme: Scheme, finger: MovingFinger, hood: Hood, state: CoupledState, tension: Pulls, dt: float
 ) -> CoupledState:

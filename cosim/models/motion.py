@@ -23,6 +23,7 @@ from cosim.hoods.view import HoodView
 from cosim.models.build import build, build_hood, scheme_of, site_of
 from cosim.models.fit import check_tendons
 from cosim.port import Array, Hood, Motion, State, Triangles
+from cosim.stopwatch import timed
 from cosim.tendons.air import cylinders, initial_air, step_cylinders
 from cosim.tendons.motor import MotorState, motors
 from cosim.tendons.muscles import fibres
@@ -91,6 +92,7 @@ class MovingModels:
         return self.moves.first_pull(self.initial_state)[1]
 
 
+@timed("models")
 def moving_models(
     case: Case, forward: ForwardConfig, step_key: str = "forward.step"
 ) -> MovingModels:

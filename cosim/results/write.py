@@ -27,6 +27,7 @@ from cosim.results.frames import frames_of
 from cosim.results.parts import LEDGER_HEADER, CaseParts, LedgerRow, Scene
 from cosim.results.picture import load_matplotlib, write_figure
 from cosim.results.scene import decimate, scenes_of, tension_of
+from cosim.stopwatch import timed
 
 T = TypeVar("T")
 BONE_TRIANGLES = 600
@@ -95,6 +96,7 @@ def check_target(folder: str | Path, name: str) -> None:
         raise InputError(f"{target}: is in the way and is no earlier run; choose another --out")
 
 
+@timed("files")
 def write_files(folder: Path, run: CaseParts, target: Path | None = None) -> tuple[str, ...]:
     """Write a run's files: case, summary and arrays, then all that can be made of them; what could
     not be made, a line each.  `target`: the place to name in an error, where it is another.
@@ -123,7 +125,8 @@ def write_files(folder: Path, run: CaseParts, target: Path | None = None) -> tup
     lacking, no_room = [], []
     for name, write in _further_files(run):
         try:
-            write(folder / name)
+            with timed(name):
+                write(folder / name)
         except Exception as error:  # what is solved is not lost to a picture of it
             (folder / name).unlink(missing_ok=True)
             shutil.rmtree(folder / f"{Path(name).stem}_frames", ignore_errors=True)
@@ -152,7 +155,8 @@ def _further_files(run: CaseParts) -> Iterator[tuple[str, Callable[[Path], objec
         return
     # where its own folder cannot be written to, matplotlib warns twice and works on
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    load_matplotlib()
+    with timed("matplotlib"):
+        load_matplotlib()
     yield "picture.png", lambda path: _draw_scene(path, run)
     if run.rows:
         yield "ledger.png", lambda path: _draw_ledger(path, run)

@@ -30,6 +30,7 @@ from cosim.hoods.view import HoodView, arrays_of, audit_arrays, hood_field
 from cosim.models.motion import MovingModels, moving_models, special_states
 from cosim.port import Array, State
 from cosim.solve.session import Session
+from cosim.stopwatch import timed
 
 RATE, CHANGE, WINDOW = 1e-3, 1e-3, 0.1
 """rad/s that no joint exceeds, and N by which no component of the fingertip force strays from its
@@ -85,7 +86,8 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
     progress("building the models")
     both = moving_models(case, forward)
     progress("the hood at rest, before the motion")
-    begun = both.moves.begin(both.initial_state)
+    with timed("hood at rest"):
+        begun = both.moves.begin(both.initial_state)
     recorder = ShapeRecorder(both.view, forward.duration, case.output.frames)
     kept = MotionHistory(
         begun,

@@ -20,6 +20,7 @@ from cosim.files import path_from
 from cosim.models.build import Models, accelerator_of, build_any, with_own_finger
 from cosim.port import Array, Motion, PairState, Response, State, StorableHood, Tensions
 from cosim.schema.fields import is_number
+from cosim.stopwatch import timed
 from cosim.tendons.muscles import live_muscles
 
 
@@ -159,6 +160,7 @@ class Session:
             self._settings.popitem(last=False)
         return self._settings[key]
 
+    @timed("models")
     def _build(self, case: Case) -> _Setting:
         """The setting of a case, with the hood of another one that has the same."""
         key = case.hood_key()
@@ -177,6 +179,7 @@ def _turned(known: Models, e: Equilibrium, models: Models) -> State:
     return models.finger.displace(start, turn)
 
 
+@timed("unloaded equilibrium")
 def _unloaded_equilibrium(
     case: Case, setting: _Setting, progress: Progress, near: PairState | None
 ) -> Equilibrium:

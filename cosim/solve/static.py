@@ -21,6 +21,7 @@ from cosim.errors import ConvergenceError, Progress, named_progress, quiet
 from cosim.models.build import Models, case_finger, tensions
 from cosim.port import Array, OpenFinger, PairState, Tensions
 from cosim.solve.session import Session, solve_equilibrium
+from cosim.stopwatch import timed
 from cosim.tendons.muscles import MusclePull
 from cosim.tendons.table import Sliding, stretch_of
 
@@ -88,7 +89,8 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
         return models, States(unloaded, loaded, None, pull, second=second, ways=ways)
     progress("auditing reciprocity")
     strongest = int(np.argmax(loaded.hood_tension))
-    gap = reciprocity(models.finger, models.hood, loaded, strongest, AUDIT_STEP)
+    with timed("audit of reciprocity"):
+        gap = reciprocity(models.finger, models.hood, loaded, strongest, AUDIT_STEP)
     return models, States(unloaded, loaded, gap, pull, second=second, ways=ways)
 
 
@@ -106,9 +108,10 @@ def _both_ways(
         start = PairState(loaded.finger_state, loaded.response.state)
         say = partial(_say, progress, f"friction, {sliding}")
         try:
-            found, _ = _loaded_equilibrium(
-                case, replace(models, finger=finger), unloaded, start, say
-            )
+            with timed("friction both ways"):
+                found, _ = _loaded_equilibrium(
+                    case, replace(models, finger=finger), unloaded, start, say
+                )
         except ConvergenceError as error:
             out[sliding] = OneWaySlide(finger, None, str(error))
         else:
@@ -116,6 +119,7 @@ def _both_ways(
     return out
 
 
+@timed("second start")
 def _second_start(
     case: Case, models: Models, unloaded: Equilibrium, progress: Progress
 ) -> SecondStart:
@@ -140,6 +144,7 @@ def _say(progress: Progress, what: str, text: str) -> None:
     progress(f"{what}: {text}")
 
 
+@timed("loaded equilibrium")
 def _loaded_from_nearby(
     case: Case, session: Session, models: Models, unloaded: Equilibrium, progress: Progress
 ) -> tuple[Equilibrium, MusclePull]:

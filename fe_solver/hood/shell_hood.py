@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cosim.content_key import UnknownContentError, content_key
 from cosim.errors import ConvergenceError, InputError, say
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
+from cosim.stopwatch import timed
 from fe_solver.forces.contact import compression
 from fe_solver.hood.version import KNOWN, solver_version
 from fe_solver.sheet import Sheet
@@ -185,6 +186,7 @@ class ShellHood:
         rest = Configuration(m.reference, m.directors, self.rest.position, self.rest.rotation)
         return HoodState(self.rest, rest)
 
+    @timed("hood")
     def advance(self, state: HoodState, motion: Motion, tension: Array, dt: float) -> Response:
         """Static equilibrium at `motion` under `tension` (nt,); a massless hood has no memory, so
         `dt` plays no part.  Raises InputError and ConvergenceError."""
@@ -242,6 +244,7 @@ class ShellHood:
         x = c.x + np.einsum("nb,bij,bnj->ni", self.carriers, c.rotation, moved)
         return self.model.move_bodies(replace(c, x=x), c.position, c.rotation)
 
+    @timed("hood's stiffness")
     def jacobian(self, state: HoodState) -> HoodJacobian:
         """Derivatives by back-substitution with the factor of the solved state."""
         s = _solution_of(state)

@@ -24,6 +24,7 @@ import scipy.sparse.linalg as spla
 from cosim.errors import ConvergenceError, InputError
 from cosim.extras import install_command
 from cosim.port import Array, Ints
+from cosim.stopwatch import count_factorisation
 
 BACKENDS = {"pardiso": "pypardiso", "feral": "feral", "superlu": "scipy"}
 """Name and module, in the order in which they are taken.  Times of one factorisation over that of
@@ -191,6 +192,7 @@ class SuperLUAnalysis:
 
     def lu(self, data: Array) -> spla.SuperLU:
         """In the order found.  Raises ConvergenceError for an exactly singular matrix."""
+        count_factorisation()
         _, pattern, slots = self._ordering
         matrix = sp.csc_array((data[slots], pattern.indices, pattern.indptr), shape=pattern.shape)
         try:
@@ -288,6 +290,7 @@ class _KeptFactor:
         solver: _OneFactorSolver = _SOLVERS.of(self.analysis)
         if solver.held is None or solver.held() is not self:
             solver.held = None
+            count_factorisation()
             solver.factorise(self.data)
             solver.held = weakref.ref(self)
         return solver
