@@ -314,6 +314,8 @@ def test_types_are_asked_for_seldom_and_kinds_never():
         ("fe_solver.hood.shell_hood", {"mujoco", "pydantic", "typer"}),
         ("cosim.cli", {"mujoco", "scipy", "pyvista", "matplotlib", "xarray", "fe_solver", "rigid"}),
         ("cosim.cli", {"dask", "distributed", "pyarrow", "pandas", "SALib"}),
+        ("cosim.commands.run", {"mujoco", "scipy", "matplotlib", "xarray", "numba", "pint"}),
+        ("cosim.commands.run", {"cosim.study", "cosim.analyses", "cosim.ui", "cosim.report"}),
         ("cosim.study", {"dask", "pandas", "xarray", "scipy", "fe_solver", "rigid"}),
         ("cosim.case.file", {"mujoco", "scipy", "xarray", "fe_solver", "rigid"}),
     ],

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from cosim.analyses.converge import known_errors
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.case.usual import unusual_values
@@ -48,8 +47,6 @@ from cosim.results.write import check_target, without_nan, write_run
 from cosim.solve.motion import UNFINISHED, check_not_begun, checkpoint_folder
 from cosim.solve.session import Session
 from cosim.stopwatch import Stopwatch, stopwatch
-from cosim.study.file import is_study
-from cosim.study.plan import read_plan
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -358,6 +355,8 @@ def _progress(name: str, voice: Voice) -> Iterator[Progress]:
 
 
 def _show(case: Case, summary: Mapping[str, Any]) -> None:
+    from cosim.analyses.converge import known_errors
+
     printer = console()
     printer.print(f"\n{case.name}: {case.title}\n")
     printer.print(" ".join([*answer(summary), trust(summary)]))
@@ -374,6 +373,9 @@ def _show(case: Case, summary: Mapping[str, Any]) -> None:
 def check(cases: Cases, settings: Settings = None) -> None:
     """Check cases, with the mesh files that they name, and study files, with their cases; run
     nothing."""
+    from cosim.study.file import is_study
+    from cosim.study.plan import read_plan
+
     codes = [0]
     studies = [name for name in cases if is_study(name)]
     for name in studies:
