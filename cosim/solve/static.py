@@ -20,7 +20,7 @@ from cosim.coupling.one_way import OneWayPass
 from cosim.errors import ConvergenceError, Progress, named_progress, quiet
 from cosim.models.build import Models, case_finger, tensions
 from cosim.port import Array, OpenFinger, PairState, Tensions
-from cosim.solve.session import Session, solve_equilibrium
+from cosim.solve.session import Session, is_solved_both_ways, solve_equilibrium
 from cosim.stopwatch import timed
 from cosim.tendons.muscles import MusclePull
 from cosim.tendons.table import Sliding, stretch_of
@@ -81,9 +81,14 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
 
     Raises InputError and ConvergenceError."""
     models, unloaded = session.models(case, progress), session.unloaded_equilibrium(case, progress)
-    loaded, pull = _loaded_from_nearby(case, session, models, unloaded, progress)
+    near, second = session.start_near(case, models, loaded=True), None
+    if near is not None and is_solved_both_ways(case):
+        second = _from_nearby(case, models, unloaded, near, progress)
+        near = None
+    loaded, pull = _loaded_from(case, models, unloaded, near, progress)
     session.remember(case, models, unloaded, loaded)
-    second = _second_start(case, models, unloaded, progress) if case.solve.second_start else None
+    if case.solve.second_start:
+        second = _second_start(case, models, unloaded, progress)
     ways = _both_ways(case, models, unloaded, loaded, progress)
     if not models.hood.tendons or loaded.balance is None or case.hood.has_friction:
         return models, States(unloaded, loaded, None, pull, second=second, ways=ways)
@@ -145,12 +150,22 @@ def _say(progress: Progress, what: str, text: str) -> None:
 
 
 @timed("loaded equilibrium")
-def _loaded_from_nearby(
-    case: Case, session: Session, models: Models, unloaded: Equilibrium, progress: Progress
+def _from_nearby(
+    case: Case, models: Models, unloaded: Equilibrium, near: PairState, progress: Progress
+) -> SecondStart:
+    """The loaded equilibrium from a state near by, of a case that is solved both ways."""
+    say, scheme = partial(_say, progress, "from near by"), case.coupling.scheme
+    try:
+        return SecondStart(scheme, _loaded_equilibrium(case, models, unloaded, near, say)[0])
+    except ConvergenceError as error:
+        return SecondStart(scheme, None, str(error))
+
+
+def _loaded_from(
+    case: Case, models: Models, unloaded: Equilibrium, near: PairState | None, progress: Progress
 ) -> tuple[Equilibrium, MusclePull]:
-    """The loaded equilibrium: of a warm session from the last one, where there is a way from it,
-    else from the unloaded one."""
-    near = session.start_near(case, models, loaded=True)
+    """The loaded equilibrium: from a state `near` where there is a way from it, else from the
+    unloaded one."""
     if near is not None:
         with suppress(ConvergenceError):
             return _loaded_equilibrium(case, models, unloaded, near, progress)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
 
 from cosim.case.cache_key import address, case_table, code_version
 from cosim.case.file import load_case
 from cosim.errors import InputError, nearest_names
 from cosim.extras import require
+from cosim.port import Array
 from cosim.results.compare import numbers_of, value_of
 from cosim.study.engine import Solve
 from cosim.study.plan import Point, StudyPlan
@@ -19,6 +22,8 @@ from cosim.study.task import Task, Verdict, stored_outcome
 
 PACK = 5000
 """Runs solved, after which the store is packed."""
+MOST_IN_TURN = 5000
+"""Runs that are put in turn, in a second or two."""
 NEAREST = 3
 """Names that are shown in place of one that is not there."""
 
@@ -77,6 +82,8 @@ def execute_study(
     Raises InputError for an output that a run has not and for a store that cannot be written;
     every run that ended is in the store then."""
     points = list(dict.fromkeys([*plan.as_it_is, *plan.points]))
+    if plan.base.get("solve", {}).get("start") == "nearby":
+        points = in_turn(points)
     done = StudyOutcome({}, {}, Count(len(points)))
     count, is_checked = done.count, False
 
@@ -116,6 +123,33 @@ def execute_study(
             store.pack()
     store.pack()
     return done
+
+
+def in_turn(points: Sequence[Point]) -> list[Point]:
+    """The points in an order in which near ones follow each other: after the first ever the nearest
+    of those that are left, by the places of their values among all; more than `MOST_IN_TURN` as
+    they are.
+
+    >>> in_turn([(0.0,), (9.0,), (1.0,), (8.0,)])
+    [(0.0,), (1.0,), (8.0,), (9.0,)]
+    """
+    if len(points) > MOST_IN_TURN:
+        return [*points]
+    places = [_places(column) for column in zip(*points, strict=True)]
+    left, at = np.column_stack([np.arange(len(points)), *places]), 0
+    order = []
+    while len(left):
+        here, left = left[at], np.delete(left, at, axis=0)
+        order.append(points[int(here[0])])
+        at = int(np.argmin(np.abs(left[:, 1:] - here[1:]).sum(axis=1))) if len(left) else 0
+    return order
+
+
+def _places(column: Sequence[Any]) -> Array:
+    """The places (n,) of values among all that differ, from 0 to 1; of no value in the middle."""
+    known = sorted({v for v in column if v is not None}, key=lambda v: (isinstance(v, str), v))
+    place = {v: i / max(1, len(known) - 1) for i, v in enumerate(known)}
+    return np.array([place.get(v, 0.5) for v in column])
 
 
 def check_outputs(outputs: Mapping[str, str], summary: Mapping[str, Any]) -> None:

@@ -38,6 +38,36 @@ def test_a_warm_answer_is_that_of_a_run(warm, change):
     assert near.audit.passed
 
 
+@pytest.fixture(scope="module")
+def nearby() -> cosim.Session:
+    """A session in which a case that begins near by was solved."""
+    session = cosim.Session()
+    cosim.run(CASE.replace({"solve.start": "nearby"}), session)
+    return session
+
+
+@pytest.mark.parametrize("every", [1, 10**9])
+def test_a_case_that_begins_nearby_has_the_numbers_of_the_stated_way(nearby, monkeypatch, every):
+    """To 1e-9 of the pull of 4 N, whether it is one of those solved both ways or not."""
+    monkeypatch.setattr(session_module, "EVERY", every)
+    change = {"tendons.EDC.tension": "4 N"}
+    begun = cosim.run(CASE.replace({**change, "solve.start": "nearby"}), nearby)
+    stated = cosim.run(CASE.replace({**change, "solve.tolerance": 1e-10}))
+    assert numbers(begun) == pytest.approx(numbers(stated), rel=0, abs=4e-9)
+    assert begun.audit.passed
+    assert ("second_start_force_N" in begun.summary["audit"]) == (every == 1)
+    if every == 1:
+        assert begun.summary["audit"]["second_start_force_N"] < 4e-9
+        assert begun.tip_force == stated.tip_force
+
+
+def test_what_depends_on_its_path_does_not_begin_nearby():
+    with pytest.raises(cosim.InputError, match="nearby"):
+        CASE.replace({"solve.start": "nearby", "hood.contact.friction": 0.1})
+    with pytest.raises(cosim.InputError, match="nearby"):
+        CASE.replace({"solve.start": "nearby", "coupling.scheme": "one_way"})
+
+
 @pytest.mark.slow
 def test_a_mesh_of_another_size_begins_as_laid(warm):
     case = CASE.replace({"hood.mesh.quads": 400})

@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from cosim.case.cache_key import address, case_table, code_version
@@ -29,7 +31,7 @@ from cosim.solve.session import Session
 from cosim.study import open_study, process
 from cosim.study import page as page_module
 from cosim.study.engine import in_this_process
-from cosim.study.execute import Count, check_outputs
+from cosim.study.execute import Count, check_outputs, in_turn
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict, _numbers, run_task, stored_outcome
 from tests.helpers.fixed_posture import HELD
@@ -435,3 +437,10 @@ def test_a_number_that_is_none_does_not_end_a_study() -> None:
     """JSON has no NaN: a worker died of it, twice, and the run was booked as dead."""
     found = _numbers({"slip_ratio": float("nan"), "wall_s": np.float64(1.0)})
     assert found == {"slip_ratio": None}
+
+
+@given(st.lists(st.tuples(st.floats(-9, 9), st.sampled_from(["a", "b", None])), min_size=1))
+def test_runs_in_turn_are_the_runs(points):
+    turn = in_turn(points)
+    assert turn[0] == points[0]
+    assert sorted(map(repr, turn)) == sorted(map(repr, points))
