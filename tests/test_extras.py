@@ -97,6 +97,7 @@ def test_the_python_interface_raises_the_same_sentence(
     assert not (folder / "studies").exists()
 
 
+@pytest.mark.slow
 def test_a_run_and_its_report_need_none(tmp_path: Path) -> None:
     """A shell, whose .vtu is written and read, in a process that finds no extra."""
     code = f"""

@@ -16,7 +16,7 @@ from tests.helpers.folders import ROOT
 NOTEBOOKS = sorted((ROOT / "cases" / "notebooks").glob("[!_]*.py"))
 LONG = (
     *("first_run", "mujoco_hood", "own_material", "own_measurements", "own_mesh"),
-    "predictive_control",
+    *("predictive_control", "sweep", "motion", "captured_motion", "force_loop"),
 )
 """They solve a shell, or many motions."""
 NEEDS_FMU = [
@@ -25,7 +25,8 @@ NEEDS_FMU = [
 ]
 MARKS = {
     **{name: [pytest.mark.slow] for name in LONG},
-    **dict.fromkeys(("fmu", "controller"), NEEDS_FMU),
+    "fmu": NEEDS_FMU,
+    "controller": [pytest.mark.slow, *NEEDS_FMU],
     "own_bones": [
         pytest.mark.slow,
         pytest.mark.skipif(find_spec("pyvista") is None, reason="the extra view is missing"),

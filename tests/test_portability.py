@@ -274,6 +274,7 @@ def test_an_older_python_is_told_which_one_is_needed():
         assert "cosim needs Python 3.11 or newer, and this is 3.9" in done.stderr
 
 
+@pytest.mark.slow
 def test_pictures_are_drawn_whatever_backend_the_environment_names(tmp_path):
     code = f"import cosim; cosim.run('split_edc').save({str(tmp_path / 'python')!r})"
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "none_such"}

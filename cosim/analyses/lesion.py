@@ -36,12 +36,14 @@ def both_sides(case: Case) -> dict[tuple[Tip, Side], Case]:
             f"{case.name}: has no table [lesion]; write for example "
             "--set 'lesion.cut=[\"central_slip\"]'"
         )
+    return {(tip, side): one_side(case, tip, side) for tip in TIPS for side in SIDES}
+
+
+def one_side(case: Case, tip: Tip, side: Side) -> Case:
+    """A case with its lesion, if it has one, or before it, its fingertip free or held.  Raises
+    InputError for a motion, and for a finger whose fingertip cannot be held."""
     if case.forward is not None:
         raise InputError(f"{case.name}: is a motion; leave out [forward] to compare equilibria")
-    return {(tip, side): _one(case, tip, side) for tip in TIPS for side in SIDES}
-
-
-def _one(case: Case, tip: Tip, side: Side) -> Case:
     return case.model_copy(
         update={
             "name": f"{case.name}_{side}_{tip}",

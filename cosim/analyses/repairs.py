@@ -13,7 +13,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from cosim.analyses.lesion import TIPS, Tip, both_sides
+from cosim.analyses.lesion import TIPS, Tip, both_sides, one_side
 from cosim.case.faults import describe, listing
 from cosim.case.schema import Case
 from cosim.errors import InputError, first_twice
@@ -48,6 +48,7 @@ MEASURES: Mapping[str, Measure] = {
     "dip_droop": Measure("DIP, fingertip free", "deg", "free", "posture_deg.DIP"),
     "mcp_angle": Measure("MCP, fingertip free", "deg", "free", "posture_deg.MCP"),
     "tip_force": Measure("fingertip force, held", "N", "held", "fingertip_magnitude_N"),
+    "tendon_shift": Measure("extensor tendon off the MCP, held", "mm", "held", "tendon_shift_mm"),
     "central_slip": Measure("central slip, held", "N", "held", "slip_force_N.central"),
     "terminal_slip": Measure("terminal slip, held", "N", "held", "slip_force_N.terminal"),
 }
@@ -67,6 +68,16 @@ class RepairConfig(Table):
     tendons."""
 
 
+class InjuryConfig(Table):
+    """What makes the case the injured finger where that is no lesion of its hood: muscles that are
+    lost, a joint that is stiff or lax.  The case as it stands is the intact one then."""
+
+    title: str = ""
+    """In words."""
+    change: dict[str, Any]
+    """What it changes of the case, as a case file states it."""
+
+
 class ConditionConfig(Table):
     """What differs between patients and days, and no surgeon chooses."""
 
@@ -83,6 +94,8 @@ class RepairsFile(Table):
     """The question in words."""
     rank: str = "pip_lag"
     """By which number they are ranked: the nearest to the intact finger's is the first."""
+    injury: InjuryConfig | None = None
+    """The injury, of a case whose lesion is not all of it."""
     repair: Annotated[tuple[RepairConfig, ...], Field(min_length=1)]
     """The repairs."""
     condition: tuple[ConditionConfig, ...] = ()
@@ -172,22 +185,23 @@ def compare_repairs(
     workers: int = 1,
     ended: Callable[[int, int], object] = lambda done, of: None,
 ) -> RepairTable:
-    """Solve a case with a lesion without it, with it and with each repair, fingertip free and held,
-    in every condition; the runs lie in `folder`.
+    """Solve a case without its injury (the file's, or its own lesion), with it and with each
+    repair, fingertip free and held, in every condition; the runs lie in `folder`.
 
-    Raises InputError for a case without a lesion and a condition that it does not have, and where
+    Raises InputError for a case without an injury and a condition that it does not have, and where
     the intact or the injured finger has no answer."""
-    both_sides(case)
+    if file.injury is None:
+        both_sides(case)
     ways = _ways(file)
     made: dict[tuple[str, int, Tip], Case | Callable[[], Case]] = {}
     for k, way in enumerate(ways):
         at = case.with_layers([("condition", layer) for layer in way])
-        four = both_sides(at)
+        injured = _injured(at, file)
         for tip in TIPS:
-            made[INTACT, k, tip] = _named(four[tip, "before"], case, INTACT, k, tip)
-            made[INJURED, k, tip] = _named(four[tip, "after"], case, INJURED, k, tip)
+            made[INTACT, k, tip] = _named(one_side(at, tip, "before"), case, INTACT, k, tip)
+            made[INJURED, k, tip] = _named(one_side(injured, tip, "after"), case, INJURED, k, tip)
             for repair in file.repair:
-                made[repair.name, k, tip] = partial(_repaired, at, case, repair, k, tip)
+                made[repair.name, k, tip] = partial(_repaired, injured, case, repair, k, tip)
     outcomes = run_each(
         [*made.values()],
         partial(_keep, folder=folder),
@@ -195,7 +209,8 @@ def compare_repairs(
         lambda done, i, outcome: ended(done, len(made)),
     )
     found = dict(zip(made, outcomes, strict=True))
-    titles = {INTACT: "without the lesion", INJURED: case.title}
+    hurt = file.injury.title if file.injury else ""
+    titles = {INTACT: "without the injury", INJURED: hurt or case.title}
     titles |= {repair.name: repair.title or repair.name for repair in file.repair}
     rows = {name: _compared(name, title, found, len(ways)) for name, title in titles.items()}
     for name in (INTACT, INJURED):
@@ -243,10 +258,15 @@ def _named(made: Case, case: Case, variant: str, k: int, tip: Tip) -> Case:
     return made.model_copy(update={"name": name, "title": f"{case.title}: {variant}, {tip}"})
 
 
-def _repaired(at: Case, case: Case, repair: RepairConfig, k: int, tip: Tip) -> Case:
+def _injured(case: Case, file: RepairsFile) -> Case:
+    """The case with the injury of the file, if it has one.  Raises InputError."""
+    return case if file.injury is None else case.with_layers([("injury", file.injury.change)])
+
+
+def _repaired(injured: Case, case: Case, repair: RepairConfig, k: int, tip: Tip) -> Case:
     """A repaired case.  Raises InputError where it cannot be made."""
-    changed = at.with_layers([(f"repair {repair.name}", repair.change)])
-    return _named(both_sides(changed)[tip, "after"], case, repair.name, k, tip)
+    changed = injured.with_layers([(f"repair {repair.name}", repair.change)])
+    return _named(one_side(changed, tip, "after"), case, repair.name, k, tip)
 
 
 def _keep(result: Result, folder: Path) -> Mapping[str, Any]:

@@ -83,7 +83,9 @@ def test_a_plan_is_the_way_of_a_critically_damped_error(error, slope, first, sec
     assert half.acceleration == pytest.approx((after.rate - before.rate) / (2 * h), abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["split_edc", "pulley_edc", "network_edc"])
+@pytest.mark.parametrize(
+    "name", ["split_edc", "pulley_edc", pytest.param("network_edc", marks=pytest.mark.slow)]
+)
 def test_a_motion_is_followed_with_tensions_in_bounds_and_again_by_the_case_alone(
     name, flexion, tmp_path
 ):

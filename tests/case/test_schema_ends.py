@@ -60,8 +60,8 @@ def test_every_key_of_a_lumped_case_may_be_at_its_ends():
     "settings",
     [
         {"hood.contact.offset.metacarpal": "10 mm"},
-        {"hood.contact.offset.metacarpal": "4.6 mm"},
-        {"hood.thickness": "5 mm"},
+        pytest.param({"hood.contact.offset.metacarpal": "4.6 mm"}, marks=pytest.mark.slow),
+        pytest.param({"hood.thickness": "5 mm"}, marks=pytest.mark.slow),
     ],
 )
 def test_a_sheet_may_lie_as_high_and_be_as_thick_as_the_schema_says(settings):

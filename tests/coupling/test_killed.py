@@ -82,7 +82,14 @@ def test_killed_at_any_moment_and_resumed_it_ends_in_the_same_bytes(tmp_path: Pa
 
 @pytest.mark.skipif(os.name == "nt", reason="sends signals to another process")
 @pytest.mark.usefixtures("hears_hangups")
-@pytest.mark.parametrize(("how", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+@pytest.mark.parametrize(
+    ("how", "code"),
+    [
+        ("SIGINT", 130),
+        pytest.param("SIGTERM", 143, marks=pytest.mark.slow),
+        pytest.param("SIGHUP", 129, marks=pytest.mark.slow),
+    ],
+)
 def test_a_signal_keeps_a_motion_that_asked_for_nothing(
     how: str, code: int, tmp_path: Path
 ) -> None:

@@ -167,6 +167,7 @@ def test_a_unit_in_the_programs_own_process_gives_the_same_bytes(own):
     assert a.data.equals(b.data)
 
 
+@pytest.mark.slow
 def test_the_rest_of_a_batch_is_run(own, tmp_path):
     """Where the library of one leaves with 0, which ended the program with 0 and no result."""
     path = faulty(tmp_path, "constructor", "_exit(0)")

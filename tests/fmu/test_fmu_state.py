@@ -189,7 +189,10 @@ def units_case(tmp_path: Path, fmi: int, scheme: str) -> Case:
 
 @pytest.mark.parametrize(
     ("fmi", "scheme"),
-    [(3, "linear"), (2, "explicit"), pytest.param(2, "implicit", marks=pytest.mark.slow)],
+    [
+        (3, "linear"),
+        *(pytest.param(2, s, marks=pytest.mark.slow) for s in ("explicit", "implicit")),
+    ],
 )
 def test_a_motion_of_units_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path, fmi, scheme):
     case = units_case(tmp_path, fmi, scheme)

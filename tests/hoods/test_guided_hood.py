@@ -125,6 +125,7 @@ def test_the_bands_stay_extensors_and_sink_under_load():
         assert fall > 1.0
 
 
+@pytest.mark.slow
 def test_a_hood_at_rest_hardly_pulls_on_a_bent_finger():
     for posture in ((0, 45, 11), (80, 45, 31), (40, 90, 45)):
         torque = held(*posture, mesh=FINER).summary["unloaded"]["joint_torque_Nmm"]["hood"]

@@ -26,6 +26,7 @@ from cosim.models.build import build
 from cosim.port import Motion
 from meshes.severed import PLACES, cut_ends
 from meshes.skeleton import BODIES
+from tests.helpers.folders import ROOT
 from tests.helpers.jobs import run
 
 COARSE = "hood.mesh.quads=104"
@@ -230,10 +231,39 @@ def test_a_bad_file_of_repairs_is_one_message(change, words, tmp_path):
 def test_a_case_without_a_lesion_and_a_file_that_is_not_there_are_told(tmp_path):
     told = run("lesion", "isometric_edc", "--repairs", "boutonniere")
     assert (told.exit_code, "has no table [lesion]" in told.output) == (2, True)
-    with pytest.raises(InputError, match="packaged are: boutonniere"):
+    with pytest.raises(InputError, match="packaged are: boutonniere, claw"):
         find_repairs(tmp_path / "none.toml")
 
 
-@pytest.mark.parametrize("name", ["boutonniere"])
-def test_packaged_repairs_are_read(name):
-    assert read_repairs(find_repairs(Path(name))).repair
+PACKAGED = {
+    "boutonniere": "lesion_boutonniere_fibres",
+    "claw": "base/lesion",
+    "mallet": "lesion_mallet",
+    "sagittal_band": "lesion_sagittal_band_radial",
+    "swan_neck": "lesion_swan_neck",
+}
+
+
+@pytest.mark.parametrize("name", PACKAGED)
+def test_packaged_repairs_can_be_made_of_their_case(name):
+    file = read_repairs(find_repairs(Path(name)))
+    case = load_case(PACKAGED[name])
+    if file.injury is not None:
+        case = case.with_layers([("injury", file.injury.change)])
+    for repair in file.repair:
+        build(case.with_layers([(repair.name, repair.change)]))
+    assert {path.stem for path in (ROOT / "cases" / "repairs").glob("*.toml")} == set(PACKAGED)
+
+
+def test_an_injury_of_the_file_stands_in_for_a_lesion(tmp_path):
+    """A muscle that is lost, beside the whole finger; the repair has its tension back."""
+    path = tmp_path / "r.toml"
+    path.write_text(
+        'rank = "tip_force"\n[injury]\ntitle = "weak"\nchange.tendons.EDC.tension = "1 N"\n'
+        '[[repair]]\nname = "back"\nchange.tendons.EDC.tension = "3.469 N"\n'
+    )
+    found = compare_repairs(load_case("pulley_edc"), read_repairs(path), tmp_path)
+    (back,) = found.repairs
+    assert found.injured.title == "weak"
+    assert found.injured.off("tip_force", found.intact) > 0.05
+    assert back.off("tip_force", found.intact) == 0

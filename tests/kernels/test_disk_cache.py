@@ -97,6 +97,7 @@ def test_a_kernel_is_compiled_once_and_kept_beside_its_module(compiled):
     assert call(compiled) == [(0, 1, str(compiled / "__pycache__"))]
 
 
+@pytest.mark.slow
 def test_what_was_imported_before_its_file_was_changed_is_not_kept_as_the_file_s(installation):
     """The changed file once got the code of the text before it, in this process and all others."""
     # of another length: Python's own bytecode knows a file by its size and the second of its change
@@ -200,6 +201,7 @@ def test_files_that_are_no_good_are_compiled_anew_and_replaced(used, kind, how):
     assert [found[:2] for found in call(used, times=2)] == [(1, 0), (0, 1)]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="/proc/nowhere can be made")
 def test_a_run_needs_no_folder_but_that_of_its_results(tmp_path):
     words = ["run", "split_edc", "--quiet", "--out", str(tmp_path / "runs")]
@@ -259,6 +261,7 @@ print([(k.compiled, k.loaded) for k in compiled_kernels()])
 """
 
 
+@pytest.mark.slow
 def test_a_loaded_kernel_finds_all_that_it_calls_and_loads_no_compiler(tmp_path):
     """Arrays, tuples, texts, exceptions, linear algebra and random numbers are other code each; a
     symbol that is missing would end the process."""

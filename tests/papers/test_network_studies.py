@@ -89,6 +89,7 @@ def test_flexors_shift_what_the_extensors_make_at_the_tip(planar):
     assert abs(alone[0, 3]) < 1e-6
 
 
+@pytest.mark.slow
 def test_the_index_case_settles_at_its_optimum_too():
     run = SCRIPT.names["contact"]("network_contact", COARSE)
     ends = [run.at(t) for t in SCRIPT.names["SETTLED"]]

@@ -98,7 +98,14 @@ def test_the_command_writes_a_study_of_its_own(tmp_path):
     assert "1 figure in" in done.output
 
 
-@pytest.mark.parametrize("study", ["coupling", "linear", "quadratic", "excursions"])
+@pytest.mark.parametrize(
+    "study",
+    [
+        "coupling",
+        "linear",
+        *(pytest.param(s, marks=pytest.mark.slow) for s in ("quadratic", "excursions")),
+    ],
+)
 def test_the_studies_hold_every_number_that_they_draw(study):
     for made in open_paper("buchner1988").run(study):
         assert made.tables

@@ -61,6 +61,7 @@ def test_a_tendon_drawn_one_way_loses_what_the_capstan_says():
     assert record.tension[0, -1][0] == pytest.approx(PULL[0] * np.exp(0.3 * last.sum()), rel=0.02)
 
 
+@pytest.mark.slow
 def test_disturbances_leave_nothing_without_friction_and_half_a_newton_with_it():
     assert hysteresis(virtual_bed(0.0, 0.0)).half < 1e-4
     found = hysteresis(virtual_bed())
@@ -93,6 +94,7 @@ def test_a_finger_that_cannot_be_held_is_told():
         simulate(virtual_bed(), POSTURE, course._replace(force=np.full_like(force, np.nan)))
 
 
+@pytest.mark.slow
 def test_the_interconnected_model_beats_the_static_one():
     """In all three by the paper's ratios, which `verify` holds to over ten seeds."""
     found = errors(two_trials())

@@ -205,6 +205,7 @@ def test_the_command_writes_the_tables_that_are_asked_for(tmp_path, monkeypatch,
         assert text == {"csv": as_csv, "md": as_markdown}[form](tables)
 
 
+@pytest.mark.slow
 def test_the_tables_are_the_same_for_any_number_of_workers(tmp_path):
     given = ("network_edc", "--set", 'lesion.cut=["central_slip"]', "--set", QUICK)
     texts = []

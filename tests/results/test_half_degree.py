@@ -30,7 +30,7 @@ def shown(summary: dict[str, Any]) -> dict[str, float]:
     [
         ("pulley_edc", "DIP", ()),
         ("network_edc", "PIP", ()),
-        ("cable_edc", "PIP", (COARSE_NET,)),
+        pytest.param("cable_edc", "PIP", (COARSE_NET,), marks=pytest.mark.slow),
         ("isometric_edc", "PIP", SHELL[1:]),
     ],
 )

@@ -67,6 +67,7 @@ def test_enough_patience_changes_nothing():
     assert list(unusual_values(case.replace({"solve.patience": "86400 s"}))) == []
 
 
+@pytest.mark.slow
 def test_a_motion_in_pieces_is_the_motion(clock, tmp_path):
     case, reached = in_motion(**{"solve.patience": "9 s"}), []
     while len(reached) < 9:

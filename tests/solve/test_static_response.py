@@ -122,18 +122,24 @@ FORGED: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
 }
 
 
-def test_an_entry_that_is_no_equilibrium_is_dropped_and_solved_anew(runs):
+FEW = ("node 50 a micrometre away", "other tensions", "words")
+"""Forged in a default run; in a slow one all are."""
+
+
+@pytest.mark.parametrize("names", [FEW, pytest.param([*FORGED], marks=pytest.mark.slow)])
+def test_an_entry_that_is_no_equilibrium_is_dropped_and_solved_anew(runs, names):
     """Whoever can write into the folder can make a digest too: its numbers must solve."""
     cold, file = runs.run("cold"), runs.kept()
     whole, arrays = file.read_bytes(), runs.cache.read("equilibria", file.stem)
     assert arrays is not None
-    for times, (what, forge) in enumerate(FORGED.items(), 2):
-        runs.cache.write("equilibria", file.stem, forge(arrays))
+    for times, what in enumerate(names, 2):
+        runs.cache.write("equilibria", file.stem, FORGED[what](arrays))
         assert runs.run(what) == cold, what
         assert len(runs.solves) == times, what
         assert file.read_bytes() == whole
 
 
+@pytest.mark.slow
 def test_of_another_version_of_the_solver_nothing_is_used(runs, monkeypatch):
     first = runs.run("one")
     monkeypatch.setattr(version, "_code", lambda: "another")

@@ -28,7 +28,9 @@ def bits(result: cosim.Result) -> dict[str, bytes]:
     return {name: array.values.tobytes() for name, array in result.data.data_vars.items()}
 
 
-@pytest.mark.parametrize("name", ["pulley_edc", "network_edc"])
+@pytest.mark.parametrize(
+    "name", ["pulley_edc", pytest.param("network_edc", marks=pytest.mark.slow)]
+)
 def test_threads_that_share_a_session_get_the_bits_of_each_alone(name):
     cases = pulls(name, 4)
     alone = [bits(cosim.run(case)) for case in cases]

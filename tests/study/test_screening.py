@@ -157,6 +157,7 @@ def test_a_grid_and_morris_do_not_go_together(tmp_path, monkeypatch):
     assert "morris's scheme samples all of them; idle has values" in done.output
 
 
+@pytest.mark.slow
 def test_a_surrogate_of_ishigamis_function_is_as_good_as_it_says():
     x = 2 * pi * unit_points("latin_hypercube", 3, 220, 1, False) - pi
     found = a_study(x, ishigami(x)).surrogate("y")

@@ -130,6 +130,7 @@ def test_a_study_is_done_on_another_case_too(place):
     assert cosim("pip.toml", "--case", "nothing.toml").exit_code == 2
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_tendons_of_a_fixed_split_add_up(place):
     text = (ROOT / "cases" / "studies" / "superposition.toml").read_text(encoding="utf-8")
@@ -417,6 +418,7 @@ def test_by_processes_the_table_is_the_same_to_the_byte_and_no_port_opens(place,
         assert one.read_bytes() == two.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_the_workers_of_a_scheduler_solve_in_processes_of_their_own(place):
     """Those of the user's own cluster, here of one worker under a nanny, on the loopback."""

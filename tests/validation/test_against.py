@@ -57,6 +57,7 @@ def test_what_is_no_board_is_refused_before_a_trial_is_run(tmp_path, text):
         read_rows(tmp_path / "board.json")
 
 
+@pytest.mark.slow
 def test_the_exit_code_is_one_where_a_number_differs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["validate", "--only", "middle_minorflex_fdp", "--workers", "1"]

@@ -164,8 +164,11 @@ MOST = {"fingertip force": 0.5, "slip force": 0.5, "moment arm": 0.05}
 0.032); with its nodes alone on hard bones it was 2.2, 2.0 and 0.18."""
 
 
+CLAMPED = ("finger.tip.kind=clamped", "solve.start=nearby")
+
+
 def test_a_short_sweep_of_the_default_hood_is_a_curve(tmp_path: Path) -> None:
-    (sweep,) = read_sweeps(only="EDC, PIP", settings=("finger.tip.kind=clamped",))
+    (sweep,) = read_sweeps(only="EDC, PIP", settings=CLAMPED)
     few = slice(*np.searchsorted(sweep.angles, (40.0, 61.0)))
     postures = {joint: angles[few] for joint, angles in sweep.postures.items()}
     short = sweep._replace(angles=sweep.angles[few], postures=postures, cases=sweep.cases[few])

@@ -127,6 +127,7 @@ def test_the_nearest_is_advised_first():
     assert _advice(job, 3, ()) == ""
 
 
+@pytest.mark.slow
 def test_the_command_tells_faults_by_its_exit_code(tmp_path, monkeypatch):
     """Where no equilibrium is found, after two halvings of the step."""
     monkeypatch.setattr(model, "JobOptions", partial(JobOptions, shortest=0.3))
