@@ -196,12 +196,12 @@ def compare_repairs(
     made: dict[tuple[str, int, Tip], Case | Callable[[], Case]] = {}
     for k, way in enumerate(ways):
         at = case.with_layers([("condition", layer) for layer in way])
-        injured = _injured(at, file)
+        hurt = _injured(at, file)
         for tip in TIPS:
             made[INTACT, k, tip] = _named(one_side(at, tip, "before"), case, INTACT, k, tip)
-            made[INJURED, k, tip] = _named(one_side(injured, tip, "after"), case, INJURED, k, tip)
+            made[INJURED, k, tip] = _named(one_side(hurt, tip, "after"), case, INJURED, k, tip)
             for repair in file.repair:
-                made[repair.name, k, tip] = partial(_repaired, injured, case, repair, k, tip)
+                made[repair.name, k, tip] = partial(_repaired, hurt, case, repair, k, tip)
     outcomes = run_each(
         [*made.values()],
         partial(_keep, folder=folder),
@@ -209,8 +209,8 @@ def compare_repairs(
         lambda done, i, outcome: ended(done, len(made)),
     )
     found = dict(zip(made, outcomes, strict=True))
-    hurt = file.injury.title if file.injury else ""
-    titles = {INTACT: "without the injury", INJURED: hurt or case.title}
+    words_of_it = file.injury.title if file.injury else ""
+    titles = {INTACT: "without the injury", INJURED: words_of_it or case.title}
     titles |= {repair.name: repair.title or repair.name for repair in file.repair}
     rows = {name: _compared(name, title, found, len(ways)) for name, title in titles.items()}
     for name in (INTACT, INJURED):
