@@ -61,6 +61,27 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"{shown_path(path)}: tables are nested too deeply") from None
 
 
+def packaged_files(folder: str) -> list[Path]:
+    """The TOML files of a folder of the packaged cases."""
+    return sorted(Path(str(resources.files("cases"))).glob(f"{folder}/*.toml"))
+
+
+def find_file(path_or_name: str | Path, folder: str, what: str) -> Path:
+    """The file at a path, or the packaged one of that name in a folder of the cases; `what` it is.
+
+    Raises InputError."""
+    text, packaged = str(path_or_name), {path.stem: path for path in packaged_files(folder)}
+    for place in (Path(text), packaged.get(text, Path())):
+        try:
+            if place.is_file():
+                return place.resolve()
+        except (OSError, ValueError):  # too long, or a character that no name may have
+            continue
+    raise InputError(
+        f"{text!r}: no such {what} file and no packaged {what}; packaged are: {', '.join(packaged)}"
+    )
+
+
 def read_json_file(path: Path) -> Any:
     """What a JSON file holds.  Raises InputError, with the line that is at fault."""
     try:

@@ -18,8 +18,8 @@ from cosim.cli import app
 from cosim.models.build import hood_mesh
 from cosim.pipeline import run_case
 from cosim.results.conventions import vector_of
-from cosim.study.file import packaged_studies
 from cosim.study.plan import read_plan
+from cosim.text_tables import packaged_files
 from tests.golden import read_golden
 from tests.helpers.board import ANSWERS, in_each_hand, read_board, trust_rows
 from tests.helpers.folders import ROOT
@@ -227,7 +227,7 @@ def test_what_texts_count_is_as_many_as_there_are():
     """Of notebooks, packaged studies and cases, whose lists grow."""
     there = {
         "notebooks": len(list(ROOT.glob("cases/notebooks/[!_]*.py"))),
-        "studies": len(packaged_studies()),
+        "studies": len(packaged_files("studies")),
         "cases": len(packaged_cases()),
     }
     each = rf"\b(\d+|{'|'.join(NUMBERS)}) ((?:shipped|packaged) )?(notebooks|studies|cases)\b"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from importlib.resources import files
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -24,7 +23,7 @@ from cosim.results.result import Result
 from cosim.results.table import Cell, ReportTable
 from cosim.schema.fields import check_texts
 from cosim.schema.types import Table
-from cosim.text_tables import read_toml
+from cosim.text_tables import find_file, read_toml
 
 INTACT, INJURED = "intact", "injured"
 MOST_WAYS = 60
@@ -108,21 +107,10 @@ class RepairsFile(Table):
         return values
 
 
-def find_repairs(path: Path) -> Path:
-    """Return the file at a path, or the packaged one of that name.  Raises InputError."""
-    packaged = {p.stem: p for p in sorted(Path(str(files("cases"))).glob("repairs/*.toml"))}
-    if path.is_file():
-        return path
-    if str(path) in packaged:
-        return packaged[str(path)]
-    raise InputError(
-        f"{path}: no such file of repairs, and none is packaged of that name; packaged are: "
-        f"{', '.join(packaged)}"
-    )
-
-
-def read_repairs(path: Path) -> RepairsFile:
-    """Read a file of repairs.  Raises InputError that lists every fault."""
+def read_repairs(path_or_name: Path) -> RepairsFile:
+    """Read a file of repairs, or the packaged one of that name.  Raises InputError that lists every
+    fault."""
+    path = find_file(path_or_name, "repairs", "repairs")
     values = read_toml(path)
     try:
         found = RepairsFile.model_validate(values)

@@ -13,7 +13,6 @@ from cosim.analyses.lesion import TIPS, both_sides, freed_text, lesion_text, nam
 from cosim.analyses.repairs import (
     MEASURES,
     compare_repairs,
-    find_repairs,
     read_repairs,
     table_of_repairs,
 )
@@ -86,7 +85,7 @@ def lesion(
 def _compare_repairs(
     case: Case, source: Path, page: Path | None, form: Form, out: Path, workers: int
 ) -> None:
-    file = read_repairs(find_repairs(source))
+    file = read_repairs(source)
     where = page or Path(f"{case.name}_repairs.{form}")
     check_file(where)
     check_target(out, case.name)

@@ -25,8 +25,8 @@ from cosim.report.measured_page import source_rows, write_measured_page
 from cosim.results.compare import unit_of
 from cosim.results.quantities import QUANTITIES, STATE
 from cosim.schema.json_schema import CASE_SCHEMA, STUDY_SCHEMA
-from cosim.study.file import packaged_studies, study_schema
-from cosim.text_tables import read_toml
+from cosim.study.file import study_schema
+from cosim.text_tables import packaged_files, read_toml
 from cosim.validation.plan import groups
 
 GLOSSARY = "## Glossary\n"
@@ -143,7 +143,7 @@ def _cases() -> tuple[tuple[str, ...], Rows]:
 
 
 def _studies() -> tuple[tuple[str, ...], Rows]:
-    return ("study", ""), [(path.stem, _title(path)) for path in packaged_studies()]
+    return ("study", ""), [(path.stem, _title(path)) for path in packaged_files("studies")]
 
 
 def _title(path: Path) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from importlib import resources
 from math import inf, isfinite, prod
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
@@ -29,7 +28,7 @@ from cosim.study.distributions import (
     is_axis,
 )
 from cosim.study.sampling import KINDS, SCHEMES, Kind, count_points
-from cosim.text_tables import read_toml
+from cosim.text_tables import packaged_files, read_toml
 
 MOST_AXES = 4
 """That a message names."""
@@ -267,34 +266,15 @@ class Parameter(NamedTuple):
     least: float = -inf
 
 
-def find_study(path_or_name: str | Path) -> Path:
-    """The file at a path, or the packaged study of that name.  Raises InputError."""
-    text, packaged = str(path_or_name), {path.stem: path for path in packaged_studies()}
-    for place in (Path(text), packaged.get(text, Path())):
-        try:
-            if place.is_file():
-                return place.resolve()
-        except (OSError, ValueError):  # too long, or a character that no name may have
-            continue
-    raise InputError(
-        f"{text!r}: no such study file and no packaged study; packaged are: {', '.join(packaged)}"
-    )
-
-
 def is_study(path_or_name: str) -> bool:
     """Whether a name is that of a packaged study, or a file states parameters of one."""
-    if path_or_name in {path.stem for path in packaged_studies()}:
+    if path_or_name in {path.stem for path in packaged_files("studies")}:
         return True
     try:
         table = read_toml(Path(path_or_name))
     except (InputError, ValueError):  # what is wrong with it is said of a case
         return False
     return "parameters" in table
-
-
-def packaged_studies() -> list[Path]:
-    """The files of the packaged studies."""
-    return sorted(Path(str(resources.files("cases"))).glob("studies/*.toml"))
 
 
 def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:

@@ -22,13 +22,12 @@ from cosim.study.file import (
     Parameter,
     SamplingConfig,
     count_runs,
-    find_study,
     over_parameter,
     read_file,
     size_faults,
 )
 from cosim.study.sampling import check_sampling, points, unit_points
-from cosim.text_tables import read_text
+from cosim.text_tables import find_file, read_text
 
 Point = tuple[Word | None, ...]
 """A value for each parameter; None: as the case has it."""
@@ -108,7 +107,7 @@ def read_plan(
     with its case, at its settings and in the middle of every parameter.
 
     Raises InputError."""
-    source = find_study(path_or_name)
+    source = find_file(path_or_name, "studies", "study")
     check_name(source.stem)  # the folder of what it leaves
     read, parameters = read_file(source)
     sampling = read.sampling

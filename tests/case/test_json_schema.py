@@ -19,7 +19,8 @@ from cosim.cli import app
 from cosim.errors import InputError
 from cosim.schema import units
 from cosim.schema.json_schema import CASE_SCHEMA, STUDY_SCHEMA
-from cosim.study.file import packaged_studies, read_file, study_schema
+from cosim.study.file import read_file, study_schema
+from cosim.text_tables import packaged_files
 from tests.helpers.folders import ROOT
 
 SCHEMAS = {"case": json_schema(), "study": study_schema()}
@@ -87,7 +88,7 @@ def test_the_schema_takes_every_shipped_case(name):
 def test_the_schema_takes_bases_studies_and_whole_cases():
     for path in (ROOT / "cases" / "base").glob("*.toml"):
         assert faults("case", path.read_text(encoding="utf-8")) == [], path
-    for path in packaged_studies():
+    for path in packaged_files("studies"):
         assert faults("study", path.read_text(encoding="utf-8")) == [], path
     for name in ("pulley_edc", "network_edc", "isometric_edc", "motion_edc_fdp"):
         text = resolved_toml(load_case(name))

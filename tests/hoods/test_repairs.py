@@ -12,7 +12,6 @@ from cosim.analyses.repairs import (
     Compared,
     RepairTable,
     compare_repairs,
-    find_repairs,
     read_repairs,
     table_of_repairs,
 )
@@ -232,7 +231,7 @@ def test_a_case_without_a_lesion_and_a_file_that_is_not_there_are_told(tmp_path)
     told = run("lesion", "isometric_edc", "--repairs", "boutonniere")
     assert (told.exit_code, "has no table [lesion]" in told.output) == (2, True)
     with pytest.raises(InputError, match="packaged are: boutonniere, claw"):
-        find_repairs(tmp_path / "none.toml")
+        read_repairs(tmp_path / "none.toml")
 
 
 PACKAGED = {
@@ -246,7 +245,7 @@ PACKAGED = {
 
 @pytest.mark.parametrize("name", PACKAGED)
 def test_packaged_repairs_can_be_made_of_their_case(name):
-    file = read_repairs(find_repairs(Path(name)))
+    file = read_repairs(Path(name))
     case = load_case(PACKAGED[name])
     if file.injury is not None:
         case = case.with_layers([("injury", file.injury.change)])
