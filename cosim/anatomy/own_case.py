@@ -13,7 +13,7 @@ import numpy as np
 from cosim.anatomy.carry import Carrier
 from cosim.anatomy.case_folder import REPORT, check_case, check_name, obj_text, write_schema
 from cosim.anatomy.joints import HEADS, MOST_ANGLE, MOST_SHIFT, Head, Joints, fit_head, joints_of
-from cosim.anatomy.landmarks import read_landmarks, stated_axes
+from cosim.anatomy.landmarks import AXES, read_landmarks, stated_axes
 from cosim.anatomy.scan import in_posture, scan_words
 from cosim.anatomy.slip_lengths import SlipLengths, find_lengths
 from cosim.anatomy.user_bones import LaidBones, Sizes, Template, lay_bones, template_of
@@ -97,7 +97,9 @@ def own_finger(given: OwnBones, progress: Progress = quiet) -> OwnFinger:
     joints = joints_of(ours, laid.fits, heads, stated)
     said = scan_words(joints, laid.given)
     if given.posture is not None:
-        joints = in_posture(joints, laid.given, given.posture)
+        by_landmarks = {HEADS[bone] for bone, name in stated if name == "flexion"}
+        by_landmarks |= {"MCP_abduction" for _, name in stated if name == "abduction"}
+        joints = in_posture(joints, laid.given, given.posture, by_landmarks)
     carrier = Carrier(ours, laid.fits, joints, with_tissue=not laid.given)
     kind = FINGERS[given.kind]
     assert kind.model is not None
@@ -156,7 +158,7 @@ def _joint_words(
     out += [
         f"landmark: {name} of the {bone} as stated"
         for bone, name in stated
-        if name not in ("dorsal", "radial", "flexion")
+        if name not in ("dorsal", "radial", *AXES)
     ]
     user, ours = joints.skeleton, template.skeleton
     lengths = ", ".join(f"{1e3 * part:.2f}" for part in user.length[1:])
