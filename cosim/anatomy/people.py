@@ -76,13 +76,17 @@ def read_people(path: Path) -> tuple[Subject, ...]:
     for row in table.rows if not faults else ():
         found = list(_row_faults(row))
         name = row.cells["subject"]
-        if name.lower() in subjects:
+        if name and name.lower() in subjects:
             found.append(
                 f"{row.place}: subject {name!r} is in {subjects[name.lower()].place} too; each row "
                 f"is a case of its own: name a second finger of a person otherwise, as {name}_ring"
             )
+        given = OwnBones("index", {})
+        try:
+            given = given if found else _given(row, path.parent)
+        except InputError as error:
+            found.append(str(error))
         faults += found
-        given = OwnBones("index", {}) if found else _given(row, path.parent)
         subjects.setdefault(name.lower(), Subject(name, row.place, given))
     if not faults and not table.rows:
         faults.append(f"{table.place}: no row follows; write one for each subject")
@@ -103,6 +107,8 @@ def _row_faults(row: CsvRow) -> Iterator[str]:
         if not cells[name]:
             hint = f", or a folder in the column {BONES}" if name in sized else ""
             yield f"{row.place}: {name} is empty; write it{hint}"
+    if not has_bones and (lacking := [name for name in NEEDED if name not in cells]):
+        yield f"{row.place}: {BONES} is empty; write a folder, or add the column {lacking[0]}"
     if has_bones and (both := [name for name in sized if cells[name]]):
         yield f"{row.place}: {both[0]} and {BONES} are both stated; the bones have their size"
     name = cells["subject"]

@@ -145,6 +145,7 @@ FINE = "A,index,right,41,25,17"
         (["7,index,right,41,25,17"], HEAD, "line 2: subject '7': a name begins with a letter"),
         ([f"{FINE},scan"], f"{HEAD},bones", "line 2: proximal_mm and bones are both stated"),
         (["A,index,right,scan"], "subject,finger,hand,bones", "holds none of metacarpal.stl"),
+        (["A,index,right,"], "subject,finger,hand,bones", "bones is empty; write a folder"),
         ([], HEAD, "no row follows"),
     ],
 )
