@@ -1,7 +1,7 @@
 """The pictures of the catalogue: `python -m cases.pictures [FAMILY ...]` draws them anew.
 
 Each is of one case of its family as it ships, and lies in the family's folder as picture.png;
-`fingers` draws the four fingers side by side into fingers.png.
+`fingers` draws the four fingers side by side into fingers.png, `left` a left hand into left.png.
 """
 
 from __future__ import annotations
@@ -121,13 +121,16 @@ def main() -> None:
     parser.add_argument("families", nargs="*", metavar="FAMILY", help=", ".join(SHOWN))
     parser.add_argument("--out", type=Path, default=FOLDER, help="in place of the folder cases/")
     asked = parser.parse_args()
-    if unknown := set(asked.families) - {*SHOWN, "fingers"}:
-        known = ", ".join([*SHOWN, "fingers"])
-        parser.error(f"no family {', '.join(sorted(unknown))}; there are {known}")
-    for family in asked.families or [*SHOWN, "fingers"]:
+    known = [*SHOWN, "fingers", "left"]
+    if unknown := set(asked.families) - {*known}:
+        parser.error(f"no family {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+    for family in asked.families or known:
         if family == "fingers":
             straight = [run_case(load_case(name, STRAIGHT)).scene for name in FINGERS]
             figure, place = draw_fingers(straight), asked.out / "fingers.png"
+        elif family == "left":
+            left = load_case(SHOWN["isometric"], ['finger.hand="left"'])
+            figure, place = draw(run_case(left)), asked.out / "left.png"
         else:
             figure = draw(run_case(load_case(SHOWN[family])))
             place = asked.out / family / "picture.png"

@@ -14,6 +14,7 @@ from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, CosimError, Progress, quiet, relay_progress
 from cosim.files import shown_path
 from cosim.json_text import json_text
+from cosim.models.build import mesh_advice
 from cosim.outcome import Outcome, outcome_of
 from cosim.processes import Memory, one_blas_thread, process_pool
 from cosim.results.motion import observe_motion
@@ -44,7 +45,12 @@ def run_case(case: Case, session: Session | None = None, progress: Progress = qu
     started = time.perf_counter()
     session = session or Session()
     with session.lock, relay_progress(progress):
-        solved = solve_case(case, session, progress)
+        try:
+            solved = solve_case(case, session, progress)
+        except ConvergenceError as error:
+            if advice := mesh_advice(case):
+                raise ConvergenceError(f"{error} {advice}", error.reached) from error
+            raise
         progress("summing up")
         result = observe(case, solved, time.perf_counter() - started)
         if not result.summary["converged"]:

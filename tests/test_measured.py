@@ -74,7 +74,7 @@ def test_an_address_names_one_number_unless_loads_or_fingers_tell_more_apart():
     apart = {
         m.cited.source for m in every if counts[m.cited.source, m.quantity, m.posture, m.hand] > 1
     }
-    assert apart == {"synek2019", "ketchum1978", "dogadov2025", "chan2019"}
+    assert apart == {"synek2019", "ketchum1978", "dogadov2025", "chan2019", "munyebvu2024"}
     with pytest.raises(InputError, match="names 3 measured numbers"):
         measured_at("synek2019:metacarpal_load.FDP+FDS.proximal")
 

@@ -1,7 +1,8 @@
 """Tendon paths, eyelets and fingertip of a packaged finger carried over to a user's bones.
 
 A point goes with the nearest point of its bone, and keeps its height off it: what lies between bone
-and tendon is soft tissue, which no bone tells.
+and tendon is soft tissue, which no bone tells.  Of a finger of stated lengths, which is ours at
+another size, heights are stretched as the bones are.
 """
 
 from __future__ import annotations
@@ -40,13 +41,15 @@ class Carrier:
     ours: Skeleton
     fits: Mapping[str, Fit]
     joints: Joints
+    with_tissue: bool = False
+    """Whether heights off a bone are stretched with it."""
 
     def points(self, body: str, points: Array) -> Array:
         """Points (n, 3) m about a packaged bone, in the user's frame of the body."""
         points, fit = np.atleast_2d(points), self.fits[body]
         foot = fit.foot(points)
-        turn = self.joints.axes[body].T @ fit.rotation
-        return self.joints.local(body, fit.carry(foot)) + (points - foot) @ turn.T
+        off = self.joints.axes[body].T @ (fit.matrix if self.with_tissue else fit.rotation)
+        return self.joints.local(body, fit.carry(foot)) + (points - foot) @ off.T
 
     def point(self, body: str, point: Vector) -> Vector:
         """One such point."""

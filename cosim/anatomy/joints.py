@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.anatomy.register import Fit
+from cosim.errors import InputError
 from cosim.port import Array, Triangles
 from meshes.skeleton import BODIES, JOINTS, Skeleton
 
@@ -24,6 +25,8 @@ FACING = 60.0
 """deg, of a point's normal to the sagittal plane: what is steeper is no part of a cylinder."""
 MOST_ANGLE, MOST_SHIFT = 10.0, 1.0
 """deg and mm between an axis that a head shows and the carried one: beyond, landmarks decide."""
+MOST_TURNED = 45.0
+"""deg between a landmark's axis and the carried one: beyond, it is another."""
 
 
 @dataclass(frozen=True)
@@ -185,10 +188,12 @@ def joints_of(
 ) -> Joints:
     """The joints of bones that lie anywhere.  `heads`: by bone, of those whose own head counts;
     `stated`: what landmarks say, by bone and name (`distal_joint`, `proximal_joint`, `tip`: (3,) m;
-    `flexion`: (3,) unit), in the bone's file.
+    `flexion`, `abduction`: (3,) unit), in the bone's file.
 
     The PIP's axis is its head's; the DIP's keeps to the PIP's what ours keeps (its condyles are too
-    short to tell), unless a landmark says otherwise."""
+    short to tell), the MCP's go with the proximal phalanx, unless a landmark says otherwise.
+
+    Raises InputError for a landmark's axis that is another than its joint's."""
     origin, axes, length = {}, {}, np.zeros(4)
     for i, body in enumerate(BODIES):
         fit = fits[body]
@@ -209,19 +214,47 @@ def joints_of(
     # the MCP's axes go with the proximal phalanx, whose frame has its flexion axis as ours has
     turned = axes["proximal"].T @ fits["proximal"].rotation
     axis[0], axis[1] = turned @ axis[0], turned @ axis[1]
+    flexion, abduction = zero[0] @ axis[0], zero[0] @ axis[1]  # in the metacarpal
+    if (to := _stated(stated, "metacarpal", "flexion", flexion, axes)) is not None:
+        abduction = _between(flexion, to)[0] @ abduction
+        zero[0], flexion = _straight(to, zero[0]), to
+    if (to := _stated(stated, "metacarpal", "abduction", abduction, axes)) is not None:
+        abduction = to
+    axis[0], axis[1] = zero[0].T @ flexion, zero[0].T @ abduction
     follow = np.eye(3)
     for body, joint, k in (("proximal", "PIP", 1), ("middle", "DIP", 2)):
         carried = axes[body].T @ fits[body].carry_axis(parent_axis(ours, joint))
         new = follow @ carried
         if joint == "PIP" and body in heads:
             new = axes[body].T @ heads[body].turn @ axes[body] @ carried
-        if (body, "flexion") in stated:
-            new = axes[body].T @ stated[body, "flexion"]
-            new *= np.sign(new @ carried)
+        if (to := _stated(stated, body, "flexion", carried, axes)) is not None:
+            new = to
         zero[k] = _straight(new, zero[k])
         axis[JOINTS.index(joint)] = zero[k].T @ new
         follow = zero[k].T @ _between(carried, new)[0] @ zero[k]
     return Joints(replace(ours, length=length, zero=zero, axis=axis, source={}), origin, axes)
+
+
+def _stated(
+    stated: Mapping[tuple[str, str], Array],
+    body: str,
+    name: str,
+    carried: Array,
+    axes: Mapping[str, Array],
+) -> Array | None:
+    """The axis (3,) that landmarks state at a bone's head, in its frame, the way of the `carried`
+    one.  Raises InputError for one that is nearer to another axis."""
+    if (body, name) not in stated:
+        return None
+    way = axes[body].T @ stated[body, name]
+    way *= np.sign(way @ carried) or 1.0
+    angle = _between(way, carried)[1]
+    if angle > MOST_TURNED:
+        raise InputError(
+            f"--landmarks: the {name} axis of the {HEADS[body]} is {angle:.0f} deg off the one "
+            f"carried over, at most {MOST_TURNED:g}; do the {body}'s two points lie on this axis?"
+        )
+    return np.asarray(way)
 
 
 def _straight(axis: Array, zero: Array) -> Array:

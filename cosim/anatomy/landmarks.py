@@ -15,15 +15,22 @@ from meshes.skeleton import BODIES
 LANDMARKS = {
     "distal_joint": ("metacarpal", "proximal", "middle"),
     "proximal_joint": ("proximal", "middle", "distal"),
-    "flexion_radial": ("proximal", "middle"),
-    "flexion_ulnar": ("proximal", "middle"),
+    "flexion_radial": ("metacarpal", "proximal", "middle"),
+    "flexion_ulnar": ("metacarpal", "proximal", "middle"),
+    "abduction_dorsal": ("metacarpal",),
+    "abduction_palmar": ("metacarpal",),
     "tip": ("distal",),
     "dorsal": BODIES,
     "radial": BODIES,
 }
 """The bones on which each has a meaning: the centre of the joint at the bone's distal or proximal
-end, two points on the flexion axis at its head, the fingertip, any point on its dorsal and on its
-radial side."""
+end, two points on the flexion axis at its head, two on the MCP's abduction axis, the fingertip, any
+point on its dorsal and on its radial side."""
+AXES = {
+    "flexion": ("flexion_radial", "flexion_ulnar"),
+    "abduction": ("abduction_dorsal", "abduction_palmar"),
+}
+"""From the second point to the first."""
 EXAMPLE = "bone,landmark,x,y,z"
 
 
@@ -45,20 +52,25 @@ def read_landmarks(path: Path) -> dict[tuple[str, str], Array]:
         if (bone, name) in out:
             raise InputError(f"--landmarks {row.place}: {name} of the {bone} is there twice")
         out[bone, name] = point
-    for bone in LANDMARKS["flexion_radial"]:
-        if ((bone, "flexion_radial") in out) != ((bone, "flexion_ulnar") in out):
-            raise InputError(
-                f"--landmarks {path}: the {bone}'s flexion axis needs two points, flexion_radial "
-                "and flexion_ulnar"
-            )
+    for axis, (first, second) in AXES.items():
+        for bone in LANDMARKS[first]:
+            a, b = (out.get((bone, name)) for name in (first, second))
+            if a is None and b is None:
+                continue
+            if a is None or b is None or np.array_equal(a, b):
+                raise InputError(
+                    f"--landmarks {path}: the {bone}'s {axis} axis needs two points, {first} and "
+                    f"{second}"
+                )
     return out
 
 
 def stated_axes(points: Mapping[tuple[str, str], Array]) -> dict[tuple[str, str], Array]:
-    """With each flexion axis (3,), of length 1, beside the points."""
+    """With each flexion and abduction axis (3,), of length 1, beside the points."""
     out = dict(points)
-    for (bone, name), radial in points.items():
-        if name == "flexion_radial":
-            way = radial - points[bone, "flexion_ulnar"]
-            out[bone, "flexion"] = way / np.linalg.norm(way)
+    for axis, (first, second) in AXES.items():
+        for bone in LANDMARKS[first]:
+            if (bone, first) in points:
+                way = points[bone, first] - points[bone, second]
+                out[bone, axis] = way / np.linalg.norm(way)
     return out

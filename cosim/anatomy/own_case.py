@@ -4,7 +4,7 @@ them, the slips' lengths found again."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -13,10 +13,10 @@ import numpy as np
 from cosim.anatomy.carry import Carrier
 from cosim.anatomy.case_folder import REPORT, check_case, check_name, obj_text, write_schema
 from cosim.anatomy.joints import HEADS, MOST_ANGLE, MOST_SHIFT, Head, Joints, fit_head, joints_of
-from cosim.anatomy.landmarks import read_landmarks, stated_axes
+from cosim.anatomy.landmarks import AXES, read_landmarks, stated_axes
 from cosim.anatomy.scan import in_posture, scan_words
 from cosim.anatomy.slip_lengths import SlipLengths, find_lengths
-from cosim.anatomy.user_bones import LaidBones, Template, lay_bones, template_of
+from cosim.anatomy.user_bones import LaidBones, Sizes, Template, lay_bones, template_of
 from cosim.case.file import load_case
 from cosim.errors import InputError, Progress, quiet
 from cosim.files import check_folder, output_folder
@@ -44,6 +44,8 @@ class OwnBones:
     landmarks: Path | None = None
     posture: Mapping[str, float] | None = None
     """rad, of one scan in which the bones lie as in the hand; else our zero begins each joint."""
+    sizes: Sizes = field(default_factory=dict)
+    """Of bones that no file holds.  Of a finger without any file soft tissue is stretched too."""
 
 
 @dataclass(frozen=True)
@@ -78,12 +80,12 @@ class OwnFinger:
 def own_finger(given: OwnBones, progress: Progress = quiet) -> OwnFinger:
     """Joints, tendons and bones of a user's finger.  Raises InputError that lists all faults."""
     template = template_of(given.kind)
-    if not given.bones:
+    if not (given.bones or given.sizes):
         raise InputError("--bones: give one of the four at least, as --bone proximal=p1.stl")
     points = {} if given.landmarks is None else read_landmarks(given.landmarks)
     if wrong := [bone for bone, _ in points if bone not in given.bones]:
         raise InputError(f"--landmarks: has points of the {wrong[0]}, which is not given (--bones)")
-    laid = lay_bones(given.bones, template, given.unit, given.hand, points, progress)
+    laid = lay_bones(given.bones, template, given.unit, given.hand, points, progress, given.sizes)
     stated = stated_axes(laid.stated)
     ours = template.skeleton
     heads = {
@@ -95,8 +97,10 @@ def own_finger(given: OwnBones, progress: Progress = quiet) -> OwnFinger:
     joints = joints_of(ours, laid.fits, heads, stated)
     said = scan_words(joints, laid.given)
     if given.posture is not None:
-        joints = in_posture(joints, laid.given, given.posture)
-    carrier = Carrier(ours, laid.fits, joints)
+        by_landmarks = {HEADS[bone] for bone, name in stated if name == "flexion"}
+        by_landmarks |= {"MCP_abduction" for _, name in stated if name == "abduction"}
+        joints = in_posture(joints, laid.given, given.posture, by_landmarks)
+    carrier = Carrier(ours, laid.fits, joints, with_tissue=not laid.given)
     kind = FINGERS[given.kind]
     assert kind.model is not None
     models = [
@@ -115,7 +119,12 @@ def own_finger(given: OwnBones, progress: Progress = quiet) -> OwnFinger:
         carrier.eyelets(kind.eyelets(template.config)),
         width * kind.width(template.config),
         size,
-        (*laid.report, *_joint_words(template, heads, joints, stated), *said, *_carried(model)),
+        (
+            *laid.report,
+            *_joint_words(template, heads, joints, stated),
+            *said,
+            *_carried(model, carrier),
+        ),
         given.hand,
     )
 
@@ -149,7 +158,7 @@ def _joint_words(
     out += [
         f"landmark: {name} of the {bone} as stated"
         for bone, name in stated
-        if name not in ("dorsal", "radial", "flexion")
+        if name not in ("dorsal", "radial", *AXES)
     ]
     user, ours = joints.skeleton, template.skeleton
     lengths = ", ".join(f"{1e3 * part:.2f}" for part in user.length[1:])
@@ -161,10 +170,11 @@ def _joint_words(
     return out
 
 
-def _carried(model: FingerModel) -> list[str]:
+def _carried(model: FingerModel, carrier: Carrier) -> list[str]:
+    off = "stretched with it" if carrier.with_tissue else "that ours has"
     return [
         f"tendons: {', '.join(model.muscles)}: each point goes with its bone, at the height off it "
-        "that ours has (assumed: no bone tells soft tissue)"
+        f"{off} (assumed: no bone tells soft tissue)"
     ]
 
 
@@ -184,27 +194,36 @@ def new_own_case(name: str, given: OwnBones, out: Path, progress: Progress = qui
     check_name(name)
     check_folder(out, REPORT)
     finger = own_finger(given, progress)
+    with output_folder(out, REPORT) as part:
+        written = write_own_case(name, finger, part, progress)
+    return replace(written, case=out / f"{name}.toml")
+
+
+def write_own_case(name: str, finger: OwnFinger, folder: Path, progress: Progress) -> OwnCase:
+    """Write the case NAME.toml of a finger with its files into an empty folder, the slips' lengths
+    found again.  Raises InputError."""
     hood = cast(ShellHoodConfig, load_case(finger.template.base).hood)
     central = finger.size * hood.extra_length.central_slip
     report = [*finger.report, *_hood_words(finger)]
-    with output_folder(out, REPORT) as part:
-        case = part / f"{name}.toml"
-        write_files(part, finger)
-        case.write_text(case_text(name, finger, hood, central), encoding="utf-8")
-        check_case(case)
-        slips = find_lengths(case, finger.template.base, central, finger.size, progress)
-        report += slips.report
-        case.write_text(case_text(name, finger, hood, slips.central), encoding="utf-8")
-        (part / REPORT).write_text("\n".join(report) + "\n", encoding="utf-8")
-    return OwnCase(out / f"{name}.toml", finger, slips, tuple(report))
+    case = folder / f"{name}.toml"
+    write_files(folder, finger)
+    case.write_text(case_text(name, finger, hood, central), encoding="utf-8")
+    check_case(case)
+    slips = find_lengths(case, finger.template.base, central, finger.size, progress)
+    report += slips.report
+    case.write_text(case_text(name, finger, hood, slips.central), encoding="utf-8")
+    (folder / REPORT).write_text("\n".join(report) + "\n", encoding="utf-8")
+    return OwnCase(case, finger, slips, tuple(report))
 
 
 def _hood_words(finger: OwnFinger) -> list[str]:
+    tissue = "and what lies between hood and bone are its own"
+    if not finger.laid.given:
+        tissue = "are its own, what lies between hood and bone is as much higher as bones are wider"
     return [
         "hood: the generator's, on your bones; slack, toes and extra lengths "
         f"{finger.size:.4f} times the packaged hood's, anchors {finger.breadth:.4f} times as far "
-        "to the sides as the index finger's; sections, moduli and what lies between hood and bone "
-        "are its own (assumed)"
+        f"to the sides as the index finger's; sections, moduli {tissue} (assumed)"
     ]
 
 
@@ -221,7 +240,7 @@ def write_files(part: Path, finger: OwnFinger) -> None:
 
 
 def _mm(metres: float) -> str:
-    return f"{1e3 * metres:.6g} mm"
+    return f"{1e3 * metres:.12g} mm"
 
 
 def case_text(name: str, finger: OwnFinger, hood: ShellHoodConfig, central: float) -> str:
@@ -248,7 +267,7 @@ def case_text(name: str, finger: OwnFinger, hood: ShellHoodConfig, central: floa
         "finger": {
             "hand": finger.hand,
             "path": "finger.xml",
-            "breadth": round(finger.breadth, 6),
+            "breadth": float(f"{finger.breadth:.12g}"),
             "eyelets": {t: [_mm(value) for value in at] for t, at in finger.eyelets.items()},
             "bones": bones,
         },
@@ -260,4 +279,8 @@ def case_text(name: str, finger: OwnFinger, hood: ShellHoodConfig, central: floa
             "springs": {key: lengths for key, lengths in springs.items() if lengths},
         },
     }
+    if not finger.laid.given:
+        wider = {body: float(finger.laid.fits[body].stretch[1]) for body in BODIES}
+        heights = {body: _mm(wider[body] * m) for body, m in hood.contact.offset if body in wider}
+        values["hood"]["contact"] = {"offset": heights}
     return f"{schema_line(CASE_SCHEMA)}\n{notes(remarks)}{toml_text(values)}"

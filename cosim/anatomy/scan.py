@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from cosim.anatomy.joints import Joints
+from cosim.anatomy.joints import Joints, parent_axis
 from cosim.errors import InputError
 from cosim.port import Array
 from meshes.skeleton import BODIES, JOINTS
@@ -44,9 +44,15 @@ def scan_words(joints: Joints, given: tuple[str, ...]) -> list[str]:
     ]
 
 
-def in_posture(joints: Joints, given: tuple[str, ...], posture: Mapping[str, float]) -> Joints:
+def in_posture(
+    joints: Joints,
+    given: tuple[str, ...],
+    posture: Mapping[str, float],
+    stated: Collection[str] = (),
+) -> Joints:
     """The joints, which stand at the angles `posture` (rad) as the bones lie in their files; the
-    MCP's abduction is none there.  Raises InputError where they do not lie together."""
+    MCP's abduction is none there.  Axes of joints that are `stated` stay where they are in the bone
+    before, others in the bone after.  Raises InputError where the bones do not lie together."""
     apart = centres_apart(joints, given)
     wide = {joint: gap for joint, gap in apart.items() if gap > TOGETHER}
     if wide or not apart:
@@ -56,12 +62,16 @@ def in_posture(joints: Joints, given: tuple[str, ...], posture: Mapping[str, flo
             + (f"their joints' centres are apart: {what}" if wide else "no two bones share a joint")
             + "; leave it out"
         )
-    zero = joints.skeleton.zero.copy()
+    zero, axis = joints.skeleton.zero.copy(), joints.skeleton.axis.copy()
     for joint in apart:
-        k = FLEXION.index(joint)
-        turn = _turn(joints.skeleton.axis[JOINTS.index(joint)], posture.get(joint, 0.0))
-        zero[k] = _relative(joints, joint) @ turn.T
-    return replace(joints, skeleton=replace(joints.skeleton, zero=zero))
+        k, bent = FLEXION.index(joint), _relative(joints, joint)
+        own = [name for name in JOINTS if name.startswith(joint) and name in stated]
+        before = {name: parent_axis(joints.skeleton, name) for name in own}
+        about = bent.T @ before[joint] if joint in own else axis[JOINTS.index(joint)]
+        zero[k] = bent @ _turn(about, posture.get(joint, 0.0)).T
+        for name, way in before.items():
+            axis[JOINTS.index(name)] = zero[k].T @ way
+    return replace(joints, skeleton=replace(joints.skeleton, zero=zero, axis=axis))
 
 
 def _relative(joints: Joints, joint: str) -> Array:

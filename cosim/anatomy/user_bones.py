@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import cast
 
 import numpy as np
@@ -46,6 +47,8 @@ ROUGH = 0.04e-3
 MANY = 30000
 """Triangles of a surface beyond which contact with it takes minutes to prepare."""
 HANDS = {"right": "left", "left": "right"}
+Sizes = Mapping[str, tuple[float, float]]
+"""Length from end to end and greatest width, m, by body."""
 Stated = Mapping[tuple[str, str], Array]
 """What landmarks say: m in a bone's file, by body and name."""
 
@@ -99,8 +102,10 @@ def lay_bones(
     hand: str,
     stated: Stated,
     progress: Progress,
+    sizes: Sizes = MappingProxyType({}),
 ) -> LaidBones:
-    """Lay the packaged bones on a user's, by body.  `stated`: landmarks in the files' unit.
+    """Lay the packaged bones on a user's, by body.  `stated`: landmarks in the files' unit;
+    `sizes`: of bones that no file holds.
 
     Raises InputError that lists all faults."""
     faults: list[str] = []
@@ -112,14 +117,15 @@ def lay_bones(
             raw[body] = surface
     report = [f"bones: {line}" for line in report]
     _refuse(faults)
-    unit = _unit(raw, template, unit, report)
+    unit = _unit(raw, template, unit, report) if raw else "m"
     turn = np.array([1.0, 1.0, -1.0 if hand == "left" else 1.0])
     if hand == "left":
         report.append(
             "side: left, stated: solved as its mirror image; files and pictures are the left hand's"
         )
     else:
-        report.append("side: right, stated" + ("" if stated else "; no single bone tells it"))
+        hint = "" if stated or not raw else "; no single bone tells it"
+        report.append("side: right, stated" + hint)
     surfaces = {
         body: (points * UNITS[unit] * turn, faces[:, ::-1] if hand == "left" else faces)
         for body, (points, faces) in raw.items()
@@ -149,15 +155,19 @@ def lay_bones(
                 f"{body}: {why}; the hood lies on ours as the spline bends it, with the distance "
                 "told above"
             )
-    along = float(np.mean([fit.stretch[0] for fit in fits.values()]))
-    across = float(np.mean([fit.stretch[1:] for fit in fits.values()]))
+    ratios = {body: _ratios(template.bones[body], *size) for body, size in sizes.items()}
+    stretch = np.array(
+        [*(fit.stretch for fit in fits.values()), *([x, y, y] for x, y in ratios.values())]
+    )
+    along, across = float(stretch[:, 0].mean()), float(stretch[:, 1:].mean())
     for body in BODIES:
         if body not in surfaces:
             points, faces = template.bones[body]
-            scale = np.array([along, across, across])
-            surfaces[body] = points * scale, faces
+            longer, wider = ratios.get(body, (along, across))
+            surfaces[body] = points * (scale := np.array([longer, wider, wider])), faces
             fits[body] = _scaled(points, scale)
-            report.append(f"{body}: not given; ours, {along:.3f} as long and {across:.3f} as wide")
+            how = "as stated" if body in sizes else "not given"
+            report.append(f"{body}: {how}; ours, {longer:.3f} as long and {wider:.3f} as wide")
     return LaidBones(surfaces, fits, tuple(files), landmarks, tuple(report))
 
 
@@ -165,6 +175,15 @@ def _refuse(faults: list[str]) -> None:
     if faults:
         count = f"{len(faults)} fault" + ("s" if len(faults) > 1 else "")
         raise InputError("\n  ".join([f"the bones have {count}", *faults]))
+
+
+def width_of(surface: Triangles) -> float:
+    """The greatest width of a packaged bone from side to side, in its unit."""
+    return float(np.ptp(surface[0][:, 1]))
+
+
+def _ratios(ours: Triangles, length: float, width: float) -> tuple[float, float]:
+    return length / span(ours), width / width_of(ours)
 
 
 def _scaled(points: Array, scale: Array) -> Fit:

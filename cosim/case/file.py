@@ -27,15 +27,22 @@ NO_FAMILIES = {"base", "studies", "repairs", "data"}  # folders of cases/
 
 def load_case(path_or_name: str | Path, overrides: Sequence[str] = ()) -> Case:
     """The checked case at a path, or of that name among the packaged ones, with `overrides`
-    ("hood.mesh.quads=250") on top.
+    ("hood.mesh.quads=250") on top; of these, extends=FILE lays it over another case than its file
+    says, by a path relative to that file.
 
     >>> load_case("pulley_edc", ["tendons.EDC.tension=5 N"]).tension("EDC")
     5.0
 
     Raises InputError that lists every fault with its place and what to write instead.
     """
-    source = find_case(path_or_name)
-    return Case.from_layers([*_read_layers(source, ()), *layers_of(overrides)], source)
+    source, bases = find_case(path_or_name), [text for text in overrides if _is_base(text)]
+    base = bases[-1].partition("=")[2].strip() if bases else None
+    others = [text for text in overrides if not _is_base(text)]
+    return Case.from_layers([*_read_layers(source, (), base), *layers_of(others)], source)
+
+
+def _is_base(text: str) -> bool:
+    return text.partition("=")[0].strip() == "extends"
 
 
 def case_of(table: Mapping[str, Any], name: str = "case", overrides: Sequence[str] = ()) -> Case:
@@ -96,8 +103,8 @@ def _packaged_folder() -> Path:
     return Path(str(resources.files("cases")))
 
 
-def _read_layers(source: Path, above: tuple[Path, ...]) -> list[Layer]:
-    """The file's values, with those it extends before them."""
+def _read_layers(source: Path, above: tuple[Path, ...], other: str | None = None) -> list[Layer]:
+    """The file's values, with those it extends before them, or those of the `other` base."""
     if source in above:
         chain = " -> ".join(shown_path(p) for p in (*above, source))
         raise InputError(f"these files extend each other in a circle: {chain}")
@@ -106,7 +113,8 @@ def _read_layers(source: Path, above: tuple[Path, ...]) -> list[Layer]:
             f"{shown_path(above[0])}: extends a file that extends one, and so on through more than "
             f"{MOST_EXTENDED} files; put some of them together"
         )
-    return _layers_of(read_toml(source), shown_path(source), source, above)
+    values = read_toml(source) | ({} if other is None else {"extends": other})
+    return _layers_of(values, shown_path(source), source, above)
 
 
 def _layers_of(

@@ -13,10 +13,12 @@ import typer
 
 from cosim.anatomy.case_folder import new_case
 from cosim.anatomy.own_case import OwnBones, new_own_case
+from cosim.anatomy.people import EXAMPLE, new_people, read_people
 from cosim.anatomy.read import UserAnatomy
+from cosim.commands.door import door
 from cosim.commands.new_page import write_page
 from cosim.commands.options import pairs_of, quantity, three_numbers, to
-from cosim.commands.terminal import say
+from cosim.commands.terminal import say, stages
 from cosim.errors import InputError
 from cosim.port import Hand
 from cosim.schema import units
@@ -29,8 +31,12 @@ Frame = Literal["body", "hood", "myohand"]
 Files = tuple[Path, Path, Path, Path]
 
 
-def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the case.")],
+Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the case.")]
+Out = Annotated[Path | None, to("The folder to write; else NAME.")]
+
+
+def new_one(
+    name: Name,
     hood: Annotated[
         Path | None,
         typer.Option(help="The hood: quads with named sets, .feb, .vtu, .vtp, .vtk, .msh or .inp."),
@@ -112,10 +118,9 @@ def new(
             help='A TOML file of such names: end_central = "NSET_12"; or myohand, for MyoSuite\'s.'
         ),
     ] = None,
-    out: Annotated[Path | None, to("The folder to write; else NAME.")] = None,
+    out: Out = None,
 ) -> None:
-    """Make a case of your own hood mesh, bones and finger, or of bones alone with our hood laid on
-    them, and say what was found, assumed and dropped."""
+    """Make one case."""
     if hood is None and finger is None and (bones or bone):
         surfaces = _surfaces(bones, bone or ())
         scan = None if posture is None else _posture(posture)
@@ -145,6 +150,34 @@ def new(
     )
     case, report = new_case(name, given, out or Path(name))
     _show(case, report, given.hood is not None)
+
+
+def new_from_table(
+    name: Name,
+    table: Annotated[
+        Path,
+        typer.Option(
+            "--from-table",
+            metavar="PEOPLE.csv",
+            help=f"A case for each row, and a study of all: {EXAMPLE}, if wanted metacarpal_mm and "
+            "widths (proximal_width_mm); or a folder of bones in a column bones.",
+        ),
+    ],
+    out: Out = None,
+) -> None:
+    """Make a case for each person of a table."""
+    with stages(name) as progress:
+        people = new_people(name, read_people(table), out or Path(name), progress.say)
+    for line in people.report:
+        typer.echo(line)
+    typer.echo(f"{len(people.cases)} cases; run them: cosim study {people.study}")
+
+
+@door({"": new_one, "--from-table": new_from_table})
+def new(name: Name) -> None:
+    """Make a case of your own hood mesh, bones and finger, or of bones alone with our hood laid on
+    them, and say what was found, assumed and dropped; with --from-table a case for each person of a
+    table, and their study."""
 
 
 def _surfaces(bones: Files | None, single: Sequence[str]) -> dict[str, Path]:

@@ -176,7 +176,7 @@ def _source_rows(own: OwnCase) -> list[list[str]]:
         [f"joint centres of {fitted}", "measured", "heads of the bones, by what ours differ in"],
         ["axis of the PIP", "measured" if "proximal" in finger.heads else "carried", "its head"],
         ["axis of the DIP", "carried", "keeps to the PIP's what ours keeps"],
-        ["axes of the MCP", "carried", "the proximal phalanx"],
+        ["axes of the MCP", "carried", "the proximal phalanx, where no landmark states them"],
         ["fingertip", "carried", "the distal phalanx"],
         [f"points of {tendons}", "carried", "thin-plate spline on the bone, our height off it"],
         [f"eyelets of {', '.join(finger.eyelets)}", "carried", "the metacarpal"],

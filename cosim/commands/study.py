@@ -16,7 +16,7 @@ from cosim.commands.terminal import print_table, say, warn
 from cosim.errors import InputError, span
 from cosim.extras import require
 from cosim.files import output_file
-from cosim.results.compare import number
+from cosim.results.compare import number, reference_text
 from cosim.study import engine
 from cosim.study.answers import too_few_for_ends
 from cosim.study.bands import ENDS, MIDDLE, PERCENTILES, cost_of
@@ -189,11 +189,18 @@ def _show_bands(plan: StudyPlan, bands: pd.DataFrame) -> None:
     """Percentiles of the first numbers beside the case as it is."""
     axes = [*bands.columns[3 : bands.columns.get_loc("as_it_is")]]
     columns = [*axes, "as_it_is", *ENDS]
+    beside = {t.quantity: reference_text(t) for t in plan.targets}
     rows = [
-        (f"{row.meaning}, {row.unit}", *(number(row[name]) for name in columns), str(row.runs))
+        (
+            f"{row.meaning}, {row.unit}",
+            *(number(row[name]) for name in columns),
+            str(row.runs),
+            *([beside.get(row.quantity, "")] if beside else []),
+        )
         for _, row in bands.iterrows()
     ]
-    heads = ("as it is", *(f"{p} %" for p in PERCENTILES), "runs")
+    files = ", ".join(dict.fromkeys(t.source for t in plan.targets))
+    heads = ("as it is", *(f"{p} %" for p in PERCENTILES), "runs", *([files] if beside else []))
     print_table(f"{plan.case.stem}: bands by {plan.name}", ("", *axes, *heads), rows)
     if few := too_few_for_ends(int(bands.runs.min()), MIDDLE):
         typer.echo(few)

@@ -219,6 +219,8 @@ class HoodBuilder(Generic[H]):
     """As plain MuJoCo can have it; None of a hood that it cannot.  Raises InputError."""
     mesh_warnings: Callable[[H, Anatomy], Sequence[str]] = lambda hood, anatomy: ()
     """What to know of its mesh.  Raises InputError."""
+    mesh_advice: Callable[[H, Anatomy], str] = lambda hood, anatomy: ""
+    """What to do about its mesh where a solve fails.  Raises InputError."""
 
 
 @dataclass(frozen=True)

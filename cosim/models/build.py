@@ -182,6 +182,13 @@ def mesh_warnings(case: Case) -> Sequence[str]:
     return KINDS[case.hood.kind].builder.mesh_warnings(case.hood, anatomy)
 
 
+def mesh_advice(case: Case) -> str:
+    """What to do about the mesh of a case's hood where a solve failed; nothing where it follows the
+    heads of the bones.  Raises InputError."""
+    anatomy = anatomy_of(case.finger, case.hood.left_to_finger)
+    return KINDS[case.hood.kind].builder.mesh_advice(case.hood, anatomy)
+
+
 def bone_surfaces(case: Case) -> Mapping[str, Triangles]:
     """Surfaces of the bones in their bodies' frames, m."""
     return bones_of(case.native_finger(), case.hood.left_to_finger)

@@ -35,7 +35,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -48,7 +48,7 @@ from cosim.measured import Evidence, measured_at
 from cosim.port import AXES
 from cosim.results.conventions import OPPOSITE
 from cosim.schema.fields import is_number
-from cosim.text_tables import CsvRow, read_csv, read_json_file
+from cosim.text_tables import CsvRow, CsvTable, read_csv, read_json_file
 
 Kind = Literal[Evidence, "requirement"]
 """What a reference rests on."""
@@ -362,6 +362,11 @@ NEEDED = ("name", "quantity", "unit", "reference", "sd", "low", "high", "source"
 """What a row of a comparison in a file has at least."""
 KNOWN = (*NEEDED, "value", "measured", "n", "case", "geometry", "fitted", "note", "held_out")
 """The columns that a CSV of targets may have."""
+OF_BANDS = {
+    **{"quantity": "quantity", "meaning": "name", "unit": "unit"},
+    **{"p5": "low", "p50": "value", "p95": "high", "runs": "n"},
+}
+"""The columns of a study's bands, and what they are in a CSV of targets."""
 YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False, "": False}
 
 
@@ -401,10 +406,13 @@ def _row_of(place: str, row: Any) -> Comparison:
 
 
 def read_targets(path: Path) -> tuple[Target, ...]:
-    """The targets of a CSV file; the module says what its columns hold.
+    """The targets of a CSV file; the module says what its columns hold.  Of a bands.csv that a
+    study left they are its medians and the middle 90 %.
 
     Raises InputError, naming line and column."""
     table = read_csv(path, "quantity,value,sd")
+    if set(OF_BANDS) < set(table.columns):
+        table = _bands_as_targets(table)
     numbers = {"value", "reference", "measured", "low", "high"}
     lacking = "quantity" not in table.columns or not numbers & set(table.columns)
     unknown = [c for c in table.columns if c not in KNOWN]
@@ -415,6 +423,16 @@ def read_targets(path: Path) -> tuple[Target, ...]:
             f"once; the first line has {', '.join(table.columns)}"
         )
     return tuple(_target_of(row, path.name) for row in table.rows)
+
+
+def _bands_as_targets(table: CsvTable) -> CsvTable:
+    def target(row: CsvRow) -> CsvRow:
+        cells = {new: row.cells[old] for old, new in OF_BANDS.items()}
+        return replace(row, cells=cells | {"kind": "inferred"})
+
+    rows = [target(row) for row in table.rows if row.cells["p50"]]
+    others = [name for name in table.columns if name not in (*OF_BANDS, "as_it_is")]
+    return replace(table, columns=(*OF_BANDS.values(), "kind", *others), rows=tuple(rows))
 
 
 def _target_of(row: CsvRow, file: str) -> Target:

@@ -60,8 +60,8 @@ def bands_of(plan: StudyPlan, done: StudyOutcome, store: Store) -> pd.DataFrame:
     kept = {row.key: row.summary for row in store.rows(set(done.keys.values())) if row.summary}
     summaries = {point: kept[key] for point, key in done.keys.items() if key in kept}
     numbers = _numbers(plan, summaries)
-    axes = [i for i, p in enumerate(plan.parameters) if is_axis(p.law)]
-    names = [plan.parameters[i].name for i in axes]
+    names = [p.name for p in plan.axes]
+    axes = [i for i, p in enumerate(plan.parameters) if p.name in names]
     samples: dict[Point, list[Mapping[str, Any]]] = {}
     for point in plan.points:
         if point in summaries:
@@ -109,7 +109,7 @@ def write_bands(plan: StudyPlan, bands: pd.DataFrame, folder: Path) -> Figure:
 def draw_bands(plan: StudyPlan, bands: pd.DataFrame) -> Figure:
     """The middle 90 % of the first numbers, with median and the case as it is: bars in panels by
     unit, or curves over the one axis of numbers."""
-    axes = [p for p in plan.parameters if is_axis(p.law)]
+    axes = plan.axes
     if len(axes) == 1 and axes[0].law.is_numeric:  # type: ignore[union-attr]
         return _draw_curves(bands, axes[0].name, f"{axes[0].label}, {axes[0].unit}".rstrip(", "))
     return _draw_bars(bands)

@@ -209,10 +209,12 @@ class StudyFile(Table):
     arrays: Switch | Texts = False
     """Keep the arrays of every run: all, or those named."""
     data: str = ""
-    """A CSV file of measured values to show beside, relative to this file."""
+    """A CSV file of measured values to show beside, or another study's bands.csv, relative to this
+    file."""
     bands: Switch = False
-    """Percentiles of the first numbers of any case beside the case as it is: what a case lacks of
-    the parameters and outputs is left out."""
+    """Percentiles of the first numbers of any case beside the case as it is, over the samples or,
+    where nothing is sampled, over the values of lists: what a case lacks of the parameters and
+    outputs is left out."""
 
 
 def study_schema() -> dict[str, Any]:

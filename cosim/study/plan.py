@@ -81,8 +81,16 @@ class StudyPlan:
         none without bands."""
         if not self.bands:
             return []
-        steps: list[Point] = [p.law.values if is_axis(p.law) else (None,) for p in self.parameters]
+        steps: list[Point] = [
+            p.law.values if is_axis(p.law) and p in self.axes else (None,) for p in self.parameters
+        ]
         return [tuple(values) for values in product(*steps)]
+
+    @property
+    def axes(self) -> list[Parameter]:
+        """Those that samples are taken over; none where nothing is sampled: each value of all is a
+        sample then."""
+        return [p for p in self.parameters if is_axis(p.law) and self.sampling is not None]
 
     @cached_property
     def points(self) -> list[Point]:
@@ -132,7 +140,7 @@ def read_plan(
         there = [p if is_axis(p.law) else _there(p, values) for p in parameters]
         lacking = tuple(p.label for p in there if not _keys(p))
         parameters = tuple(p for p in there if _keys(p))
-        if not any(not is_axis(p.law) for p in parameters):
+        if sampling is not None and not any(not is_axis(p.law) for p in parameters):
             raise InputError(f"{source}: {case.stem} has none of the inputs that it varies")
     plan = StudyPlan(
         source.stem,
@@ -208,7 +216,9 @@ def _there(p: Parameter, base: Mapping[str, Any]) -> Parameter:
     """The parameter with the keys alone that the case has."""
 
     def has(key: str) -> bool:
-        return any(True for _ in _find_values(base, key.partition("=")[0].strip().split("."), ()))
+        return key == "extends" or any(
+            True for _ in _find_values(base, key.partition("=")[0].strip().split("."), ())
+        )
 
     def kept(keys: Iterable[str]) -> tuple[str, ...]:
         return tuple(filter(has, keys))

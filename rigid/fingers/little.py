@@ -11,6 +11,9 @@ from rigid.fingers.normative import BOTH, NormativeFinger
 
 O2O3 = 0.01628
 """m: 21.00 mm from joint to joint over 1 + 0.29."""
+# Assumption: at the MCP the flexors pass radial of the joint, and abduct the finger radially, as An
+# has them.  MyoHand's abduct ulnarly.  `cases/README.md` (little) has what speaks for either; no
+# force decides, and `cases/data/not_measured.csv` has what would.
 ROWS: Mapping[str, Mapping[str, Row]] = {
     "MCP": {
         "FDP": ((-0.300, -0.584, 0.112), (0.060, -0.413, 0.076)),

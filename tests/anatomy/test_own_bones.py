@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -137,9 +138,44 @@ def test_a_turned_pip_turns_the_dip_with_it(index: Template):
     assert angle(parent_axis(joints, "DIP"), np.array([0.0, 1.0, 0.0])) < 1e-4
 
 
-def _turned(head, turn: np.ndarray):
-    from dataclasses import replace
+def test_the_mcp_s_axes_are_those_that_landmarks_state(index: Template, tmp_path: Path):
+    """In the metacarpal's file, wherever that lies, by any two points in the axis's own order or
+    the other; the abduction axis turns with the flexion axis unless it is stated too."""
+    ours, fits, turn = index.skeleton, unmoved(index), Rotation.from_rotvec([0.3, -1.1, 0.5])
+    lying = turn.as_matrix()
+    fit = fits["metacarpal"]
+    fits["metacarpal"] = Fit(
+        lying, np.ones(3), {}, np.inf, fit.surface, fit.template, fit.template @ lying.T + 1.0
+    )
+    tilt = Rotation.from_rotvec(np.radians([7.0, 0.0, -12.0])).as_matrix()
+    flexion, abduction = (tilt @ parent_axis(ours, joint) for joint in JOINTS[:2])
+    ends = {"flexion_radial": 8.0, "flexion_ulnar": -5.0}
+    path = tmp_path / "points.csv"
 
+    def axes(stated: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+        rows = [
+            ",".join(["metacarpal", name, *map(repr, (lying @ point + 1.0).tolist())])
+            for name, point in stated.items()
+        ]
+        path.write_text("\n".join(["bone,landmark,x,y,z", *rows]))
+        joints = joints_of(ours, fits, {}, stated_axes(read_landmarks(path)))
+        return [parent_axis(joints.skeleton, joint) for joint in JOINTS[:2]]
+
+    alone = {name: reach * flexion for name, reach in ends.items()}
+    np.testing.assert_allclose(axes(alone)[0], flexion, atol=1e-12)
+    swapped = {name: -reach * flexion for name, reach in ends.items()}
+    np.testing.assert_allclose(axes(swapped), axes(alone), atol=1e-12)
+    kept = [a @ b for a, b in (axes(alone), [parent_axis(ours, j) for j in JOINTS[:2]])]
+    assert kept[0] == pytest.approx(kept[1], abs=1e-12)
+    both = alone | {"abduction_dorsal": 4.0 * abduction, "abduction_palmar": -3.0 * abduction}
+    np.testing.assert_allclose(axes(both), [flexion, abduction], atol=1e-12)
+    with pytest.raises(InputError, match=r"flexion axis of the MCP is \d+ deg off"):
+        axes({"flexion_radial": 5.0 * abduction, "flexion_ulnar": -5.0 * abduction})
+    with pytest.raises(InputError, match="abduction axis needs two points"):
+        axes({"abduction_dorsal": abduction})
+
+
+def _turned(head, turn: np.ndarray):
     return replace(head, turn=turn)
 
 
@@ -155,6 +191,16 @@ def test_a_scan_says_how_far_it_is_bent(index: Template):
     (words,) = scan_words(lying, BODIES)
     assert "MCP 20, PIP 40, DIP 11 deg" in words
     np.testing.assert_allclose(in_posture(lying, BODIES, bent).skeleton.zero, ours.zero, atol=1e-12)
+    off = [[0.1, 0.0, 0.05], [0.0, 0.1, 0.0], [0.1, 0.0, 0.2], [0.0, 0.0, 0.1]]
+    tilted = ours.axis + np.array(off)
+    tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
+    other = replace(lying, skeleton=replace(ours, axis=tilted))
+    stated = in_posture(other, BODIES, bent, JOINTS).skeleton
+    for joint in JOINTS:  # where landmarks have it in the bone before
+        np.testing.assert_allclose(
+            parent_axis(stated, joint), parent_axis(other.skeleton, joint), atol=1e-12
+        )
+    np.testing.assert_array_equal(in_posture(other, BODIES, bent).skeleton.axis, tilted)
     further = in_posture(lying, BODIES, {"PIP": np.radians(30.0)}).skeleton
     again, _ = further.pose({"PIP": np.radians(30.0)})
     np.testing.assert_allclose(again, position, atol=1e-9)

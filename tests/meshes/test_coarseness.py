@@ -12,9 +12,11 @@ from typer.testing import CliRunner
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.cli import app
+from cosim.errors import ConvergenceError
 from cosim.fingers.kinds import anatomy_of
 from cosim.hoods.fe_supports import head_arcs
-from cosim.models.build import hood_mesh, mesh_warnings
+from cosim.models.build import hood_mesh, mesh_advice, mesh_warnings
+from cosim.pipeline import run_case
 from fe_solver.surfaces.shapes import Capsule
 from meshes.coarseness import (
     GLIDE,
@@ -122,3 +124,24 @@ def test_a_quad_of_three_to_one_has_that_aspect():
     np.testing.assert_allclose(aspect_ratios(mesh), [3.0, 1.0])
     wider = replace(mesh, points=mesh.points * [1, 3, 1])
     np.testing.assert_allclose(aspect_ratios(wider), [1.0, 3.0])
+
+
+def test_a_solve_that_fails_on_a_coarse_mesh_says_so(monkeypatch: pytest.MonkeyPatch):
+    """Of the little finger's coarsest mesh, and nothing of a mesh that follows the heads."""
+    coarse = load_case("little_edc", ["hood.mesh.quads=104"])
+    advice = mesh_advice(coarse)
+    assert "proximal phalanx 3.0 mm (2.0)" in advice
+    assert "write hood.mesh.quads = 416 or more" in advice
+    assert mesh_advice(load_case("little_edc")) == mesh_advice(load_case("split_edc")) == ""
+
+    def fail(*_: object) -> None:
+        raise ConvergenceError("no equilibrium.")
+
+    monkeypatch.setattr("cosim.pipeline.solve_case", fail)
+    for case, words in (
+        (coarse, f"no equilibrium. {advice}"),
+        (load_case("split_edc"), "no equilibrium."),
+    ):
+        with pytest.raises(ConvergenceError) as error:
+            run_case(case)
+        assert str(error.value) == words

@@ -32,7 +32,7 @@ from fe_solver.materials import linear as materials
 from fe_solver.materials.linear import Law, LinearLaw, Real
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.sheet import Sheet, ShellPart, in_situ_growth, stress_free_thickness
-from meshes.coarseness import coarse_rows
+from meshes.coarseness import WORDS, Rows, coarse_rows
 from meshes.hood import generate
 from meshes.hood_lines import even_shares
 from meshes.hood_mesh import REGIONS, HoodMesh, read
@@ -108,11 +108,30 @@ def _generate(laying: _MeshInput) -> HoodMesh:
 def mesh_warnings(hood: ShellHoodConfig, anatomy: Anatomy) -> list[str]:
     """Where the rows of a user's mesh are too coarse for the heads that they slide over.  Raises
     InputError."""
-    if hood.mesh.kind != "file":
-        return []
+    return [str(rows) for rows in _coarse(hood, anatomy)] if hood.mesh.kind == "file" else []
+
+
+def mesh_advice(hood: ShellHoodConfig, anatomy: Anatomy) -> str:
+    """What to do about a mesh of ours that is too coarse for the heads that it slides over; nothing
+    where it is not.  Raises InputError."""
+    coarse = [] if hood.mesh.kind == "file" else _coarse(hood, anatomy)
+    if not coarse:
+        return ""
+    (setting,) = hood.mesh_values((hood.mesh_fineness or 0) + 1).items()
+    heads = ", ".join(
+        f"{WORDS[rows.arc.body]} {1e3 * rows.spacing:.1f} mm ({1e3 * rows.arc.spacing:.1f})"
+        for rows in coarse
+    )
+    return (
+        "The mesh is too coarse for the heads of the bones: between its rows are, and at most may "
+        f"be, over the {heads}; write {setting[0]} = {setting[1]} or more"
+    )
+
+
+def _coarse(hood: ShellHoodConfig, anatomy: Anatomy) -> list[Rows]:
     mesh, skeleton = generate_mesh(hood, anatomy), skeleton_of(anatomy)
     over = head_arcs(hood.contact, anatomy.bones, skeleton, hood.thickness / 2)
-    return [str(rows) for rows in coarse_rows(mesh, skeleton, over)]
+    return coarse_rows(mesh, skeleton, over)
 
 
 def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
@@ -332,4 +351,4 @@ def _tendons(
     return out
 
 
-BUILDER = HoodBuilder(build, generate_mesh, mesh_warnings=mesh_warnings)
+BUILDER = HoodBuilder(build, generate_mesh, mesh_warnings=mesh_warnings, mesh_advice=mesh_advice)
