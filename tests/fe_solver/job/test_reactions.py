@@ -108,8 +108,11 @@ def test_what_two_conditions_hold_is_the_firsts():
         PrescribedDisplacement(first, 1),
     )
     reaction = np.zeros((len(job.sheet.points), 6))
-    reaction[first, :2] = 1.0
-    found = {r.condition: r for r in reactions(replace(job, held=held), reaction)}
+    reaction[first, :2], reaction[first, 3:] = 1.0, [2.0, 3.0, 4.0]
+    job = replace(job, held=held, held_directors=(HeldDirector(first, 1, name="still"),))
+    found = {r.condition: r for r in reactions(job, reaction)}
+    assert (found["still"].couple == [2.0, 3.0, 4.0]).all()
+    assert not found["one"].couple.any()
     assert found["one"].force[:, 0].sum() == len(first)
     assert not found["two"].force.any()
     assert found["held 3 along y"].force[:, 1].sum() == len(first)
