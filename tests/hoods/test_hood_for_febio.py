@@ -105,8 +105,9 @@ def test_a_mirrored_body_turns_as_its_image():
     turned = Body("bone", origin=(1e-3, 2e-3, 3e-3), displacement=(1e-3,) * 3, rotation=(1, 2, 3))
     (place, rotation), image = turned.pose(1.0), np.diag([1.0, -1.0, 1.0])
     (body,) = mirrored(strip(bodies=(turned,))).bodies
-    for found, expected in zip(body.pose(1.0), (image @ place, image @ rotation @ image), strict=True):
-        np.testing.assert_allclose(found, expected, atol=1e-15)
+    expected = image @ place, image @ rotation @ image
+    for found, wanted in zip(body.pose(1.0), expected, strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-15)
 
 
 @pytest.mark.parametrize(
