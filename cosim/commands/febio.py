@@ -245,7 +245,7 @@ def export(
         job = job_of_hood(written.hood, written.motion, tension, written.surfaces, checked.name)
         if checked.finger.side() == "left":
             job = mirrored(job)
-        write_feb(job, out, remarks=written.remarks)
+        write_feb(job, out, remarks=written.remarks, in_middle=True)
         typer.echo(f"{len(job.sheet.quads)} elements in {out}")
         for line in written.remarks:
             typer.echo(line)

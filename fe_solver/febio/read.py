@@ -36,6 +36,7 @@ from fe_solver.febio.conditions import (
 )
 from fe_solver.febio.materials import read_materials
 from fe_solver.febio.mesh import FebMesh, read_mesh_section
+from fe_solver.febio.middle import check_middle, moved_to_middle, read_middle
 from fe_solver.febio.notes import collect_notes
 from fe_solver.febio.parts import Parts, read_parts
 from fe_solver.febio.units import Units
@@ -213,13 +214,14 @@ def _check_initial(sections: _Sections, notes: list[str]) -> None:
 def _job(
     name: str, model: Model, parts: Parts, sections: _Sections, steps: tuple[Step, ...]
 ) -> Job:
-    boundary = sections.all("Boundary", "bc")
+    boundary, discrete = sections.all("Boundary", "bc"), sections.all("Discrete", "discrete")
     tied = read_ties(model, boundary)
+    middle = read_middle(model, parts.sheet, boundary)
     held, directors = read_displacements(model, boundary, tied)
     springs = read_springs(
         model,
         sections.all("Discrete", "discrete_material"),
-        sections.all("Discrete", "discrete"),
+        discrete,
         nodes_at_rest(model, boundary),
     )
     pairs = _contact_tags(model.mesh, sections.all("Contact", "contact"))
@@ -234,13 +236,15 @@ def _job(
         _contact(model, t, touching, np.searchsorted(vertices[body], triangles_of(facets)), body)
         for (t, _), (touching, _, body, facets) in zip(pairs, sides, strict=True)
     )
-    return Job(
+    loads = sections.all("Loads", "nodal_load")
+    in_middle = check_middle(model, middle, boundary, discrete, loads)
+    job = Job(
         parts.sheet,
         ties=tied,
-        held=held,
+        held=(*held, *middle.supports()),
         held_directors=directors,
         springs=springs,
-        forces=read_forces(model, sections.all("Loads", "nodal_load")),
+        forces=read_forces(model, loads),
         pressures=read_pressures(model, parts, sections.all("Loads", "surface_load")),
         body_forces=read_body_forces(model, parts, sections.all("Loads", "body_load")),
         rigid_loads=read_rigid_loads(model, sections.all("Rigid", "rigid_load")),
@@ -249,6 +253,7 @@ def _job(
         steps=steps,
         name=name,
     )
+    return moved_to_middle(job) if in_middle else job
 
 
 def _steps(sections: _Sections, curves: Mapping[str, Curve | FebTag]) -> tuple[Step, ...]:

@@ -127,8 +127,8 @@ def test_what_no_file_can_say_is_refused_before_anything_is_solved(change, words
 
 @pytest.mark.slow
 def test_export_and_solve_of_the_first_case_give_the_same_hood(tmp_path):
-    """`cosim export` and `cosim solve --mid-surface` agree within 1 % with the hood as written, and
-    the export tells how far that is from the hood itself."""
+    """`cosim export` and `cosim solve` agree within 1 % with the hood as written, and the export
+    tells how far that is from the hood itself."""
     name, setting, feb = "isometric_edc", "hood.mesh.quads=104", tmp_path / "x.feb"
     told = run("export", name, "--set", setting, "--out", feb)
     assert told.exit_code == 0, told.output
@@ -141,10 +141,10 @@ def test_export_and_solve_of_the_first_case_give_the_same_hood(tmp_path):
     hood = written.hood
     answer = hood.advance(hood.start(written.motion), written.motion, pull, np.inf)
     slips = slip_forces(hood, answer.state)
-    job = move_to_mid_surface(read_feb(feb))
+    job = read_feb(feb)
     (state,) = solve_job(job).states
     assert slips_of(job, state) == pytest.approx(slips, rel=0.01)
-    solved = run("solve", feb, "--mid-surface", "--out", tmp_path / "run")
+    solved = run("solve", feb, "--out", tmp_path / "run")
     assert solved.exit_code == 0, solved.output
 
 
