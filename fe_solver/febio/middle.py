@@ -8,17 +8,14 @@ still.  A force is put half on the nodes and half on the back (`shell_bottom`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.port import Array
 from fe_solver.febio.bodies import AXES, Model
 from fe_solver.febio.xml import Element, FebTag, tag
-from fe_solver.job.job import Job, PrescribedDisplacement
-from fe_solver.job.model import move_to_mid_surface
+from fe_solver.job.job import PrescribedDisplacement
 from fe_solver.sheet import Sheet
 
 CONSTRAINT = "linear constraint"
@@ -31,81 +28,52 @@ WANTED = (
 )
 
 
-def middle_of(sheet: Sheet) -> Array:
-    """The middle (n, 3) m of the sheet over each of its nodes."""
-    return sheet.moved(sheet.height)
-
-
-def constraint_tag(node: int, axis: str, children: Sequence[tuple[int, str, float]]) -> Element:
-    """A displacement of a node as the sum of others' (node, degree of freedom, factor)."""
-    rows = [
-        tag("child_dof", tag("node", n), tag("dof", dof), tag("value", factor))
-        for n, dof, factor in children
+def constraint_tag(node: int, axis: str, front: float, back: float, of: int) -> Element:
+    """A displacement of a node as a sum of factors times those of both faces over a shell's."""
+    children = [
+        tag("child_dof", tag("node", of), tag("dof", dof), tag("value", factor))
+        for dof, factor in ((axis, front), (f"s{axis}", back))
+        if factor
     ]
-    return tag("bc", tag("node", node), tag("dof", axis), *rows, type=CONSTRAINT)
+    return tag("bc", tag("node", node), tag("dof", axis), *children, type=CONSTRAINT)
 
 
-def mean_tags(node: int, of: int) -> Iterator[Element]:
-    """The constraints by which a node is in the middle over another, a shell's."""
-    for axis in AXES:
-        yield constraint_tag(node, axis, [(of, axis, 0.5), (of, f"s{axis}", 0.5)])
-
-
-def held_tag(node: int, axis: str) -> Element:
-    """The constraint by which the middle over a shell's node does not move along an axis."""
-    return constraint_tag(node, axis, [(node, f"s{axis}", -1.0)])
-
-
-@dataclass
-class Middle:
-    """What a file has in the middle of the sheet."""
-
-    nodes: dict[int, int] = field(default_factory=dict)
-    """Indices in the mesh of nodes in the middle, and in the sheet of those that they are over."""
-    held: list[list[int]] = field(default_factory=lambda: [[], [], []])
-    """By axis, the nodes of the sheet whose middle is held."""
-
-    def supports(self) -> Iterator[PrescribedDisplacement]:
-        """What holds the middle."""
-        for component, nodes in enumerate(self.held):
-            if nodes:
-                yield PrescribedDisplacement(
-                    np.array(nodes), component, name=f"held {AXES[component]}"
-                )
-
-
-def read_middle(model: Model, sheet: Sheet, boundary: Sequence[FebTag]) -> Middle:
-    """What the linear constraints of a file say; nodes in the middle become the sheet's in
-    `model.shell`.  Raises InputError for a constraint of any other kind."""
-    out, index = Middle(), {int(n): i for i, n in enumerate(model.mesh.node_ids)}
+def read_middle(
+    model: Model, sheet: Sheet, boundary: Sequence[FebTag]
+) -> tuple[list[int], list[PrescribedDisplacement]]:
+    """What the linear constraints of a file say: its nodes in the middle, which become the sheet's
+    in `model.shell`, and what holds the middle.  Raises InputError for any other constraint."""
+    index, places = (
+        {int(n): i for i, n in enumerate(model.mesh.node_ids)},
+        sheet.moved(sheet.height),
+    )
     means: dict[int, dict[str, int]] = {}
-    places = middle_of(sheet) / model.units.length
+    held: dict[str, list[int]] = {axis: [] for axis in AXES}
     for t in (t for t in boundary if t.attribute("type") == CONSTRAINT):
         node, axis = _node(index, t), t.word("dof", "")
-        children = {c.word("dof", ""): c for c in t.all("child_dof")}
-        of = {_node(index, c): c for c in children.values()}
-        factors = {dof: c.value("value", 1.0) for dof, c in children.items()}
-        over = int(model.shell[next(iter(of), node)])
-        if axis not in tuple(AXES) or len(of) != 1 or over < 0 or t.value("offset", 0.0):
-            raise t.fault(WANTED)
-        if model.shell[node] == over and factors == {f"s{axis}": -1.0}:
-            out.held[AXES.index(axis)].append(over)
-        elif model.shell[node] < 0 and factors == {axis: 0.5, f"s{axis}": 0.5}:
-            means.setdefault(node, {})[axis] = over
-            far = np.linalg.norm(model.mesh.points[node] - places[over]) * model.units.length
-            if len(set(means[node].values())) > 1 or far > FAR:
-                raise t.fault(f"{WANTED}; this node lies elsewhere")
-        else:
+        children = t.all("child_dof")
+        of = {_node(index, c) for c in children} or {node}
+        factors = {c.word("dof", ""): c.value("value", 1.0) for c in children}
+        over = int(model.shell[min(of)])
+        is_of_one = axis in held and len(of) == 1 and over >= 0 and not t.value("offset", 0.0)
+        if is_of_one and model.shell[node] == over and factors == {f"s{axis}": -1.0}:
+            held[axis].append(over)
+            continue
+        means.setdefault(node, {})[axis] = over
+        far = np.linalg.norm(model.mesh.points[node] * model.units.length - places[over])
+        is_mean = is_of_one and factors == {axis: 0.5, f"s{axis}": 0.5}
+        if not is_mean or model.shell[node] >= 0 or far > FAR or len({*means[node].values()}) > 1:
             raise t.fault(WANTED)
     for node, by_axis in means.items():
         if len(by_axis) < len(AXES):
-            raise InputError(
-                f"node {model.mesh.node_ids[node]}: {WANTED}; it has but {len(by_axis)}"
-            )
-        out.nodes[node] = next(iter(by_axis.values()))
-    for node, over in out.nodes.items():
-        model.shell[node] = over
-    return out
+            raise InputError(f"node {model.mesh.node_ids[node]}: {WANTED}; it lacks an axis")
+        model.shell[node] = by_axis["x"]
+    supports = [
+        PrescribedDisplacement(np.array(nodes), AXES.index(axis), name=f"held {axis}")
+        for axis, nodes in held.items()
+        if nodes
+    ]
+    return [*means], supports
 
 
 def _node(index: Mapping[int, int], t: FebTag) -> int:
@@ -117,17 +85,17 @@ def _node(index: Mapping[int, int], t: FebTag) -> int:
     raise t.fault("expected <node> with the number of a node")
 
 
-def check_middle(
+def is_in_middle(
     model: Model,
-    middle: Middle,
+    nodes: Sequence[int],
     boundary: Sequence[FebTag],
     springs: Sequence[FebTag],
     loads: Sequence[FebTag],
 ) -> bool:
-    """Whether what holds and loads the sheet acts in its middle.  Raises InputError where some of
-    it does and some acts at a face."""
+    """Whether what holds and loads the sheet acts in its middle, where springs end at `nodes`.
+    Raises InputError where some of it does and some acts at a face."""
     backs = [t for t in loads if t.flag("shell_bottom")]
-    if not (middle.nodes or any(middle.held) or backs):
+    if not backs and not any(t.attribute("type") == CONSTRAINT for t in boundary):
         return False
     fronts = [t for t in loads if t not in backs]
     differ = sorted(map(_said, backs)) != sorted(map(_said, fronts))
@@ -135,7 +103,7 @@ def check_middle(
     at_face += [t for t in boundary if t.attribute("type") not in (CONSTRAINT, "rigid")]
     for t in springs:
         ends = model.mesh.discrete.get(t.attribute("discrete_set"), np.zeros((0, 2), dtype=np.intp))
-        if ((model.shell[ends] >= 0) & ~np.isin(ends, [*middle.nodes])).any():
+        if ((model.shell[ends] >= 0) & ~np.isin(ends, nodes)).any():
             at_face.append(t)
     if at_face:
         raise at_face[0].fault(
@@ -151,9 +119,3 @@ def _said(t: FebTag) -> tuple[str, ...]:
     inner = (c for c in t.children if c.name != "shell_bottom")
     said = [(c.name, c.attributes.get("lc", ""), " ".join(c.text.split())) for c in inner]
     return (t.attribute("type"), t.attribute("node_set"), *map(str, sorted(said)))
-
-
-def moved_to_middle(job: Job) -> Job:
-    """The job with its nodes, which are on a face, in the middle of the sheet; its springs' lengths
-    are those of there already."""
-    return replace(move_to_mid_surface(job), springs=job.springs)

@@ -36,7 +36,7 @@ from fe_solver.febio.conditions import (
 )
 from fe_solver.febio.materials import read_materials
 from fe_solver.febio.mesh import FebMesh, read_mesh_section
-from fe_solver.febio.middle import check_middle, moved_to_middle, read_middle
+from fe_solver.febio.middle import is_in_middle, read_middle
 from fe_solver.febio.notes import collect_notes
 from fe_solver.febio.parts import Parts, read_parts
 from fe_solver.febio.units import Units
@@ -44,6 +44,7 @@ from fe_solver.febio.xml import FebTag, read_xml
 from fe_solver.job.checks import check_mesh, within
 from fe_solver.job.curves import Curve, LoadCurve
 from fe_solver.job.job import Job, Step
+from fe_solver.job.model import move_to_mid_surface
 from fe_solver.supports import Body, ContactPair
 
 CONTACTS = ("sliding-elastic", "sliding-facet-on-facet", "sliding-node-on-facet")
@@ -216,7 +217,7 @@ def _job(
 ) -> Job:
     boundary, discrete = sections.all("Boundary", "bc"), sections.all("Discrete", "discrete")
     tied = read_ties(model, boundary)
-    middle = read_middle(model, parts.sheet, boundary)
+    in_middle, middle_held = read_middle(model, parts.sheet, boundary)
     held, directors = read_displacements(model, boundary, tied)
     springs = read_springs(
         model,
@@ -237,11 +238,11 @@ def _job(
         for (t, _), (touching, _, body, facets) in zip(pairs, sides, strict=True)
     )
     loads = sections.all("Loads", "nodal_load")
-    in_middle = check_middle(model, middle, boundary, discrete, loads)
+    moves = is_in_middle(model, in_middle, boundary, discrete, loads)
     job = Job(
         parts.sheet,
         ties=tied,
-        held=(*held, *middle.supports()),
+        held=(*held, *middle_held),
         held_directors=directors,
         springs=springs,
         forces=read_forces(model, loads),
@@ -253,7 +254,8 @@ def _job(
         steps=steps,
         name=name,
     )
-    return moved_to_middle(job) if in_middle else job
+    # springs are as long as in the middle already
+    return replace(move_to_mid_surface(job), springs=springs) if moves else job
 
 
 def _steps(sections: _Sections, curves: Mapping[str, Curve | FebTag]) -> tuple[Step, ...]:

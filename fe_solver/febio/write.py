@@ -14,7 +14,6 @@ from cosim.files import output_file
 from cosim.port import Array, Ints
 from fe_solver.elements.mitc9 import IN_TURN
 from fe_solver.febio.laws import InSitu, law_tag, needs_fibre
-from fe_solver.febio.middle import middle_of
 from fe_solver.febio.units import Units
 from fe_solver.febio.write_conditions import SAME_POINT, Conditions, controller_tag
 from fe_solver.febio.xml import Element, comment, tag, write_xml
@@ -52,7 +51,7 @@ def write_feb(
     _check_names(job)
     w = Conditions(job, face_points(job, nodes), Units(length_unit, force_unit))
     if in_middle:
-        w.middle = middle_of(replace(job.sheet, points=nodes))
+        w.middle = replace(job.sheet, points=nodes).moved(job.sheet.height)
         if job.held_directors or not all(t.clamped for t in job.ties):
             raise InputError(f"{job.name}: hinges and held directors are not written in the middle")
     root = _document(w)

@@ -11,7 +11,7 @@ from cosim.errors import InputError
 from cosim.port import Array, Ints
 from fe_solver.elements.mitc9 import IN_TURN
 from fe_solver.febio.bodies import AXES, DOFS
-from fe_solver.febio.middle import held_tag, mean_tags
+from fe_solver.febio.middle import constraint_tag
 from fe_solver.febio.units import Units
 from fe_solver.febio.xml import Element, tag
 from fe_solver.forces.ramp import ramp
@@ -110,7 +110,7 @@ class Conditions:
             if self.middle is not None:
                 if h.displacement != Drive():
                     raise InputError(f"{name}: the middle of a sheet is written as held alone")
-                yield from (held_tag(n, axis) for n in ids[h.nodes].tolist())
+                yield from (constraint_tag(n, axis, 0.0, -1.0, n) for n in ids[h.nodes].tolist())
                 continue
             if h.displacement == Drive():
                 how, inner = "zero displacement", [tag(f"{axis}_dof", 1)]
@@ -126,7 +126,8 @@ class Conditions:
             yield self._on_nodes("bc", name, ids[d.nodes], "zero shell displacement", dof)
         first = self.first_vertex(len(job.bodies))
         for node, number in self.in_middle.items():
-            yield from mean_tags(number, int(ids[node]))
+            of = int(ids[node])
+            yield from (constraint_tag(number, axis, 0.5, 0.5, of) for axis in AXES)
         for index in sorted({b for b, _ in self.extra} - {IN_MIDDLE}):
             anchors = [first + i for i, (b, _) in enumerate(self.extra) if b == index]
             rb = tag("rb", job.bodies[index].name)

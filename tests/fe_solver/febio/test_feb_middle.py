@@ -54,7 +54,7 @@ CONSTRAINED = "<value>0.5</value>"
         ("<dof>sx</dof>", "<dof>sy</dof>", "a linear constraint is read where"),
         ("<dof>x</dof>", "<dof>x</dof><offset>1</offset>", "a linear constraint is read where"),
         ("<node>1000000</node>", "", "the number of a node"),
-        ('type="linear constraint"', 'type="other"', "it has but 2"),
+        ('type="linear constraint"', 'type="other"', "it lacks an axis"),
     ],
 )
 def test_a_constraint_of_another_kind_is_refused(old, new, words, tmp_path):
