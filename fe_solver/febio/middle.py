@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.port import Ints
 from fe_solver.febio.bodies import AXES, Model
 from fe_solver.febio.xml import Element, FebTag, tag
 from fe_solver.job.job import PrescribedDisplacement
@@ -74,6 +75,15 @@ def read_middle(
         if nodes
     ]
     return [*means], supports
+
+
+def shell_nodes(node_ids: Ints, boundary: Sequence[FebTag]) -> Ints:
+    """The index (n,) of each node of a mesh, of one in the middle that of the shell's over it."""
+    index, out = {int(n): i for i, n in enumerate(node_ids)}, np.arange(len(node_ids))
+    for t in (t for t in boundary if t.attributes.get("type") == CONSTRAINT):
+        for child in t.all("child_dof"):
+            out[_node(index, t)] = _node(index, child)
+    return out
 
 
 def _node(index: Mapping[int, int], t: FebTag) -> int:

@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 
+from cosim.anatomy.feb import read_feb_mesh
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
@@ -22,11 +23,15 @@ TENSION = np.array([4.0])
 def test_what_acts_in_the_middle_reads_back(make, tmp_path):
     """As the same hood's that is written at a face and moved to its middle afterwards."""
     hood, bones = make()
-    job, both = job_of_hood(hood, hood.rest, TENSION, bones), []
+    job, both, springs = job_of_hood(hood, hood.rest, TENSION, bones), [], []
     for name, in_middle in (("face", False), ("middle", True)):
         write_feb(job, path := tmp_path / f"{name}.feb", in_middle=in_middle)
         assert faults(path) == []
         both.append(read_feb(path))
+        springs.append({n: pairs[:, 0] for n, pairs in read_feb_mesh(path).lines.items()})
+    assert springs[0].keys() == springs[1].keys()
+    for name, nodes in springs[0].items():  # of a mesh that is read alone, too
+        assert (springs[1][name] == nodes).all()
     face, middle = move_to_mid_surface(both[0]), both[1]
     assert not any("Boundary" in note or "Loads" in note for note in middle.notes)
     np.testing.assert_allclose(middle.sheet.points, face.sheet.points, atol=1e-15)
