@@ -76,6 +76,18 @@ def test_a_constraint_of_another_kind_is_refused(old, new, words, tmp_path):
         read_feb(path)
 
 
+def test_a_node_that_lies_elsewhere_is_refused(tmp_path):
+    hood, bones = roped_hood()
+    job = job_of_hood(hood, hood.rest, TENSION, bones)
+    write_feb(job, path := tmp_path / "middle.feb", in_middle=True)
+    text = path.read_text(encoding="utf-8")
+    number = re.search(r'type="linear constraint">\s*<node>(\d+)<', text)[1]
+    text = re.sub(rf'(<node id="{number}">)[^,]*', r"\g<1>0.1", text)
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="a linear constraint is read where"):
+        read_feb(path)
+
+
 @pytest.mark.parametrize("part", ["nodal_load", "zero displacement", "spring"])
 def test_a_file_with_both_faces_and_middle_is_refused(part, tmp_path):
     hood, bones = roped_hood() if part == "spring" else rod_hood()
