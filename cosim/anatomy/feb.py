@@ -12,6 +12,7 @@ from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.materials import vector_in
 from fe_solver.febio.mesh import SHELLS, FebMesh, read_mesh_section
+from fe_solver.febio.middle import shell_nodes
 from fe_solver.febio.write import axes_tag, domain_tag, elements_tag, nodes_tag
 from fe_solver.febio.xml import FebTag, read_xml, tag, write_xml
 from meshes.imported.raw import FIBRE, RawMesh
@@ -37,6 +38,8 @@ def read_feb_mesh(path: Path) -> RawMesh:
     if section is None:
         raise root.fault("the section <Mesh> is missing")
     mesh = read_mesh_section(section)
+    over = shell_nodes(mesh.node_ids, [t for s in root.all("Boundary") for t in s.all("bc")])
+    discrete = {name: over[ends] for name, ends in mesh.discrete.items()}
     dropped: list[str] = []
     thickness = _thicknesses(root, mesh, dropped)
     if not thickness:
@@ -55,11 +58,11 @@ def read_feb_mesh(path: Path) -> RawMesh:
         quads,
         {name: of_set for name, of_set in cells.items() if len(of_set)},
         {
-            **_nodes_of(mesh.discrete),
+            **_nodes_of(discrete),
             **{n: f.nodes for n, f in mesh.surfaces.items()},
             **mesh.node_sets,
         },
-        mesh.discrete,
+        discrete,
         tuple(dropped),
         h if h.any() else None,
         {} if fibre is None else {FIBRE: fibre[order]},

@@ -25,7 +25,14 @@ from fe_solver.hood.as_job import job_of_hood, mirrored
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions, move_to_mid_surface
-from fe_solver.job.results import SUMMARY, body_motions, farthest, reactions, write_job
+from fe_solver.job.results import (
+    SUMMARY,
+    body_motions,
+    body_reactions,
+    farthest,
+    reactions,
+    write_job,
+)
 from fe_solver.job.solve import JobResult, JobState, solve_job, spread_times
 from fe_solver.q4ans.model import obstacles
 from fe_solver.q4ans.solve import alternatives, solve_solid
@@ -199,6 +206,10 @@ def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
         if r.force.any():
             total = ", ".join(f"{v:.4g}" for v in r.force.sum(axis=0) + 0.0)
             yield f"reaction of {r.condition}", f"{total} N"
+    for name, w in body_reactions(result.job, state).items():
+        if w.any():
+            force, couple = (", ".join(f"{v:.4g}" for v in x) for x in (w[:3], 1e3 * w[3:]))
+            yield f"reaction of body {name}", f"{force} N; {couple} N mm about its origin"
     for s, f in zip(result.job.springs, state.spring_forces, strict=True):
         figures = f"largest {f.max(initial=0.0) + 0.0:.4g} N, sum {f.sum() + 0.0:.4g} N"
         yield f"springs {s.name}", f"{figures}, {(f != 0).sum()} of {len(f)} active"
@@ -234,7 +245,7 @@ def export(
         job = job_of_hood(written.hood, written.motion, tension, written.surfaces, checked.name)
         if checked.finger.side() == "left":
             job = mirrored(job)
-        write_feb(job, out, remarks=written.remarks)
+        write_feb(job, out, remarks=written.remarks, in_middle=True)
         typer.echo(f"{len(job.sheet.quads)} elements in {out}")
         for line in written.remarks:
             typer.echo(line)

@@ -23,9 +23,8 @@ MUCH = 5.0
 """%, from which on a change is told first."""
 HEAD = "written in place of what the format cannot say, and what that changes:"
 MIDDLE = (
-    "springs and tendons act on nodes, which lie on the face towards the bones in this format and "
-    "in the middle of the hood, of which the figures are: cosim solve with --mid-surface puts them "
-    "there"
+    "springs, tendons and what holds their ends act in the middle of the hood: by linear "
+    "constraints of both faces, and by loads on both"
 )
 LEAST_SHARE = 0.02
 """Share of all tensions that a force counts as at least, where a change is told in %."""

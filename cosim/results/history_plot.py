@@ -88,7 +88,7 @@ def _panels(data: xarray.Dataset) -> Iterator[tuple[str, Curves, Callable[[Any],
         yield "energy lost to friction\nof tendons, mJ", lost, _from_zero
     if tensions := _pulled(data):
         yield "tension of the tendons\nthat are pulled, N", tensions, _from_zero
-    if slips := _slips(data):
+    if slips := slip_histories(data):
         yield "force in the slips, N", slips, _from_zero
 
 
@@ -142,8 +142,8 @@ def _pulled(data: xarray.Dataset) -> dict[str, Array]:
     return pulled or every
 
 
-def _slips(data: xarray.Dataset) -> dict[str, Array]:
-    """The force (N) that each slip of the hood exerts on its bone."""
+def slip_histories(data: xarray.Dataset) -> dict[str, Array]:
+    """The force (nt,) N that each slip of the hood exerts on its bone, by its words."""
     if "source" not in data.coords or "hood_force" not in data:
         return {}
     force = data.hood_force.transpose("time", "source", "body", "axis")

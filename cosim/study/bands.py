@@ -1,9 +1,9 @@
 """Bands of uncertainty: percentiles of a case's first numbers over the samples of a study, beside
-the case as it is; over a key of the case, at each of its values."""
+the case as it is; over a key of the case, at each of its values; of a motion over its time, too."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,9 @@ import numpy as np
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.files import output_file
+from cosim.port import Array
 from cosim.results.compare import unit_of, value_of
+from cosim.results.history_plot import slip_histories
 from cosim.results.picture import new_picture
 from cosim.results.quantities import first_numbers, meaning_of
 from cosim.study.distributions import is_axis
@@ -22,6 +24,7 @@ from cosim.study.store import Store
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray
     from matplotlib.figure import Figure
 
 PERCENTILES = (5, 50, 95)
@@ -32,6 +35,8 @@ MOST_LACKING = 4
 """Inputs left out that are named."""
 MOST_CURVES = 6
 """The most curves: first numbers that are drawn over a key."""
+MANY = 40
+"""Places on a curve, beyond which the case as it is has no marks."""
 GREY, BLUE = "0.75", "#0072b2"
 
 
@@ -60,24 +65,85 @@ def bands_of(plan: StudyPlan, done: StudyOutcome, store: Store) -> pd.DataFrame:
     kept = {row.key: row.summary for row in store.rows(set(done.keys.values())) if row.summary}
     summaries = {point: kept[key] for point, key in done.keys.items() if key in kept}
     numbers = _numbers(plan, summaries)
-    names = [p.name for p in plan.axes]
-    axes = [i for i, p in enumerate(plan.parameters) if p.name in names]
-    samples: dict[Point, list[Mapping[str, Any]]] = {}
-    for point in plan.points:
-        if point in summaries:
-            samples.setdefault(tuple(point[i] for i in axes), []).append(summaries[point])
+    names, samples = _by_place(plan, summaries)
     records = []
     for path, meaning in numbers.items():
-        for nominal in plan.as_it_is:
-            place = tuple(nominal[i] for i in axes)
-            each = [value_of(summary, path) for summary in samples.get(place, [])]
+        for place, (nominal, points) in samples.items():
+            each = [value_of(summaries[point], path) for point in points]
             values = [v for v in each if v is not None]
-            ends = [np.nan] * 3 if len(values) < 2 else np.percentile(values, PERCENTILES).tolist()
             own = value_of(summaries.get(nominal, {}), path)
             own = np.nan if own is None else own
-            records.append((path, meaning, unit_of(path), *place, own, *ends, len(values)))
+            records.append((path, meaning, unit_of(path), *place, own, *_ends(values)))
     columns = ["quantity", "meaning", "unit", *names, "as_it_is", *ENDS, "runs"]
     return pd.DataFrame.from_records(records, columns=columns)
+
+
+def bands_over_time(plan: StudyPlan, done: StudyOutcome, store: Store) -> pd.DataFrame:
+    """The same of a motion's histories, with a column time_s after the axes' names: a row for each
+    of its first numbers that has one (`histories`) at each time of the case as it is; others' times
+    are gone between by straight lines.  Without rows where no run has a history."""
+    import pandas as pd
+    import xarray
+
+    kept: dict[Point, tuple[Array, dict[str, Array]]] = {}
+    for point, key in done.keys.items():
+        if (file := store.arrays(key)).is_file():
+            with xarray.open_dataset(file, engine="h5netcdf") as data:
+                if "time" in data.dims:
+                    kept[point] = data.time.values, histories(data)
+    names, samples = _by_place(plan, kept)
+    parts = []
+    for place, (nominal, points) in samples.items():
+        time, own = kept.get(nominal, (np.zeros(0), {}))
+        for path, values in own.items():
+            each = [
+                np.interp(time, kept[p][0], kept[p][1][path]) for p in points if path in kept[p][1]
+            ]
+            rows = [_ends(at) for at in np.array(each).reshape(-1, len(time)).T]
+            part = pd.DataFrame(rows, columns=[*ENDS, "runs"])
+            fixed = {"quantity": path, "meaning": meaning_of(path, {}), "unit": unit_of(path)}
+            part = part.assign(**fixed, **dict(zip(names, place, strict=True)))
+            parts.append(part.assign(time_s=time, as_it_is=values))
+    columns = ["quantity", "meaning", "unit", *names, "time_s", "as_it_is", *ENDS, "runs"]
+    return pd.concat(parts)[columns] if parts else pd.DataFrame(columns=columns)
+
+
+def histories(data: xarray.Dataset) -> dict[str, Array]:
+    """What of a motion's first numbers its arrays HISTORIES have at every time, (nt,), by the path
+    in its summary."""
+    out: dict[str, Array] = {}
+    force = data.tip_force.transpose("time", "axis").values
+    if force.any():
+        out = {f"fingertip_force_N.{a}": f for a, f in zip(data.axis.values, force.T, strict=True)}
+        out["fingertip_magnitude_N"] = np.linalg.norm(force, axis=1)
+    for words, values in slip_histories(data).items():
+        out[f"slip_force_N.{words.partition(' ')[0]}"] = values
+    for joint in data.joint.values:
+        out[f"posture_deg.{joint}"] = np.degrees(data.angle.sel(joint=joint).values)
+    return out
+
+
+def _by_place(
+    plan: StudyPlan, there: Collection[Point]
+) -> tuple[list[str], dict[Point, tuple[Point, list[Point]]]]:
+    """The axes' names, and by their values the point of the case as it is and the samples that
+    are `there`."""
+    names = [p.name for p in plan.axes]
+    axes = [i for i, p in enumerate(plan.parameters) if p.name in names]
+    out: dict[Point, tuple[Point, list[Point]]] = {
+        tuple(nominal[i] for i in axes): (nominal, []) for nominal in plan.as_it_is
+    }
+    for point in plan.points:
+        if point in there:
+            out[tuple(point[i] for i in axes)][1].append(point)
+    return names, out
+
+
+def _ends(values: Sequence[float] | Array) -> tuple[float, ...]:
+    """The percentiles, and of how many; none of fewer than two."""
+    few = len(values) < 2
+    ends = [np.nan] * 3 if few else np.percentile(values, PERCENTILES).tolist()
+    return (*ends, len(values))
 
 
 def _numbers(plan: StudyPlan, summaries: Mapping[Point, Mapping[str, Any]]) -> dict[str, str]:
@@ -96,14 +162,23 @@ def _numbers(plan: StudyPlan, summaries: Mapping[Point, Mapping[str, Any]]) -> d
     return numbers
 
 
-def write_bands(plan: StudyPlan, bands: pd.DataFrame, folder: Path) -> Figure:
-    """bands.csv and bands.png; the figure.  Raises InputError where they cannot be written."""
-    figure = draw_bands(plan, bands)
-    with output_file(folder / "bands.csv") as part:
-        bands.to_csv(part, index=False, lineterminator="\n")
-    with output_file(folder / "bands.png") as part:
-        figure.savefig(part, format="png", dpi=110)
-    return figure
+def write_bands(
+    plan: StudyPlan, bands: pd.DataFrame, over_time: pd.DataFrame, folder: Path
+) -> list[Figure]:
+    """bands.csv and .png; of a motion bands_over_time.csv and, without axes, .png; the figures.
+    Raises InputError where they cannot be written."""
+    tables, figures = {"bands": bands}, {"bands": draw_bands(plan, bands)}
+    if len(over_time):
+        tables["bands_over_time"] = over_time
+        if len(plan.as_it_is) == 1:
+            figures["bands_over_time"] = _draw_curves(over_time, "time_s", "time, s")
+    for name, table in tables.items():
+        with output_file(folder / f"{name}.csv") as part:
+            table.to_csv(part, index=False, lineterminator="\n")
+    for name, figure in figures.items():
+        with output_file(folder / f"{name}.png") as part:
+            figure.savefig(part, format="png", dpi=110)
+    return [*figures.values()]
 
 
 def draw_bands(plan: StudyPlan, bands: pd.DataFrame) -> Figure:
@@ -144,7 +219,8 @@ def _draw_curves(bands: pd.DataFrame, key: str, label: str) -> Figure:
         place = ordered[key]
         axes.fill_between(place, ordered.p5, ordered.p95, color=GREY, label="5 to 95 %", lw=0)
         axes.plot(place, ordered.p50, color="black", lw=1.2, label="median")
-        axes.plot(place, ordered.as_it_is, "D--", color=BLUE, ms=4, label="as it is")
+        marks = "D--" if len(place) <= MANY else "--"
+        axes.plot(place, ordered.as_it_is, marks, color=BLUE, ms=4, label="as it is")
         axes.set_title(f"{rows.meaning.iloc[0]}, {rows.unit.iloc[0]}", fontsize=9)
         axes.grid(alpha=0.3)
     for axes in panels.flat[len(numbers) :]:

@@ -16,7 +16,7 @@ from cosim.json_text import json_text
 from cosim.results.compare import unit_of, value_of
 from cosim.schema.json_schema import STUDY_SCHEMA, with_schema
 from cosim.study.answers import CONFIDENCE, QUANTILES, Indices, Screening
-from cosim.study.bands import bands_of, write_bands
+from cosim.study.bands import bands_of, bands_over_time, write_bands
 from cosim.study.execute import StudyOutcome
 from cosim.study.plan import StudyPlan
 from cosim.study.results import FORMAT, MARK, StudyResults, finite, read_study
@@ -35,7 +35,8 @@ def write_study(plan: StudyPlan, done: StudyOutcome, store: Store, folder: Path)
         bands = bands_of(plan, done, store)
         there = {*bands.quantity}
         plan = replace(plan, outputs={n: path for n, path in plan.outputs.items() if path in there})
-        pictures.append(write_bands(plan, bands, folder))
+        over_time = bands_over_time(plan, done, store)
+        pictures = write_bands(plan, bands, over_time, folder)
     write_table(table_of(plan, done, store), folder)
     _write(folder / "study.toml", with_schema(plan.text, f"../{STUDY_SCHEMA}"))
     _write(folder / MARK, _json(facts_of(plan, store, folder)))

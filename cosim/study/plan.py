@@ -154,7 +154,7 @@ def read_plan(
         read.outputs,
         read.limits.time,
         read.limits.failures,
-        read.arrays,
+        _arrays(read.arrays, read.bands and base.forward is not None),
         targets,
         values,
         read.bands,
@@ -162,6 +162,17 @@ def read_plan(
     )
     _check_middle(source, plan)
     return plan
+
+
+HISTORIES = ("angle", "tip_force", "hood_force")
+"""The arrays of a motion of which bands over its time are made."""
+
+
+def _arrays(asked: bool | tuple[str, ...], over_time: bool) -> bool | tuple[str, ...]:
+    """The arrays that every run keeps."""
+    if asked is True or not over_time:
+        return asked
+    return tuple(dict.fromkeys((*(asked or ()), *HISTORIES)))
 
 
 def _targets(source: Path, data: str) -> tuple[Target, ...]:

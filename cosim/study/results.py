@@ -95,11 +95,21 @@ class StudyResults:
     def bands(self) -> pd.DataFrame:
         """Percentiles of the first numbers beside the case as it is (`bands.bands_of`).  Raises
         InputError of a study without."""
+        return self._table_of("bands.csv", "`bands = true` in the study makes them")
+
+    @cached_property
+    def bands_over_time(self) -> pd.DataFrame:
+        """The same at every time of a motion (`bands.bands_over_time`).  Raises InputError of a
+        study without."""
+        return self._table_of("bands_over_time.csv", "a study with bands of a motion makes them")
+
+    def _table_of(self, name: str, advice: str) -> pd.DataFrame:
         import pandas as pd
 
-        path = self.folder / "bands.csv"
+        path = self.folder / name
         if not path.is_file():
-            raise InputError(f"{self.folder}: has no bands; `bands = true` in the study makes them")
+            what = path.stem.replace("_", " ")
+            raise InputError(f"{self.folder}: has no {what}; {advice}")
         return pd.read_csv(path)
 
     def band(self, output: str) -> Band | None:

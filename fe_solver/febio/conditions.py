@@ -13,6 +13,7 @@ from cosim.port import Array, Ints
 from fe_solver.elements.mesh_geometry import element_areas, node_means
 from fe_solver.febio.bodies import AXES, Model, read_curve
 from fe_solver.febio.mesh import Facets
+from fe_solver.febio.middle import CONSTRAINT
 from fe_solver.febio.parts import Parts
 from fe_solver.febio.xml import FebTag
 from fe_solver.job.curves import Curve, Drive, sum_of
@@ -22,6 +23,10 @@ from fe_solver.supports import SpringLaw, SpringSet, Tied
 
 SIZE_OF_FORCE = 3
 NODAL_LOADS = ("nodal_force", "nodal_load")
+SUPPORTS = (
+    *("rigid", "zero displacement", "prescribed displacement", "zero shell displacement"),
+    CONSTRAINT,
+)
 BODY_LOADS = ("const", "body force", "non-const")
 SAME_AREA = 1e-6
 """Share of an element's area: the areas of its faces that differ by less are alike."""
@@ -81,9 +86,8 @@ def read_displacements(
     """Given displacements of nodes, and of directors through FEBio's back faces.
 
     Raises InputError for a condition that is not read."""
-    known = ("rigid", "zero displacement", "prescribed displacement", "zero shell displacement")
     for t in tags:
-        t.kind_of("boundary condition", known)
+        t.kind_of("boundary condition", SUPPORTS)
     always = [t.nodes for t in tied if t.steps is None]
     taken = np.concatenate([np.zeros(0, dtype=np.intp), *always])
     held, stepped = [], list[_Stepped]()
@@ -192,14 +196,14 @@ def _at_rest(held: list[PrescribedDisplacement], component: int, steps: Sequence
 
 
 def read_forces(model: Model, tags: list[FebTag]) -> tuple[NodalForce, ...]:
-    """The dead loads on nodes of the sheet.  Raises InputError for a load that is not read."""
+    """The dead loads on nodes of the sheet, of either face.  Raises InputError for a load that is
+    not read."""
     out = []
     for t in tags:
         kind = t.kind_of("nodal load", NODAL_LOADS)
         nodes = model.mesh.nodes_of(t, t.attribute("node_set"))
-        for name in ("shell_bottom", "relative"):
-            if t.flag(name):
-                raise t.fault(f"<{name}> other than 0 is not read")
+        if t.flag("relative"):
+            raise t.fault("<relative> other than 0 is not read")
         if kind == "nodal_load":
             dof, scale = t.word("dof", ""), t.needed("scale", "a number")
             if dof not in tuple(AXES):

@@ -36,6 +36,7 @@ from fe_solver.febio.conditions import (
 )
 from fe_solver.febio.materials import read_materials
 from fe_solver.febio.mesh import FebMesh, read_mesh_section
+from fe_solver.febio.middle import is_in_middle, read_middle
 from fe_solver.febio.notes import collect_notes
 from fe_solver.febio.parts import Parts, read_parts
 from fe_solver.febio.units import Units
@@ -43,6 +44,7 @@ from fe_solver.febio.xml import FebTag, read_xml
 from fe_solver.job.checks import check_mesh, within
 from fe_solver.job.curves import Curve, LoadCurve
 from fe_solver.job.job import Job, Step
+from fe_solver.job.model import move_to_mid_surface
 from fe_solver.supports import Body, ContactPair
 
 CONTACTS = ("sliding-elastic", "sliding-facet-on-facet", "sliding-node-on-facet")
@@ -213,13 +215,14 @@ def _check_initial(sections: _Sections, notes: list[str]) -> None:
 def _job(
     name: str, model: Model, parts: Parts, sections: _Sections, steps: tuple[Step, ...]
 ) -> Job:
-    boundary = sections.all("Boundary", "bc")
+    boundary, discrete = sections.all("Boundary", "bc"), sections.all("Discrete", "discrete")
     tied = read_ties(model, boundary)
+    in_middle, middle_held = read_middle(model, parts.sheet, boundary)
     held, directors = read_displacements(model, boundary, tied)
     springs = read_springs(
         model,
         sections.all("Discrete", "discrete_material"),
-        sections.all("Discrete", "discrete"),
+        discrete,
         nodes_at_rest(model, boundary),
     )
     pairs = _contact_tags(model.mesh, sections.all("Contact", "contact"))
@@ -234,13 +237,15 @@ def _job(
         _contact(model, t, touching, np.searchsorted(vertices[body], triangles_of(facets)), body)
         for (t, _), (touching, _, body, facets) in zip(pairs, sides, strict=True)
     )
-    return Job(
+    loads = sections.all("Loads", "nodal_load")
+    moves = is_in_middle(model, in_middle, boundary, discrete, loads)
+    job = Job(
         parts.sheet,
         ties=tied,
-        held=held,
+        held=(*held, *middle_held),
         held_directors=directors,
         springs=springs,
-        forces=read_forces(model, sections.all("Loads", "nodal_load")),
+        forces=read_forces(model, loads),
         pressures=read_pressures(model, parts, sections.all("Loads", "surface_load")),
         body_forces=read_body_forces(model, parts, sections.all("Loads", "body_load")),
         rigid_loads=read_rigid_loads(model, sections.all("Rigid", "rigid_load")),
@@ -249,6 +254,8 @@ def _job(
         steps=steps,
         name=name,
     )
+    # springs are as long as in the middle already
+    return replace(move_to_mid_surface(job), springs=springs) if moves else job
 
 
 def _steps(sections: _Sections, curves: Mapping[str, Curve | FebTag]) -> tuple[Step, ...]:

@@ -34,19 +34,26 @@ def write_feb(
     length_unit: float = 1e-3,
     force_unit: float = 1.0,
     remarks: Sequence[str] = (),
+    in_middle: bool = False,
 ) -> None:
     """Write a job, with `points` (n, 3) m in place of its own where they are given, and `remarks`
     as comments at its head.
 
     FEBio's shell nodes lie on the face that the normal points to: a job whose nodes lie elsewhere
     is written with its nodes moved there.  The file appears whole or not at all.  Raises InputError
-    where the job holds what FEBio's format cannot say, and where the file cannot be written."""
+    where the job holds what FEBio's format cannot say, and where the file cannot be written.
+    `in_middle`: what holds and loads the sheet, on its nodes, is written as acting in its middle
+    over them (`fe_solver.febio.middle`)."""
     path = Path(path)
     nodes = job.sheet.points if points is None else np.asarray(points, dtype=float)
     if nodes.shape != job.sheet.points.shape:
         raise InputError(f"points have shape {nodes.shape}, expected {job.sheet.points.shape}")
     _check_names(job)
     w = Conditions(job, face_points(job, nodes), Units(length_unit, force_unit))
+    if in_middle:
+        w.middle = replace(job.sheet, points=nodes).moved(job.sheet.height)
+        if job.held_directors or not all(t.clamped for t in job.ties):
+            raise InputError(f"{job.name}: hinges and held directors are not written in the middle")
     root = _document(w)
     for i, words in enumerate(remarks):
         root.insert(i, comment(words))

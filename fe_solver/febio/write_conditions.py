@@ -11,6 +11,7 @@ from cosim.errors import InputError
 from cosim.port import Array, Ints
 from fe_solver.elements.mitc9 import IN_TURN
 from fe_solver.febio.bodies import AXES, DOFS
+from fe_solver.febio.middle import constraint_tag
 from fe_solver.febio.units import Units
 from fe_solver.febio.xml import Element, tag
 from fe_solver.forces.ramp import ramp
@@ -28,6 +29,9 @@ SAME_LENGTH = 1e-12
 """m: a spring's rest length that near its initial one needs no table."""
 
 
+IN_MIDDLE = -1
+
+
 @dataclass
 class Conditions:
     """A job, and what a file of it has numbered and named so far."""
@@ -40,7 +44,12 @@ class Conditions:
     """Number of each load curve."""
     sets: list[Element] = field(default_factory=list)
     extra: list[tuple[int, Array]] = field(default_factory=list)
-    """Nodes that only springs end at: the body and the place, m."""
+    """Nodes that only springs end at: the body, IN_MIDDLE of none, and the place, m."""
+    middle: Array | None = None
+    """(n, 3) m of the middle of the sheet, where what holds and loads it acts; None: on the
+    nodes."""
+    in_middle: dict[int, int] = field(default_factory=dict)
+    """By node of the sheet, the number of that in the middle over it."""
 
     def first_vertex(self, body: int) -> int:
         """The number of a body's first vertex; that of the first extra node for one too many."""
@@ -98,6 +107,11 @@ class Conditions:
             yield self._on_nodes("bc", f"tied {i}", ids[t.nodes], "rigid", *inner)
         for i, h in enumerate(job.held, 1):
             name, axis = f"held {i}", AXES[h.component]
+            if self.middle is not None:
+                if h.displacement != Drive():
+                    raise InputError(f"{name}: the middle of a sheet is written as held alone")
+                yield from (constraint_tag(n, axis, 0.0, -1.0, n) for n in ids[h.nodes].tolist())
+                continue
             if h.displacement == Drive():
                 how, inner = "zero displacement", [tag(f"{axis}_dof", 1)]
             else:
@@ -111,7 +125,10 @@ class Conditions:
             name, dof = f"held directors {i}", tag(f"s{AXES[d.component]}_dof", 1)
             yield self._on_nodes("bc", name, ids[d.nodes], "zero shell displacement", dof)
         first = self.first_vertex(len(job.bodies))
-        for index in sorted({b for b, _ in self.extra}):
+        for node, number in self.in_middle.items():
+            of = int(ids[node])
+            yield from (constraint_tag(number, axis, 0.5, 0.5, of) for axis in AXES)
+        for index in sorted({b for b, _ in self.extra} - {IN_MIDDLE}):
             anchors = [first + i for i, (b, _) in enumerate(self.extra) if b == index]
             rb = tag("rb", job.bodies[index].name)
             yield self._on_nodes("bc", f"anchors {index + 1}", anchors, "rigid", rb)
@@ -129,9 +146,15 @@ class Conditions:
 
     def _loads(self) -> Iterator[Element]:
         for i, f in enumerate(self.job.forces, 1):
-            value = self.scaled("value", f.force / self.units.force, f.curve)
-            ids = self.job.sheet.node_ids[f.nodes]
-            yield self._on_nodes("nodal_load", f"loaded {i}", ids, "nodal_force", value)
+            name, ids = f"loaded {i}", self.job.sheet.node_ids[f.nodes]
+            share = 1.0 if self.middle is None else 0.5
+            value, back = (
+                self.scaled("value", share * f.force / self.units.force, f.curve) for _ in range(2)
+            )
+            yield self._on_nodes("nodal_load", name, ids, "nodal_force", value)
+            if self.middle is not None:
+                more = {"name": f"{name}, back", "node_set": name, "type": "nodal_force"}
+                yield tag("nodal_load", back, tag("shell_bottom", 1), **more)
         for i, p in enumerate(self.job.pressures, 1):
             name = f"pressed {i}"
             self._surface(name, self._facets(p.quads, p.sign))
@@ -197,9 +220,18 @@ class Conditions:
 
     def _ends(self, s: SpringSet, k: int) -> Element:
         """The nodes that a set's spring k joins."""
-        ids = self.job.sheet.node_ids
-        end = ids[s.other[k]] if s.body[k] < 0 else self._anchor(int(s.body[k]), s.anchor[k])
-        return tag("delem", (ids[s.nodes[k]], end))
+        own = s.body[k] < 0
+        end = self._end(s.other[k]) if own else self._anchor(int(s.body[k]), s.anchor[k])
+        return tag("delem", (self._end(s.nodes[k]), end))
+
+    def _end(self, node: int) -> int:
+        """The number of the node at which a spring pulls the sheet over one of its nodes."""
+        if self.middle is None:
+            return int(self.job.sheet.node_ids[node])
+        if node not in self.in_middle:
+            self.in_middle[node] = self.first_vertex(len(self.job.bodies)) + len(self.extra)
+            self.extra.append((IN_MIDDLE, self.middle[node]))
+        return self.in_middle[node]
 
     def _initial(self, s: SpringSet) -> Array:
         """The distances (k,) m between the springs' ends as the file has them."""

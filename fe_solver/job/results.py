@@ -9,13 +9,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from cosim.files import output_folder
 from cosim.port import Array, Ints, rotation_vector
 from fe_solver.elements.mitc9 import IN_TURN
-from fe_solver.job.job import Job
+from fe_solver.job.free_bodies import load_wrenches
+from fe_solver.job.job import STANDING, Job
 from fe_solver.job.solve import JobResult, JobState
 
 AXES = "xyz"
@@ -56,6 +58,23 @@ def reactions(job: Job, reaction: Array, time: float | None = None) -> list[Reac
         nodes = np.flatnonzero(~np.isnan(part[:, 0]))
         out.append(Reaction(name, nodes, part[nodes, :3], part[nodes, 3:]))
     return out
+
+
+def body_reactions(job: Job, state: JobState) -> dict[str, Array]:
+    """The force and the couple about its origin (6,) N and N m with which what gives a body's
+    motions acts on it, by the names of bodies with any that is given; zero where equilibrium finds
+    the motion.
+
+    With what holds the sheet itself (`reactions`, but those of ties to these bodies) they balance
+    what is applied."""
+    c, step = state.configuration, job.step_at(state.time) if job.steps else 0
+    borne = np.asarray(sum(state.wrench.values()))
+    borne = borne + load_wrenches(job.rigid_loads, state.time, c.rotation)[0]
+    return {
+        b.name: np.where(b.free, 0.0, -borne[i]) + 0.0
+        for i, b in enumerate(b.during(step) for b in job.bodies)
+        if b is not STANDING and not all(b.free)
+    }
 
 
 def _holds(job: Job) -> Iterator[tuple[str, tuple[int, ...] | None, Ints, list[int]]]:
@@ -120,6 +139,10 @@ def state_summary(job: Job, state: JobState) -> dict[str, Any]:
             for name, (at, turned) in body_motions(job, state).items()
         },
         "reactions": {r.condition: {"force_N": r.force.sum(axis=0).tolist()} for r in held},
+        "reactions_of_bodies": {
+            name: {"force_N": w[:3].tolist(), "moment_Nmm": (1e3 * w[3:]).tolist()}
+            for name, w in body_reactions(job, state).items()
+        },
         "springs": springs,
         "penetration_um": 1e6 * state.penetration,
         "applied_N": state.applied[:3].tolist(),
@@ -183,6 +206,7 @@ def _write_files(folder: Path, result: JobResult) -> None:
         points, data = point_data(result.job, state), cells.split(cell_data(result.job, state))
         mesh = meshio.Mesh(state.configuration.x, cells.blocks, points, data)
         mesh.write(folder / name, file_format="vtu")
+        _add_body_reactions(folder / name, body_reactions(result.job, state))
         frames.append(f'<DataSet timestep="{state.time!r}" part="0" file="{name}"/>')
     lines = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "<Collection>"]
     lines += [*frames, "</Collection>", "</VTKFile>", ""]
@@ -190,13 +214,27 @@ def _write_files(folder: Path, result: JobResult) -> None:
     _write_xdmf(folder / "states.xdmf", result, cells)
     if result.job.springs:
         _write_springs(folder / "springs.csv", result)
-    if result.job.ties or result.job.held:
+    if result.job.ties or result.job.held or result.job.bodies:
         _write_reactions(folder / "reactions.csv", result)
+
+
+def _add_body_reactions(path: Path, reaction: Mapping[str, Array]) -> None:
+    """Add the reactions (6,) of bodies to a .vtu as field data, which meshio does not write."""
+    mark, content = b"<UnstructuredGrid>", path.read_bytes()
+    arrays = "".join(
+        f'<DataArray type="Float64" Name={quoteattr(f"reaction of {name}")} NumberOfTuples="1" '
+        f'NumberOfComponents="6" format="ascii">{" ".join(map(repr, w.tolist()))}</DataArray>'
+        for name, w in reaction.items()
+    )
+    if arrays:
+        field = f"<FieldData>{arrays}</FieldData>".encode()
+        path.write_bytes(content.replace(mark, mark + b"\n" + field, 1))
 
 
 def _write_reactions(path: Path, result: JobResult) -> None:
     """A row for each node that a condition holds in each state: the force and the couple about the
-    node with which the condition acts on the sheet."""
+    node with which the condition acts on the sheet; and one without a node for each body of given
+    motions, about its origin."""
     with path.open("w", encoding="utf-8", newline="") as stream:
         out = csv.writer(stream)
         names = [f"force_{a}_N" for a in AXES] + [f"couple_{a}_Nmm" for a in AXES]
@@ -206,6 +244,9 @@ def _write_reactions(path: Path, result: JobResult) -> None:
                 values = np.concatenate([r.force, 1e3 * r.couple], axis=1) + 0.0
                 for node, row in zip(result.job.sheet.node_ids[r.nodes], values, strict=True):
                     out.writerow([repr(state.time), r.condition, node, *map(repr, row.tolist())])
+            for name, w in body_reactions(result.job, state).items():
+                values = w * np.repeat([1.0, 1e3], 3)
+                out.writerow([repr(state.time), f"body {name}", "", *map(repr, values.tolist())])
 
 
 def _write_springs(path: Path, result: JobResult) -> None:

@@ -132,16 +132,14 @@ def over_cylinder(
 
 
 def _goes_left(ends: Sequence[Array], sweeps: Sequence[float], side: Array | None) -> bool:
-    """Whether the way turns left about z: the shorter one, or OpenSim's on a side, by which of the
-    points where lines touch the circle lie there."""
-    if side is None:
-        return sweeps[0] <= sweeps[1]
-    there = [np.cos(e) * side[0] + np.sin(e) * side[1] >= 0 for e in ends]
-    if there[0][0] != there[1][0]:
-        return bool(there[0][0])
-    if there[0][1] != there[1][1]:
-        return bool(there[0][1])
-    return sweeps[0] >= sweeps[1] if not there[0][0] else sweeps[0] <= sweeps[1]
+    """Whether the way turns left about z: on a side as OpenSim's, by which of the points where
+    lines touch the circle lie there; the shorter one where that says nothing."""
+    if side is not None:
+        there = [np.cos(e) * side[0] + np.sin(e) * side[1] >= 0 for e in ends]
+        for left, right in zip(*there, strict=True):
+            if left != right:
+                return bool(left)
+    return sweeps[0] <= sweeps[1]
 
 
 def torus_cylinder(a: Array, b: Array, circle: float) -> tuple[Array, Array] | None:

@@ -284,6 +284,8 @@ def test_a_left_metacarpal_is_told(index: Template, tmp_path: Path):
     assert any(line.startswith("side: left, stated") for line in finger.report)
     assert finger.laid.fits["metacarpal"].distance["affine"][0] < 0.06e-3
     assert finger.size == pytest.approx(1.0, abs=0.01)
+    points, faces = finger.laid.surfaces["metacarpal"]
+    assert trimesh.Trimesh(points, faces, process=False).volume > 0  # normals outwards
 
 
 def test_what_is_written_of_a_left_hand_is_read_as_its_mirror_image(tmp_path: Path):

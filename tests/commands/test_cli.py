@@ -16,6 +16,7 @@ from cosim import pipeline
 from cosim.case.file import resolved_toml
 from cosim.cli import COMMANDS, app
 from cosim.commands.listing import read_glossary
+from cosim.commands.options import pairs_of
 from cosim.errors import ConvergenceError, InputError
 from cosim.outcome import Outcome
 from cosim.results.arrays import Arrays
@@ -497,3 +498,9 @@ def test_a_batch_side_by_side_leaves_what_one_by_one_leaves(monkeypatch, tmp_pat
         for file in ("results.nc", "ledger.csv", "case.toml"):
             one, two = (tmp_path / workers / name / file for workers in "12")
             assert one.read_bytes() == two.read_bytes(), file
+
+
+@pytest.mark.parametrize("text", ["EDC=", "=EDCI", "EDC", " = "])
+def test_a_pair_that_lacks_a_side_is_refused(text):
+    with pytest.raises(InputError, match=r"--muscle .*write, for example, --muscle EDC=EDCI"):
+        pairs_of("--muscle", ["LUM=LU", text], "EDC=EDCI")

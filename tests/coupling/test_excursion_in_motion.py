@@ -163,7 +163,9 @@ def test_an_fmu_in_motion_takes_tensions():
 STRAIGHT = np.array([[1.0, 0.2], [0.1, 2.0]])
 
 
-def pull_tendons(aim: list[float], stiff: float = 0.0) -> tuple[np.ndarray, ExcursionState, int]:
+def pull_tendons(
+    aim: list[float], stiff: float = 0.0, slack: float = 0.0
+) -> tuple[np.ndarray, ExcursionState, int]:
     """Two tendons with x = S T + stiff T^3, from 0.5 N each."""
     count = 0
 
@@ -176,7 +178,7 @@ def pull_tendons(aim: list[float], stiff: float = 0.0) -> tuple[np.ndarray, Excu
     draw = initial_excursions(start, trial(start)[1])
     count = 0
     driven = PrescribedExcursions(
-        ("a", "b"), np.arange(2), lambda time: 1e-3 * np.array(aim) * time
+        ("a", "b"), np.arange(2), lambda time: 1e-3 * np.array(aim) * time, slack=slack
     )
     tension, after = solve_excursions(driven, draw, 1.0, trial)
     return tension, after, count
@@ -189,6 +191,12 @@ def test_a_straight_law_is_met_at_once():
     assert after.excursion - after.start == pytest.approx([1e-3, 2e-3], abs=1e-10)
     assert after.slope == pytest.approx(1e-3 * STRAIGHT)
     assert count == 4  # where it stands, two for the slope, and the answer
+
+
+def test_slack_is_drawn_first():
+    tension, after, _ = pull_tendons([1.0, 2.0], slack=0.4e-3)
+    assert tension == pytest.approx(0.5 + np.linalg.solve(STRAIGHT, [0.6, 1.6]))
+    assert after.excursion - after.start == pytest.approx([0.6e-3, 1.6e-3], abs=1e-10)
 
 
 def test_a_crooked_law_too():

@@ -24,6 +24,7 @@ from cosim.coupling.checkpoint import NAME
 from cosim.coupling.motion import CoupledMotion, MotionState
 from cosim.errors import ConvergenceError, InputError, StoppedError
 from cosim.files import shown_path
+from cosim.models.motion import moving_models
 from cosim.pipeline import run_case
 from cosim.results.motion import _largest_of_hood
 from cosim.results.result import Result
@@ -99,6 +100,21 @@ def test_energy_is_accounted_for_and_the_method_takes_less_at_smaller_steps() ->
         assert work_done(e) == pytest.approx(work_kept(e), rel=1e-9)
         taken.append(abs(e["artificial"]))
     assert taken[1] < 0.4 * taken[0]
+
+
+def test_what_a_device_and_friction_take_of_each_step_adds_up(monkeypatch) -> None:
+    case = load_case("pulley_edc", [PLAIN, *FREE, SHORT])
+    assert case.forward is not None
+    models = moving_models(case, case.forward)
+    at, taken = models.moves.begin(models.initial_state), iter([1.0, 2.0, 4.0])
+    monkeypatch.setattr(type(models.finger), "device_loss", lambda *_: next(taken))
+    monkeypatch.setattr(type(models.finger), "friction_work", lambda *_: np.array([1.0, 0, 3]))
+    found = []
+    for _ in range(3):
+        at = models.moves.advance(at)
+        found.append(at.slipped)
+    assert found == [1.0, 3.0, 7.0]
+    assert at.friction.tolist() == [3.0, 0.0, 9.0]
 
 
 @pytest.mark.slow

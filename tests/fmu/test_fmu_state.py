@@ -148,6 +148,18 @@ def test_objects_from_outside_are_never_taken(tmp_path):
         assert "not given out by this unit" in run.step(0.0, 0.01)
 
 
+def test_a_step_leaves_a_saved_state_as_it_was(tmp_path):
+    """One that is kept in memory, after inputs that no step has seen."""
+    write_fmu(STILL, "hood", 2, tmp_path / "unit.fmu")
+    run = run_of(tmp_path / "unit.fmu", tmp_path)
+    run.set(run.place["tension"], [3.0] * len(run.get(run.place["tension"])))
+    saved = run.snapshot()
+    before = saved.values.copy()
+    assert run.step(0.0, 0.01) == ""
+    assert saved.values.tobytes() == before.tobytes()
+    assert run.get(run.place["excursion"]) != before[run.place["excursion"]].tolist()
+
+
 def test_a_hood_with_a_memory_says_that_it_writes_no_state(tmp_path):
     rubbing = [*SHELL, 'hood.contact.penetration="1 um"', "hood.contact.friction=0.1"]
     write_fmu(load_case("isometric_edc", rubbing), "hood", 2, tmp_path / "unit.fmu")

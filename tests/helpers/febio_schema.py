@@ -160,6 +160,9 @@ def conditions() -> list[str]:
     def rigid(kind: str, *inner: str) -> str:
         return typed("rigid_bc", kind, el("rb", NAME), *inner)
 
+    parent = (el("node", IDENT), el("dof", word("x", "y", "z")))
+    dof = el("dof", word("x", "y", "z", "sx", "sy", "sz"))
+    child = el("child_dof", el("node", IDENT), dof, el("value", NUM))
     moved = (scaled("value"), *opts("relative", FLAG))
     fixed = opts("Rx_dof Ry_dof Rz_dof Ru_dof Rv_dof Rw_dof", FLAG)
     on_nodes = (scaled("value", numbers(3)), *opts("relative shell_bottom", FLAG))
@@ -174,6 +177,7 @@ def conditions() -> list[str]:
                     bc("zero displacement", *opts("x_dof y_dof z_dof", FLAG)),
                     bc("zero shell displacement", *opts("sx_dof sy_dof sz_dof", FLAG)),
                     bc("prescribed displacement", el("dof", word("x", "y", "z")), *moved),
+                    typed("bc", "linear constraint", *parent, some(child)),
                 )
             ),
         ),

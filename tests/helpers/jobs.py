@@ -126,14 +126,17 @@ def job_normal_up(job: Job) -> bool:
     return bool(node_directors(job.sheet.points, job.sheet.quads)[:, 2].mean() > 0)
 
 
-def rod_hood(springs=(), eyelet=None) -> tuple[ShellHood, dict]:
-    """A sheet over a rod, tied, sprung, touching it and pulled by one tendon."""
+def rod_hood(springs=(), eyelet=None, turned=False) -> tuple[ShellHood, dict]:
+    """A sheet over a rod, tied, sprung, touching it and pulled by one tendon; `turned`: its normals
+    point the other way."""
 
     def shape(uv):
         a, r = (uv[:, 1] - 0.5) * 15 / 8, 8.3e-3 + 0.05e-3 * (1 - uv[:, 0])
         return np.column_stack([30e-3 * uv[:, 0], r * np.sin(a), r * np.cos(a)])
 
-    hooded = even_sheet(*map_grid(14, 8, shape), Isotropic(E, 0.4), THICK)
+    points, quads = map_grid(14, 8, shape)
+    quads = quads[:, ::-1] if turned else quads
+    hooded = even_sheet(points, quads, Isotropic(E, 0.4), THICK)
     X, end = hooded.points, hooded.edge("x0")
     rod = Capsule(np.array([-0.01, 0, 0]), np.array([0.04, 0, 0]), 8e-3)
     supports = HoodSupports(

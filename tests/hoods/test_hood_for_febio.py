@@ -16,14 +16,15 @@ from cosim.models.febio import HEAD, written_hood
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.forces.layer import Layer
-from fe_solver.hood.as_febio import replacements
-from fe_solver.hood.as_job import job_of_hood
+from fe_solver.hood.as_febio import on_faces, replacements, with_sheet
+from fe_solver.hood.as_job import job_of_hood, mirrored
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions, move_to_mid_surface
 from fe_solver.job.solve import ShellState, solve_job
+from fe_solver.supports import Body
 from fe_solver.surfaces.spline_distance import SplineDistance
 from tests.helpers.febio_schema import faults
-from tests.helpers.jobs import rod_hood, run
+from tests.helpers.jobs import rod_hood, run, strip
 
 SPACING = 1e-3
 TENSION = np.array([4.0])
@@ -84,6 +85,31 @@ def test_penalties_on_a_surface_of_equal_energy_press_as_the_tissue_does(tmp_pat
     assert last.contact[0] == pytest.approx(touched, abs=0.01 * np.abs(touched).max())
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_parts_share_their_faces_towards_the_bones(turned):
+    """Whichever way the normals point; the mid-surface of the thicker one lies farther off."""
+    hood, _ = rod_hood(turned=turned)
+    X, quads = hood.sheet.points, hood.sheet.quads
+    thickness = np.where(X[quads, 0].mean(axis=1) < 15e-3, 0.5e-3, 0.3e-3)
+    sheet = on_faces(with_sheet(hood, replace(hood.sheet, thickness=thickness))).sheet
+    outwards = np.sign((hood.model.directors * X * [0, 1, 1]).sum(axis=1))
+    assert (outwards == outwards[0]).all()
+    face = outwards[0] * sheet.height - sheet.thickness[:, None] / 2
+    for node in np.unique(quads):
+        assert np.ptp(face[quads == node]) < 1e-12
+    assert np.ptp(sheet.height) > 0.05e-3
+
+
+def test_a_mirrored_body_turns_as_its_image():
+    """R becomes M R M, of the mirror image M, and its place M p."""
+    turned = Body("bone", origin=(1e-3, 2e-3, 3e-3), displacement=(1e-3,) * 3, rotation=(1, 2, 3))
+    (place, rotation), image = turned.pose(1.0), np.diag([1.0, -1.0, 1.0])
+    (body,) = mirrored(strip(bodies=(turned,))).bodies
+    expected = image @ place, image @ rotation @ image
+    for found, wanted in zip(body.pose(1.0), expected, strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -101,8 +127,8 @@ def test_what_no_file_can_say_is_refused_before_anything_is_solved(change, words
 
 @pytest.mark.slow
 def test_export_and_solve_of_the_first_case_give_the_same_hood(tmp_path):
-    """`cosim export` and `cosim solve --mid-surface` agree within 1 % with the hood as written, and
-    the export tells how far that is from the hood itself."""
+    """`cosim export` and `cosim solve` agree within 1 % with the hood as written, and the export
+    tells how far that is from the hood itself."""
     name, setting, feb = "isometric_edc", "hood.mesh.quads=104", tmp_path / "x.feb"
     told = run("export", name, "--set", setting, "--out", feb)
     assert told.exit_code == 0, told.output
@@ -115,10 +141,10 @@ def test_export_and_solve_of_the_first_case_give_the_same_hood(tmp_path):
     hood = written.hood
     answer = hood.advance(hood.start(written.motion), written.motion, pull, np.inf)
     slips = slip_forces(hood, answer.state)
-    job = move_to_mid_surface(read_feb(feb))
+    job = read_feb(feb)
     (state,) = solve_job(job).states
     assert slips_of(job, state) == pytest.approx(slips, rel=0.01)
-    solved = run("solve", feb, "--mid-surface", "--out", tmp_path / "run")
+    solved = run("solve", feb, "--out", tmp_path / "run")
     assert solved.exit_code == 0, solved.output
 
 

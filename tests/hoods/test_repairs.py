@@ -195,6 +195,12 @@ def row(name: str, *pip: float) -> Compared:
     return Compared(name, name, {**values, "pip_lag": np.array(pip)}, np.full(len(pip), np.nan))
 
 
+def test_misses_to_either_side_do_not_cancel():
+    intact = row("intact", 10, 20)
+    assert row("even", 14, 16).off("pip_lag", intact) == pytest.approx(4)
+    assert row("lost", 14, np.nan).off("pip_lag", intact) == np.inf
+
+
 def test_what_cannot_be_told_apart_is_said():
     intact, injured = row("intact", 10, 20), row("injured", 30, 50)
     near, far = row("near", 12, 21), row("far", 15, 26)

@@ -51,6 +51,17 @@ def test_it_is_the_difference_of_solved_neighbours(name, joint, settings):
         assert meaning_of(f"half_degree.{joint}.{path}", summary), path
 
 
+@pytest.mark.parametrize(("end", "inside"), [(70.0, 69.9), (0.0, 0.1)])
+def test_at_an_end_of_a_joints_range_it_is_that_of_one_side(end, inside):
+    """Beside the end it is looked at to either side, as far."""
+    found = [
+        run_case(load_case("pulley_edc", [f"finger.posture.DIP={a} deg"])).summary["half_degree"]
+        for a in (end, inside)
+    ]
+    force, near = (np.array([*by["DIP"]["fingertip_force_N"].values()]) for by in found)
+    assert force == pytest.approx(near, rel=0.05, abs=1e-6)
+
+
 def test_of_held_bones_the_torques_change_by_a_symmetric_matrix():
     """They are the gradient of the hood's potential by the joint angles."""
     case = load_case(SHELL[0], [*SHELL[1:], *EXACT, "finger.tip.kind='posture'"])

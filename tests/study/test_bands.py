@@ -15,6 +15,7 @@ from cosim.study import open_study
 from cosim.study import page as page_module
 from cosim.study.answers import too_few_for_ends
 from cosim.study.plan import read_plan
+from meshes.skeleton import JOINTS
 from tests.helpers.fixed_posture import HELD
 
 STUDY = """
@@ -106,6 +107,30 @@ def test_over_a_key_every_sample_is_solved_at_each_of_its_values(place):
         assert row.as_it_is == pytest.approx(-40 * np.radians(angle))
         assert row.p5 == pytest.approx(np.percentile(each, 5))
         assert row.p95 == pytest.approx(np.percentile(each, 95))
+
+
+def test_bands_of_a_motion_are_over_its_time_too(place):
+    """They begin in the case's posture and those of the samples, and end where the numbers do."""
+    moving = HELD.replace('"posture"', '"free"').replace("0.04", "0.01")
+    moving += '[forward]\nduration = "8 ms"\nstep = "2 ms"\nmust_rest = false\n'
+    moving += '[forward.adaptive]\ntolerance = "1e-4 rad"\n'  # each run has steps of its own
+    (place / "held.toml").write_text(moving, encoding="utf-8")
+    results = cosim.run_study("spread.toml", place / "out", samples=5)
+    over = results.bands_over_time.set_index(["quantity", "time_s"])
+    assert {q for q, _ in over.index} == {f"posture_deg.{j}" for j in JOINTS}
+    pip = over.loc["posture_deg.PIP"]
+    assert (pip.index[0], pip.index[-1]) == pytest.approx((0.0, 8e-3))
+    assert len({len(r.time) for r in map(results.arrays, range(5))}) > 1
+    begun = np.percentile(45 + results.table.posture.to_numpy(float), (5, 50, 95))
+    assert pip.iloc[0][["p5", "p50", "p95"]].tolist() == pytest.approx(begun.tolist())
+    assert pip.iloc[0].as_it_is == pytest.approx(45)
+    ends = results.bands.set_index("quantity").loc["posture_deg.PIP"]
+    names = ["as_it_is", "p5", "p50", "p95", "runs"]
+    assert pip.iloc[-1][names].tolist() == pytest.approx(ends[names].tolist())
+    assert (pip.unit == "deg").all()
+    assert (pip.meaning == "PIP angle").all()
+    assert abs(pip.p50.iloc[-1] - pip.p50.iloc[0]) > 1
+    assert (place / "out" / "spread" / "bands_over_time.png").is_file()
 
 
 def test_the_cost_of_a_shipped_study_is_said_first_in_python_too(place):

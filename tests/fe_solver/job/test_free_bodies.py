@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import app
-from cosim.errors import InputError
+from cosim.errors import ConvergenceError, InputError
 from cosim.port import rotation_matrix
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
@@ -284,20 +284,39 @@ def test_a_part_of_a_body_is_prescribed(tmp_path: Path, solver) -> None:
     assert state.configuration.rotation[0, 0, 2] == pytest.approx(-1.5 * 0.05 / LENGTH, rel=0.01)
 
 
-@SOLVERS
-@pytest.mark.parametrize("friction", [0.0, 0.2])
-def test_a_block_presses_a_strip_with_its_load(solver, friction: float) -> None:
-    """A block that may only rise, on a soft spring to the strip, is pushed against it: the contact
-    bears its load, less what the spring does."""
-    if friction and solver is solve_solid:
-        return
-    job, load = raised(block(gap=0.1e-3), 1e-3, friction=friction), 0.05
+LOAD = 0.05
+
+
+def pressing_job(gap: float, friction: float = 0.0):
+    """A block that may only rise, `gap` m below a strip, on a soft spring to it, under a load."""
+    job = raised(block(gap=gap), 1e-3, friction=friction)
     body = free_block(job.bodies[0], 0, 1, 3, 4, 5)
     middle = nodes_at(job, job.sheet.points[:, 0].max() / 2)
     anchor = np.tile([10e-3, 2.5e-3, -1e-3], (len(middle), 1))
     spring = SpringSet.to_body("soft", SpringLaw(1.0), middle, 0, anchor, 1e-3)
-    pushed = RigidLoad(0, (Drive(), Drive(), Drive(load)))
-    job = replace(job, bodies=(body, *job.bodies[1:]), springs=(spring,), rigid_loads=(pushed,))
+    pushed = RigidLoad(0, (Drive(), Drive(), Drive(LOAD)))
+    bodies = (body, *job.bodies[1:])
+    return replace(job, bodies=bodies, springs=(spring,), rigid_loads=(pushed,))
+
+
+@SOLVERS
+def test_a_block_that_its_load_would_carry_through_a_strip_does_not_pass(solver) -> None:
+    """From 3 mm below, where the spring alone would let it rise by 20 mm."""
+    try:
+        result = solver(pressing_job(3e-3), options=PLAIN)
+    except ConvergenceError as error:
+        assert "past what it touches" in str(error)
+    else:
+        assert result.touches[0].touched
+
+
+@SOLVERS
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_a_block_presses_a_strip_with_its_load(solver, friction: float) -> None:
+    """The contact bears its load, less what the spring does."""
+    if friction and solver is solve_solid:
+        return
+    job, load = pressing_job(0.1e-3, friction), LOAD
     result = solver(job, options=PLAIN)
     (state,) = result.states
     borne = sum(w[0, 2] for w in state.wrench.values())

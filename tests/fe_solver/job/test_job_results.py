@@ -91,6 +91,7 @@ def test_the_command_solves_a_file_and_writes_its_result(tmp_path):
     assert done.exit_code == 0, done.output
     assert "largest displacement" in done.output
     assert "t = 0.5" in done.output
+    assert "reaction of body bone" in done.output
     assert "left out:" in done.output
     told = json.loads((tmp_path / "out" / "summary.json").read_text())
     (direct,) = solve_solid(read_feb(tmp_path / "bent.feb")).states

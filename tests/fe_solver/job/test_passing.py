@@ -81,6 +81,15 @@ def lifted(job, state) -> float:
     return float((state.configuration.x - job.sheet.points)[nodes_at(job, 8e-3), 2].mean())
 
 
+def test_a_ball_thinner_than_the_sheet_lifts_it():
+    """Its middle is never deeper in it than a step may go: at its far side what it pushes out has
+    passed through."""
+    job = raised(ball(0.45e-3), 3e-3)
+    (state,) = solve_job(job, options=PLAIN).states
+    assert state.configuration.x[:, 2].max() > 2e-3
+    assert state.contact[0, 2] < 0
+
+
 @pytest.mark.parametrize("way", [1e-3, 5e-3])
 def test_a_ball_that_rises_lifts_the_strip_in_one_step(way):
     """5 mm is more than its diameter: the nearest node lies on it, to the chord of an element."""

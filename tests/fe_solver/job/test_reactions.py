@@ -13,11 +13,12 @@ import pytest
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Drive
-from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement
-from fe_solver.job.results import reactions
+from fe_solver.job.job import HeldDirector, NodalForce, PrescribedDisplacement, RigidLoad
+from fe_solver.job.results import body_reactions, reactions, write_job
 from fe_solver.job.solve import solve_job
 from fe_solver.q4ans.solve import solve_solid
-from fe_solver.supports import WALL, Tied
+from fe_solver.supports import WALL, Body, SpringLaw, SpringSet, Tied
+from tests.fe_solver.job.test_passing import block, raised
 from tests.helpers.jobs import (
     LENGTH,
     PLAIN,
@@ -107,8 +108,11 @@ def test_what_two_conditions_hold_is_the_firsts():
         PrescribedDisplacement(first, 1),
     )
     reaction = np.zeros((len(job.sheet.points), 6))
-    reaction[first, :2] = 1.0
-    found = {r.condition: r for r in reactions(replace(job, held=held), reaction)}
+    reaction[first, :2], reaction[first, 3:] = 1.0, [2.0, 3.0, 4.0]
+    job = replace(job, held=held, held_directors=(HeldDirector(first, 1, name="still"),))
+    found = {r.condition: r for r in reactions(job, reaction)}
+    assert (found["still"].couple == [2.0, 3.0, 4.0]).all()
+    assert not found["one"].couple.any()
     assert found["one"].force[:, 0].sum() == len(first)
     assert not found["two"].force.any()
     assert found["held 3 along y"].force[:, 1].sum() == len(first)
@@ -137,3 +141,58 @@ def test_a_files_reactions_are_in_table_csv_and_vtu(words, tmp_path):
     couple = sum(float(r["couple_y_Nmm"]) for r in rows)
     assert data["reaction_couple"][:, 1].sum() == pytest.approx(1e-3 * couple)
     assert couple == pytest.approx(1e3 * load * LENGTH, rel=0.05)
+
+
+def pressed_job():
+    """A strip, clamped and under a load, between a block that may only rise, which pushes it and
+    hangs on it by a soft spring, and a bone that stands still, to which its end is tied."""
+    job = raised(block(gap=0.1e-3), 1e-3)
+    push, moved = job.bodies[0], np.array([8e-3, 2e-3, -1e-3])
+    free = (False, False, True, False, False, False)
+    push = replace(push, origin=moved, vertices=push.vertices - moved, displacement=(0, 0, 0))
+    end = nodes_at(job, job.sheet.points[:, 0].max())
+    middle = nodes_at(job, job.sheet.points[:, 0].max() / 2)
+    anchor = np.tile([2e-3, 0.5e-3, 0], (len(middle), 1))
+    soft = SpringSet.to_body("soft", SpringLaw(1.0), middle, 0, anchor, 1e-3)
+    bone = Body("a <bone>", origin=job.sheet.points[end[0]] + [1e-3, 2e-3, 0])
+    return replace(
+        job,
+        bodies=(replace(push, free=free), bone, *job.bodies[1:]),
+        ties=(*(replace(t, body=t.body + (t.body > 0)) for t in job.ties), Tied(end, 1)),
+        springs=(soft,),
+        forces=(NodalForce(middle, (1e-3, 2e-3, 4e-3)),),
+        rigid_loads=(
+            RigidLoad(0, (0.02, 0, 0.05), follows=True),
+            RigidLoad(1, (0.3, -0.1, 0.2), (1e-4, 2e-4, 3e-4)),
+        ),
+    )
+
+
+@SOLVERS
+def test_what_holds_bodies_and_sheet_balances_what_is_applied(solve, tmp_path):
+    """In force and in moment about the world's origin, a body by itself too: of the block, whose
+    rise is free, what pushes it up is not among what holds it."""
+    job = pressed_job()
+    result = solve(job, options=PLAIN)
+    (state,) = result.states
+    c, held = state.configuration, body_reactions(job, state)
+    assert [*held] == ["block", "a <bone>"]  # and not the wall, which the clamp's are of
+    clamp = next(r for r in reactions(job, state.reaction) if "wall" in r.condition)
+    total = state.applied.copy()
+    total[:3] += clamp.force.sum(axis=0)
+    total[3:] += (np.cross(c.x[clamp.nodes], clamp.force) + clamp.couple).sum(axis=0)
+    for i, w in enumerate(held.values()):
+        total += np.concatenate([w[:3], w[3:] + np.cross(c.position[i], w[:3])])
+    np.testing.assert_allclose(total[:3], 0, atol=1e-6 * 0.3)
+    np.testing.assert_allclose(total[3:], 0, atol=1e-6 * 3e-3)
+    block_ = held["block"]
+    assert block_[2] == 0.0
+    assert block_[0] == pytest.approx(-0.02, abs=1e-3)  # but for what the spring pulls
+    folder = write_job(tmp_path / "out", result)
+    data = meshio.read(folder / "state_000.vtu").field_data["reaction of a <bone>"]
+    np.testing.assert_allclose(data.ravel(), held["a <bone>"], rtol=1e-12)
+    (kept,) = json.loads((folder / "summary.json").read_text())["states"]
+    assert kept["reactions_of_bodies"]["a <bone>"]["force_N"] == held["a <bone>"][:3].tolist()
+    rows = [*csv.DictReader((folder / "reactions.csv").open())]
+    (row,) = (r for r in rows if r["condition"] == "body a <bone>")
+    assert (row["node"], float(row["couple_z_Nmm"])) == ("", pytest.approx(1e3 * data.ravel()[5]))

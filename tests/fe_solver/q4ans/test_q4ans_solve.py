@@ -25,6 +25,7 @@ from fe_solver.job.solve import solve_job
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import ExponentialFamily
 from fe_solver.materials.linear import Isotropic, Orthotropic
+from fe_solver.q4ans.facets import facet_gaps, pressures
 from fe_solver.q4ans.model import obstacles, solid_model
 from fe_solver.q4ans.solve import solve_solid
 from fe_solver.sheet import ShellPart
@@ -188,6 +189,15 @@ def test_a_pressed_strip_carries_its_load_on_febios_penalty():
     rubbed = replace(job, contacts=(replace(pair, friction=0.3),))
     with pytest.raises(InputError, match="contact 'pair' has friction"):
         solve_solid(rubbed)
+
+
+def test_a_gap_is_what_a_depth_lacks():
+    """With a gap that the pair keeps between the faces."""
+    model = solid_model(contact_job(gap=0.2e-3, height=THICK / 2, lift=0.3e-3))
+    (facets,), at = model.facets, (model.rest, np.zeros(3), np.eye(3))
+    found = facet_gaps(facets, *at)
+    assert found == pytest.approx(np.full_like(found, 0.1e-3), abs=1e-12)
+    assert found == pytest.approx(-pressures(facets, *at).depth, abs=1e-15)
 
 
 def test_a_hood_over_a_rod_by_both(tmp_path):

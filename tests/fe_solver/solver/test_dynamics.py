@@ -103,6 +103,16 @@ def test_a_free_sheet_flies_straight_and_keeps_its_energy():
     assert solution.residual < 1e-6
 
 
+def test_directors_that_turn_have_the_energy_of_a_plates_section():
+    """rho h^3 / 12 times the area, whatever the mesh."""
+    X, quads = plate(LENGTH, 0.1, 5, 2)
+    model = sheet(X, quads, MODULUS, 0.0, THICKNESS)
+    spin = np.tile([0.0, 3.0, 0.0], (len(X), 1))
+    state = replace(dynamics.at_rest(at_rest(model)), spin=spin)
+    inertia = STUFF.density * THICKNESS**3 / 12 * LENGTH * 0.1
+    assert kinetic_energy(model, state, STUFF) == pytest.approx(inertia * 3.0**2 / 2)
+
+
 def test_viscosity_makes_the_swing_decay():
     """Kelvin and Voigt's bar: the amplitude falls by exp(-pi omega eta / E) a period."""
     model = strip(8)

@@ -15,7 +15,7 @@ from fe_solver.solver import linear_algebra, newton
 from fe_solver.solver import newton_step as steps
 from fe_solver.solver.linear_algebra import Nearby
 from fe_solver.solver.model import Configuration, ShellModel
-from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from fe_solver.solver.newton import NewtonOptions, Solution, is_equilibrium, solve
 from fe_solver.solver.newton_step import LONG, descent_step, factorise, limit_step, newton_step
 from fe_solver.solver.residual import residual_norm
 from fe_solver.supports import springs_of
@@ -56,6 +56,22 @@ def test_convergence_is_quadratic(model, solved):
     first, second = np.log(norms[1] / norms[2]), np.log(norms[2] / norms[3])
     assert second / first > 1.7
     assert norms[3] < 1e-10
+
+
+def test_an_equilibrium_has_its_tied_nodes_where_the_bodies_have_them():
+    """One that is tied, with all of its elements' nodes, bears on its body alone."""
+    points, quads = plate(20e-3, 5e-3, 4, 1)
+    strip = clamp(sheet(points, quads, 100e6, 0.0, 0.5e-3), np.flatnonzero(points[:, 0] < 6e-3))
+    model = guide(strip, [np.array([8, 9])], [(1.0, 0.0, 0.0)])
+    found = solve(model, at_rest(model), np.array([2.5]), TIGHT)
+    assert is_equilibrium(found, TIGHT.tolerance)
+    for name in ("x", "d"):
+        places = getattr(found.configuration, name).copy()
+        places[0] += [0, 1e-6, 0]
+        c = replace(found.configuration, **{name: places})
+        moved = replace(found, configuration=c, evaluation=model.evaluate(c, found.tension, True))
+        assert residual_norm(model, moved.evaluation)[0] == pytest.approx(found.residual, abs=1e-9)
+        assert not is_equilibrium(moved, TIGHT.tolerance)
 
 
 @pytest.mark.parametrize(

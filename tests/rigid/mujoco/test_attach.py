@@ -260,6 +260,23 @@ def test_a_follower_resists_no_more_where_no_body_may_be_light(tmp_path, least):
     assert pulled_alone(out, "EDC", "PIP", 0.3) == pytest.approx(-5e-3, rel=1e-5)
 
 
+def test_tendons_are_as_long_where_no_body_may_be_light(tmp_path):
+    """Bent, with each follower where its equality has it: one that moves less weighs more."""
+    lengths = []
+    for least in (0.0, 1e-4):
+        change = ("<compiler", f'<compiler boundmass="{least}"')
+        model = compile_model(attached(a_hand(tmp_path, change)).root)
+        data = mujoco.MjData(model)
+        for joint, angle in {"MCP": 0.5, "PIP": 0.9, "DIP": 0.4}.items():
+            data.joint(joint).qpos[0] = angle
+        for e in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT):
+            one, two = model.jnt_qposadr[[model.eq_obj1id[e], model.eq_obj2id[e]]]
+            data.qpos[one] = np.polynomial.polynomial.polyval(data.qpos[two], model.eq_data[e, :5])
+        mujoco.mj_forward(model, data)
+        lengths.append(data.ten_length.copy())
+    np.testing.assert_allclose(*lengths, rtol=0, atol=1e-12)
+
+
 def test_a_joint_that_turns_the_other_way_and_a_muscle_that_lacks_change_no_arm(tmp_path):
     """The table and the arms of a hand whose PIP turns the other way, and without a lumbrical."""
     root = ET.fromstring(a_hand(tmp_path).read_text(encoding="utf-8"))

@@ -92,6 +92,32 @@ def test_an_end_within_a_surface_makes_the_way_straight() -> None:
         assert_allclose(lengths(a, b, RADIUS, None), np.linalg.norm(b - a, axis=1))
 
 
+@pytest.mark.parametrize("swapped", [1, -1])
+def test_a_way_round_the_back_crosses_itself_not(swapped: int) -> None:
+    """Of two ends before a cylinder, the way on whose far side is prescribed: the shorter one of
+    both that go round there, as OpenSim 4.6 has it."""
+    a, b = np.array([[-0.9, -1.5, 0.0], [0.9, -1.5, 0.0]])[::swapped]
+    arc = over_cylinder(a, b, 1.0, np.inf, np.array([0.0, 1.0, 0.0]))
+    far, off = np.hypot(0.9, 1.5), np.arctan2(0.9, 1.5)
+    length = 2 * (np.pi - off - np.arccos(1 / far))
+    assert arc is not None
+    assert arc.length == pytest.approx(length)
+    assert arc.extra == pytest.approx(2 * np.sqrt(far**2 - 1) + length - 1.8)
+
+
+@pytest.mark.parametrize(("half", "found"), [(0.9, False), (1.1, True), (2.9, True), (3.1, True)])
+def test_a_cylinder_is_touched_where_either_end_of_the_arc_is_on_it(half, found) -> None:
+    """An arc that climbs from 1 to 3 m."""
+    a, b, straight = np.array([-2.0, 0.0, 0.0]), np.array([2.0, 0.0, 4.0]), np.sqrt(3.0)
+    whole = 2 * straight + np.pi / 3
+    a[2], b[2] = 1 - 2 * straight / (np.pi / 3), 3 + 2 * straight / (np.pi / 3)
+    assert (b[2] - a[2]) * (np.pi / 3) / whole == pytest.approx(2.0)
+    arc = over_cylinder(a, b, 1.0, half, None)
+    assert (arc is not None) == found
+    if arc is not None:
+        assert (arc.start[2], arc.end[2]) == pytest.approx((1.0, 3.0))
+
+
 def test_a_round_ellipsoid_is_a_sphere() -> None:
     count = 0
     for a, b in zip(*ends(), strict=True):
