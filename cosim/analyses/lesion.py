@@ -42,11 +42,10 @@ def both_sides(case: Case) -> dict[tuple[Tip, Side], Case]:
 
 
 def _one(case: Case, tip: Tip, side: Side) -> Case:
-    return case.model_copy(
+    return (case if side == "after" else case.without_lesion()).model_copy(
         update={
             "name": f"{case.name}_{side}_{tip}",
             "title": f"{case.title}: {side}, fingertip {tip}",
-            "lesion": case.lesion if side == "after" else None,
             "finger": _with_tip(case, tip),
         }
     )

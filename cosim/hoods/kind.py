@@ -180,6 +180,11 @@ class BuiltHood:
     At its equilibrium this less the tendons' work, tension times excursion, is stationary."""
     nearby: Callable[[State, Motion], State] | None = None
     """A solved state at poses nearby under the same tensions, to first order; None as before."""
+    around: Callable[[Any], BuiltHood] | None = None
+    """What there is to know of a hood of the same mesh with other springs or ties; None of a hood
+    without."""
+    untied: Callable[[str], Hood] | None = None
+    """The hood with a slip let go that is tied to its bone; None as before."""
 
 
 def no_variations(hood: HoodConfig) -> Iterator[Variation]:

@@ -94,9 +94,10 @@ def build(case: Case) -> Models:
     return build_any(case)
 
 
-def build_any(case: Case) -> Models:
+def build_any(case: Case, gives_way: bool = False) -> Models:
     """Models of any case: a finger in an FMU is a `cosim.port.Finger` and no more, which is all
-    that the solver and the observer of an equilibrium ask for."""
+    that the solver and the observer of an equilibrium ask for; with a hood whose parts give way as
+    the case says, where asked for."""
     check_fit(case)
     if case.finger.is_native:
         finger: OpenFinger = case_finger(case)
@@ -105,6 +106,10 @@ def build_any(case: Case) -> Models:
         finger, posture = cast(OpenFinger, unit(case.finger).at_rest()), {}
     site = site_of(case, finger.rest())
     hood = build_hood(case, site)
+    if gives_way and case.gives_way is not None:
+        from cosim.hoods.giving import giving_hood
+
+        hood = giving_hood(hood, case.gives_way)
     return Models(
         finger,
         hood.hood,

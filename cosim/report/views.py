@@ -223,16 +223,17 @@ def _tensions(run: Result, step: int) -> dict[str, float]:
 
 
 def slip_forces(arrays: Arrays) -> dict[str, Array]:
-    """The force (n,) N that each slip puts on the bone at its end, in every state or time; none of
-    a hood without slips."""
+    """The force (n,) N that each slip puts on the bone at its end, with its suture, in every state
+    or time; none of a hood without slips."""
     if "hood_force" not in arrays.variables:
         return {}
     sources = [str(name) for name in arrays.coordinates["source"].values]
-    size = np.linalg.norm(arrays.variables["hood_force"].values, axis=-1)
+    force = arrays.variables["hood_force"].values
+    by = {s: [i for i, n in enumerate(sources) if n in (s, f"suture_{s}")] for s in SLIPS}
     return {
-        name.replace("_", " "): size[:, :, sources.index(name)].sum(axis=1)
-        for name in SLIPS
-        if name in sources
+        name.replace("_", " "): np.linalg.norm(force[:, :, i].sum(axis=2), axis=-1).sum(axis=1)
+        for name, i in by.items()
+        if i
     }
 
 

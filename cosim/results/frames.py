@@ -63,9 +63,21 @@ def frames_of(
         steps = np.unique(np.linspace(0, len(times) - 1, count).round().astype(int)).tolist()
         stored = [*[None] * (len(steps) - 1), hood]
     return tuple(
-        Frame(f"{times[k]:.4g} s", k, float(times[k]), angles[k], force[k], shape)
+        Frame(_label(arrays, float(times[k])), k, float(times[k]), angles[k], force[k], shape)
         for k, shape in zip(steps, stored, strict=True)
     )
+
+
+def _label(arrays: Arrays, time: float) -> str:
+    """The time, and what gave way or began last before it."""
+    if "event_time" not in arrays.variables:
+        return f"{time:.4g} s"
+    when = arrays.variables["event_time"].values
+    past = np.flatnonzero(when <= time)
+    if not len(past):
+        return f"{time:.4g} s"
+    what = str(arrays.coordinates["event"].values[past[-1]])
+    return f"{time:.4g} s ({what} at {when[past[-1]]:.4g} s)"
 
 
 def read_hood(path: Path, hand: Hand) -> HoodField:

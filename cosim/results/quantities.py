@@ -179,6 +179,7 @@ ENERGIES = {
     "device_dissipated": "dissipated in the fingertip's device",
     "guides_dissipated": "lost to friction at the tendons' guides",
     "guides_held": "held at the tendons' guides before they slide",
+    "gave_way": "lost where parts of the hood gave way",
     "artificial": "taken by the method",
 }
 """Where the work of tendons and gravity went in a motion."""
@@ -241,6 +242,26 @@ OF_RUN = (
         "friction.sliding.<sliding>.joint_torque_Nmm.<tendon>.<joint>",
         "torque of <tendon> about <joint>, <sliding>",
     ),
+    *(
+        Quantity(f"gave_way.{ANY}.{key}", f"{meaning} as * gave way")
+        for key, meaning in (
+            ("time_s", "time"),
+            ("last_time_s", "last time"),
+            ("force_N", "force"),
+            ("stretch_mm", "stretch"),
+            ("freed_mJ", "energy freed"),
+            ("lost_mJ", "energy that the hood lost"),
+            ("places", "places"),
+            ("places_gone", "places that were let go"),
+            ("at_once_with_others", "parts that gave way at once"),
+        )
+    ),
+    Quantity(f"began.{ANY}.time_s", "time at which * began to act"),
+    Quantity(f"strength.{ANY}.share", "what * bears over what it can"),
+    Quantity(f"strength.{ANY}.force_N", "force of *"),
+    Quantity(f"strength.{ANY}.stretch_mm", "stretch of *"),
+    Quantity(f"strength.{ANY}.energy_mJ", "energy stored in *"),
+    Quantity("first_to_give_way.at_times_the_loads", "loads at which a part gives way first"),
     Quantity("wall_s", "wall time"),
     Quantity("hood_quads", "quads of the hood's mesh"),
     Quantity("hood_cells", "line cells of the hood"),

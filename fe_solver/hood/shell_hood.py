@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -13,6 +13,13 @@ from cosim.content_key import UnknownContentError, content_key
 from cosim.errors import ConvergenceError, InputError, say
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
 from fe_solver.forces.contact import compression
+from fe_solver.forces.springs import (
+    Axial,
+    node_spring_directions,
+    node_spring_state,
+    spring_directions,
+    spring_state,
+)
 from fe_solver.hood.version import KNOWN, solver_version
 from fe_solver.sheet import Sheet
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
@@ -23,7 +30,7 @@ from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, is_equilibrium, solve
 from fe_solver.solver.relaxation import relax
 from fe_solver.solver.residual import residual_norm
-from fe_solver.supports import SpringSet
+from fe_solver.supports import SpringSet, links_of, springs_of
 from fe_solver.vectors import cross
 
 TIE = "terminal_slip"
@@ -216,6 +223,34 @@ class ShellHood:
         evaluation = m.evaluate(c, tension, tangent=True)
         solution = Solution(m, c, evaluation, tension, 1, 1, residual_norm(m, evaluation)[0])
         return HoodState(state.motion, c, solution, state.iterations + 1)
+
+    def with_springs(self, springs: Sequence[SpringSet]) -> ShellHood:
+        """The same hood with other laws and rest lengths of its springs: the same sets, with the
+        same ends."""
+        model = self.model.with_changes(springs=springs_of(springs), links=links_of(springs))
+        return replace(self, model=model, springs=tuple(springs))
+
+    def pulls(self, state: HoodState) -> list[tuple[Axial, Array]]:
+        """What the springs of each set do along themselves, (k,) in its order, and the unit
+        directions (k, 3) in which they stretch, in the world frame."""
+        m, c = self.model, state.configuration
+        placed = (c.x, c.position, c.rotation)
+        to_body = spring_state(m.springs, *placed), spring_directions(m.springs, *placed)
+        between = node_spring_state(m.links, c.x), node_spring_directions(m.links, c.x)
+        out = []
+        for i, s in enumerate(self.springs):
+            on_body, k = s.body >= 0, len(s.nodes)
+            parts = [np.empty((k, *np.shape(part)[1:]), part.dtype) for part in to_body[0]]
+            along = np.empty((k, 3))
+            for (axial, direction), group, on in (
+                (to_body, m.springs.group, on_body),
+                (between, m.links.group, ~on_body),
+            ):
+                along[on] = direction[group == i]
+                for part, values in zip(parts, axial, strict=True):
+                    part[on] = values[group == i]
+            out.append((Axial(*parts), along))
+        return out
 
     def linearised(self, state: HoodState, motion: Motion) -> HoodState:
         """The state at poses nearby under the same tensions, to first order in the poses."""

@@ -19,12 +19,17 @@ from fe_solver.hood.build import Net, TendonEnd, cable_hood
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from meshes.cable_net import CableNet, lay
 from meshes.robot_net import keep_extensor
+from meshes.severed import cut_net
 
 
 def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
     """The live net of cables on a finger. Raises InputError where it cannot be laid out on it."""
     net = apply_lesion_to_net(build_net(hood, site.anatomy), site.lesion)
-    made = cable_hood_of(hood, site, net)
+    return _built(hood, site, net, cable_hood_of(hood, site, net))
+
+
+def _built(hood: CableHoodConfig, site: Site, net: CableNet, made: FeHood) -> BuiltHood:
+    """What there is to know of the hood of a net."""
     return BuiltHood(
         made,
         view_of(made, net, site.skeleton),
@@ -32,6 +37,8 @@ def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
         linear=partial(tangent_seconds, made),
         energy=stored_energy,
         nearby=made.linearised,
+        around=partial(_built, hood, site, net),
+        untied=lambda slip: cable_hood_of(hood, site, cut_net(net, slip)),
     )
 
 

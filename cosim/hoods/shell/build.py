@@ -36,6 +36,7 @@ from meshes.coarseness import coarse_rows
 from meshes.hood import generate
 from meshes.hood_lines import even_shares
 from meshes.hood_mesh import REGIONS, HoodMesh, read
+from meshes.severed import cut_part
 
 ROOM = 4e-3
 """m that an end of a sheet lies distal of its tendon's eyelet at least, for it to hang on a rope to
@@ -52,7 +53,11 @@ def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
     """The live sheet of shell elements on a finger. Raises InputError where it cannot be laid out
     on it, and for a point of the case that is not on the sheet."""
     mesh = apply_lesion_to_mesh(generate_mesh(hood, site.anatomy), site.lesion)
-    made = shell_hood_of(hood, site, mesh)
+    return _built(hood, site, mesh, shell_hood_of(hood, site, mesh))
+
+
+def _built(hood: ShellHoodConfig, site: Site, mesh: HoodMesh, made: FeHood) -> BuiltHood:
+    """What there is to know of the hood on a mesh."""
     gauges = points_on(hood, made.model.reference, mesh.quads)
     return BuiltHood(
         made,
@@ -62,6 +67,8 @@ def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
         points=TrackedPoints(gauges.points, lambda s: gauges.positions(s.configuration.x)),
         energy=stored_energy,
         nearby=made.linearised,
+        around=partial(_built, hood, site, mesh),
+        untied=lambda slip: shell_hood_of(hood, site, cut_part(mesh, slip)),
     )
 
 

@@ -1,0 +1,95 @@
+"""Which part of a loaded hood would give way first, and at how many times the loads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cosim.case.schema import Case
+from cosim.coupling.equilibrium import Equilibrium
+from cosim.coupling.events import Bearing
+from cosim.errors import ConvergenceError
+from cosim.tendons.table import TendonConfig
+
+MOST_SCALED = 8
+"""Equilibria under other loads."""
+SHARE_TOLERANCE = 1e-3
+"""Of what the first part can bear."""
+MOST_LOAD = 20.0
+"""Times the loads, up to which it is looked for."""
+LEAST_SHARE = 1e-9
+
+
+class FirstToGiveWay(NamedTuple):
+    """The part that would give way first."""
+
+    unit: int
+    """Its number among the hood's."""
+    load: float | None
+    """At how many times the stated tensions, activations and excursions; None where that was not
+    found."""
+    reason: str = ""
+    """Why not."""
+
+
+@dataclass(frozen=True)
+class Strength:
+    """What the parts bear in the loaded state for which a strength is stated."""
+
+    units: Sequence[Any]
+    """(k,) as of `cosim.hoods.giving.Unit`."""
+    bearing: Bearing
+    first: FirstToGiveWay
+
+
+def scaled(case: Case, factor: float) -> Case:
+    """The case with all stated tensions, activations and excursions times a factor."""
+
+    def times(tendon: TendonConfig) -> TendonConfig:
+        stated = {key: getattr(tendon, key) for key in ("tension", "activation", "excursion")}
+        more = {key: factor * value for key, value in stated.items() if value is not None}
+        return tendon.model_copy(update=more)
+
+    tendons: Mapping[str, TendonConfig] = {name: times(t) for name, t in case.tendons.items()}
+    return case.model_copy(update={"tendons": tendons})
+
+
+def first_to_give_way(
+    case: Case,
+    loaded: Equilibrium,
+    bearing: Callable[[Equilibrium], Bearing],
+    solve: Callable[[Case, Equilibrium], Equilibrium],
+) -> FirstToGiveWay:
+    """The part that gives way first as all loads grow, or shrink, together: by the secant method,
+    each equilibrium solved from the last."""
+    share = bearing(loaded).share
+    unit, at = int(share.argmax()), loaded
+    if share[unit] < LEAST_SHARE:
+        return FirstToGiveWay(unit, None, "nothing bears anything")
+    tried = [(0.0, 0.0), (1.0, float(share[unit]))]
+    for _ in range(MOST_SCALED):
+        (a, before), (load, now) = tried[-2:]
+        if abs(now - 1.0) <= SHARE_TOLERANCE:
+            return FirstToGiveWay(unit, load)
+        if now == before:
+            return FirstToGiveWay(unit, None, "what it bears does not follow the loads")
+        wanted = load + (1.0 - now) * (load - a) / (now - before)
+        wanted = float(np.clip(wanted, load / 3, 3 * load))
+        if wanted > MOST_LOAD:
+            return FirstToGiveWay(unit, None, f"not below {MOST_LOAD:g} times the loads")
+        muscles = [t.activation for t in case.tendons.values() if t.muscle and t.activation]
+        if wanted * max(muscles, default=0.0) > 1.0:
+            return FirstToGiveWay(unit, None, "not before a muscle is fully active")
+        try:
+            at = solve(scaled(case, wanted), at)
+        except ConvergenceError:
+            return FirstToGiveWay(
+                unit, None, f"no equilibrium was found at {wanted:.3g} times the loads"
+            )
+        share = bearing(at).share
+        unit = int(share.argmax())
+        tried.append((wanted, float(share[unit])))
+    return FirstToGiveWay(unit, None, f"not found in {MOST_SCALED} equilibria under other loads")
