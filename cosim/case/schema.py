@@ -196,7 +196,7 @@ class CaseFile(Table):
             raise fault('gives_way: is of a coupled hood; leave out coupling.scheme = "one_way"')
         if self.forward is None:
             for name, when in self.gives_way.items():
-                if when.is_in_motion_only:
+                if all(end is None for end in (when.force, when.stretch, when.energy)):
                     raise fault(
                         f"gives_way.{name}: time and begins are of a motion; write force, stretch "
                         "or energy, or a table forward"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -27,7 +26,8 @@ class Event(NamedTuple):
     freed: float
     """J that it had stored."""
     lost: float
-    """J that the whole hood lost, with what its tendons put in at once."""
+    """J that the whole hood lost, with what its tendons put in at once; of several at once a part
+    each."""
     kind: float
     """FAILS or BEGINS."""
     together: float
@@ -44,12 +44,10 @@ class Bearing(NamedTuple):
     energy: Array
     """J."""
     share: Array
-    """Of what each can bear, the largest of force, stretch and energy; 0 of one with no such
-    limit."""
+    """The largest of force, stretch and energy over what each can bear; 0 without such a limit."""
 
 
-@dataclass(frozen=True)
-class Schedule:
+class Schedule(NamedTuple):
     """Times (k,) s by part, inf where there is none."""
 
     begins: Array
@@ -65,7 +63,7 @@ class GivingHood(Hood, Protocol):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the parts, in words."""
+        """What the parts are called."""
         ...
 
     @property

@@ -21,7 +21,7 @@ from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array, Mask
 
 MOST_CUTS = 24
-"""Of a step in which parts pass what they can bear."""
+"""So often is a step cut in which parts pass what they can bear."""
 OVERSHOOT = 1e-7
 """How far beyond what it can bear a part gives way at most, unless the cuts end before."""
 SAME_SHARE = 1e-6
@@ -38,21 +38,15 @@ class GivingMotion(CoupledMotion):
 
     def advance(self, at: MotionState) -> MotionState:
         """One step on, with what gives way and begins in it.  Raises ConvergenceError."""
-        assert self.giving is not None
-        return advance(self, self.giving, at, self.dt)
-
-
-def advance(moves: CoupledMotion, hood: GivingHood, at: MotionState, dt: float) -> MotionState:
-    """The motion `dt` s on, with what gives way and begins until then.  Raises
-    ConvergenceError."""
-    end, at = at.coupled.time + dt, settle(moves, hood, at)
-    while (left := end - at.coupled.time) > TIME_ROUNDING + 1e-9 * dt:
-        h = min(left, next_time(hood, at) - at.coupled.time)
-        after = moves.advance_by(at, h)
-        if _passed(hood, after).any():
-            after = locate(moves, hood, at, after)
-        at = settle(moves, hood, after)
-    return at
+        hood = self.giving
+        assert hood is not None
+        end, at = at.coupled.time + self.dt, settle(self, hood, at)
+        while (left := end - at.coupled.time) > TIME_ROUNDING + 1e-9 * self.dt:
+            after = self.advance_by(at, min(left, next_time(hood, at) - at.coupled.time))
+            if passes(hood, after):
+                after = locate(self, hood, at, after)
+            at = settle(self, hood, after)
+        return at
 
 
 def next_time(hood: GivingHood, at: MotionState) -> float:
@@ -68,7 +62,7 @@ def locate(
     """The state between `at` and `after` in which a part has just passed what it can bear: the
     first one, or several of which nothing tells the order."""
     low, high, solves = 0.0, after.coupled.time - at.coupled.time, after.coupled.solves
-    under, over = _beyond(hood, at), _beyond(hood, after)
+    under, over = (_shares(hood, end).max() - 1.0 for end in (at, after))
     for k in range(MOST_CUTS):
         if over <= OVERSHOOT:
             break
@@ -76,7 +70,7 @@ def locate(
         middle = low + float(np.clip(part, 0.0, 1.0)) * (high - low)
         tried = moves.advance_by(at, middle)
         solves += tried.coupled.solves - at.coupled.solves
-        if (beyond := _beyond(hood, tried)) >= 0.0:
+        if (beyond := _shares(hood, tried).max() - 1.0) >= 0.0:
             high, after, over = middle, tried, beyond
         else:
             low, under = middle, beyond
@@ -85,7 +79,7 @@ def locate(
 
 def passes(hood: GivingHood, at: MotionState) -> bool:
     """Whether a part has passed what it can bear."""
-    return bool(_passed(hood, at).any())
+    return bool((_shares(hood, at) >= 1.0).any())
 
 
 def settle(moves: CoupledMotion, hood: GivingHood, at: MotionState) -> MotionState:
@@ -94,12 +88,11 @@ def settle(moves: CoupledMotion, hood: GivingHood, at: MotionState) -> MotionSta
     while True:
         time, left = at.coupled.time, hood.left(at.coupled.hood)
         begun, failed = _history(at, len(left))
-        by_clock = hood.schedule.begins <= time + TIME_ROUNDING
-        begin = by_clock & ~begun
+        begin = (hood.schedule.begins <= time + TIME_ROUNDING) & ~begun
         end = (hood.schedule.ends <= time + TIME_ROUNDING) & ~failed & ~begin
-        if not (begin | end).any() and (over := _passed(hood, at)).any():
-            share = np.where(over, hood.bearing(at.coupled.hood).share, 0.0)
-            end = over & (share >= share.max() * (1 - SAME_SHARE))
+        if not (begin | end).any():
+            share = _shares(hood, at)
+            end = share >= max(1.0, share.max() * (1 - SAME_SHARE))
         wanted = np.where(begin, 1.0, _fading(hood, at, end))
         if not (begin | end).any() and np.array_equal(wanted, left):
             return at
@@ -114,17 +107,10 @@ def _history(at: MotionState, count: int) -> tuple[Mask, Mask]:
     return begun, failed
 
 
-def _beyond(hood: GivingHood, at: MotionState) -> float:
-    """How far beyond what it can bear the most loaded part is, as a share of that."""
-    bearing = hood.bearing(at.coupled.hood)
-    _, failed = _history(at, len(bearing.share))
-    return float(bearing.share[~failed].max(initial=0.0)) - 1.0
-
-
-def _passed(hood: GivingHood, at: MotionState) -> Mask:
-    bearing = hood.bearing(at.coupled.hood)
-    _, failed = _history(at, len(bearing.share))
-    return np.asarray((bearing.share >= 1.0) & ~failed)
+def _shares(hood: GivingHood, at: MotionState) -> Array:
+    """What the parts (k,) bear over what they can; 0 of those that have given way."""
+    share = hood.bearing(at.coupled.hood).share
+    return np.where(_history(at, len(share))[1], 0.0, share)
 
 
 def _fading(hood: GivingHood, at: MotionState, end: Mask) -> Array:
@@ -172,17 +158,8 @@ def _change(
     rows = np.flatnonzero((events[:, 6] == FAILS) & fading[events[:, 0].astype(int)])
     each = lost / (len(rows) + len(now))
     events[rows, 5] += each
-    new = [
-        Event(
-            float(i),
-            c.time,
-            bearing.force[i],
-            bearing.stretch[i],
-            bearing.energy[i],
-            each,
-            BEGINS if begin[i] else FAILS,
-            float(len(now) - 1),
-        )
-        for i in now
-    ]
-    return replace(at, coupled=after, draw=draw, events=np.vstack([events, *new]))
+    more = (bearing.force, bearing.stretch, bearing.energy)
+    new = np.zeros((len(now), events.shape[1]))
+    new[:, 0], new[:, 1], new[:, 2:5] = now, c.time, np.stack(more, axis=1)[now]
+    new[:, 5], new[:, 6], new[:, 7] = each, np.where(begin[now], BEGINS, FAILS), len(now) - 1
+    return replace(at, coupled=after, draw=draw, events=np.vstack([events, new]))

@@ -55,8 +55,3 @@ class GiveWayConfig(Table):
         if self.time is not None and self.time <= (self.begins or 0.0):
             raise fault("time: must be after 0 s and after begins")
         return self
-
-    @property
-    def is_in_motion_only(self) -> bool:
-        """Whether it says nothing of an equilibrium."""
-        return self.force is None and self.stretch is None and self.energy is None

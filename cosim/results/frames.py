@@ -72,12 +72,11 @@ def _label(arrays: Arrays, time: float) -> str:
     """The time, and what gave way or began last before it."""
     if "event_time" not in arrays.variables:
         return f"{time:.4g} s"
-    when = arrays.variables["event_time"].values
-    past = np.flatnonzero(when <= time)
-    if not len(past):
-        return f"{time:.4g} s"
-    what = str(arrays.coordinates["event"].values[past[-1]])
-    return f"{time:.4g} s ({what} at {when[past[-1]]:.4g} s)"
+    events = zip(
+        arrays.coordinates["event"].values, arrays.variables["event_time"].values, strict=True
+    )
+    past = [f" ({what} at {at:.4g} s)" for what, at in events if at <= time]
+    return f"{time:.4g} s{''.join(past[-1:])}"
 
 
 def read_hood(path: Path, hand: Hand) -> HoodField:

@@ -20,41 +20,40 @@ def strength_block(strength: Strength | None) -> dict[str, Any]:
         return {}
     parts: dict[str, Any] = {}
     for unit, *values in zip(strength.units, *strength.bearing, strict=True):
-        part = unit.part
         force, stretch, energy, share = map(float, values)
-        if part not in parts or share > parts[part]["share"]:
+        if share >= parts.get(unit.part, {"share": 0.0})["share"]:
             now = {"force_N": force, "stretch_mm": 1e3 * stretch, "energy_mJ": 1e3 * energy}
-            parts[part] = {"share": share, **now}
-    first: dict[str, Any] = {"part": strength.units[strength.first.unit].part}
-    if strength.first.load is None:
-        first["no_load_known"] = strength.first.reason
-    else:
-        first["at_times_the_loads"] = strength.first.load
-    return {"strength": parts, "first_to_give_way": first}
+            parts[unit.part] = {"share": share, **now}
+    unit, load, reason = strength.first
+    at = {"no_load_known": reason} if load is None else {"at_times_the_loads": load}
+    return {
+        "strength": parts,
+        "first_to_give_way": {"part": strength.units[unit].part, **at},
+    }
 
 
 def events_block(units: Sequence[Any], events: Array) -> dict[str, Any]:
     """What gave way, and what began to act, in the order of time; the places of a part that peels
     together."""
-    failed: dict[str, Any] = {}
-    began: dict[str, Any] = {}
+    out: dict[str, Any] = {}
     for event in (Event(*row) for row in events):
         unit = units[int(event.part)]
-        part, (_, places) = unit.part, unit.place
         if event.kind == BEGINS:
-            began[part] = {"time_s": event.time}
+            out.setdefault("began", {})[unit.part] = {"time_s": event.time}
             continue
-        now = failed.setdefault(part, {"time_s": event.time, "force_N": 0.0, "stretch_mm": 0.0})
+        first = {"time_s": event.time, "force_N": 0.0, "stretch_mm": 0.0}
+        first |= {"freed_mJ": 0.0, "lost_mJ": 0.0}
+        now = out.setdefault("gave_way", {}).setdefault(unit.part, first)
         now["force_N"] = max(now["force_N"], event.force)
         now["stretch_mm"] = max(now["stretch_mm"], 1e3 * event.stretch)
-        now["freed_mJ"] = now.get("freed_mJ", 0.0) + 1e3 * event.freed
-        now["lost_mJ"] = now.get("lost_mJ", 0.0) + 1e3 * event.lost
-        if places > 1:
-            now |= {"places": places, "places_gone": now.get("places_gone", 0) + 1}
-            now["last_time_s"] = event.time
+        now["freed_mJ"] += 1e3 * event.freed
+        now["lost_mJ"] += 1e3 * event.lost
+        if unit.place[1] > 1:
+            gone = now.get("places_gone", 0) + 1
+            now |= {"places": unit.place[1], "places_gone": gone, "last_time_s": event.time}
         elif event.together:
             now["at_once_with_others"] = int(event.together)
-    return {**({"gave_way": failed} if failed else {}), **({"began": began} if began else {})}
+    return out
 
 
 def event_arrays(units: Sequence[Any], events: Array) -> tuple[list[str], Array]:

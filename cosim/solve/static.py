@@ -69,7 +69,7 @@ class States:
     """By way of sliding, loading and unloading, of a case whose tendons have friction: what lies
     between them friction can hold."""
     strength: Strength | None = None
-    """Of a case that lets parts of the hood give way."""
+    """What gives way first, where the case lets parts of the hood do so."""
 
 
 AUDIT_STEP = 2e-5

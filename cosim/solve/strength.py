@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,13 +14,10 @@ from cosim.coupling.events import Bearing
 from cosim.errors import ConvergenceError
 from cosim.tendons.table import TendonConfig
 
-MOST_SCALED = 8
-"""Equilibria under other loads."""
+MOST_SCALED, MOST_LOAD = 8, 20.0
+"""Equilibria under other loads, and times the loads up to which it is looked for."""
 SHARE_TOLERANCE = 1e-3
-"""Of what the first part can bear."""
-MOST_LOAD = 20.0
-"""Times the loads, up to which it is looked for."""
-LEAST_SHARE = 1e-9
+"""How far the first part may be off what it can bear, as a share of that."""
 
 
 class FirstToGiveWay(NamedTuple):
@@ -53,7 +50,7 @@ def scaled(case: Case, factor: float) -> Case:
         more = {key: factor * value for key, value in stated.items() if value is not None}
         return tendon.model_copy(update=more)
 
-    tendons: Mapping[str, TendonConfig] = {name: times(t) for name, t in case.tendons.items()}
+    tendons = {name: times(tendon) for name, tendon in case.tendons.items()}
     return case.model_copy(update={"tendons": tendons})
 
 
@@ -65,31 +62,24 @@ def first_to_give_way(
 ) -> FirstToGiveWay:
     """The part that gives way first as all loads grow, or shrink, together: by the secant method,
     each equilibrium solved from the last."""
-    share = bearing(loaded).share
-    unit, at = int(share.argmax()), loaded
-    if share[unit] < LEAST_SHARE:
-        return FirstToGiveWay(unit, None, "nothing bears anything")
-    tried = [(0.0, 0.0), (1.0, float(share[unit]))]
+    at, load, tried = loaded, 1.0, (0.0, 0.0)
+    active = max((t.activation or 0.0 for t in case.tendons.values() if t.muscle), default=0.0)
     for _ in range(MOST_SCALED):
-        (a, before), (load, now) = tried[-2:]
+        share = bearing(at).share
+        unit, now = int(share.argmax()), float(share.max())
         if abs(now - 1.0) <= SHARE_TOLERANCE:
             return FirstToGiveWay(unit, load)
-        if now == before:
+        if now == tried[1]:
             return FirstToGiveWay(unit, None, "what it bears does not follow the loads")
-        wanted = load + (1.0 - now) * (load - a) / (now - before)
-        wanted = float(np.clip(wanted, load / 3, 3 * load))
-        if wanted > MOST_LOAD:
+        wanted = load + (1.0 - now) * (load - tried[0]) / (now - tried[1])
+        tried, load = (load, now), float(np.clip(wanted, load / 3, 3 * load))
+        if load > MOST_LOAD:
             return FirstToGiveWay(unit, None, f"not below {MOST_LOAD:g} times the loads")
-        muscles = [t.activation for t in case.tendons.values() if t.muscle and t.activation]
-        if wanted * max(muscles, default=0.0) > 1.0:
+        if load * active > 1.0:
             return FirstToGiveWay(unit, None, "not before a muscle is fully active")
         try:
-            at = solve(scaled(case, wanted), at)
+            at = solve(scaled(case, load), at)
         except ConvergenceError:
-            return FirstToGiveWay(
-                unit, None, f"no equilibrium was found at {wanted:.3g} times the loads"
-            )
-        share = bearing(at).share
-        unit = int(share.argmax())
-        tried.append((wanted, float(share[unit])))
+            reason = f"no equilibrium was found at {load:.3g} times the loads"
+            return FirstToGiveWay(unit, None, reason)
     return FirstToGiveWay(unit, None, f"not found in {MOST_SCALED} equilibria under other loads")

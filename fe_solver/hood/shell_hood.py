@@ -231,25 +231,18 @@ class ShellHood:
         return replace(self, model=model, springs=tuple(springs))
 
     def pulls(self, state: HoodState) -> list[tuple[Axial, Array]]:
-        """What the springs of each set do along themselves, (k,) in its order, and the unit
-        directions (k, 3) in which they stretch, in the world frame."""
+        """What the springs of each set do along themselves, (k,), and the unit directions (k, 3) in
+        which they stretch, in the world frame; those to bodies come first."""
         m, c = self.model, state.configuration
         placed = (c.x, c.position, c.rotation)
-        to_body = spring_state(m.springs, *placed), spring_directions(m.springs, *placed)
-        between = node_spring_state(m.links, c.x), node_spring_directions(m.links, c.x)
+        ends = (*spring_state(m.springs, *placed), spring_directions(m.springs, *placed))
+        between = (*node_spring_state(m.links, c.x), node_spring_directions(m.links, c.x))
         out = []
-        for i, s in enumerate(self.springs):
-            on_body, k = s.body >= 0, len(s.nodes)
-            parts = [np.empty((k, *np.shape(part)[1:]), part.dtype) for part in to_body[0]]
-            along = np.empty((k, 3))
-            for (axial, direction), group, on in (
-                (to_body, m.springs.group, on_body),
-                (between, m.links.group, ~on_body),
-            ):
-                along[on] = direction[group == i]
-                for part, values in zip(parts, axial, strict=True):
-                    part[on] = values[group == i]
-            out.append((Axial(*parts), along))
+        for i in range(len(self.springs)):
+            on, off = m.springs.group == i, m.links.group == i
+            both = zip(ends, between, strict=True)
+            *axial, along = (np.concatenate([a[on], b[off]]) for a, b in both)
+            out.append((Axial(*axial), along))
         return out
 
     def linearised(self, state: HoodState, motion: Motion) -> HoodState:

@@ -19,7 +19,6 @@ from fe_solver.hood.build import Net, TendonEnd, cable_hood
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from meshes.cable_net import CableNet, lay
 from meshes.robot_net import keep_extensor
-from meshes.severed import cut_net
 
 
 def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
@@ -38,7 +37,6 @@ def _built(hood: CableHoodConfig, site: Site, net: CableNet, made: FeHood) -> Bu
         energy=stored_energy,
         nearby=made.linearised,
         around=partial(_built, hood, site, net),
-        untied=lambda slip: cable_hood_of(hood, site, cut_net(net, slip)),
     )
 
 
