@@ -24,12 +24,12 @@ def strength_block(strength: Strength | None) -> dict[str, Any]:
         if share >= parts.get(unit.part, {"share": 0.0})["share"]:
             now = {"force_N": force, "stretch_mm": 1e3 * stretch, "energy_mJ": 1e3 * energy}
             parts[unit.part] = {"share": share, **now}
-    unit, load, reason = strength.first
-    at = {"no_load_known": reason} if load is None else {"at_times_the_loads": load}
-    return {
-        "strength": parts,
-        "first_to_give_way": {"part": strength.units[unit].part, **at},
-    }
+    first: dict[str, Any] = {"part": strength.units[strength.first].part}
+    if strength.load is None:
+        first["no_load_known"] = strength.reason
+    else:
+        first["at_times_the_loads"] = strength.load
+    return {"strength": parts, "first_to_give_way": first}
 
 
 def events_block(units: Sequence[Any], events: Array) -> dict[str, Any]:

@@ -118,7 +118,7 @@ def _strength(
         return _loaded_equilibrium(other, own, unloaded, start, say)[0]
 
     say = partial(_say, progress, "strength")
-    return Strength(units, bearing(loaded), first_to_give_way(case, loaded, bearing, solve))
+    return first_to_give_way(case, units, loaded, bearing, solve)
 
 
 def _both_ways(

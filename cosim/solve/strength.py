@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -20,26 +21,20 @@ SHARE_TOLERANCE = 1e-3
 """How far the first part may be off what it can bear, as a share of that."""
 
 
-class FirstToGiveWay(NamedTuple):
-    """The part that would give way first."""
-
-    unit: int
-    """Its number among the hood's."""
-    load: float | None
-    """At how many times the stated tensions, activations and excursions; None where that was not
-    found."""
-    reason: str = ""
-    """Why not."""
-
-
 @dataclass(frozen=True)
 class Strength:
-    """What the parts bear in the loaded state for which a strength is stated."""
+    """What the parts bear for which a case states a strength, and which gives way first."""
 
     units: Sequence[Any]
     """(k,) as of `cosim.hoods.giving.Unit`."""
     bearing: Bearing
-    first: FirstToGiveWay
+    """In the loaded state."""
+    first: int
+    """The number of the part that gives way first."""
+    load: float | None
+    """At how many times the stated tensions, activations and excursions; None if not found."""
+    reason: str = ""
+    """Why not."""
 
 
 def scaled(case: Case, factor: float) -> Case:
@@ -56,30 +51,31 @@ def scaled(case: Case, factor: float) -> Case:
 
 def first_to_give_way(
     case: Case,
+    units: Sequence[Any],
     loaded: Equilibrium,
     bearing: Callable[[Equilibrium], Bearing],
     solve: Callable[[Case, Equilibrium], Equilibrium],
-) -> FirstToGiveWay:
-    """The part that gives way first as all loads grow, or shrink, together: by the secant method,
-    each equilibrium solved from the last."""
+) -> Strength:
+    """What the parts bear in the `loaded` state, and which gives way first as all loads grow, or
+    shrink, together: by the secant method, each equilibrium solved from the last."""
     at, load, tried = loaded, 1.0, (0.0, 0.0)
+    answer = partial(Strength, units, bearing(loaded))
     active = max((t.activation or 0.0 for t in case.tendons.values() if t.muscle), default=0.0)
     for _ in range(MOST_SCALED):
         share = bearing(at).share
         unit, now = int(share.argmax()), float(share.max())
         if abs(now - 1.0) <= SHARE_TOLERANCE:
-            return FirstToGiveWay(unit, load)
+            return answer(unit, load)
         if now == tried[1]:
-            return FirstToGiveWay(unit, None, "what it bears does not follow the loads")
+            return answer(unit, None, "what it bears does not follow the loads")
         wanted = load + (1.0 - now) * (load - tried[0]) / (now - tried[1])
         tried, load = (load, now), float(np.clip(wanted, load / 3, 3 * load))
         if load > MOST_LOAD:
-            return FirstToGiveWay(unit, None, f"not below {MOST_LOAD:g} times the loads")
+            return answer(unit, None, f"not below {MOST_LOAD:g} times the loads")
         if load * active > 1.0:
-            return FirstToGiveWay(unit, None, "not before a muscle is fully active")
+            return answer(unit, None, "not before a muscle is fully active")
         try:
             at = solve(scaled(case, load), at)
         except ConvergenceError:
-            reason = f"no equilibrium was found at {load:.3g} times the loads"
-            return FirstToGiveWay(unit, None, reason)
-    return FirstToGiveWay(unit, None, f"not found in {MOST_SCALED} equilibria under other loads")
+            return answer(unit, None, f"no equilibrium was found at {load:.3g} times the loads")
+    return answer(unit, None, f"not found in {MOST_SCALED} equilibria under other loads")
