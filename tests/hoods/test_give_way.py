@@ -9,6 +9,7 @@ import pytest
 import cosim
 from cosim.case.file import load_case
 from cosim.errors import InputError
+from cosim.fmu_export.motion_parts import moving_part
 from cosim.models.build import build
 from cosim.pipeline import run_case
 from cosim.results.answer import answer
@@ -86,6 +87,12 @@ def test_the_intact_finger_has_no_suture_that_could_give_way():
     case = load_case("isometric_edc", [*SUTURED, BREAKS, 'gives_way.terminal_slip={force="2 N"}'])
     assert [*case.without_lesion().gives_way] == ["terminal_slip"]
     build(case.without_lesion())
+
+
+def test_nothing_gives_way_in_an_fmu():
+    case = load_case("isometric_edc", [*SUTURED, BREAKS, MOVES])
+    with pytest.raises(InputError, match="gives_way: nothing gives way in an FMU"):
+        moving_part(case, case.forward, "coupled", False)
 
 
 @pytest.mark.slow
