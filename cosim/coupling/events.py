@@ -45,6 +45,8 @@ class Bearing(NamedTuple):
     """J."""
     share: Array
     """The largest of force, stretch and energy over what each can bear; 0 without such a limit."""
+    left: Array
+    """The share of its stiffness that each has left."""
 
 
 class Schedule(NamedTuple):
@@ -69,10 +71,6 @@ class GivingHood(Hood, Protocol):
     @property
     def schedule(self) -> Schedule:
         """When they do by the clock, and how."""
-        ...
-
-    def left(self, state: State) -> Array:
-        """The share (k,) of its stiffness that each has left."""
         ...
 
     def with_left(self, state: State, left: Array, begin: Mask) -> State:

@@ -51,7 +51,7 @@ class GivingMotion(CoupledMotion):
 
 def next_time(hood: GivingHood, at: MotionState) -> float:
     """The next time (s) at which a part is let go or begins by the clock; inf without."""
-    s, (begun, failed) = hood.schedule, _history(at, len(hood.left(at.coupled.hood)))
+    s, (begun, failed) = hood.schedule, _history(hood, at)
     times = np.concatenate([s.begins[~begun], s.ends[~failed]])
     return float(times[times > at.coupled.time + TIME_ROUNDING].min(initial=np.inf))
 
@@ -86,22 +86,22 @@ def settle(moves: CoupledMotion, hood: GivingHood, at: MotionState) -> MotionSta
     """The motion with all let go and begun that is due: one after the other, or at once where
     nothing tells the order."""
     while True:
-        time, left = at.coupled.time, hood.left(at.coupled.hood)
-        begun, failed = _history(at, len(left))
+        time, (begun, failed) = at.coupled.time, _history(hood, at)
         begin = (hood.schedule.begins <= time + TIME_ROUNDING) & ~begun
         end = (hood.schedule.ends <= time + TIME_ROUNDING) & ~failed & ~begin
         if not (begin | end).any():
             share = _shares(hood, at)
             end = share >= max(1.0, share.max() * (1 - SAME_SHARE))
         wanted = np.where(begin, 1.0, _fading(hood, at, end))
+        left = hood.bearing(at.coupled.hood).left
         if not (begin | end).any() and np.array_equal(wanted, left):
             return at
         at = _change(moves, hood, at, wanted, begin, end)
 
 
-def _history(at: MotionState, count: int) -> tuple[Mask, Mask]:
+def _history(hood: GivingHood, at: MotionState) -> tuple[Mask, Mask]:
     """Which parts (k,) have begun, and which have given way."""
-    begun, failed = np.zeros((2, count), dtype=bool)
+    begun, failed = np.zeros((2, len(hood.names)), dtype=bool)
     for mask, kind in ((begun, BEGINS), (failed, FAILS)):
         mask[at.events[at.events[:, 6] == kind, 0].astype(int)] = True
     return begun, failed
@@ -109,15 +109,14 @@ def _history(at: MotionState, count: int) -> tuple[Mask, Mask]:
 
 def _shares(hood: GivingHood, at: MotionState) -> Array:
     """What the parts (k,) bear over what they can; 0 of those that have given way."""
-    share = hood.bearing(at.coupled.hood).share
-    return np.where(_history(at, len(share))[1], 0.0, share)
+    return np.where(_history(hood, at)[1], 0.0, hood.bearing(at.coupled.hood).share)
 
 
 def _fading(hood: GivingHood, at: MotionState, end: Mask) -> Array:
     """The shares (k,) that are to be left of the parts, those that `end` now among them; what is
     left of those that let go over a while changes where it is off by FADED, or gone."""
-    s, left = hood.schedule, hood.left(at.coupled.hood)
-    stretch, out = hood.bearing(at.coupled.hood).stretch, left.copy()
+    s, bearing = hood.schedule, hood.bearing(at.coupled.hood)
+    out = bearing.left.copy()
     out[end & (s.over_time == 0) & (s.over_stretch == 0)] = 0.0
     for event in (Event(*row) for row in at.events if row[6] == FAILS):
         i = int(event.part)
@@ -125,8 +124,8 @@ def _fading(hood: GivingHood, at: MotionState, end: Mask) -> Array:
         if s.over_time[i]:
             gone = (at.coupled.time - event.time + TIME_ROUNDING) / s.over_time[i]
         elif s.over_stretch[i]:
-            gone = (stretch[i] - event.stretch) / s.over_stretch[i]
-        if gone >= 1 or 1 - gone < left[i] - FADED:
+            gone = (bearing.stretch[i] - event.stretch) / s.over_stretch[i]
+        if gone >= 1 or 1 - gone < bearing.left[i] - FADED:
             out[i] = max(1 - gone, 0.0)
     return out
 
@@ -154,7 +153,7 @@ def _change(
     lost = hood.energy(whole.hood) - hood.energy(after.hood)
     lost += after.energy.tendons - whole.energy.tendons
     now, events = np.flatnonzero(begin | end), at.events.copy()
-    fading = (left != hood.left(c.hood)) & ~(begin | end)
+    fading = (left != bearing.left) & ~(begin | end)
     rows = np.flatnonzero((events[:, 6] == FAILS) & fading[events[:, 0].astype(int)])
     each = lost / (len(rows) + len(now))
     events[rows, 5] += each

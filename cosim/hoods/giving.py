@@ -94,7 +94,7 @@ def bearing_of(hood: ShellHood, units: Sequence[Unit], state: HoodState) -> Bear
         borne = (force / unit.share, stretch, energy / unit.share)
         limits = (when.force, when.stretch, when.energy)
         shares = [b / limit for b, limit in zip(borne, limits, strict=True) if limit is not None]
-        rows.append((force, stretch, energy, max(shares, default=0.0)))
+        rows.append((force, stretch, energy, max(shares, default=0.0), 1.0))
     return Bearing(*np.array(rows).T)
 
 
@@ -150,10 +150,6 @@ class GivingFeHood:
         """The same hood: in a motion no round is a first one."""
         return self
 
-    def left(self, state: GivingState) -> Array:
-        """The share (k,) of its stiffness that each unit has left."""
-        return state.left
-
     def with_left(self, state: GivingState, left: Array, begin: Mask) -> GivingState:
         """The state with other shares (k,), not in equilibrium; units that `begin` (k,) are free of
         stress in its shape."""
@@ -169,7 +165,8 @@ class GivingFeHood:
     def bearing(self, state: GivingState) -> Bearing:
         """What the units bear in a state that `advance` returned."""
         found = bearing_of(self.hood_of(state), self.units, state.hood)
-        return found._replace(share=np.where(state.left > 0, found.share, 0.0))
+        share = np.where(state.left > 0, found.share, 0.0)
+        return found._replace(share=share, left=state.left)
 
     def energy(self, state: GivingState) -> float:
         """J stored in the hood."""

@@ -20,7 +20,7 @@ def strength_block(strength: Strength | None) -> dict[str, Any]:
         return {}
     parts: dict[str, Any] = {}
     for unit, *values in zip(strength.units, *strength.bearing, strict=True):
-        force, stretch, energy, share = map(float, values)
+        force, stretch, energy, share, _ = map(float, values)
         if share >= parts.get(unit.part, {"share": 0.0})["share"]:
             now = {"force_N": force, "stretch_mm": 1e3 * stretch, "energy_mJ": 1e3 * energy}
             parts[unit.part] = {"share": share, **now}

@@ -133,7 +133,7 @@ def test_a_part_lets_go_over_a_time_evenly():
     assert energy == pytest.approx(1.5e-3**2 / 2 * half, rel=1e-5)
     assert len(end.events) == 1
     assert abs(books(moves, start, end)) < 1e-6 * abs(end.coupled.energy.hood)
-    assert moves.giving.left(moved(moves, 9)[1].coupled.hood) == [0.0]
+    assert moves.giving.bearing(moved(moves, 9)[1].coupled.hood).left == [0.0]
 
 
 def test_a_part_lets_go_over_a_stretch_along_its_falling_law():
