@@ -11,7 +11,7 @@ from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Switch, Table
 
 PartName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,60}$")]
-"""A spring set of the hood as results call it, or a slip that is tied to its bone."""
+"""A spring set of the hood as results call it, a slip that is tied to its bone, or a region."""
 Time = Annotated[float, quantity(units.TIME, least="0 s", most="1000 s")]
 
 
@@ -22,7 +22,8 @@ class GiveWayConfig(Table):
     """
 
     force: Annotated[float, quantity(units.FORCE, above="0 N", most="1000 N")] | None = None
-    """Its force as the summary has it: `repair_force_N`, `spring_force_N` or `slip_force_N`."""
+    """Its force as the summary has it: `repair_force_N`, `spring_force_N`, `slip_force_N` or
+    `region_force_N`."""
     stretch: Annotated[float, quantity(units.LENGTH, above="0 mm", most="50 mm")] | None = None
     """How much longer it is than at rest, where it is most so."""
     energy: Annotated[float, quantity(units.ENERGY, above="0 N*mm", most="1e5 N*mm")] | None = None

@@ -1,5 +1,5 @@
-"""A hood of finite elements of which parts give way or begin to act: its springs, and a slip that
-is tied to its bone."""
+"""A hood of finite elements of which parts give way or begin to act: its springs, and others, as
+regions that tear and a slip that is tied to its bone."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from cosim.hoods.fe_view import REPAIRS, stored_energy
 from cosim.hoods.give_way import GiveWayConfig
 from cosim.hoods.kind import BuiltHood
 from cosim.port import Array, Hood, HoodJacobian, Ints, Mask, Motion, Response
-from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood
+from fe_solver.hood.shell_hood import HoodState, ShellHood
 
+Forces = Mapping[str, Callable[[Any, Any], float]]
+"""N that parts without springs bear, of a hood and its state, by name."""
 MOST_KEPT = 8
 """Hoods with other shares left that are kept, the last ones made."""
 NO_SPRINGS = np.zeros(0, dtype=np.intp)
-NOT_OF_TIES = ("stretch", "energy", "begins", "over_time", "over_stretch", "peels")
+OF_SPRINGS = ("stretch", "energy", "begins", "over_time", "over_stretch", "peels")
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class Unit:
     place: tuple[int, int]
     """Its number among the places of its part, from 1, and how many these are."""
     springs: Ints
-    """(k,) in the part's set; none of a slip that is tied."""
+    """(k,) in the part's set; none of a part without springs."""
     when: GiveWayConfig
     share: float = 1.0
     """How much of the part's stiffness it has."""
@@ -44,11 +46,13 @@ class Unit:
         )
 
 
-def units_of(hood: ShellHood, stated: Mapping[str, GiveWayConfig]) -> tuple[Unit, ...]:
-    """Return what gives way of a hood.  Raises InputError for parts that it has not, and for what a
-    tied slip cannot do."""
+def units_of(
+    hood: ShellHood, stated: Mapping[str, GiveWayConfig], others: Forces
+) -> tuple[Unit, ...]:
+    """Return what gives way of a hood, with its parts without springs.  Raises InputError for parts
+    that it has not, and for what those without springs cannot do."""
     sets = {s.name: s for s in hood.springs}
-    known = [*sets, *([TIE] if len(hood.model.ties.node) and TIE not in sets else [])]
+    known = [*sets, *others]
     out: list[Unit] = []
     for name, when in stated.items():
         if name not in known:
@@ -58,11 +62,11 @@ def units_of(hood: ShellHood, stated: Mapping[str, GiveWayConfig]) -> tuple[Unit
                 f"gives_way: the hood has no part {name!r} that could; {hint}known: "
                 f"{', '.join(known)}"
             )
-        wrong = [key for key in NOT_OF_TIES if getattr(when, key)] if name not in sets else []
+        wrong = [key for key in OF_SPRINGS if getattr(when, key)] if name not in sets else []
         if wrong:
             raise InputError(
-                f"gives_way.{name}.{wrong[0]}: the slip is tied to its bone, so that it gives way "
-                "at a force or a time, at once and as a whole"
+                f"gives_way.{name}.{wrong[0]}: it has no springs, so that it gives way at a force "
+                "or a time, at once and as a whole"
             )
         springs = NO_SPRINGS if name not in sets else np.arange(len(sets[name].nodes))
         if not when.peels:
@@ -75,14 +79,14 @@ def units_of(hood: ShellHood, stated: Mapping[str, GiveWayConfig]) -> tuple[Unit
     return tuple(out)
 
 
-def bearing_of(hood: ShellHood, units: Sequence[Unit], state: HoodState) -> Bearing:
+def bearing_of(hood: ShellHood, units: Sequence[Unit], state: HoodState, others: Forces) -> Bearing:
     """Return what the units bear in a solved state of the hood."""
     sets = {s.name: (s, *pull) for s, pull in zip(hood.springs, hood.pulls(state), strict=True)}
     rows = []
     for unit in units:
         i, when, force, stretch, energy = unit.springs, unit.when, 0.0, 0.0, 0.0
         if unit.part not in sets:
-            force = float(np.linalg.norm(hood.group_forces(state)[TIE]))
+            force = others[unit.part](hood, state)
         else:
             springs, axial, along = sets[unit.part]
             each, energy = axial.force[i], float(axial.energy[i].sum())
@@ -115,7 +119,8 @@ class GivingFeHood:
     def __init__(self, built: BuiltHood, stated: Mapping[str, GiveWayConfig]) -> None:
         whole = cast(ShellHood, built.hood)  # by the schema
         self.bodies, self.tendons, self.sources = whole.bodies, whole.tendons, whole.sources
-        self.whole, self.units, self._built = whole, units_of(whole, stated), built
+        self.whole, self._built, self._others = whole, built, built.others()
+        self.units = units_of(whole, stated, self._others)
         self.names = tuple(unit.name for unit in self.units)
         when = [
             (w.begins, w.time, w.over_time, w.over_stretch) for w in (u.when for u in self.units)
@@ -125,11 +130,6 @@ class GivingFeHood:
         counts = np.cumsum([0, *(len(s.nodes) for s in whole.springs)]).tolist()
         self._first = dict(zip((s.name for s in whole.springs), counts, strict=False))
         self._variants: dict[bytes, ShellHood] = {}
-        if built.untied is None and any(unit.part not in self._first for unit in self.units):
-            raise InputError(
-                f"gives_way.{TIE}: a net of cables is not let go at its tie in a motion; leave it "
-                "out, or take a hood of shells"
-            )
 
     def start(self, motion: Motion) -> GivingState:
         """The rest shape, with all parts that act from the start."""
@@ -164,7 +164,7 @@ class GivingFeHood:
 
     def bearing(self, state: GivingState) -> Bearing:
         """What the units bear in a state that `advance` returned."""
-        found = bearing_of(self.hood_of(state), self.units, state.hood)
+        found = bearing_of(self.hood_of(state), self.units, state.hood, self._others)
         share = np.where(state.left > 0, found.share, 0.0)
         return found._replace(share=share, left=state.left)
 
@@ -183,13 +183,15 @@ class GivingFeHood:
         return self._variants[key]
 
     def _weakened(self, state: GivingState) -> ShellHood:
-        base, share = self.whole, np.ones(len(state.length))
+        share, gone = np.ones(len(state.length)), []
         for unit, left in zip(self.units, state.left, strict=True):
             if unit.part in self._first:
                 share[self._first[unit.part] + unit.springs] = left
-            elif left == 0.0 and self._built.untied is not None:
-                base = cast(ShellHood, self._built.untied(unit.part))
-        sets = []
+            elif left == 0.0:
+                gone.append(unit.part)
+        base, sets = self.whole, []
+        if gone and self._built.without is not None:
+            base = cast(ShellHood, self._built.without(gone))
         for s in base.springs:
             own = slice(self._first[s.name], self._first[s.name] + len(s.nodes))
             law = replace(s.law, stiffness=share[own] * s.law.stiffness)

@@ -183,8 +183,11 @@ class BuiltHood:
     around: Callable[[Any], BuiltHood] | None = None
     """What there is to know of a hood of the same mesh with other springs or ties; None of a hood
     without."""
-    untied: Callable[[str], Hood] | None = None
-    """The hood with a slip let go that is tied to its bone; None as before."""
+    others: Callable[[], Mapping[str, Callable[[Any, State], float]]] = dict
+    """Parts without springs that can give way: N that each bears in a state of a hood of the same
+    mesh."""
+    without: Callable[[Sequence[str]], Hood] | None = None
+    """The hood without some of them; None of one that has none."""
 
 
 def no_variations(hood: HoodConfig) -> Iterator[Variation]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -61,6 +61,8 @@ class Models:
     """The hood's state at poses nearby, to first order; None of a hood in closed form."""
     warnings: Sequence[str] = ()
     """What to know of the hood's mesh."""
+    others: Callable[[], Mapping[str, Callable[[Any, State], float]]] = dict
+    """As of `BuiltHood`."""
 
     @property
     def pair(self) -> Pair:
@@ -126,6 +128,7 @@ def build_any(case: Case, gives_way: bool = False) -> Models:
         hood.energy,
         hood.nearby,
         mesh_warnings(case),
+        hood.others,
     )
 
 

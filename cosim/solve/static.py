@@ -107,10 +107,11 @@ def _strength(
     from cosim.hoods.giving import bearing_of, units_of
 
     hood: Any = models.hood  # of finite elements, by the schema
-    units = units_of(hood, case.gives_way)
+    others = models.others()
+    units = units_of(hood, case.gives_way, others)
 
     def bearing(e: Equilibrium) -> Bearing:
-        return bearing_of(hood, units, e.response.state)
+        return bearing_of(hood, units, e.response.state, others)
 
     def solve(other: Case, near: Equilibrium) -> Equilibrium:
         start = PairState(near.finger_state, near.response.state)
