@@ -83,6 +83,14 @@ def cut_part_of(mesh: HoodMesh, part: str, share: float) -> HoodMesh:
     return _whole(replace(mesh, left=left), left > 0.0, part)
 
 
+def nearly_cut(mesh: HoodMesh, part: str) -> HoodMesh:
+    """The mesh with all but LEAST_LEFT of a part's width cut through at its place, all nodes kept.
+    Raises InputError where the mesh has nothing of the part there."""
+    left = np.ones(len(mesh.quads)) if mesh.left is None else mesh.left.copy()
+    left[_row_of_part(mesh, part)] *= LEAST_LEFT
+    return replace(mesh, left=left)
+
+
 def cut_ends(mesh: HoodMesh, part: str) -> Ints:
     """Return the pairs (k, 2) of nodes on either side of where a part of the mesh, or of what it
     was before its cuts, is severed: proximal, distal.

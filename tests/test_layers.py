@@ -62,6 +62,7 @@ ALLOWED = {
         "cosim.port",
         "cosim.coupling.state",
         "cosim.coupling.excursion",
+        "cosim.coupling.events",
         "cosim.coupling.schemes",
     ),
     "cosim.coupling.state_arrays": ("cosim.port",),

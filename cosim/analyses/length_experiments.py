@@ -97,7 +97,7 @@ def case_with(name: str, hood: str, settings: Sequence[str] = (), *, injured: bo
     case = load_case(name, settings)
     if HOODS[hood]:
         case = _hand_over(case.model_copy(update={"hood": load_case(HOODS[hood]).hood}))
-    return case if injured else case.model_copy(update={"lesion": None})
+    return case if injured else case.without_lesion()
 
 
 def _hand_over(case: Case) -> Case:

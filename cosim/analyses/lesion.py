@@ -44,11 +44,10 @@ def one_side(case: Case, tip: Tip, side: Side) -> Case:
     InputError for a motion, and for a finger whose fingertip cannot be held."""
     if case.forward is not None:
         raise InputError(f"{case.name}: is a motion; leave out [forward] to compare equilibria")
-    return case.model_copy(
+    return (case if side == "after" else case.without_lesion()).model_copy(
         update={
             "name": f"{case.name}_{side}_{tip}",
             "title": f"{case.title}: {side}, fingertip {tip}",
-            "lesion": case.lesion if side == "after" else None,
             "finger": _with_tip(case, tip),
         }
     )

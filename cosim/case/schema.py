@@ -16,6 +16,7 @@ from cosim.errors import InputError
 from cosim.files import shown_path
 from cosim.fingers.common import stamps
 from cosim.fingers.kinds import AnyFinger, NativeFinger, native
+from cosim.hoods.give_way import GiveWayConfig, PartName
 from cosim.hoods.kinds import AnyHood, unfit_lesion
 from cosim.hoods.lesion import LesionConfig
 from cosim.schema import units
@@ -156,6 +157,8 @@ class CaseFile(Table):
     """The extensor hood: its kind and what that kind is made of."""
     lesion: LesionConfig | None = None
     """An injury of the hood or its repair; without it the hood is intact."""
+    gives_way: dict[PartName, GiveWayConfig] | None = None
+    """When parts of the hood give way or begin to act, by the names that results give them."""
     solve: SolveConfig = SolveConfig()
     """Tolerances, and the tension at rest."""
     forward: ForwardConfig | None = None
@@ -175,6 +178,34 @@ class CaseFile(Table):
     def _can_be_injured(self) -> CaseFile:
         if wrong := self.unfit_lesion():
             raise fault(wrong)
+        return self
+
+    @model_validator(mode="after")
+    def _can_give_way(self) -> CaseFile:
+        if self.gives_way is None:
+            return self
+        if not self.gives_way:
+            raise fault("gives_way: is empty; name a part, or leave the table out")
+        contact = getattr(self.hood, "contact", None)
+        if not self.hood.lies_on_bones or contact is None:
+            raise fault(
+                f'gives_way: a hood of kind "{self.hood.kind}" has no springs that could; "shell" '
+                'and "cable" have'
+            )
+        if self.hood.has_friction or contact.penetration is not None:
+            raise fault(
+                "gives_way: is not solved with augmented contact; leave out hood.contact.friction "
+                "and hood.contact.penetration"
+            )
+        if self.coupling.scheme == "one_way":
+            raise fault('gives_way: is of a coupled hood; leave out coupling.scheme = "one_way"')
+        if self.forward is None:
+            for name, when in self.gives_way.items():
+                if all(end is None for end in (when.force, when.stretch, when.energy)):
+                    raise fault(
+                        f"gives_way.{name}: time and begins are of a motion; write force, stretch "
+                        "or energy, or a table forward"
+                    )
         return self
 
     @model_validator(mode="after")
@@ -345,6 +376,13 @@ class Case(CaseFile):
         """A text that two cases share only where their hood is laid out alike, before any lesion; a
         file that they read counts with its time and size."""
         return f"{self.hood.mesh_key()} {self.finger.anatomy_key()}"
+
+    def without_lesion(self) -> Case:
+        """The case with an intact hood, of whose parts those alone may give way that it then
+        has."""
+        of_lesion = ("suture_", "graft_", "adhesion_")
+        kept = {n: w for n, w in (self.gives_way or {}).items() if not n.startswith(of_lesion)}
+        return self.model_copy(update={"lesion": None, "gives_way": kept or None})
 
     def native_finger(self) -> NativeFinger:
         """The table of a finger of ours.  Raises InputError for one in an FMU."""

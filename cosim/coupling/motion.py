@@ -7,21 +7,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 
+from cosim.coupling.events import NO_EVENTS, GivingHood
 from cosim.coupling.excursion import (
     ExcursionState,
     PrescribedExcursions,
     initial_excursions,
     solve_excursions,
 )
-from cosim.coupling.schemes import Scheme, begin, step
-from cosim.coupling.state import CoupledState
+from cosim.coupling.schemes import Scheme, ask_hood, begin, step
+from cosim.coupling.state import CoupledState, advance_state, hood_point
 from cosim.errors import ConvergenceError, Progress, ResidualText, pulse
-from cosim.port import Array, Hood, MovingFinger, State
+from cosim.port import STATIC, Array, Hood, MovingFinger, State
 
 EVERY = 50
 """Steps between two words of progress."""
@@ -142,6 +144,8 @@ class MotionState:
     """(3,) J since the start, as of `RecordedFinger.friction_work`."""
     pace: Pace
     draw: ExcursionState
+    events: Array = field(default_factory=lambda: NO_EVENTS)
+    """(n, 8) what gave way or began since the start, a row as of `events.Event` each."""
 
 
 @dataclass(frozen=True)
@@ -195,6 +199,8 @@ class CoupledMotion:
     prescribed: PrescribedExcursions = NO_EXCURSIONS
     points: Callable[[State], Array] = no_points
     """(k, 3) m, the points of the user's on the hood in one of its states."""
+    giving: GivingHood | None = None
+    """The hood, where parts of it give way or begin to act."""
 
     def begin(self, state: State) -> MotionState:
         """The motion at rest in the finger's `state`, the hood in equilibrium on it."""
@@ -221,40 +227,59 @@ class CoupledMotion:
 
     def advance(self, at: MotionState) -> MotionState:
         """One step on; raises ConvergenceError."""
-        time = at.coupled.time + self.dt
+        return self.advance_by(at, self.dt)
+
+    def advance_by(self, at: MotionState, dt: float) -> MotionState:
+        """The motion `dt` s on in one step, in which nothing gives way.  Raises
+        ConvergenceError."""
+        time = at.coupled.time + dt
         pull = self.tendon_pull(at, time)
-        if self.prescribed.names:
-            after, draw = self._step_to_excursions(at, pull.tension, time)
-        else:
-            after, draw = self._step_under(at.coupled, pull.tension), at.draw
-        lost = at.dissipated + self.dt * self.finger.dissipation(after.finger)
+        after, draw = self.with_excursions(
+            at, pull.tension, time, partial(self._step_under, at.coupled, dt)
+        )
+        lost = at.dissipated + dt * self.finger.dissipation(after.finger)
         slipped = at.slipped + self.finger.device_loss(after.finger)
         rubbed = at.friction + self.finger.friction_work(after.finger)
-        return MotionState(after, pull.state, lost, slipped, rubbed, at.pace, draw)
+        return MotionState(after, pull.state, lost, slipped, rubbed, at.pace, draw, at.events)
 
-    def _step_to_excursions(
-        self, at: MotionState, tension: Array, time: float
+    def with_excursions(
+        self,
+        at: MotionState,
+        tension: Array,
+        time: float,
+        step: Callable[[Array], CoupledState],
     ) -> tuple[CoupledState, ExcursionState]:
-        """A step under tensions (nt,) N, in which those of the displaced tendons are solved for.
-        The hood solves of all trials are counted."""
-        index, c, solves = self.prescribed.index, at.coupled, 0
+        """What `step` makes of tensions (nt,) N, in which those of the displaced tendons are solved
+        for.  The hood solves of all trials are counted."""
+        if not self.prescribed.names:
+            return step(tension), at.draw
+        index, first, solves = self.prescribed.index, at.coupled.solves, 0
 
         def trial(displaced: Array) -> tuple[CoupledState, Array]:
             nonlocal solves
             pulls = tension.copy()
             pulls[index] = displaced
-            after = self._step_under(c, pulls)
-            solves += after.solves - c.solves
+            after = step(pulls)
+            solves += after.solves - first
             return after, self._excursions(after)[index]
 
         after, draw = solve_excursions(self.prescribed, at.draw, time, trial)
-        return replace(after, solves=c.solves + solves), draw
+        return replace(after, solves=first + solves), draw
 
-    def _step_under(self, c: CoupledState, tension: Array) -> CoupledState:
-        """A step under tensions (nt,) N."""
+    def at_rest_on(self, c: CoupledState, hood: State, tension: Array) -> CoupledState:
+        """The finger as it is at `c`, and the hood in equilibrium on it from the state `hood` of
+        its own, under tensions (nt,) N.  Raises ConvergenceError."""
+        split, motion = len(self.hood.tendons), self.finger.motion(self.finger.angles(c.finger))
+        answer = ask_hood(self.scheme, self.hood, hood, motion, tension[:split], STATIC)
+        pulls, point = (tension[:split], tension[split:]), hood_point(answer, motion)
+        after = advance_state(self.finger, c, c.finger, answer, point, c.applied, pulls, 0.0)
+        return replace(after, solves=c.solves + 1)
+
+    def _step_under(self, c: CoupledState, dt: float, tension: Array) -> CoupledState:
+        """A step of `dt` s under tensions (nt,) N."""
         split = len(self.hood.tendons)
         pulls = tension[:split], tension[split:]
-        return step(self.scheme, self.finger, self.hood, c, lambda time: pulls, self.dt)
+        return step(self.scheme, self.finger, self.hood, c, lambda time: pulls, dt)
 
     def _excursions(self, c: CoupledState) -> Array:
         """The excursions (nt,) m of all tendons, each from a length of its own."""

@@ -6,7 +6,9 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
+from cosim.coupling import give_way
 from cosim.coupling.adaptive import AdaptiveStep, Control, adaptive_step
+from cosim.coupling.events import GivingHood
 from cosim.coupling.motion import EVERY, CoupledMotion, MotionState, Pace
 from cosim.coupling.state import CoupledState
 from cosim.errors import Progress, pulse
@@ -17,15 +19,21 @@ DURATION_ROUNDING = 1e-12  # relative to the duration: so much may be missing at
 
 def adaptive_states(
     moves: CoupledMotion, control: Control, at: MotionState, until: float, progress: Progress
-) -> Iterator[tuple[MotionState, MotionState]]:
-    """The states after each half of every accepted step up to `until` s.
+) -> Iterator[tuple[MotionState, ...]]:
+    """The states after each half of every accepted step up to `until` s; a step in which a part of
+    the hood gives way ends there.
 
     Raises ConvergenceError, which says when, where a step of the control's floor misses its
     tolerance or fails."""
     begun, first = time.perf_counter(), at.coupled.time
     while until - at.coupled.time > DURATION_ROUNDING * until:
-        half, at = take_step(moves, control, at, until)
-        yield half, at
+        step: tuple[MotionState, ...]
+        if moves.giving is None:
+            step = take_step(moves, control, at, until)
+        else:
+            step = _step_with_events(moves, moves.giving, control, at, until)
+        at = step[-1]
+        yield step
         c, count = at.coupled, at.pace.accepted
         if until - c.time > DURATION_ROUNDING * until:
             pulse("t = {:.4g} s, {} steps", c.time, count)
@@ -55,6 +63,20 @@ def take_step(
     return half, replace(whole, pace=_next_pace(at.pace, step))
 
 
+def _step_with_events(
+    moves: CoupledMotion, hood: GivingHood, control: Control, at: MotionState, until: float
+) -> tuple[MotionState, ...]:
+    """The states in a step that ends at latest where a part of the hood gives way or begins."""
+    at = give_way.settle(moves, hood, at)
+    half, whole = take_step(moves, control, at, min(until, give_way.next_time(hood, at)))
+    for start, end in ((at, half), (half, whole)):
+        if give_way.passes(hood, end):
+            found = give_way.locate(moves, hood, start, end)
+            done = replace(give_way.settle(moves, hood, found), pace=whole.pace)
+            return (done,) if start is at else (half, done)
+    return half, give_way.settle(moves, hood, whole)
+
+
 def _first_try(left: float, proposed: float) -> float:
     """The first step to try (s); two like ones where one more would leave a sliver of the time that
     is `left`."""
@@ -71,7 +93,7 @@ def _state_after(
     slipped = last.slipped + moves.finger.device_loss(c.finger)
     rubbed = last.friction + moves.finger.friction_work(c.finger)
     pulls = moves.tendon_pull(at, c.time).state
-    return MotionState(c, pulls, lost, slipped, rubbed, at.pace, at.draw)
+    return MotionState(c, pulls, lost, slipped, rubbed, at.pace, at.draw, last.events)
 
 
 def _next_pace(last: Pace, step: AdaptiveStep) -> Pace:

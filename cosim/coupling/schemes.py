@@ -161,7 +161,7 @@ def _explicit(
     pulls = tension(state.time + dt)
     moved = finger.step(state.finger, state.answer.held_load(), pulls[1], dt)
     angles = _predict_angles(finger, state, dt) if scheme.parallel else finger.angles(moved)
-    answer = _ask_hood(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
+    answer = ask_hood(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
     applied = state.answer.response.load.total()
     residual = interface_residual(applied, answer, scheme.length)
     point = hood_point(answer, finger.motion(finger.angles(moved)))
@@ -190,7 +190,7 @@ def _linear(
 ) -> CoupledState:
     pulls = tension(state.time + dt)
     motion = finger.motion(_predict_angles(finger, state, dt))
-    answer = _ask_hood(scheme, hood, state.hood, motion, pulls[0], dt)
+    answer = ask_hood(scheme, hood, state.hood, motion, pulls[0], dt)
     moved = finger.step(state.finger, answer.load(), pulls[1], dt)
     point = hood_point(answer, finger.motion(finger.angles(moved)))
     predicted = state.answer.predict(motion, pulls[0])
@@ -212,7 +212,7 @@ def _implicit(
     last, angles, same_set = finger.angles(state.finger), _predict_angles(finger, state, dt), True
     for solves in range(1, scheme.most_solves + 1):
         pulse("step from t = {:.6g} s, hood solve {}", state.time, solves)
-        answer = _ask_hood(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
+        answer = ask_hood(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
         if same_set and (_active(answer) != _active(state.answer)).any():
             # Once a step: an iteration that hops to and fro would never learn.
             same_set, history = False, reset_history(accelerator, history)
@@ -247,9 +247,11 @@ def _predict_angles(finger: MovingFinger, state: CoupledState, dt: float) -> Arr
     return finger.angles(state.finger) + dt * finger.rates(state.finger)
 
 
-def _ask_hood(
+def ask_hood(
     scheme: Scheme, hood: Hood, state: State, motion: Motion, tension: Array, dt: float
 ) -> HoodAnswer:
+    """The hood's answer at `motion` under `tension` (nt,) N, from a state of its own, with its
+    tangent where the scheme wants it.  Raises ConvergenceError."""
     return _answer(scheme, hood, motion, tension, hood.advance(state, motion, tension, dt))
 
 

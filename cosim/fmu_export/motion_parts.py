@@ -49,6 +49,10 @@ def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) ->
         raise InputError(
             f"{case.name}: forward.adaptive: the master sets the steps of an FMU; leave it out"
         )
+    if case.gives_way is not None:
+        raise InputError(
+            f"{case.name}: gives_way: nothing gives way in an FMU in motion; leave it out"
+        )
     both = moving_models(case, forward)
     if both.moves.prescribed.names:
         raise InputError(

@@ -180,6 +180,14 @@ class BuiltHood:
     At its equilibrium this less the tendons' work, tension times excursion, is stationary."""
     nearby: Callable[[State, Motion], State] | None = None
     """A solved state at poses nearby under the same tensions, to first order; None as before."""
+    around: Callable[[Any], BuiltHood] | None = None
+    """What there is to know of a hood of the same mesh with other springs or ties; None of a hood
+    without."""
+    others: Callable[[], Mapping[str, Callable[[Any, State], float]]] = dict
+    """Parts without springs that can give way: N that each bears in a state of a hood of the same
+    mesh."""
+    without: Callable[[Sequence[str]], Hood] | None = None
+    """The hood without some of them; None of one that has none."""
 
 
 def no_variations(hood: HoodConfig) -> Iterator[Variation]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -61,6 +61,8 @@ class Models:
     """The hood's state at poses nearby, to first order; None of a hood in closed form."""
     warnings: Sequence[str] = ()
     """What to know of the hood's mesh."""
+    others: Callable[[], Mapping[str, Callable[[Any, State], float]]] = dict
+    """As of `BuiltHood`."""
 
     @property
     def pair(self) -> Pair:
@@ -94,9 +96,10 @@ def build(case: Case) -> Models:
     return build_any(case)
 
 
-def build_any(case: Case) -> Models:
+def build_any(case: Case, gives_way: bool = False) -> Models:
     """Models of any case: a finger in an FMU is a `cosim.port.Finger` and no more, which is all
-    that the solver and the observer of an equilibrium ask for."""
+    that the solver and the observer of an equilibrium ask for; with a hood whose parts give way as
+    the case says, where asked for."""
     check_fit(case)
     if case.finger.is_native:
         finger: OpenFinger = case_finger(case)
@@ -105,6 +108,10 @@ def build_any(case: Case) -> Models:
         finger, posture = cast(OpenFinger, unit(case.finger).at_rest()), {}
     site = site_of(case, finger.rest())
     hood = build_hood(case, site)
+    if gives_way and case.gives_way is not None:
+        from cosim.hoods.giving import giving_hood
+
+        hood = giving_hood(hood, case.gives_way)
     return Models(
         finger,
         hood.hood,
@@ -121,6 +128,7 @@ def build_any(case: Case) -> Models:
         hood.energy,
         hood.nearby,
         mesh_warnings(case),
+        hood.others,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from cosim.case.schema import Case, ForwardConfig
+from cosim.coupling.events import GivingHood
 from cosim.coupling.excursion import PrescribedExcursions
+from cosim.coupling.give_way import GivingMotion
 from cosim.coupling.motion import CoupledMotion, RecordedFinger
 from cosim.coupling.schemes import Alone
 from cosim.coupling.state import CoupledState
@@ -20,7 +22,7 @@ from cosim.fingers.common import CageTipConfig, ShellTipConfig
 from cosim.fingers.kinds import joint_ranges, unit
 from cosim.hoods.kind import Slips
 from cosim.hoods.view import HoodView
-from cosim.models.build import build, build_hood, scheme_of, site_of
+from cosim.models.build import build_any, build_hood, scheme_of, site_of
 from cosim.models.fit import check_tendons
 from cosim.port import Array, Hood, Motion, State, Triangles
 from cosim.stopwatch import timed
@@ -63,6 +65,13 @@ class MovingModels:
     """N in the slips of a hood in a state; None for a hood without."""
     own_slips: Callable[[Mapping[str, float]], Slips] | None = None
     """N in the slips from the tensions (N) of the finger's own tendons, where these make them."""
+    energy: Callable[[State], float] | None = None
+    """J stored in a hood in a state; None of a hood in closed form."""
+
+    @property
+    def giving_parts(self) -> Sequence[Any]:
+        """The parts that give way or begin, as of `cosim.hoods.giving.Unit`."""
+        return getattr(self.moves.giving, "units", ())
 
     def slips(self, at: CoupledState) -> Slips:
         """N in the slips, by name; none of a hood and finger without."""
@@ -102,15 +111,16 @@ def moving_models(
         return _with_unit(case, forward)
     from rigid.mujoco.moving_finger import MovingMujoco
 
-    models = build(case)  # of a finger that check_fit lets move
+    models = build_any(case, gives_way=True)  # of a finger that check_fit lets move
     finger = MovingMujoco(cast("MujocoFinger", models.finger), tip_device(case))
     pulls = CaseTendonDrive(case, (*models.hood.tendons, *finger.tendons))
     driven = _prescribed_excursions(case, pulls.tendons)
     scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()
     _check_step(case, finger, pulls, models.posture, step_key)
     points = models.points
-    moves = CoupledMotion(
-        scheme, finger, models.hood, pulls, forward.step, driven, points.positions
+    giving = cast("GivingHood", models.hood) if case.gives_way is not None else None
+    moves = (CoupledMotion if giving is None else GivingMotion)(
+        scheme, finger, models.hood, pulls, forward.step, driven, points.positions, giving
     )
     return MovingModels(
         moves,
@@ -123,6 +133,7 @@ def moving_models(
         joint_ranges(models.finger),
         models.slips,
         models.own_slips,
+        models.energy,
     )
 
 
@@ -349,19 +360,20 @@ def special_states(hood: Hood, finger: RecordedFinger | None = None) -> Special:
     from cosim.fmu.finger import FmuMovingFinger
     from cosim.fmu.hood import FmuHood
     from cosim.fmu.unit import state_serialisers
+    from cosim.hoods.giving import GivingFeHood, GivingState
     from fe_solver.hood.shell_hood import HoodState, ShellHood
 
     units = [part.unit for part in (hood, finger) if isinstance(part, FmuHood | FmuMovingFinger)]
     kept = state_serialisers(units) if units else {}
-    if not isinstance(hood, ShellHood):
+    if not isinstance(hood, ShellHood | GivingFeHood):
         return kept
-    if hood.augment is not None:
+    if getattr(hood, "augment", None) is not None:
         raise InputError(
             "forward.checkpoint: a hood whose contact is augmented (hood.contact.penetration or "
             "friction) has no checkpoints; leave one of the two out"
         )
 
-    def read(template: HoodState, arrays: dict[str, Any]) -> HoodState:
+    def read(template: State, arrays: dict[str, Any]) -> State:
         return hood.from_arrays(arrays)
 
-    return {**kept, HoodState: (hood.to_arrays, read)}
+    return {**kept, HoodState: (hood.to_arrays, read), GivingState: (hood.to_arrays, read)}

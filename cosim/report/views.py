@@ -223,16 +223,17 @@ def _tensions(run: Result, step: int) -> dict[str, float]:
 
 
 def slip_forces(arrays: Arrays) -> dict[str, Array]:
-    """The force (n,) N that each slip puts on the bone at its end, in every state or time; none of
-    a hood without slips."""
+    """The force (n,) N that each slip puts on the bone at its end, with its suture, in every state
+    or time; none of a hood without slips."""
     if "hood_force" not in arrays.variables:
         return {}
     sources = [str(name) for name in arrays.coordinates["source"].values]
-    size = np.linalg.norm(arrays.variables["hood_force"].values, axis=-1)
+    force = arrays.variables["hood_force"].values
+    by = {s: [i for i, n in enumerate(sources) if n in (s, f"suture_{s}")] for s in SLIPS}
     return {
-        name.replace("_", " "): size[:, :, sources.index(name)].sum(axis=1)
-        for name in SLIPS
-        if name in sources
+        name.replace("_", " "): np.linalg.norm(force[:, :, i].sum(axis=2), axis=-1).sum(axis=1)
+        for name, i in by.items()
+        if i
     }
 
 
@@ -343,13 +344,14 @@ def _dots(run: Result, steps: Sequence[int], sheet: Sheet | None) -> Dots | None
 
 
 def difference_view(one: View, other: View) -> View | None:
-    """`one` coloured by its fields less those of `other`, in the frames whose names both have;
-    None where the two hoods are not the same mesh or no frame is shared."""
+    """`one` coloured by its fields less those of `other`, in the frames whose names, but for what
+    gave way, both have; None where the two hoods are not the same mesh or no frame is shared."""
     a, b = one.sheet, other.sheet
     if a is None or b is None or not np.array_equal(a.quads, b.quads):
         return None
-    theirs = {other.frames[at]: k for k, at in enumerate(b.at)}
-    pairs = [(k, theirs[one.frames[at]]) for k, at in enumerate(a.at) if one.frames[at] in theirs]
+    ours, others = ([f.partition(" (")[0] for f in view.frames] for view in (one, other))
+    theirs = {others[at]: k for k, at in enumerate(b.at)}
+    pairs = [(k, theirs[ours[at]]) for k, at in enumerate(a.at) if ours[at] in theirs]
     if not pairs:
         return None
     mine, its = (np.array(part) for part in zip(*pairs, strict=True))

@@ -11,6 +11,7 @@ from cosim.results.audit import audit_figures
 from cosim.results.compare import value_of
 from cosim.results.conventions import OPPOSITE
 from cosim.results.fibre_strain import largest_strain, torn
+from cosim.results.give_way import give_way_sentences
 from cosim.results.joint_limits import describe_limits
 
 LEAST_FORCE = 5e-4
@@ -24,8 +25,8 @@ Summary = Mapping[str, Any]
 
 
 def answer(summary: Summary) -> list[str]:
-    """Return the sentences of fingertip force, friction of tendons, slips, strain and posture;
-    what a run lacks is left out."""
+    """Return the sentences of fingertip force, friction of tendons, slips, strain, posture and
+    what gave way; what a run lacks is left out."""
     sentences = (
         _force(summary),
         _friction(summary),
@@ -33,6 +34,7 @@ def answer(summary: Summary) -> list[str]:
         _strain(summary),
         largest_strain(summary),
         _posture(summary),
+        *give_way_sentences(summary),
     )
     return [sentence.replace("-", "−") for sentence in sentences if sentence]
 

@@ -58,6 +58,7 @@ ARRAYS: Mapping[str, ArrayInfo] = {
     "insertion_tension": ArrayInfo(
         ("muscle",), "N", "tension that friction at guides leaves at the insertion"
     ),
+    "event_time": ArrayInfo((), "s", "when a part of the hood gave way or began to act"),
     "guide_loss": ArrayInfo((), "J", "energy lost to friction at tendons' guides since the start"),
     "path_length": ArrayInfo(("muscle",), "m", "length of the finger's tendons"),
     "motor_position": ArrayInfo(("motor",), "m", "how far a motor has drawn its tendon's end"),

@@ -63,9 +63,20 @@ def frames_of(
         steps = np.unique(np.linspace(0, len(times) - 1, count).round().astype(int)).tolist()
         stored = [*[None] * (len(steps) - 1), hood]
     return tuple(
-        Frame(f"{times[k]:.4g} s", k, float(times[k]), angles[k], force[k], shape)
+        Frame(_label(arrays, float(times[k])), k, float(times[k]), angles[k], force[k], shape)
         for k, shape in zip(steps, stored, strict=True)
     )
+
+
+def _label(arrays: Arrays, time: float) -> str:
+    """The time, and what gave way or began last before it."""
+    if "event_time" not in arrays.variables:
+        return f"{time:.4g} s"
+    events = zip(
+        arrays.coordinates["event"].values, arrays.variables["event_time"].values, strict=True
+    )
+    past = [f" ({what} at {at:.4g} s)" for what, at in events if at <= time]
+    return f"{time:.4g} s{''.join(past[-1:])}"
 
 
 def read_hood(path: Path, hand: Hand) -> HoodField:

@@ -143,12 +143,14 @@ def _pulled(data: xarray.Dataset) -> dict[str, Array]:
 
 
 def slip_histories(data: xarray.Dataset) -> dict[str, Array]:
-    """The force (nt,) N that each slip of the hood exerts on its bone, by its words."""
+    """The force (nt,) N that each slip of the hood exerts on its bone, with its suture, by its
+    words."""
     if "source" not in data.coords or "hood_force" not in data:
         return {}
-    force = data.hood_force.transpose("time", "source", "body", "axis")
+    force, known = data.hood_force.transpose("time", "source", "body", "axis"), data.source.values
+    by = {words: [s for s in (n, f"suture_{n}") if s in known] for n, words in SLIPS.items()}
     return {
-        words: np.linalg.norm(force.sel(source=name).values.sum(axis=1), axis=1)
-        for name, words in SLIPS.items()
-        if name in data.source.values
+        words: np.linalg.norm(force.sel(source=names).values.sum(axis=(1, 2)), axis=1)
+        for words, names in by.items()
+        if names
     }

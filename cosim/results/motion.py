@@ -20,6 +20,7 @@ from cosim.port import AXES, Array
 from cosim.results.arrays import Arrays, along
 from cosim.results.audit import MOST_DAMPING, missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis
+from cosim.results.give_way import event_arrays, events_block
 from cosim.results.joint_limits import is_in_range, joints_ever_at_limit, limits_of
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
@@ -130,6 +131,7 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         out |= {key: seen[key] for key in OF_POINTS if key in seen}
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:
         out["double_counted"] = twice
+    out |= events_block(t.giving_parts, end.events)
     if lengths := t.pulls.lengths(end.drive):
         out["muscle"] = {name: _muscle(case, name, length) for name, length in lengths.items()}
     if t.pulls.motors:
@@ -170,10 +172,10 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     """Where the work of tendons and gravity went since the start (mJ); and what the method took
     from it (negative: gave to it), over the tendons' work without its signs."""
     t, frames, end = moved.models, moved.history.frames, moved.history.moment
-    done = end.coupled.energy
-    stored = done.tendons - done.hood
+    done, given = end.coupled.energy, float(end.events[:, 5].sum())
+    stored = done.tendons - done.hood - given
     rubbed, held, from_stretch = end.friction.tolist()
-    lost, own = end.dissipated + end.slipped + rubbed + held, done.own + from_stretch
+    lost, own = end.dissipated + end.slipped + rubbed + held + given, done.own + from_stretch
     artificial = done.tendons + own - (frames[-1].energy - frames[0].energy) - stored - lost
     first, last = (t.finger.stored_energy(at) for at in (t.initial_state, end.coupled.finger))
     gained = {kind: last[kind] - first[kind] for kind in last}
@@ -195,6 +197,7 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
         "joints_dissipated": end.dissipated,
         "device_dissipated": end.slipped,
         **({"guides_dissipated": rubbed, "guides_held": held} if end.friction.any() else {}),
+        **({"gave_way": given} if len(end.events) else {}),
         "artificial": artificial,
     }
     in_mJ = {name: 1e3 * value for name, value in energy.items()}
@@ -315,6 +318,9 @@ def _arrays(case: Case, t: MovingModels, kept: MotionHistory, scene: Scene) -> A
         values |= {"command": drive[..., 0], "pressure": drive[..., 1]}
         coords["cylinder"] = list(t.pulls.cylinders)
     every = along("time", values)
+    if len(kept.moment.events):
+        coords["event"], times = event_arrays(t.giving_parts, kept.moment.events)
+        every |= along("event", {"event_time": times})
     if scene.frames and (names := list(scene.frames[0][1].lines)):
         lines = [list(shape.lines.values()) for _, shape in scene.frames]
         every |= along("frame", {"tendon_line": lines})

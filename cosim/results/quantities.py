@@ -179,6 +179,7 @@ ENERGIES = {
     "device_dissipated": "dissipated in the fingertip's device",
     "guides_dissipated": "lost to friction at the tendons' guides",
     "guides_held": "held at the tendons' guides before they slide",
+    "gave_way": "lost where parts of the hood gave way",
     "artificial": "taken by the method",
 }
 """Where the work of tendons and gravity went in a motion."""
@@ -207,6 +208,23 @@ CHECKS = {
     "step_control.longest_half_ms": "longest half step",
 }
 """Figures of the audit and counts, by path."""
+EVENT = {
+    "time_s": "time",
+    "last_time_s": "last time, of a part that peels",
+    "force_N": "force",
+    "stretch_mm": "stretch",
+    "freed_mJ": "energy that it had stored",
+    "lost_mJ": "energy that the hood lost",
+    "places": "places, of a part that peels",
+    "places_gone": "places that were let go",
+    "at_once_with_others": "how many others, the order not told",
+}
+STRENGTH = {
+    "share": "what it bears over what it can",
+    "force_N": "force",
+    "stretch_mm": "stretch",
+    "energy_mJ": "energy stored",
+}
 BETWEEN = "of friction, loading to unloading"
 OF_RUN = (
     *(Quantity(f"second_start.{q.path}", f"{q.meaning}, from a second start") for q in STATE),
@@ -241,6 +259,10 @@ OF_RUN = (
         "friction.sliding.<sliding>.joint_torque_Nmm.<tendon>.<joint>",
         "torque of <tendon> about <joint>, <sliding>",
     ),
+    *(Quantity(f"gave_way.{ANY}.{key}", f"* gave way: {what}") for key, what in EVENT.items()),
+    Quantity(f"began.{ANY}.time_s", "time at which * began to act"),
+    *(Quantity(f"strength.{ANY}.{key}", f"*: {what}") for key, what in STRENGTH.items()),
+    Quantity("first_to_give_way.at_times_the_loads", "loads at which a part gives way first"),
     Quantity("wall_s", "wall time"),
     Quantity("hood_quads", "quads of the hood's mesh"),
     Quantity("hood_cells", "line cells of the hood"),

@@ -214,7 +214,7 @@ def _check_arrays(arrays: Arrays) -> None:
             raise ValueError(f"its {name} holds no numbers")
         if name in ARRAYS and not OF_HOODS & set(dims):
             expected = ARRAYS[name].dims
-            if dims[1:] != expected or dims[0] not in (along, "frame"):
+            if dims[1:] != expected or dims[0] not in (along, "frame", "event"):
                 raise ValueError(f"its {name} has the axes {dims}, not {(along, *expected)}")
             needed |= dict.fromkeys((d for d in expected if d not in UNNAMED), "names")
     for dim, content in needed.items():

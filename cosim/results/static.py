@@ -19,6 +19,7 @@ from cosim.port import AXES, Array, Finger
 from cosim.results.arrays import Arrays, along
 from cosim.results.audit import NOT_RECIPROCAL, PATH_DEPENDENT, missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis, is_slack, vector_of
+from cosim.results.give_way import strength_block
 from cosim.results.half_degree import half_degree
 from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of
 from cosim.results.load_and_rest import rest_block, rest_warnings
@@ -132,6 +133,7 @@ def summary(
         **({"audit_not_judged": not_judged} if not_judged else {}),
         **({"not_in_ledger": OPEN} if loaded.balance is None else {}),
         **_muscles(case, models, states),
+        **strength_block(states.strength),
         **_one_way(case, models, states),
         **second_start_block(models, states, at_load, describe),
         **friction,

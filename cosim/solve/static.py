@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium, reciprocity
+from cosim.coupling.events import Bearing
 from cosim.coupling.excursion import (
     PrescribedExcursions,
     initial_excursions,
@@ -21,8 +23,9 @@ from cosim.errors import ConvergenceError, Progress, named_progress, quiet
 from cosim.models.build import Models, case_finger, tensions
 from cosim.port import Array, OpenFinger, PairState, Tensions
 from cosim.solve.session import Session, is_solved_both_ways, solve_equilibrium
+from cosim.solve.strength import Strength, first_to_give_way
 from cosim.stopwatch import timed
-from cosim.tendons.muscles import MusclePull
+from cosim.tendons.muscles import MusclePull, live_muscles
 from cosim.tendons.table import Sliding, stretch_of
 
 
@@ -66,6 +69,8 @@ class States:
     ways: Mapping[str, OneWaySlide] = field(default_factory=dict)
     """By way of sliding, loading and unloading, of a case whose tendons have friction: what lies
     between them friction can hold."""
+    strength: Strength | None = None
+    """What gives way first, where the case lets parts of the hood do so."""
 
 
 AUDIT_STEP = 2e-5
@@ -90,13 +95,38 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
     if case.solve.second_start:
         second = _second_start(case, models, unloaded, progress)
     ways = _both_ways(case, models, unloaded, loaded, progress)
+    strength = _strength(case, models, unloaded, loaded, progress)
     if not models.hood.tendons or loaded.balance is None or case.hood.has_friction:
-        return models, States(unloaded, loaded, None, pull, second=second, ways=ways)
+        return models, States(unloaded, loaded, None, pull, None, second, ways, strength)
     progress("auditing reciprocity")
     strongest = int(np.argmax(loaded.hood_tension))
     with timed("audit of reciprocity"):
         gap = reciprocity(models.finger, models.hood, loaded, strongest, AUDIT_STEP)
-    return models, States(unloaded, loaded, gap, pull, second=second, ways=ways)
+    return models, States(unloaded, loaded, gap, pull, None, second, ways, strength)
+
+
+def _strength(
+    case: Case, models: Models, unloaded: Equilibrium, loaded: Equilibrium, progress: Progress
+) -> Strength | None:
+    """What gives way first of a case that lets parts of its hood do so.  Raises InputError."""
+    if case.gives_way is None:
+        return None
+    from cosim.hoods.giving import bearing_of, units_of
+
+    hood: Any = models.hood  # of finite elements, by the schema
+    others = models.others()
+    units = units_of(hood, case.gives_way, others)
+
+    def bearing(e: Equilibrium) -> Bearing:
+        return bearing_of(hood, units, e.response.state, others)
+
+    def solve(other: Case, near: Equilibrium) -> Equilibrium:
+        start = PairState(near.finger_state, near.response.state)
+        own = replace(models, muscles=live_muscles(other.tendons))
+        return _loaded_equilibrium(other, own, unloaded, start, say)[0]
+
+    say = partial(_say, progress, "strength")
+    return first_to_give_way(case, units, loaded, bearing, solve)
 
 
 def _both_ways(

@@ -267,6 +267,16 @@ def spring_state(springs: Springs, x: Array, position: Array, rotation: Array) -
     return axial(springs, _lines(_reach(springs, x, position, rotation)[1])[0])
 
 
+def spring_directions(springs: Springs, x: Array, position: Array, rotation: Array) -> Array:
+    """Unit directions (k, 3) from the anchors to the nodes, world frame; places as there."""
+    return _lines(_reach(springs, x, position, rotation)[1])[1]
+
+
+def node_spring_directions(springs: NodeSprings, x: Array) -> Array:
+    """Unit directions (k, 3) from the first nodes to the second."""
+    return _lines(x[springs.nodes[:, 1]] - x[springs.nodes[:, 0]])[1]
+
+
 def node_spring_state(springs: NodeSprings, x: Array) -> Axial:
     """Force, stretch and whether it is taut, by spring, at node positions x (n, 3)."""
     return axial(springs, _lines(x[springs.nodes[:, 1]] - x[springs.nodes[:, 0]])[0])

@@ -405,7 +405,7 @@ def test_the_json_schema_knows_every_table_and_requires_nothing():
     schema = json_schema()
     assert set(schema["properties"]) == {
         *("extends", "title", "notes", "finger", "tendons"),
-        *("hood", "lesion", "solve", "forward", "coupling", "output"),
+        *("hood", "lesion", "gives_way", "solve", "forward", "coupling", "output"),
     }
     tables = [schema, *schema["$defs"].values()]
     assert all("required" not in table for table in tables)

@@ -24,7 +24,11 @@ from meshes.robot_net import keep_extensor
 def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
     """The live net of cables on a finger. Raises InputError where it cannot be laid out on it."""
     net = apply_lesion_to_net(build_net(hood, site.anatomy), site.lesion)
-    made = cable_hood_of(hood, site, net)
+    return _built(hood, site, net, cable_hood_of(hood, site, net))
+
+
+def _built(hood: CableHoodConfig, site: Site, net: CableNet, made: FeHood) -> BuiltHood:
+    """What there is to know of the hood of a net."""
     return BuiltHood(
         made,
         view_of(made, net, site.skeleton),
@@ -32,6 +36,7 @@ def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
         linear=partial(tangent_seconds, made),
         energy=stored_energy,
         nearby=made.linearised,
+        around=partial(_built, hood, site, net),
     )
 
 

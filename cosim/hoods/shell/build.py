@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 
 import numpy as np
 
@@ -18,13 +19,20 @@ from cosim.hoods.shell import table
 from cosim.hoods.shell.fibre_table import FibrousConfig
 from cosim.hoods.shell.fibres import Fibres, fibres_of
 from cosim.hoods.shell.gauges import points_on
+from cosim.hoods.shell.region_forces import (
+    Crossing,
+    crossing_force,
+    element_forces,
+    middle_crossings,
+)
 from cosim.hoods.shell.table import ENDS, RetinaculumConfig, ShellHoodConfig
 from cosim.hoods.shell.view import view_of
 from cosim.hoods.view import TrackedPoints
-from cosim.port import Array
+from cosim.port import Array, State
 from cosim.schema.types import RegionConfig
 from fe_solver.elements.mesh_geometry import node_directors, node_means
 from fe_solver.hood.build import TendonEnd, heights, shell_hood
+from fe_solver.hood.shell_hood import TIE
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 from fe_solver.materials import crossed_fibres, hyperelastic
 from fe_solver.materials import fibres as fibre_materials
@@ -36,6 +44,8 @@ from meshes.coarseness import WORDS, Rows, coarse_rows
 from meshes.hood import generate
 from meshes.hood_lines import even_shares
 from meshes.hood_mesh import REGIONS, HoodMesh, read
+from meshes.severed import PLACES, cut_part, nearly_cut
+from meshes.skeleton import Skeleton
 
 ROOM = 4e-3
 """m that an end of a sheet lies distal of its tendon's eyelet at least, for it to hang on a rope to
@@ -52,7 +62,11 @@ def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
     """The live sheet of shell elements on a finger. Raises InputError where it cannot be laid out
     on it, and for a point of the case that is not on the sheet."""
     mesh = apply_lesion_to_mesh(generate_mesh(hood, site.anatomy), site.lesion)
-    made = shell_hood_of(hood, site, mesh)
+    return _built(hood, site, mesh, shell_hood_of(hood, site, mesh))
+
+
+def _built(hood: ShellHoodConfig, site: Site, mesh: HoodMesh, made: FeHood) -> BuiltHood:
+    """What there is to know of the hood on a mesh."""
     gauges = points_on(hood, made.model.reference, mesh.quads)
     return BuiltHood(
         made,
@@ -62,7 +76,31 @@ def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
         points=TrackedPoints(gauges.points, lambda s: gauges.positions(s.configuration.x)),
         energy=stored_energy,
         nearby=made.linearised,
+        around=partial(_built, hood, site, mesh),
+        others=partial(_others, mesh, site.skeleton),
+        without=lambda parts: shell_hood_of(hood, site, reduce(_let_go, parts, mesh)),
     )
+
+
+def _others(mesh: HoodMesh, skeleton: Skeleton) -> dict[str, Callable[[FeHood, State], float]]:
+    """The force (N) of the slip that is tied to its bone, and of the regions that can tear."""
+    lines = middle_crossings(mesh, skeleton).items()
+    out: dict[str, Callable[[FeHood, State], float]]
+    out = {} if TIE in mesh.springs else {TIE: _tie_force}
+    return out | {name: partial(_region_force, line) for name, line in lines if name in PLACES}
+
+
+def _tie_force(hood: FeHood, state: State) -> float:
+    return float(np.linalg.norm(hood.group_forces(state)[TIE]))
+
+
+def _region_force(line: Crossing, hood: FeHood, state: State) -> float:
+    force = element_forces(hood, state)
+    return crossing_force(force, state.configuration.x, hood.model.quads, line)
+
+
+def _let_go(mesh: HoodMesh, part: str) -> HoodMesh:
+    return cut_part(mesh, part) if part == TIE else nearly_cut(mesh, part)
 
 
 def generate_mesh(hood: ShellHoodConfig, anatomy: Anatomy) -> HoodMesh:
