@@ -179,7 +179,7 @@ def _say(progress: Progress, what: str, text: str) -> None:
     progress(f"{what}: {text}")
 
 
-@timed("loaded equilibrium")
+@timed("equilibrium from near by")
 def _from_nearby(
     case: Case, models: Models, unloaded: Equilibrium, near: PairState, progress: Progress
 ) -> SecondStart:
@@ -191,6 +191,7 @@ def _from_nearby(
         return SecondStart(scheme, None, str(error))
 
 
+@timed("loaded equilibrium")
 def _loaded_from(
     case: Case, models: Models, unloaded: Equilibrium, near: PairState | None, progress: Progress
 ) -> tuple[Equilibrium, MusclePull]:
