@@ -177,7 +177,7 @@ def compare_repairs(
     repair, fingertip free and held, in every condition; the runs lie in `folder`.
 
     Raises InputError for a case without an injury and a condition that it does not have, and where
-    the intact or the injured finger has no answer."""
+    the intact or the injured finger has none of the numbers that are ranked."""
     if file.injury is None:
         both_sides(case)
     ways = _ways(file)
@@ -202,7 +202,7 @@ def compare_repairs(
     titles |= {repair.name: repair.title or repair.name for repair in file.repair}
     rows = {name: _compared(name, title, found, len(ways)) for name, title in titles.items()}
     for name in (INTACT, INJURED):
-        if rows[name].failure:
+        if not np.isfinite(rows[name].values[file.rank]).all():
             raise InputError(f"{case.name}: the {name} finger has no answer: {rows[name].failure}")
     intact, injured, *repairs = rows.values()
     repairs.sort(key=lambda row: row.off(file.rank, intact))
