@@ -47,7 +47,7 @@ MEASURES: Mapping[str, Measure] = {
     "dip_droop": Measure("DIP, fingertip free", "deg", "free", "posture_deg.DIP"),
     "mcp_angle": Measure("MCP, fingertip free", "deg", "free", "posture_deg.MCP"),
     "tip_force": Measure("fingertip force, held", "N", "held", "fingertip_magnitude_N"),
-    "tendon_shift": Measure("extensor tendon off the MCP, held", "mm", "held", "tendon_shift_mm"),
+    "tendon_shift": Measure("shift of the extensor tendon, held", "mm", "held", "tendon_shift_mm"),
     "central_slip": Measure("central slip, held", "N", "held", "slip_force_N.central"),
     "terminal_slip": Measure("terminal slip, held", "N", "held", "slip_force_N.terminal"),
 }
