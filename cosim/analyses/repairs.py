@@ -48,6 +48,7 @@ MEASURES: Mapping[str, Measure] = {
     "mcp_angle": Measure("MCP, fingertip free", "deg", "free", "posture_deg.MCP"),
     "tip_force": Measure("fingertip force, held", "N", "held", "fingertip_magnitude_N"),
     "tendon_shift": Measure("shift of the extensor tendon, held", "mm", "held", "tendon_shift_mm"),
+    "strength": Measure("share of a repair's strength, held", "1", "held", "strength"),
     "central_slip": Measure("central slip, held", "N", "held", "slip_force_N.central"),
     "terminal_slip": Measure("terminal slip, held", "N", "held", "slip_force_N.terminal"),
 }
@@ -285,8 +286,16 @@ def _compared(
     values = {
         key: numbers(m.tip, partial(value_of, quantity=m.path)) for key, m in MEASURES.items()
     }
+    values["strength"] = numbers("held", _share_of_strength)
     load = numbers("held", lambda summary: max(summary.get(LOAD, {}).values(), default=None))
     return Compared(name, title, values, load, failure)
+
+
+def _share_of_strength(summary: Mapping[str, Any]) -> float | None:
+    """The largest share of its strength that a part bears; 0 where nothing was joined, None where
+    what was joined has no strength stated."""
+    shares = [part["share"] for part in summary.get("strength", {}).values()]
+    return max(shares, default=None if summary.get(LOAD) else 0.0)
 
 
 def table_of_repairs(found: RepairTable) -> ReportTable:

@@ -11,6 +11,7 @@ import cosim
 from cosim.analyses.repairs import (
     Compared,
     RepairTable,
+    _share_of_strength,
     compare_repairs,
     read_repairs,
     table_of_repairs,
@@ -188,6 +189,13 @@ def test_the_table_and_the_page_tell_what_was_found(compared):
     assert "terminal slip 0.7 mm shorter" in said[1]
     assert "no_such_part" in page
     assert "tendons.EDC.tension = 4 N" in page
+
+
+def test_a_repair_is_judged_by_what_it_bears_of_its_strength():
+    shares = {"strength": {"a": {"share": 0.2}, "b": {"share": 0.3}}}
+    assert _share_of_strength({"repair_force_N": {"a": 1.0}, **shares}) == 0.3
+    assert _share_of_strength({"repair_force_N": {"a": 1.0}}) is None
+    assert _share_of_strength({}) == 0
 
 
 def row(name: str, *pip: float) -> Compared:
