@@ -10,8 +10,8 @@ import re
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
-PRODUCT = 108610
-TESTS = 72334
+PRODUCT = 110700
+TESTS = 73725
 
 
 def _lines(*packages: str) -> int:
