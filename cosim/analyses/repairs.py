@@ -48,7 +48,7 @@ MEASURES: Mapping[str, Measure] = {
     "mcp_angle": Measure("MCP, fingertip free", "deg", "free", "posture_deg.MCP"),
     "tip_force": Measure("fingertip force, held", "N", "held", "fingertip_magnitude_N"),
     "tendon_shift": Measure("shift of the extensor tendon, held", "mm", "held", "tendon_shift_mm"),
-    "strength": Measure("share of a repair's strength, held", "1", "held", "strength"),
+    "strength": Measure("load of a repair over its strength, held", "%", "held", "strength"),
     "central_slip": Measure("central slip, held", "N", "held", "slip_force_N.central"),
     "terminal_slip": Measure("terminal slip, held", "N", "held", "slip_force_N.terminal"),
 }
@@ -292,9 +292,9 @@ def _compared(
 
 
 def _share_of_strength(summary: Mapping[str, Any]) -> float | None:
-    """The largest share of its strength that a part bears; 0 where nothing was joined, None where
-    what was joined has no strength stated."""
-    shares = [part["share"] for part in summary.get("strength", {}).values()]
+    """The largest share (%) of its strength that a part bears; 0 where nothing was joined, None
+    where what was joined has no strength stated."""
+    shares = [100 * part["share"] for part in summary.get("strength", {}).values()]
     return max(shares, default=None if summary.get(LOAD) else 0.0)
 
 

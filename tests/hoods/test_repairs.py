@@ -193,7 +193,7 @@ def test_the_table_and_the_page_tell_what_was_found(compared):
 
 def test_a_repair_is_judged_by_what_it_bears_of_its_strength():
     shares = {"strength": {"a": {"share": 0.2}, "b": {"share": 0.3}}}
-    assert _share_of_strength({"repair_force_N": {"a": 1.0}, **shares}) == 0.3
+    assert _share_of_strength({"repair_force_N": {"a": 1.0}, **shares}) == 30
     assert _share_of_strength({"repair_force_N": {"a": 1.0}}) is None
     assert _share_of_strength({}) == 0
 
