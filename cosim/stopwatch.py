@@ -17,7 +17,7 @@ class Part:
     seconds: float = 0.0
     """With those of the parts within."""
     factorisations: int = 0
-    """Of tangents of the hood, with those of the parts within."""
+    """How often a tangent was factorised, with those of the parts within."""
 
 
 @dataclass

@@ -10,8 +10,8 @@ import re
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
-PRODUCT = 110700
-TESTS = 73725
+PRODUCT = 110698
+TESTS = 73726
 
 
 def _lines(*packages: str) -> int:

@@ -45,7 +45,8 @@ class OwnBones:
     posture: Mapping[str, float] | None = None
     """rad, of one scan in which the bones lie as in the hand; else our zero begins each joint."""
     sizes: Sizes = field(default_factory=dict)
-    """Of bones that no file holds.  Of a finger without any file soft tissue is stretched too."""
+    """Sizes of bones that no file holds.  A finger without any file has its soft tissue stretched
+    too."""
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,9 @@ from cosim.stopwatch import timed
 from cosim.tendons.muscles import live_muscles
 
 EVERY = 10
-"""Of so many cases that begin near by one is solved from the hood as it is laid too."""
+"""Among so many cases that begin near by one is solved from the hood as it is laid too."""
 NEARBY_TOLERANCE = 1e-10
-"""Of the coupling: two ways to an equilibrium then agree to 1e-9 of its forces."""
+"""The coupling's, with which two ways to an equilibrium agree to 1e-9 of its forces."""
 
 
 @dataclass

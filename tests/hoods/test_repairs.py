@@ -257,7 +257,10 @@ PACKAGED = {
 }
 
 
-@pytest.mark.parametrize("name", PACKAGED)
+@pytest.mark.parametrize(
+    "name",
+    ["mallet", *(pytest.param(n, marks=pytest.mark.slow) for n in PACKAGED if n != "mallet")],
+)
 def test_packaged_repairs_can_be_made_of_their_case(name):
     file = read_repairs(Path(name))
     case = load_case(PACKAGED[name])
