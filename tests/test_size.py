@@ -11,7 +11,7 @@ from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
 PRODUCT = 110698
-TESTS = 73726
+TESTS = 73727
 
 
 def _lines(*packages: str) -> int:

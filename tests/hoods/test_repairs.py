@@ -30,6 +30,7 @@ from tests.helpers.folders import ROOT
 from tests.helpers.jobs import run
 
 COARSE = "hood.mesh.quads=104"
+QUICK = "output.picture=false"
 CUT = 'lesion.cut=["central_slip"]'
 STIFF = 'lesion.suture.central_slip={stiffness="2000 N/mm"}'
 LOOSE = 'lesion.suture.central_slip={stiffness="2000 N/mm",gap="9 mm"}'
@@ -159,7 +160,7 @@ values = ["2 N", "4 N"]
 def compared(tmp_path_factory) -> RepairTable:
     folder = tmp_path_factory.mktemp("repairs")
     (folder / "r.toml").write_text(NETWORK)
-    case = load_case("network_edc", ['lesion.lengthen.terminal_slip="1 mm"'])
+    case = load_case("network_edc", ['lesion.lengthen.terminal_slip="1 mm"', QUICK])
     return compare_repairs(case, read_repairs(folder / "r.toml"), folder / "runs")
 
 
@@ -278,7 +279,7 @@ def test_an_injury_of_the_file_stands_in_for_a_lesion(tmp_path):
         'rank = "tip_force"\n[injury]\ntitle = "weak"\nchange.tendons.EDC.tension = "1 N"\n'
         '[[repair]]\nname = "back"\nchange.tendons.EDC.tension = "3.469 N"\n'
     )
-    found = compare_repairs(load_case("pulley_edc"), read_repairs(path), tmp_path)
+    found = compare_repairs(load_case("pulley_edc", [QUICK]), read_repairs(path), tmp_path)
     (back,) = found.repairs
     assert found.injured.title == "weak"
     assert found.injured.off("tip_force", found.intact) > 0.05
