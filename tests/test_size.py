@@ -10,7 +10,7 @@ import re
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
-PRODUCT = 110698
+PRODUCT = 110701
 TESTS = 73727
 
 
