@@ -48,9 +48,9 @@ class SolveConfig(Table):
     equilibrium alone."""
     start: Literal["laid", "nearby"] = "laid"
     """Where an equilibrium begins: at the hood as it is laid, or in a study or batch at the last
-    one that its process solved on a hood of as many nodes, which takes half of the time.  Its
-    tolerance is 1e-10 then, so that both ways agree to 1e-9 of the forces; a tenth of the runs goes
-    both ways, and the audit is missed where they differ."""
+    one that its process solved on a hood of as many nodes, which takes half of the time.  The
+    tolerances are 1e-9 and the hood's 1e-11 then, so that both ways agree to some 1e-9 of the
+    forces; a tenth of the runs goes both ways, and the audit is missed where they differ."""
     patience: Annotated[float, quantity(units.PATIENCE, above="0 s", most="1e7 s")] | None = None
     """Longest time of computing; a run that takes longer ends as one that does not converge and
     says how far it came, and a motion keeps what it reached.  Without it there is no limit."""

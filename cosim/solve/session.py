@@ -26,8 +26,9 @@ from cosim.tendons.muscles import live_muscles
 
 EVERY = 10
 """Among so many cases that begin near by one is solved from the hood as it is laid too."""
-NEARBY_TOLERANCE = 1e-10
-"""The coupling's, with which two ways to an equilibrium agree to 1e-9 of its forces."""
+NEARBY_TOLERANCE, NEARBY_HOOD_TOLERANCE = 1e-9, 1e-11
+"""With which two ways to an equilibrium agree to some 1e-9 of its forces; the coupling comes to no
+smaller residual than some ten times the hood's."""
 
 
 @dataclass
@@ -60,6 +61,8 @@ class _Setting:
     models: Models
     hood: _SharedHood
     unloaded: Equilibrium | None = None
+    from_nearby: bool = False
+    """Whether the unloaded equilibrium began near by."""
 
 
 @dataclass(frozen=True)
@@ -124,11 +127,11 @@ class Session:
 
         Raises InputError and ConvergenceError."""
         setting = self._setting(case, progress)
-        if setting.unloaded is None:
-            near = None
-            if not is_solved_both_ways(case):
-                near = self.start_near(case, setting.models, loaded=False)
+        both_ways = is_solved_both_ways(case)
+        if setting.unloaded is None or (both_ways and setting.from_nearby):
+            near = None if both_ways else self.start_near(case, setting.models, loaded=False)
             setting.unloaded = _unloaded_equilibrium(case, setting, progress, near)
+            setting.from_nearby = near is not None
         return setting.unloaded
 
     def start_near(self, case: Case, models: Models, loaded: bool) -> PairState | None:
@@ -230,6 +233,9 @@ def solve_equilibrium(
     coupling = case.coupling
     nearby = case.solve.start == "nearby"
     tolerance = min(case.solve.tolerance, NEARBY_TOLERANCE) if nearby else case.solve.tolerance
+    if nearby:
+        hood_tolerance = min(case.solve.hood_tolerance, NEARBY_HOOD_TOLERANCE)
+        models = replace(models, hood=models.hood.with_tolerance(hood_tolerance))
     options = CouplingOptions(tolerance, case.solve.max_iterations)
     if coupling.scheme != "implicit":
         known = None if first is None else first()
