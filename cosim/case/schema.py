@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from cosim.case.faults import describe, listing
 from cosim.case.layers import Layer, add_layer, dropped_keys, nested
+from cosim.case.relaxation import RelaxationConfig
 from cosim.errors import InputError
 from cosim.files import shown_path
 from cosim.fingers.common import stamps
@@ -159,6 +160,8 @@ class CaseFile(Table):
     """An injury of the hood or its repair; without it the hood is intact."""
     gives_way: dict[PartName, GiveWayConfig] | None = None
     """When parts of the hood give way or begin to act, by the names that results give them."""
+    relaxation: RelaxationConfig | None = None
+    """What relaxes under load; without it nothing does."""
     solve: SolveConfig = SolveConfig()
     """Tolerances, and the tension at rest."""
     forward: ForwardConfig | None = None
@@ -207,6 +210,47 @@ class CaseFile(Table):
                         "or energy, or a table forward"
                     )
         return self
+
+    @model_validator(mode="after")
+    def _can_relax(self) -> CaseFile:
+        stated = self.relaxation
+        if stated is None:
+            return self
+        if self.coupling.scheme == "one_way":
+            raise fault('relaxation: is of a coupled hood; leave out coupling.scheme = "one_way"')
+        if self.forward is None and stated.held is None:
+            raise fault('relaxation: needs held in an equilibrium, for example held = "240 s"')
+        if self.forward is not None and stated.held is not None:
+            raise fault("relaxation.held: is of an equilibrium; a motion has its own time")
+        if stated.hood is not None:
+            self._check_relaxing_hood()
+        drawn = (t.excursion is not None and t.elastic is not None for t in self.tendons.values())
+        if stated.tendons is not None and not any(drawn):
+            raise fault(
+                "relaxation.tendons: no tendon of the case has an excursion and is elastic; leave "
+                "it out"
+            )
+        if stated.joints is not None:
+            if self.forward is not None:
+                raise fault("relaxation.joints: is of an equilibrium; leave it out of a motion")
+            if not getattr(self.finger, "passive", None):
+                raise fault("relaxation.joints: the finger has no passive joints; leave it out")
+        return self
+
+    def _check_relaxing_hood(self) -> None:
+        contact = getattr(self.hood, "contact", None)
+        if not self.hood.lies_on_bones or contact is None:
+            raise fault(
+                f'relaxation.hood: a hood of kind "{self.hood.kind}" does not relax; "shell" and '
+                '"cable" do'
+            )
+        if self.hood.has_friction or contact.penetration is not None:
+            raise fault(
+                "relaxation.hood: is not solved with augmented contact; leave out "
+                "hood.contact.friction and hood.contact.penetration"
+            )
+        if self.gives_way is not None:
+            raise fault("relaxation.hood: a hood that relaxes does not give way; leave one out")
 
     @model_validator(mode="after")
     def _can_start_again(self) -> CaseFile:

@@ -6,7 +6,8 @@ prescribed ones, it solves
     T >= 0,    x(T) - e >= 0,    T (x(T) - e) = 0,
 
 the last two for each tendon by itself: one whose path shortens more than its end is drawn is slack.
-Of a tendon that stretches, x(T) is the excursion of its drawn end: the path's, and the stretch.
+Of a tendon that stretches, x(T) is the excursion of its drawn end: the path's, and the stretch,
+which of one that relaxes grows while its end is held.
 The slope dx/dT is kept from step to step (Broyden 1965, Math Comp 19:577).
 """
 
@@ -14,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,24 @@ class PrescribedExcursions:
     """(nd,) m/N, by which the tendons stretch."""
     slack: Array | float = 0.0
     """(nd,) m, by which the ends are moved before the tendons bear."""
+    relaxation: Relaxation | None = None
+    """By which what they bear relaxes, where it does."""
+
+
+class Relaxation(Protocol):
+    """A relaxation function, as of `fe_solver.materials.prony.Prony`."""
+
+    def start(self, borne: Array) -> Any:
+        """The memory at rest of what bears (n,)."""
+        ...
+
+    def law(self, memory: Any, dt: float) -> tuple[float, Array]:
+        """The factor of the elastic law `dt` s after `memory`, and what is held (n,) besides."""
+        ...
+
+    def after(self, memory: Any, borne: Array, dt: float) -> Any:
+        """The memory `dt` s after one, where the law then bears (n,)."""
+        ...
 
 
 class ExcursionState(NamedTuple):
@@ -61,11 +80,19 @@ class ExcursionState(NamedTuple):
     """(nd, nd) m/N; (0, 0) before the first solve."""
     pretension: Array
     """N, the tensions that they began with."""
+    time: float = 0.0
+    """s."""
+    memory: Any = None
+    """What those that relax have borne; None of those that do not."""
 
 
-def initial_excursions(tension: Array, excursion: Array) -> ExcursionState:
+def initial_excursions(
+    tension: Array, excursion: Array, relaxation: Relaxation | None = None
+) -> ExcursionState:
     """The state at rest under tensions (nd,) N with excursions (nd,) m."""
-    return ExcursionState(tension, excursion, excursion, np.zeros((0, 0)), tension)
+    memory = None if relaxation is None else relaxation.start(tension)
+    none = np.zeros((0, 0))
+    return ExcursionState(tension, excursion, excursion, none, tension, memory=memory)
 
 
 def solve_excursions(
@@ -73,11 +100,18 @@ def solve_excursions(
 ) -> tuple[T, ExcursionState]:
     """What comes of the tensions with which the tendons have the excursions of `time` s, or are
     slack.  Raises ConvergenceError."""
-    aim, tension = at.start + prescribed.excursion(time) - prescribed.slack, at.tension
+    relaxation, dt, tension = prescribed.relaxation, time - at.time, at.tension
+    memory, factor, held = at.memory, 1.0, np.zeros(len(tension))
+    if relaxation is not None:
+        factor, held = relaxation.law(memory, dt)
+    give = prescribed.give / factor
+    # the ends are drawn further by what the tendons lost since they began
+    lost = give * (at.pretension * (1 - factor) - held)
+    aim = at.start + prescribed.excursion(time) - prescribed.slack - lost
 
     def drawn(tension: Array) -> tuple[T, Array]:
         result, excursion = trial(tension)
-        return result, excursion + prescribed.give * (tension - at.pretension)
+        return result, excursion + give * (tension - at.pretension)
 
     result, excursion = drawn(tension)
     slope = at.slope if at.slope.size else _first_slope(drawn, tension, excursion)
@@ -85,7 +119,11 @@ def solve_excursions(
         gap = aim - excursion
         taut = (tension > 0) | (gap > 0)
         if np.abs(gap[taut]).max(initial=0.0) <= EXCURSION_TOLERANCE:
-            return result, ExcursionState(tension, excursion, at.start, slope, at.pretension)
+            if relaxation is not None:
+                memory = relaxation.after(memory, tension, dt)
+            return result, at._replace(
+                tension=tension, excursion=excursion, slope=slope, time=time, memory=memory
+            )
         after = _next_tensions(tension, gap, taut, slope)
         result, new_excursion = drawn(after)
         slope = _broyden_update(slope, after - tension, new_excursion - excursion)

@@ -214,7 +214,9 @@ class CoupledMotion:
             lambda time: (tension[:split], tension[split:]),
         )
         index = self.prescribed.index
-        draw = initial_excursions(tension[index], self._excursions(coupled)[index])
+        draw = initial_excursions(
+            tension[index], self._excursions(coupled)[index], self.prescribed.relaxation
+        )
         lengths = np.concatenate([-coupled.point.excursion, self._path_lengths(coupled.finger)])
         pulls = self.drive.settle_at(pulls, lengths)
         return MotionState(coupled, pulls, 0.0, 0.0, np.zeros(3), Pace(self.dt), draw)

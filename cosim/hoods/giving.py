@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -216,12 +216,30 @@ class GivingFeHood:
         return replace(bare, hood=self.hood_of(bare).from_arrays(inner))
 
 
+class VaryingHood(Hood, Protocol):
+    """A hood whose states are each of another hood of finite elements of the same mesh."""
+
+    def built_of(self, state: Any) -> BuiltHood:
+        """What there is to know of a state's hood, which takes `state.hood`."""
+        ...
+
+    def energy(self, state: Any) -> float:
+        """J stored in the hood."""
+        ...
+
+
 def giving_hood(built: BuiltHood, stated: Mapping[str, GiveWayConfig]) -> BuiltHood:
     """Return a built hood whose parts give way, with all that looks at its states.  Raises
     InputError."""
-    hood, positions = GivingFeHood(built, stated), built.points.positions
+    return with_variants(built, GivingFeHood(built, stated))
 
-    def looks(name: str) -> Callable[[GivingState], Any]:
+
+def with_variants(built: BuiltHood, hood: VaryingHood) -> BuiltHood:
+    """Return a built hood in place of which one that varies acts, with all that looks at its
+    states."""
+    positions = built.points.positions
+
+    def looks(name: str) -> Callable[[Any], Any]:
         return lambda state: getattr(hood.built_of(state), name)(state.hood)
 
     points = replace(built.points, positions=lambda state: positions(state.hood))

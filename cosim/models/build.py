@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from meshes.hood_mesh import HoodMesh
 
 if TYPE_CHECKING:
     from cosim.coupling.equilibrium import Equilibrium
+    from fe_solver.materials.prony import Prony
     from rigid.mjcf.hood import HoodParts
 
 
@@ -63,6 +64,8 @@ class Models:
     """What to know of the hood's mesh."""
     others: Callable[[], Mapping[str, Callable[[Any, State], float]]] = dict
     """As of `BuiltHood`."""
+    around: Callable[[Any], BuiltHood] | None = None
+    """As of `BuiltHood`."""
 
     @property
     def pair(self) -> Pair:
@@ -83,6 +86,12 @@ class Models:
             return self.own_slips(dict(zip(self.finger.tendons, pulls, strict=True)))
         return None
 
+    def with_hood(self, hood: Hood) -> Models:
+        """The models with another hood of the same mesh, and what there is to know of it."""
+        assert self.around is not None
+        built, kept = self.around(hood), ("hood", "view", "linear", "slips", "energy", "nearby")
+        return replace(self, **{name: getattr(built, name) for name in (*kept, "others")})
+
     def start(self) -> PairState:
         """The finger in its posture, and the hood on it."""
         finger = self.finger.start(self.posture)
@@ -90,16 +99,21 @@ class Models:
 
 
 def build(case: Case) -> Models:
-    """Models of a case with a finger of ours.  Raises InputError for what only building finds
-    out."""
+    """Models of a case with a finger of ours, for what asks them without time.  Raises InputError
+    for what only building finds out, and where they relax."""
     case.native_finger()
+    if case.relaxation is not None:
+        raise InputError(
+            f"{case.name}: relaxation: parts relax in a run (`cosim run`, a study), and nothing "
+            "else follows their time; leave it out here"
+        )
     return build_any(case)
 
 
-def build_any(case: Case, gives_way: bool = False) -> Models:
+def build_any(case: Case, in_time: bool = False) -> Models:
     """Models of any case: a finger in an FMU is a `cosim.port.Finger` and no more, which is all
-    that the solver and the observer of an equilibrium ask for; with a hood whose parts give way as
-    the case says, where asked for."""
+    that the solver and the observer of an equilibrium ask for; `in_time` with a hood whose parts
+    give way or relax as the case says."""
     check_fit(case)
     if case.finger.is_native:
         finger: OpenFinger = case_finger(case)
@@ -108,10 +122,14 @@ def build_any(case: Case, gives_way: bool = False) -> Models:
         finger, posture = cast(OpenFinger, unit(case.finger).at_rest()), {}
     site = site_of(case, finger.rest())
     hood = build_hood(case, site)
-    if gives_way and case.gives_way is not None:
+    if in_time and case.gives_way is not None:
         from cosim.hoods.giving import giving_hood
 
         hood = giving_hood(hood, case.gives_way)
+    if in_time and (prony := relaxing(case).hood) is not None:
+        from cosim.hoods.relaxing import relaxing_hood
+
+        hood = relaxing_hood(hood, prony)
     return Models(
         finger,
         hood.hood,
@@ -129,7 +147,23 @@ def build_any(case: Case, gives_way: bool = False) -> Models:
         hood.nearby,
         mesh_warnings(case),
         hood.others,
+        hood.around,
     )
+
+
+class Relaxing(NamedTuple):
+    """By which laws parts relax; None of those that do not."""
+
+    hood: Prony | None
+    tendons: Prony | None
+    joints: Prony | None
+
+
+def relaxing(case: Case) -> Relaxing:
+    """What relaxes in a case, and by which laws."""
+    stated = case.relaxation
+    laws = [None if stated is None else getattr(stated, part) for part in Relaxing._fields]
+    return Relaxing(*(None if law is None else law.prony() for law in laws))
 
 
 def with_own_finger(models: Models, case: Case) -> Models:
@@ -238,6 +272,8 @@ def mjcf_of(case: Case, hood: HoodParts | None = None) -> str:
         for name, tendon in case.tendons.items()
         if tendon.actuation is not None
     ]
+    if case.relaxation is not None:
+        lost.append("relaxation is left out; all is as at once")
     resting = case.solve.resting_tension
     return mjcf(case.native_finger(), case.hood.left_to_finger, resting, lost, hood)
 

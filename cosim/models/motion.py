@@ -22,7 +22,7 @@ from cosim.fingers.common import CageTipConfig, ShellTipConfig
 from cosim.fingers.kinds import joint_ranges, unit
 from cosim.hoods.kind import Slips
 from cosim.hoods.view import HoodView
-from cosim.models.build import build_any, build_hood, scheme_of, site_of
+from cosim.models.build import build_any, build_hood, relaxing, scheme_of, site_of
 from cosim.models.fit import check_tendons
 from cosim.port import Array, Hood, Motion, State, Triangles
 from cosim.stopwatch import timed
@@ -67,6 +67,8 @@ class MovingModels:
     """N in the slips from the tensions (N) of the finger's own tendons, where these make them."""
     energy: Callable[[State], float] | None = None
     """J stored in a hood in a state; None of a hood in closed form."""
+    relaxes: bool = False
+    """Whether the hood relaxes."""
 
     @property
     def giving_parts(self) -> Sequence[Any]:
@@ -111,7 +113,7 @@ def moving_models(
         return _with_unit(case, forward)
     from rigid.mujoco.moving_finger import MovingMujoco
 
-    models = build_any(case, gives_way=True)  # of a finger that check_fit lets move
+    models = build_any(case, in_time=True)  # of a finger that check_fit lets move
     finger = MovingMujoco(cast("MujocoFinger", models.finger), tip_device(case))
     pulls = CaseTendonDrive(case, (*models.hood.tendons, *finger.tendons))
     driven = _prescribed_excursions(case, pulls.tendons)
@@ -134,6 +136,7 @@ def moving_models(
         models.slips,
         models.own_slips,
         models.energy,
+        relaxing(case).hood is not None,
     )
 
 
@@ -182,7 +185,12 @@ def _prescribed_excursions(case: Case, tendons: tuple[str, ...]) -> PrescribedEx
     index = np.array([tendons.index(n) for n in names], dtype=int)
     give, slack = stretch_of([case.tendons[n] for n in names])
     return PrescribedExcursions(
-        names, index, lambda time: most * [signal(time) for signal in signals], give, slack
+        names,
+        index,
+        lambda time: most * [signal(time) for signal in signals],
+        give,
+        slack,
+        relaxing(case).tendons,
     )
 
 
@@ -361,11 +369,12 @@ def special_states(hood: Hood, finger: RecordedFinger | None = None) -> Special:
     from cosim.fmu.hood import FmuHood
     from cosim.fmu.unit import state_serialisers
     from cosim.hoods.giving import GivingFeHood, GivingState
+    from cosim.hoods.relaxing import RelaxingFeHood, RelaxingState
     from fe_solver.hood.shell_hood import HoodState, ShellHood
 
     units = [part.unit for part in (hood, finger) if isinstance(part, FmuHood | FmuMovingFinger)]
     kept = state_serialisers(units) if units else {}
-    if not isinstance(hood, ShellHood | GivingFeHood):
+    if not isinstance(hood, ShellHood | GivingFeHood | RelaxingFeHood):
         return kept
     if getattr(hood, "augment", None) is not None:
         raise InputError(
@@ -376,4 +385,5 @@ def special_states(hood: Hood, finger: RecordedFinger | None = None) -> Special:
     def read(template: State, arrays: dict[str, Any]) -> State:
         return hood.from_arrays(arrays)
 
-    return {**kept, HoodState: (hood.to_arrays, read), GivingState: (hood.to_arrays, read)}
+    of_hoods = HoodState, GivingState, RelaxingState
+    return {**kept, **dict.fromkeys(of_hoods, (hood.to_arrays, read))}

@@ -13,6 +13,7 @@ from cosim.results.conventions import OPPOSITE
 from cosim.results.fibre_strain import largest_strain, torn
 from cosim.results.give_way import give_way_sentences
 from cosim.results.joint_limits import describe_limits
+from cosim.results.relaxation import held_sentences
 
 LEAST_FORCE = 5e-4
 """N, below which a fingertip pushes on nothing."""
@@ -35,6 +36,7 @@ def answer(summary: Summary) -> list[str]:
         largest_strain(summary),
         _posture(summary),
         *give_way_sentences(summary),
+        *held_sentences(summary),
     )
     return [sentence.replace("-", "−") for sentence in sentences if sentence]
 

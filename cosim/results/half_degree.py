@@ -37,10 +37,13 @@ Numbers = dict[str, dict[str, float]]
 
 def half_degree(case: Case, models: Models, states: States) -> dict[str, Any]:
     """The changes by half a degree of each joint, tensions held: fingertip force, slips' forces and
-    the hood's joint torques.  None of a one-way pass, of a fingertip that is free, which has no
-    posture of its own, and where the finger finds no equilibrium beside its own."""
+    the hood's joint torques.  None of a one-way pass, of a load that was held while parts relaxed,
+    of a fingertip that is free, which has no posture of its own, and where the finger finds no
+    equilibrium beside its own."""
     e = states.loaded
-    if states.one_way is not None or e.balance is None or case.native_finger().tip.kind == "free":
+    if states.one_way is not None or states.held is not None or e.balance is None:
+        return {}
+    if case.native_finger().tip.kind == "free":
         return {}
     with suppress(ConvergenceError):
         fresh, each = case_finger(case), models.posture

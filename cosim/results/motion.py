@@ -179,6 +179,7 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     artificial = done.tendons + own - (frames[-1].energy - frames[0].energy) - stored - lost
     first, last = (t.finger.stored_energy(at) for at in (t.initial_state, end.coupled.finger))
     gained = {kind: last[kind] - first[kind] for kind in last}
+    for_good = t.energy(end.coupled.hood) if t.relaxes and t.energy is not None else stored
     parts = (
         {
             "gravity": -gained["height"],
@@ -193,7 +194,8 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
         "tendons": done.tendons,
         "own_tendons": own,
         **parts,
-        "hood_stored": stored,
+        "hood_stored": for_good,
+        **({"hood_relaxed": stored - for_good} if t.relaxes else {}),
         "joints_dissipated": end.dissipated,
         "device_dissipated": end.slipped,
         **({"guides_dissipated": rubbed, "guides_held": held} if end.friction.any() else {}),

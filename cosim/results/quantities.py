@@ -172,7 +172,8 @@ ENERGIES = {
     "gravity": "work of gravity",
     "kinetic": "gained as motion",
     "finger": "gained by the finger",
-    "hood_stored": "stored in the hood",
+    "hood_stored": "stored in the hood, of one that relaxes for good",
+    "hood_relaxed": "lost or still held by what relaxes in the hood",
     "joints_stored": "stored in passive joints",
     "device_stored": "stored in the fingertip's device",
     "joints_dissipated": "dissipated in the joints",
@@ -225,6 +226,12 @@ STRENGTH = {
     "stretch_mm": "stretch",
     "energy_mJ": "energy stored",
 }
+HELD = {
+    "fingertip_force_N.<axis>": "fingertip force, <axis>",
+    "fingertip_magnitude_N": "fingertip force, magnitude",
+    "tension_N.<tendon>": "tension of <tendon>",
+    "slip_force_N.<slip>": "force in the <slip> slip",
+}
 BETWEEN = "of friction, loading to unloading"
 OF_RUN = (
     *(Quantity(f"second_start.{q.path}", f"{q.meaning}, from a second start") for q in STATE),
@@ -263,6 +270,8 @@ OF_RUN = (
     Quantity(f"began.{ANY}.time_s", "time at which * began to act"),
     *(Quantity(f"strength.{ANY}.{key}", f"*: {what}") for key, what in STRENGTH.items()),
     Quantity("first_to_give_way.at_times_the_loads", "loads at which a part gives way first"),
+    Quantity("held.time_s", "time under load, in which parts relaxed"),
+    *(Quantity(f"held.at_once.{path}", f"{what}, at once") for path, what in HELD.items()),
     Quantity("wall_s", "wall time"),
     Quantity("hood_quads", "quads of the hood's mesh"),
     Quantity("hood_cells", "line cells of the hood"),

@@ -24,10 +24,12 @@ from cosim.results.half_degree import half_degree
 from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
+from cosim.results.relaxation import held_arrays, held_block
 from cosim.results.result import Result
 from cosim.results.scene import scene, with_measures
 from cosim.results.second_start import second_start_block, second_start_differences
 from cosim.results.tip_reach import arm_differences, tip_force_over_reach
+from cosim.solve.held import Held
 from cosim.solve.static import States
 from cosim.tendons.friction import beyond_guides
 from cosim.version import __version__
@@ -48,7 +50,7 @@ def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Re
         name: models.finger.ledger(e.finger_state, e.load, e.finger_tension)
         for name, e in pair.items()
     }
-    values = arrays(case, models, pair, views)
+    values = arrays(case, models, pair, views, states.held)
     shown = scene(models, states.loaded, views.get("loaded"))
     return Result(
         summary(case, models, states, views, books, wall),
@@ -134,6 +136,7 @@ def summary(
         **({"not_in_ledger": OPEN} if loaded.balance is None else {}),
         **_muscles(case, models, states),
         **strength_block(states.strength),
+        **held_block(states.held, (*models.hood.tendons, *models.finger.tendons)),
         **_one_way(case, models, states),
         **second_start_block(models, states, at_load, describe),
         **friction,
@@ -374,9 +377,14 @@ def ledger(name: str, e: Equilibrium, books: Books) -> Iterator[LedgerRow]:
 
 
 def arrays(
-    case: Case, models: Models, states: Mapping[str, Equilibrium], views: Mapping[str, HoodView]
+    case: Case,
+    models: Models,
+    states: Mapping[str, Equilibrium],
+    views: Mapping[str, HoodView],
+    held: Held | None = None,
 ) -> Arrays:
-    """All arrays against the load axis `state`, SI units."""
+    """All arrays against the load axis `state`, SI units; of a load that is held against its time
+    too."""
     hood, finger, each = models.hood, models.finger, list(states.values())
     data = along(
         "state",
@@ -417,4 +425,6 @@ def arrays(
         data |= along("state", {"torque": [list(e.known_balance.torque.values()) for e in each]})
     for view in views.values():
         coords |= view.coordinates()
+    over_time, times = held_arrays(held)
+    data, coords = data | over_time, coords | times
     return Arrays.of(data, coords, **attributes(case.title, case.name))

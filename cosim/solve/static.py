@@ -14,14 +14,16 @@ from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium, reciprocity
 from cosim.coupling.events import Bearing
 from cosim.coupling.excursion import (
+    ExcursionState,
     PrescribedExcursions,
     initial_excursions,
     solve_excursions,
 )
 from cosim.coupling.one_way import OneWayPass
 from cosim.errors import ConvergenceError, Progress, named_progress, quiet
-from cosim.models.build import Models, case_finger, tensions
+from cosim.models.build import Models, case_finger, relaxing, tensions
 from cosim.port import Array, OpenFinger, PairState, Tensions
+from cosim.solve.held import Held, Loaded, hold
 from cosim.solve.session import Session, is_solved_both_ways, solve_equilibrium
 from cosim.solve.strength import Strength, first_to_give_way
 from cosim.stopwatch import timed
@@ -71,6 +73,8 @@ class States:
     between them friction can hold."""
     strength: Strength | None = None
     """What gives way first, where the case lets parts of the hood do so."""
+    held: Held | None = None
+    """How the loaded equilibrium came about from that at once, where parts relax."""
 
 
 AUDIT_STEP = 2e-5
@@ -90,19 +94,24 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
     if near is not None and is_solved_both_ways(case):
         second = _from_nearby(case, models, unloaded, near, progress)
         near = None
-    loaded, pull = _loaded_from(case, models, unloaded, near, progress)
-    session.remember(case, models, unloaded, loaded)
+    first = _loaded_from(case, models, unloaded, near, progress)
+    session.remember(case, models, unloaded, first.equilibrium)
+    held = None
+    if case.relaxation is not None:
+        solve = partial(_loaded_equilibrium, case, unloaded=unloaded)
+        models, first, held = hold(case, models, unloaded, first, solve, progress)
+    loaded, pull = first.equilibrium, first.pull
     if case.solve.second_start:
         second = _second_start(case, models, unloaded, progress)
     ways = _both_ways(case, models, unloaded, loaded, progress)
     strength = _strength(case, models, unloaded, loaded, progress)
     if not models.hood.tendons or loaded.balance is None or case.hood.has_friction:
-        return models, States(unloaded, loaded, None, pull, None, second, ways, strength)
+        return models, States(unloaded, loaded, None, pull, None, second, ways, strength, held)
     progress("auditing reciprocity")
     strongest = int(np.argmax(loaded.hood_tension))
     with timed("audit of reciprocity"):
         gap = reciprocity(models.finger, models.hood, loaded, strongest, AUDIT_STEP)
-    return models, States(unloaded, loaded, gap, pull, None, second, ways, strength)
+    return models, States(unloaded, loaded, gap, pull, None, second, ways, strength, held)
 
 
 def _strength(
@@ -123,7 +132,7 @@ def _strength(
     def solve(other: Case, near: Equilibrium) -> Equilibrium:
         start = PairState(near.finger_state, near.response.state)
         own = replace(models, muscles=live_muscles(other.tendons))
-        return _loaded_equilibrium(other, own, unloaded, start, say)[0]
+        return _loaded_equilibrium(other, own, unloaded, start, say).equilibrium
 
     say = partial(_say, progress, "strength")
     return first_to_give_way(case, units, loaded, bearing, solve)
@@ -144,13 +153,13 @@ def _both_ways(
         say = partial(_say, progress, f"friction, {sliding}")
         try:
             with timed("friction both ways"):
-                found, _ = _loaded_equilibrium(
+                found = _loaded_equilibrium(
                     case, replace(models, finger=finger), unloaded, start, say
                 )
         except ConvergenceError as error:
             out[sliding] = OneWaySlide(finger, None, str(error))
         else:
-            out[sliding] = OneWaySlide(finger, found)
+            out[sliding] = OneWaySlide(finger, found.equilibrium)
     return out
 
 
@@ -167,11 +176,11 @@ def _second_start(
         again = case.model_copy(update={"coupling": coupling})
         say = partial(_say, progress, f"second start, {scheme}")
         try:
-            found, _ = _loaded_equilibrium(again, models, unloaded, models.start(), say)
+            found = _loaded_equilibrium(again, models, unloaded, models.start(), say)
         except ConvergenceError as error:
             failure = str(error)
         else:
-            return SecondStart(scheme, found)
+            return SecondStart(scheme, found.equilibrium)
     return SecondStart(own, None, failure)
 
 
@@ -186,7 +195,8 @@ def _from_nearby(
     """The loaded equilibrium from a state near by, of a case that is solved both ways."""
     say, scheme = partial(_say, progress, "from near by"), case.coupling.scheme
     try:
-        return SecondStart(scheme, _loaded_equilibrium(case, models, unloaded, near, say)[0])
+        found = _loaded_equilibrium(case, models, unloaded, near, say)
+        return SecondStart(scheme, found.equilibrium)
     except ConvergenceError as error:
         return SecondStart(scheme, None, str(error))
 
@@ -194,7 +204,7 @@ def _from_nearby(
 @timed("loaded equilibrium")
 def _loaded_from(
     case: Case, models: Models, unloaded: Equilibrium, near: PairState | None, progress: Progress
-) -> tuple[Equilibrium, MusclePull]:
+) -> Loaded:
     """The loaded equilibrium: from a state `near` where there is a way from it, else from the
     unloaded one."""
     if near is not None:
@@ -205,10 +215,17 @@ def _loaded_from(
 
 
 def _loaded_equilibrium(
-    case: Case, models: Models, unloaded: Equilibrium, start: PairState, progress: Progress
-) -> tuple[Equilibrium, MusclePull]:
+    case: Case,
+    models: Models,
+    unloaded: Equilibrium,
+    start: PairState,
+    progress: Progress,
+    draw: ExcursionState | None = None,
+    time: float = 0.0,
+) -> Loaded:
     """The equilibrium, reached from the states `start`, in which every muscle pulls as its fibre
-    does at that length, and every tendon whose excursion is stated has it."""
+    does at that length, and every tendon whose excursion is stated has it: `time` s after the load
+    was put on, and from what an equilibrium before left of the excursions."""
     names = (*models.hood.tendons, *models.finger.tendons)
     of_muscles = np.array([names.index(name) for name in models.muscles.names], dtype=int)
     prescribed = _prescribed_excursions(case, names)
@@ -216,7 +233,7 @@ def _loaded_equilibrium(
     split, at = len(models.hood.tendons), start
     pull = models.muscles.pull(np.zeros(len(of_muscles)))
 
-    def solve_with(displaced: Array) -> tuple[tuple[Equilibrium, MusclePull], Array]:
+    def solve_with(displaced: Array) -> tuple[Loaded, Array]:
         """The equilibrium from the last one, with tensions (nd,) N of displaced tendons."""
         nonlocal at, pull
         tension[index] = displaced
@@ -231,12 +248,12 @@ def _loaded_equilibrium(
             )
             at = PairState(loaded.finger_state, loaded.response.state)
             if not len(of_muscles) and not len(index):
-                return (loaded, pull), np.zeros(0)
+                return Loaded(loaded, pull, draw), np.zeros(0)
             shortening = _shortening(models, unloaded, loaded)
             pull = models.muscles.pull(shortening[of_muscles])
             miss = np.abs(pull.tension - tension[of_muscles]).max(initial=0.0)
             if miss <= PULL_TOLERANCE * max(1.0, tension.max(initial=0.0)):
-                return (loaded, pull), shortening[index]
+                return Loaded(loaded, pull, draw), shortening[index]
             progress(f"tensions: off by {miss:.1e} N")
         raise ConvergenceError(
             f"muscles and finger did not agree in {MOST_PULLS} rounds: a tension still changes by "
@@ -246,24 +263,25 @@ def _loaded_equilibrium(
     begun = tension[index]
     if not prescribed.names:
         return solve_with(begun)[0]
-    solved, end = solve_excursions(
-        prescribed, initial_excursions(begun, np.zeros(len(begun))), 0.0, solve_with
-    )
+    if draw is None:
+        draw = initial_excursions(begun, np.zeros(len(begun)), prescribed.relaxation)
+    solved, end = solve_excursions(prescribed, draw, time, solve_with)
     if (slack := end.tension <= 0).any():
         i = int(np.argmax(slack))
         raise ConvergenceError(
             f"tendons.{prescribed.names[i]}.excursion: {1e3 * prescribed.excursion(0.0)[i]:.4g} mm "
             "would slacken the tendon; draw it further, or leave it at the resting tension"
         )
-    return solved
+    return solved._replace(draw=end)
 
 
 def _prescribed_excursions(case: Case, names: tuple[str, ...]) -> PrescribedExcursions:
     stated = {n: t.excursion for n, t in case.tendons.items() if t.excursion is not None}
     index = np.array([names.index(name) for name in stated], dtype=int)
     give, slack = stretch_of([case.tendons[name] for name in stated])
+    drawn = np.array(list(stated.values()))
     return PrescribedExcursions(
-        tuple(stated), index, lambda time: np.array(list(stated.values())), give, slack
+        tuple(stated), index, lambda time: drawn, give, slack, relaxing(case).tendons
     )
 
 

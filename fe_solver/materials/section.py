@@ -159,7 +159,15 @@ class Section:
                 return law
             return replace(law, smoothing=max(law.smoothing, least))
 
-        return Section(tuple(replace(p, law=smoother(p.law)) for p in self.patches))
+        return replace(self, patches=tuple(replace(p, law=smoother(p.law)) for p in self.patches))
+
+    def relaxed(self, factor: float, held: Array) -> RelaxedSection:
+        """The section in a step of its relaxation: its law times `factor`, and resultants that are
+        `held` (ne, g, 8)."""
+        made = RelaxedSection(self.patches, factor, held)
+        for name in ("linear", "nonlinear", "thickness", "_coded"):
+            vars(made)[name] = getattr(self, name)
+        return made
 
     def response(self, strain: Array) -> Resultants:
         """Energy, force and stiffness at generalized strains (ne, g, 8)."""
@@ -211,6 +219,30 @@ class Section:
             plane = e[..., :3] + here * p.thickness[..., None] / 2 * e[..., 3:6]
             out[p.elements] = p.factor[..., None] * p.law.response(plane).stress
         return out
+
+
+@dataclass(frozen=True)
+class RelaxedSection(Section):
+    """A section in a step of its relaxation (`materials.prony`)."""
+
+    factor: float
+    """Of the law."""
+    held: Array
+    """(ne, g, 8) N/m and N, of the steps before."""
+
+    def response(self, strain: Array) -> Resultants:
+        """As of `Section`; the energy is that of the step's incremental potential."""
+        energy, force, stiffness = super().response(strain)
+        more = np.einsum("ngi,ngi->ng", self.held, strain)
+        return Resultants(
+            self.factor * energy + more, self.factor * force + self.held, self.factor * stiffness
+        )
+
+    def stress(self, strain: Array, z: float = 0.0) -> Array:
+        """As of `Section`; what is held runs straight through the thickness."""
+        h = self.thickness[..., None]
+        held = self.held[..., :3] / h + z * 6 * self.held[..., 3:6] / h**2
+        return self.factor * super().stress(strain, z) + held
 
 
 def one_law(law: Law | TensionField, thickness: Array) -> Section:

@@ -155,6 +155,8 @@ class JointLaw:
     """N m s/rad; None: none."""
     curves: Mapping[str, TorqueCurve] = field(default_factory=dict)
     """By joint, added to its spring."""
+    held: Array | float = 0.0
+    """N m, torques that do not follow the angles."""
 
     def __post_init__(self) -> None:
         low = self.lower > self.upper
@@ -180,14 +182,23 @@ class JointLaw:
                 i = self.joints.index(joint)
                 more = curve(float(q[i]))
                 torque[i], slope[i] = torque[i] + more[0], slope[i] + more[1]
-        return torque, slope
+        return torque + self.held, slope
+
+    def relaxed(self, factor: float, held: Array) -> JointLaw:
+        """The joints in a step of their relaxation: springs and curves times `factor`, and torques
+        that are `held` (nq,) N m."""
+        curves = {
+            joint: replace(curve, torque=tuple(factor * t for t in curve.torque))
+            for joint, curve in self.curves.items()
+        }
+        return replace(self, stiffness=factor * self.stiffness, curves=curves, held=held)
 
     def energy(self, q: Array) -> float:
-        """The energy, J, stored in springs, curves and limits."""
+        """The energy, J, stored in springs, curves and limits; of what is held less its work."""
         springs = 0.5 * float(self.stiffness @ (q - self.rest) ** 2)
         curves = sum(c.energy(float(q[self.joints.index(j)])) for j, c in self.curves.items())
         limits = limit_energy(q, self.lower, self.upper, self.limit_stiffness, self.transition)
-        return springs + curves + float(limits.sum())
+        return springs + curves + float(limits.sum()) - float(np.sum(self.held * q))
 
     def viscous(self, q: Array, rate: Array) -> tuple[Array, Array]:
         """Torques (nq,) of the joints' and the limits' damping, and their derivatives (nq,) by the

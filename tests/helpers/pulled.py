@@ -84,6 +84,14 @@ def pulled(
     rate: float = 1.0,
 ) -> GivingMotion:
     """A sheet on springs, pulled by a sled at `rate` m/s in steps of `dt` s."""
+    sled = Sled(rate, along)
+    when = {name: GiveWayConfig.model_validate(values) for name, values in stated.items()}
+    hood = GivingFeHood(BuiltHood(on_springs(model, sets, sled)), when)
+    return GivingMotion(Linear(), sled, hood, NoDrive(), dt, giving=hood)
+
+
+def on_springs(model: ShellModel, sets: list[SpringSet], sled: Sled) -> ShellHood:
+    """A sheet on springs between the ground and a sled."""
     held = {"springs": springs_of(sets), "links": links_of(sets)}
     model = type(model)(
         **{
@@ -92,13 +100,9 @@ def pulled(
             "groups": tuple(s.name for s in sets),
         }
     )
-    sled = Sled(rate, along)
     carriers = np.full((len(model.reference), 2), 0.5)
     options = NewtonOptions(tolerance=1e-12)
-    made = ShellHood(model, (), sled.motion(np.zeros(1)), carriers, options, springs=tuple(sets))
-    when = {name: GiveWayConfig.model_validate(values) for name, values in stated.items()}
-    hood = GivingFeHood(BuiltHood(made), when)
-    return GivingMotion(Linear(), sled, hood, NoDrive(), dt, giving=hood)
+    return ShellHood(model, (), sled.motion(np.zeros(1)), carriers, options, springs=tuple(sets))
 
 
 def to_body(

@@ -1,0 +1,98 @@
+"""What a case may say of parts that relax under load."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from cosim.schema import units
+from cosim.schema.fields import fault, quantity
+from cosim.schema.types import Number, Table
+
+if TYPE_CHECKING:
+    from fe_solver.materials.prony import Prony
+
+Tissue = Literal["aponeurosis_of_the_sole", "ligament"]
+Lasting = Annotated[float, quantity(units.PATIENCE, above="0 s", most="1e7 s")]
+
+
+class RelaxationLawConfig(Table):
+    """How what a part bears falls while it is held, quasi-linearly (Fung): a `tissue` that was
+    measured, terms with `weights` and `times`, or Fung's `spectrum` over the times from `shortest`
+    to `longest`."""
+
+    tissue: Tissue | None = None
+    """A tissue that was measured.  "aponeurosis_of_the_sole": human plantar aponeurosis, 40 % in
+    240 s at strains of 4 to 8 % (Pavan et al. 2014, Biomed Res Int 530242), as the spectrum 0.118
+    from 0.5 to 1500 s.  "ligament": three terms of 15.4, 16.1 and 68.2 % with 3.77, 148 and 10988 s
+    (PMC4407883).  Nobody measured an extensor of the finger."""
+    weights: (
+        Annotated[tuple[Annotated[Number, Field(ge=0, le=1)], ...], Field(min_length=1)] | None
+    ) = None
+    """Shares of what is borne at once that each term loses in the end; together at most 1."""
+    times: Annotated[tuple[Lasting, ...], Field(min_length=1)] | None = None
+    """In which each term falls to 37 %."""
+    spectrum: Annotated[Number, Field(ge=0, le=10)] | None = None
+    """Fung's C."""
+    shortest: Lasting | None = None
+    """The spectrum's shortest time."""
+    longest: Lasting | None = None
+    """The spectrum's longest time."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> RelaxationLawConfig:
+        terms, span = (self.weights, self.times), (self.spectrum, self.shortest, self.longest)
+        stated = (self.tissue is not None, terms != (None, None), span != (None, None, None))
+        if sum(stated) != 1:
+            raise fault(
+                "write one of the three: tissue; weights and times; or spectrum, shortest and "
+                'longest, for example tissue = "aponeurosis_of_the_sole"'
+            )
+        if (stated[1] and None in terms) or (stated[2] and None in span):
+            raise fault("needs both weights and times, or all of spectrum, shortest and longest")
+        if self.weights is not None and self.times is not None:
+            if len(self.weights) != len(self.times):
+                raise fault(f"has {len(self.weights)} weights and {len(self.times)} times")
+            if sum(self.weights) > 1 + 1e-12:
+                raise fault("weights: add up to more than 1")
+        if (self.longest or np.inf) <= (self.shortest or 0.0):
+            raise fault("longest: must be above shortest")
+        return self
+
+    def prony(self) -> Prony:
+        """The law for the solver."""
+        from fe_solver.materials.prony import Prony
+
+        match self.tissue:
+            case "aponeurosis_of_the_sole":
+                return Prony.fung(0.118, 0.5, 1500.0)
+            case "ligament":
+                return Prony(np.array([0.154, 0.161, 0.682]), np.array([3.77, 148.0, 10988.0]))
+        if self.weights is not None and self.times is not None:
+            return Prony(np.array(self.weights), np.array(self.times))
+        assert None not in (self.spectrum, self.shortest, self.longest)
+        return Prony.fung(self.spectrum, self.shortest, self.longest)  # type: ignore[arg-type]
+
+
+class RelaxationConfig(Table):
+    """What relaxes under load, from the start of the load on; what is borne at rest before that
+    does not.  The stiffnesses that the case states are those at once."""
+
+    hood: RelaxationLawConfig | None = None
+    """Sheet or cables and springs of the hood."""
+    tendons: RelaxationLawConfig | None = None
+    """The elastic tendons whose ends are drawn (`excursion`)."""
+    joints: RelaxationLawConfig | None = None
+    """The passive joint torques; in an equilibrium alone."""
+    held: Lasting | None = None
+    """In an equilibrium, which needs it: how long after the load was put on."""
+
+    @model_validator(mode="after")
+    def _of_something(self) -> RelaxationConfig:
+        if (self.hood, self.tendons, self.joints) == (None, None, None):
+            raise fault(
+                'says nothing of what relaxes; add for example hood = { tissue = "ligament" }'
+            )
+        return self

@@ -1,0 +1,195 @@
+"""A load that is held while parts relax, beside closed forms; what is refused; what is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.case.file import load_case
+from cosim.coupling.state_arrays import flatten, rebuild
+from cosim.errors import InputError
+from cosim.fmu_export.motion_parts import moving_part
+from cosim.models.build import build
+from cosim.pipeline import run_case
+from cosim.results.answer import answer
+from cosim.results.quantities import meaning_of
+from cosim.solve.session import Session
+from fe_solver.materials.prony import Prony
+from tests.coupling.test_motion import cut_off
+from tests.helpers.motions import FREE, PLAIN, identical
+
+COARSE = ("hood.mesh.quads=104", "output.picture=false")
+SOLE = 'relaxation={hood={tissue="aponeurosis_of_the_sole"},held="240 s"}'
+HALF = 'weights=[0.5],times=["10 s"]'
+MOVES = 'forward={duration="0.02 s",step="2 ms",must_rest=false}'
+
+
+def test_a_tendon_whose_end_is_held_loses_what_its_function_says():
+    """All joints are held, so that its path does not move."""
+    case = load_case(
+        "pulley_edc",
+        [
+            'finger.tip.kind="posture"',
+            'tendons.FDP={excursion="2 mm",elastic={stiffness="20 N/mm"}}',
+            f'relaxation={{tendons={{{HALF}}},held="40 s"}}',
+        ],
+    )
+    result = cosim.run(case)
+    at_once = result.summary["held"]["at_once"]["tension_N"]["FDP"]
+    assert at_once == pytest.approx(0.05 + 40)
+    left = float(Prony(np.array([0.5]), np.array([10.0])).modulus(40.0))
+    assert result.summary["tension_N"]["FDP"] == pytest.approx(0.05 + 40 * left, rel=1e-6)
+    times = result.data.held_time.values
+    assert (times[0], times[-1]) == (0, pytest.approx(40))
+    assert result.audit.passed
+
+
+def test_passive_joints_end_with_what_is_left_of_their_stiffness():
+    """As joints of half the stiffness do whose torque in the unloaded posture is the same."""
+    stated = 'finger.passive.PIP={{stiffness="{} N*m/rad",rest="{} deg"}}'
+    common = [
+        'finger.tip.kind="free"',
+        'tendons.FDP.tension="0.4 N"',
+        *(
+            f'finger.passive.{j}={{stiffness="0.1 N*m/rad",rest="posture"}}'
+            for j in ("MCP", "MCP_abduction", "DIP")
+        ),
+    ]
+    rest = 60.0
+    long = f'relaxation={{joints={{{HALF}}},held="1e6 s"}}'
+    relaxed = cosim.run(load_case("pulley_edc", [*common, stated.format(0.1, rest), long]))
+    assert relaxed.audit.passed
+    at_rest = relaxed.summary["unloaded"]["posture_deg"]
+    softer = [
+        f'finger.passive.{j}={{stiffness="0.05 N*m/rad",rest="{2 * r - at_rest[j]:.14g} deg"}}'
+        for j, r in (("MCP", 30), ("MCP_abduction", 0), ("DIP", 15), ("PIP", rest))
+    ]
+    known = cosim.run(load_case("pulley_edc", [*common[:2], *softer]))
+    for joint, angle in known.summary["posture_deg"].items():
+        assert relaxed.summary["posture_deg"][joint] == pytest.approx(angle, abs=2e-3)
+    at_once = np.rad2deg(relaxed.data.held_angle.values[0])
+    assert np.abs(at_once - np.rad2deg(relaxed.data.held_angle.values[-1])).max() > 0.5
+
+
+@pytest.fixture(scope="module")
+def held() -> cosim.Result:
+    return cosim.run(load_case("isometric_edc", [*COARSE, SOLE, "solve.second_start=true"]))
+
+
+def test_under_given_tensions_a_hood_that_relaxes_bears_hardly_less(held):
+    before, after = held.summary["held"]["at_once"], held.summary
+    plain = cosim.run(load_case("isometric_edc", COARSE))
+    assert before["fingertip_magnitude_N"] == plain.summary["fingertip_magnitude_N"]
+    assert before["slip_force_N"] == plain.summary["slip_force_N"]
+    change = after["fingertip_magnitude_N"] / before["fingertip_magnitude_N"] - 1
+    assert 1e-4 < abs(change) < 0.02
+    longer = held.strain.loc["longitudinal", "mean"] / plain.strain.loc["longitudinal", "mean"]
+    assert 1.3 < longer < 1 / 0.6  # creep is slower than relaxation
+    assert held.audit.passed
+    assert held.summary["audit"]["second_start_force_N"] < 1e-5
+    assert "half_degree" not in after
+
+
+def test_what_is_said_of_it_has_the_time_and_both_forces(held):
+    said = [line for line in answer(held.summary) if line.startswith("In 240 s under load")]
+    assert len(said) == 1
+    assert "the fingertip force from 0.36" in said[0]
+    meaning = meaning_of("held.at_once.slip_force_N.central", held.summary)
+    assert meaning == "force in the central slip, at once"
+
+
+@pytest.mark.slow
+def test_a_tendon_drawn_by_a_length_loses_a_third_of_its_force():
+    case = load_case("isometric_edc", [*COARSE, SOLE, 'tendons.EDC={excursion="3 mm"}'])
+    summary = cosim.run(case).summary
+    share = summary["tension_N"]["EDC"] / summary["held"]["at_once"]["tension_N"]["EDC"]
+    assert share == pytest.approx(0.64, abs=0.02)
+
+
+@pytest.mark.slow
+def test_a_motion_of_a_hood_that_relaxes_goes_on_from_a_checkpoint_and_closes_its_books(tmp_path):
+    move = 'forward={duration="0.06 s",step="2 ms",must_rest=false,checkpoint=6}'
+    pull = 'tendons.EDC.signal={kind="points",at=[["0 s",0.1],["0.05 s",1.0]]}'
+    quick = 'relaxation.hood={weights=[0.5],times=["0.02 s"]}'
+    case = load_case("isometric_edc", [PLAIN, *FREE, *COARSE, move, pull, quick])
+    whole = cosim.run(case)
+    cut_off(case, tmp_path, 1)
+    assert identical(whole, run_case(case, Session(checkpoints=tmp_path)))
+    energy = whole.summary["energy_mJ"]
+    assert energy["hood_relaxed"] > 0.05 * energy["hood_stored"] > 0
+    stiff = cosim.run(load_case("isometric_edc", [PLAIN, *FREE, *COARSE, move, pull]))
+    assert "hood_relaxed" not in stiff.summary["energy_mJ"]
+    assert whole.excursions["EDC"] > stiff.excursions["EDC"]
+
+
+@pytest.mark.slow
+def test_an_fmu_of_a_motion_relaxes_as_the_motion_does():
+    quick = 'relaxation.hood={weights=[0.5],times=["0.02 s"]}'
+    steady = 'tendons.EDC.signal={kind="points",at=[["0 s",1.0]]}'
+    case = load_case("isometric_edc", [PLAIN, *FREE, steady, *COARSE, MOVES, quick])
+    result = cosim.run(case)
+    part = moving_part(case, case.forward, "coupled", False)
+    given = {"tension": np.array([*result.summary["tension_N"].values()])}
+    state, _ = part.initial(given)
+    for _ in range(5):
+        state, _ = part.step(state, given, 2e-3)
+    arrays = flatten(state, part.special())
+    state = rebuild(part.template(), arrays, part.special())
+    for _ in range(5):
+        state, out = part.step(state, given, 2e-3)
+    angles = [*result.summary["posture_deg"].values()]
+    np.testing.assert_allclose(np.rad2deg(out["angle"]), angles, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "words"),
+    [
+        ("isometric_edc", ["relaxation={}"], "says nothing of what relaxes"),
+        ("isometric_edc", ['relaxation.held="1 s"'], "says nothing of what relaxes"),
+        ("isometric_edc", ['relaxation.hood={tissue="ligament"}'], "needs held"),
+        ("isometric_edc", [SOLE, MOVES], "a motion has its own time"),
+        ("isometric_edc", [SOLE, "hood.contact.friction=0.1"], "augmented"),
+        ("isometric_edc", [SOLE, 'gives_way.terminal_slip={force="1 N"}'], "does not give way"),
+        ("isometric_edc", [SOLE, 'coupling.scheme="one_way"'], "of a coupled hood"),
+        ("pulley_edc", [SOLE], "does not relax"),
+        ("pulley_edc", [f'relaxation={{tendons={{{HALF}}},held="1 s"}}'], "is elastic"),
+        (
+            "little_edc",
+            [f'relaxation={{joints={{{HALF}}},held="1 s"}}'],
+            "no passive joints",
+        ),
+        ("motion_edc_fdp", [f"relaxation.joints={{{HALF}}}"], "of an equilibrium"),
+        ("isometric_edc", ['relaxation={hood={weights=[0.5]},held="1 s"}'], "needs both"),
+        ("isometric_edc", ['relaxation={hood={spectrum=0.1},held="1 s"}'], "needs both"),
+        (
+            "isometric_edc",
+            [f'relaxation={{hood={{tissue="ligament",{HALF}}},held="1 s"}}'],
+            "write one of the three",
+        ),
+        (
+            "isometric_edc",
+            ['relaxation={hood={weights=[0.6,0.6],times=["1 s","2 s"]},held="1 s"}'],
+            "more than 1",
+        ),
+        (
+            "isometric_edc",
+            ['relaxation={hood={weights=[0.6],times=["1 s","2 s"]},held="1 s"}'],
+            "1 weights and 2 times",
+        ),
+        (
+            "isometric_edc",
+            ['relaxation={hood={spectrum=0.1,shortest="2 s",longest="1 s"},held="1 s"}'],
+            "above shortest",
+        ),
+    ],
+)
+def test_what_makes_no_sense_is_refused(name, settings, words):
+    with pytest.raises(InputError, match=words):
+        load_case(name, settings)
+
+
+def test_what_asks_a_model_without_time_says_that_it_does_not_relax():
+    case = load_case("isometric_edc", [*COARSE, SOLE])
+    with pytest.raises(InputError, match="parts relax in a run"):
+        build(case)
