@@ -31,6 +31,11 @@ _ALTERNATIVES = {
     "second": {"angle"},
     "section": {"thickness"},
     "thickness": {"section"},
+    "tissue": {"weights", "times", "spectrum", "shortest", "longest"},
+    "weights": {"tissue", "spectrum", "shortest", "longest"},
+    "spectrum": {"tissue", "weights", "times"},
+    "held": {"cycles"},
+    "cycles": {"held"},
 }
 
 

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
-from cosim.schema.types import Number, Table
+from cosim.schema.types import Count, Number, Table
 
 if TYPE_CHECKING:
     from fe_solver.materials.prony import Prony
@@ -76,6 +76,17 @@ class RelaxationLawConfig(Table):
         return Prony.fung(self.spectrum, self.shortest, self.longest)  # type: ignore[arg-type]
 
 
+class CyclesConfig(Table):
+    """Loads and unloads one after the other, each half of a period long."""
+
+    count: Annotated[Count, Field(ge=1, le=1_000_000_000)]
+    """How many."""
+    period: Lasting
+    """How long each takes, up and down."""
+    least: Annotated[Number, Field(ge=0, le=1)] = 0.0
+    """To which share of the stated tensions, activations and excursions the load falls."""
+
+
 class RelaxationConfig(Table):
     """What relaxes under load, from the start of the load on; what is borne at rest before that
     does not.  The stiffnesses that the case states are those at once."""
@@ -87,7 +98,9 @@ class RelaxationConfig(Table):
     joints: RelaxationLawConfig | None = None
     """The passive joint torques; in an equilibrium alone."""
     held: Lasting | None = None
-    """In an equilibrium, which needs it: how long after the load was put on."""
+    """In an equilibrium: how long after the load was put on."""
+    cycles: CyclesConfig | None = None
+    """In an equilibrium, in place of `held`: the last of so many loads."""
 
     @model_validator(mode="after")
     def _of_something(self) -> RelaxationConfig:

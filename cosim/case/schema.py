@@ -218,10 +218,15 @@ class CaseFile(Table):
             return self
         if self.coupling.scheme == "one_way":
             raise fault('relaxation: is of a coupled hood; leave out coupling.scheme = "one_way"')
-        if self.forward is None and stated.held is None:
-            raise fault('relaxation: needs held in an equilibrium, for example held = "240 s"')
-        if self.forward is not None and stated.held is not None:
-            raise fault("relaxation.held: is of an equilibrium; a motion has its own time")
+        lasts = (stated.held is not None) + (stated.cycles is not None)
+        if self.forward is None and lasts != 1:
+            raise fault(
+                'relaxation: needs held or cycles in an equilibrium, for example held = "240 s"'
+            )
+        if self.forward is not None and lasts:
+            raise fault(
+                "relaxation: held and cycles are of an equilibrium; a motion has its own time"
+            )
         if stated.hood is not None:
             self._check_relaxing_hood()
         drawn = (t.excursion is not None and t.elastic is not None for t in self.tendons.values())
@@ -230,6 +235,8 @@ class CaseFile(Table):
                 "relaxation.tendons: no tendon of the case has an excursion and is elastic; leave "
                 "it out"
             )
+        if stated.tendons is not None and stated.cycles is not None:
+            raise fault("relaxation.tendons: is not solved with cycles; write held")
         if stated.joints is not None:
             if self.forward is not None:
                 raise fault("relaxation.joints: is of an equilibrium; leave it out of a motion")
@@ -249,8 +256,13 @@ class CaseFile(Table):
                 "relaxation.hood: is not solved with augmented contact; leave out "
                 "hood.contact.friction and hood.contact.penetration"
             )
-        if self.gives_way is not None:
-            raise fault("relaxation.hood: a hood that relaxes does not give way; leave one out")
+        given = self.gives_way or {}
+        if given and self.forward is not None:
+            raise fault(
+                "relaxation.hood: what relaxes does not give way in a motion; leave one out"
+            )
+        if any(when.stretch or when.energy for when in given.values()):
+            raise fault("relaxation.hood: what relaxes gives way at a force alone; state that")
 
     @model_validator(mode="after")
     def _can_start_again(self) -> CaseFile:

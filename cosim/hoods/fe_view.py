@@ -232,6 +232,12 @@ def repair_forces(hood: FeHood, state: State) -> dict[str, float]:
     return {name: float(total[i]) for i, name in enumerate(hood.groups) if name.startswith(REPAIRS)}
 
 
+def repair_stretches(hood: FeHood, state: State) -> dict[str, float]:
+    """How much longer than at rest each suture and graft is where it is most so, m."""
+    pulls = zip(hood.springs, hood.pulls(state), strict=True)
+    return {s.name: float(p.stretch.max()) for s, (p, _) in pulls if s.name.startswith(REPAIRS)}
+
+
 def slip_forces(hood: FeHood, state: State) -> dict[str, float]:
     """Forces (N) on the bone of the central slip (0 where nothing but the sheet holds it) and of
     the terminal one, with their sutures."""

@@ -79,8 +79,16 @@ def units_of(
     return tuple(out)
 
 
-def bearing_of(hood: ShellHood, units: Sequence[Unit], state: HoodState, others: Forces) -> Bearing:
-    """Return what the units bear in a solved state of the hood."""
+def bearing_of(
+    hood: ShellHood,
+    units: Sequence[Unit],
+    state: HoodState,
+    others: Forces,
+    whole: ShellHood | None = None,
+) -> Bearing:
+    """Return what the units bear in a solved state of the hood; of one that relaxed its stretches
+    count from the lengths of the `whole` one, and what it stored is not known."""
+    laid = dict(zip((s.name for s in hood.springs), (whole or hood).pulls(state), strict=True))
     sets = {s.name: (s, *pull) for s, pull in zip(hood.springs, hood.pulls(state), strict=True)}
     rows = []
     for unit in units:
@@ -89,10 +97,13 @@ def bearing_of(hood: ShellHood, units: Sequence[Unit], state: HoodState, others:
             force = others[unit.part](hood, state)
         else:
             springs, axial, along = sets[unit.part]
-            each, energy = axial.force[i], float(axial.energy[i].sum())
+            each = axial.force[i]
+            energy = float(axial.energy[i].sum()) if whole is None else np.nan
             of_repair = unit.part.startswith(REPAIRS)
             force = float(each.sum() if of_repair else np.linalg.norm(each @ along[i]))
-            longer = np.maximum(axial.stretch[i], 0.0 if springs.law.tension_only else -np.inf)
+            longer = np.maximum(
+                laid[unit.part][0].stretch[i], 0.0 if springs.law.tension_only else -np.inf
+            )
             place = np.unique(springs.nodes[i], return_inverse=True)[1]
             stretch = float(np.sqrt(np.bincount(place, longer**2).max()))
         borne = (force / unit.share, stretch, energy / unit.share)

@@ -22,8 +22,8 @@ def strength_block(strength: Strength | None) -> dict[str, Any]:
     for unit, *values in zip(strength.units, *strength.bearing, strict=True):
         force, stretch, energy, share, _ = map(float, values)
         if share >= parts.get(unit.part, {"share": 0.0})["share"]:
-            now = {"force_N": force, "stretch_mm": 1e3 * stretch, "energy_mJ": 1e3 * energy}
-            parts[unit.part] = {"share": share, **now}
+            now = {"share": share, "force_N": force, "stretch_mm": 1e3 * stretch}
+            parts[unit.part] = now | ({} if np.isnan(energy) else {"energy_mJ": 1e3 * energy})
     first: dict[str, Any] = {"part": strength.units[strength.first].part}
     if strength.load is None:
         first["no_load_known"] = strength.reason

@@ -231,6 +231,7 @@ HELD = {
     "fingertip_magnitude_N": "fingertip force, magnitude",
     "tension_N.<tendon>": "tension of <tendon>",
     "slip_force_N.<slip>": "force in the <slip> slip",
+    f"repair_stretch_mm.{ANY}": "how much longer than at rest * is where it is most so",
 }
 BETWEEN = "of friction, loading to unloading"
 OF_RUN = (
@@ -272,6 +273,9 @@ OF_RUN = (
     Quantity("first_to_give_way.at_times_the_loads", "loads at which a part gives way first"),
     Quantity("held.time_s", "time under load, in which parts relaxed"),
     *(Quantity(f"held.at_once.{path}", f"{what}, at once") for path, what in HELD.items()),
+    Quantity(
+        f"held.repair_stretch_mm.{ANY}", "how much longer than at rest * is where it is most so"
+    ),
     Quantity("wall_s", "wall time"),
     Quantity("hood_quads", "quads of the hood's mesh"),
     Quantity("hood_cells", "line cells of the hood"),

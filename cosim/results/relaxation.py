@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.results.conventions import by_axis
+from cosim.results.give_way import in_words
 from cosim.solve.held import Held
 
 
@@ -23,7 +24,12 @@ def held_block(held: Held | None, tendons: tuple[str, ...]) -> dict[str, Any]:
     }
     if held.slips:
         at_once["slip_force_N"] = {name: float(force[0]) for name, force in held.slips.items()}
-    return {"held": {"time_s": float(held.time[-1]), "at_once": at_once}}
+    out = {"time_s": float(held.time[-1]), "at_once": at_once}
+    if held.repairs:
+        each = {name: 1e3 * longer for name, longer in held.repairs.items()}
+        at_once["repair_stretch_mm"] = {name: float(mm[0]) for name, mm in each.items()}
+        out["repair_stretch_mm"] = {name: float(mm[-1]) for name, mm in each.items()}
+    return {"held": out}
 
 
 def held_arrays(held: Held | None) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -36,6 +42,13 @@ def held_arrays(held: Held | None) -> tuple[dict[str, Any], dict[str, Any]]:
         "excursion": (("tendon",), held.excursion, "m", "excursion, positive proximally"),
         "angle": (("joint",), held.angles, "rad", "joint angle"),
     }
+    coords: dict[str, Any] = {"held_time": held.time}
+    for key, unit, values in (("slip", "N", held.slips), ("repair", "m", held.repairs)):
+        if values:
+            name = f"{key}_force" if key == "slip" else f"{key}_stretch"
+            what = {"slip": "force in the slip", "repair": "how much longer than at rest it is"}
+            each[name] = ((f"held_{key}",), np.stack([*values.values()], axis=1), unit, what[key])
+            coords[f"held_{key}"] = [*values]
     data = {
         f"held_{name}": (
             ("held_time", *dims),
@@ -44,7 +57,7 @@ def held_arrays(held: Held | None) -> tuple[dict[str, Any], dict[str, Any]]:
         )
         for name, (dims, values, unit, meaning) in each.items()
     }
-    return data, {"held_time": held.time}
+    return data, coords
 
 
 def held_sentences(summary: Mapping[str, Any]) -> Iterator[str]:
@@ -59,4 +72,8 @@ def held_sentences(summary: Mapping[str, Any]) -> Iterator[str]:
     for name, tension in before["tension_N"].items():
         if abs(after["tension_N"][name] - tension) > 1e-9:
             changes.append(f"{name} from {tension:.3g} to {after['tension_N'][name]:.3g} N")
+    for name, mm in before.get("repair_stretch_mm", {}).items():
+        changes.append(
+            f"{in_words(name)} longer by {mm:.3g} and {held['repair_stretch_mm'][name]:.3g} mm"
+        )
     yield f"In {held['time_s']:.4g} s under load, in which parts relaxed: {', '.join(changes)}."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -10,15 +10,20 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from cosim.case.relaxation import CyclesConfig
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.coupling.excursion import ExcursionState
 from cosim.errors import ConvergenceError, Progress
 from cosim.models.build import Models, Relaxing, relaxing
 from cosim.port import Array, PairState
+from cosim.solve.strength import scaled
 from cosim.stopwatch import timed
 from cosim.tendons.muscles import MusclePull
 
+Memories = Sequence[Any]
+"""What each part remembers, as of `fe_solver.materials.prony.Memory`."""
+_NO_SWINGS = (None, None)
 STEPS = 12
 """Equilibria from the first to the last, at times that grow evenly in their logarithm."""
 
@@ -34,7 +39,8 @@ class Loaded(NamedTuple):
 
 @dataclass(frozen=True)
 class Held:
-    """What there was over the time that a load was held, at (n,) times from 0 on."""
+    """What there was over the time that a load was held, at (n,) times from 0 on, or at the tops of
+    (n,) cycles."""
 
     time: Array
     """(n,) s."""
@@ -48,6 +54,8 @@ class Held:
     """(n, nq) rad."""
     slips: Mapping[str, Array]
     """(n,) N by slip; empty of a hood without."""
+    repairs: Mapping[str, Array]
+    """(n,) m by suture and graft, how much longer than at rest it is where it is most so."""
 
 
 class Solve(Protocol):
@@ -55,6 +63,7 @@ class Solve(Protocol):
 
     def __call__(
         self,
+        case: Case,
         models: Models,
         *,
         start: PairState,
@@ -86,34 +95,91 @@ def hold(
     solve: Solve,
     progress: Progress,
 ) -> tuple[Models, Loaded, Held]:
-    """The equilibrium after the case's time, from that at once: the models in its last step, it,
-    and what there was on the way.  Raises ConvergenceError."""
+    """The equilibrium after the case's time, or at the top of its last cycle, from that at once:
+    the models in its last step, it, and what there was on the way.  Raises ConvergenceError."""
     from fe_solver.materials.prony import held_times
 
-    stated, laws, at = case.relaxation, relaxing(case), first
+    stated, laws = case.relaxation, relaxing(case)
     assert stated is not None
+    under = _UnderLoad(models, laws, _parts(models, laws), solve, progress)
+    memories = under.loaded_at_once(unloaded, first)
+    if stated.cycles is not None:
+        return _cycle(case, stated.cycles, under, first, memories)
     assert stated.held is not None
-    parts, now, rows = _parts(models, laws), models, [_row(models, 0.0, at)]
-    memories = [
-        p.law.after(p.law.start(p.borne(models, unloaded)), p.borne(models, at.equilibrium), 0.0)
-        for p in parts
-    ]
+    now, at, rows = models, first, [_row(models, models, 0.0, first)]
     shortest = min(float(law.times.min()) for law in laws if law is not None)
     for before, time in pairwise([0.0, *held_times(stated.held, shortest, STEPS)]):
-        progress(f"held for {time:.4g} s of {stated.held:g} s")
-        now, dt = models, time - before
-        for part, memory in zip(parts, memories, strict=True):
-            now = part.changed(now, *part.law.law(memory, dt))
+        now, at, memories = under.step(case, at, memories, time - before, time)
+        rows.append(_row(models, now, time, at))
+    return now, at, _held(rows)
+
+
+def _cycle(
+    case: Case, cycles: CyclesConfig, under: _UnderLoad, first: Loaded, top: Memories
+) -> tuple[Models, Loaded, Held]:
+    """The tops of the first and the last cycle and of some between, of which each comes from the
+    foot before it; from foot to foot many cycles are one step, whose swing is the last one's."""
+    from fe_solver.materials.prony import Swing
+
+    least, half, models = scaled(case, cycles.least), cycles.period / 2, under.models
+    now, at, rows = models, first, [_row(models, models, 0.0, first)]
+    _, foot, memories = under.step(least, first, top, half, half)
+    feet = 1
+    numbers = np.geomspace(2, max(cycles.count, 2), STEPS).round().astype(int)
+    for number in np.unique(numbers[numbers <= cycles.count]).tolist():
+        swings = [
+            Swing(up.elastic - down.elastic, cycles.period)
+            for up, down in zip(top, memories, strict=True)
+        ]
+        more, time = (number - 1 - feet) * cycles.period, (number - 1) * cycles.period
+        if more > 0:
+            _, foot, memories = under.step(least, foot, memories, more, time - half, swings)
+        now, at, top = under.step(case, foot, memories, half, time)
+        rows.append(_row(models, now, time, at))
+        feet = number - 1
+    return now, at, _held(rows)
+
+
+@dataclass(frozen=True)
+class _UnderLoad:
+    """What relaxes under load, and how its equilibria are found."""
+
+    models: Models
+    """At once."""
+    laws: Relaxing
+    parts: Sequence[_Part]
+    solve: Solve
+    progress: Progress
+
+    def loaded_at_once(self, unloaded: Equilibrium, first: Loaded) -> Memories:
+        """What the parts remember as the load has just been put on."""
+        at_rest = [p.law.start(p.borne(self.models, unloaded)) for p in self.parts]
+        loaded = [p.borne(self.models, first.equilibrium) for p in self.parts]
+        each = zip(self.parts, at_rest, loaded, strict=True)
+        return [part.law.after(memory, borne, 0.0) for part, memory, borne in each]
+
+    def step(
+        self,
+        load: Case,
+        at: Loaded,
+        memories: Memories,
+        dt: float,
+        time: float,
+        swings: Sequence[Any] | None = None,
+    ) -> tuple[Models, Loaded, Memories]:
+        """The equilibrium under a load, `dt` s after what the parts remember, from one nearby, at
+        `time` s: the models in it, it, and what they remember then.  Raises ConvergenceError."""
+        self.progress(f"{time:.4g} s under load")
+        now, each = self.models, [*zip(self.parts, memories, swings or _NO_SWINGS, strict=False)]
+        for part, memory, swing in each:
+            now = part.changed(now, *part.law.law(memory, dt, swing))
+        start, say = _start(at, self.laws), self.progress
         try:
-            at = solve(now, start=_start(at, laws), progress=progress, draw=at.draw, time=time)
+            found = self.solve(load, now, start=start, progress=say, draw=at.draw, time=time)
         except ConvergenceError as error:
             raise ConvergenceError(f"after {time:.4g} s under load: {error}") from error
-        memories = [
-            p.law.after(memory, p.borne(now, at.equilibrium), dt)
-            for p, memory in zip(parts, memories, strict=True)
-        ]
-        rows.append(_row(now, time, at))
-    return now, at, _held(rows)
+        e = found.equilibrium
+        return now, found, [p.law.after(m, p.borne(now, e), dt, swing) for p, m, swing in each]
 
 
 def _parts(models: Models, laws: Relaxing) -> list[_Part]:
@@ -157,19 +223,34 @@ def _start(at: Loaded, laws: Relaxing) -> PairState:
     return PairState(e.finger_state, state)
 
 
-def _row(models: Models, time: float, at: Loaded) -> dict[str, Any]:
+def _row(models: Models, now: Models, time: float, at: Loaded) -> dict[str, Any]:
     e = at.equilibrium
     return {
         "time": time,
-        "tip_force": models.finger.tip_force(e.finger_state),
+        "tip_force": now.finger.tip_force(e.finger_state),
         "tension": np.concatenate([e.hood_tension, e.finger_tension]),
         "excursion": e.excursion,
-        "angles": models.finger.angles(e.finger_state),
-        "slips": models.slips_of(e) or {},
+        "angles": now.finger.angles(e.finger_state),
+        "slips": now.slips_of(e) or {},
+        "repairs": _repairs(models, e),
     }
 
 
+def _repairs(models: Models, e: Equilibrium) -> Mapping[str, float]:
+    if models.around is None:  # not of finite elements
+        return {}
+    from cosim.hoods.fe_view import repair_stretches
+
+    hood: Any = models.hood
+    return repair_stretches(hood, e.response.state)
+
+
 def _held(rows: list[dict[str, Any]]) -> Held:
-    slips = {name: np.array([row["slips"][name] for row in rows]) for name in rows[0]["slips"]}
-    columns = {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "slips"}
-    return Held(**columns, slips=slips)
+    """The rows as columns, and those that are by name each by its name."""
+    out: dict[str, Any] = {}
+    for key, first in rows[0].items():
+        column = [row[key] for row in rows]
+        by_name = key in ("slips", "repairs")
+        each = {n: np.array([c[n] for c in column]) for n in first} if by_name else {}
+        out[key] = each if by_name else np.array(column)
+    return Held(**out)

@@ -96,15 +96,16 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
         near = None
     first = _loaded_from(case, models, unloaded, near, progress)
     session.remember(case, models, unloaded, first.equilibrium)
-    held = None
+    held, whole = None, models.hood
     if case.relaxation is not None:
-        solve = partial(_loaded_equilibrium, case, unloaded=unloaded)
+        solve = partial(_loaded_equilibrium, unloaded=unloaded)
         models, first, held = hold(case, models, unloaded, first, solve, progress)
     loaded, pull = first.equilibrium, first.pull
     if case.solve.second_start:
         second = _second_start(case, models, unloaded, progress)
     ways = _both_ways(case, models, unloaded, loaded, progress)
-    strength = _strength(case, models, unloaded, loaded, progress)
+    at_once = None if held is None else whole
+    strength = _strength(case, models, unloaded, loaded, progress, at_once)
     if not models.hood.tendons or loaded.balance is None or case.hood.has_friction:
         return models, States(unloaded, loaded, None, pull, None, second, ways, strength, held)
     progress("auditing reciprocity")
@@ -115,9 +116,15 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
 
 
 def _strength(
-    case: Case, models: Models, unloaded: Equilibrium, loaded: Equilibrium, progress: Progress
+    case: Case,
+    models: Models,
+    unloaded: Equilibrium,
+    loaded: Equilibrium,
+    progress: Progress,
+    at_once: Any = None,
 ) -> Strength | None:
-    """What gives way first of a case that lets parts of its hood do so.  Raises InputError."""
+    """What gives way first of a case that lets parts of its hood do so; `at_once`: the hood before
+    it relaxed.  Raises InputError."""
     if case.gives_way is None:
         return None
     from cosim.hoods.giving import bearing_of, units_of
@@ -127,7 +134,7 @@ def _strength(
     units = units_of(hood, case.gives_way, others)
 
     def bearing(e: Equilibrium) -> Bearing:
-        return bearing_of(hood, units, e.response.state, others)
+        return bearing_of(hood, units, e.response.state, others, at_once)
 
     def solve(other: Case, near: Equilibrium) -> Equilibrium:
         start = PairState(near.finger_state, near.response.state)

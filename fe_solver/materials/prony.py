@@ -40,6 +40,15 @@ class Memory(NamedTuple):
     """(k, n) of that, since the start, what each term still bears."""
 
 
+class Swing(NamedTuple):
+    """Many cycles about what slowly changes: evenly up by `size` and evenly down again."""
+
+    size: Array
+    """(n,) of what is borne at once."""
+    period: float
+    """s."""
+
+
 @dataclass(frozen=True)
 class Prony:
     """A reduced relaxation function of k exponentials.  Raises InputError for weights that are
@@ -92,20 +101,31 @@ class Prony:
         """The memory at rest of what bears (n,)."""
         return Memory(borne, borne, np.zeros((len(self.times), len(borne))))
 
-    def law(self, memory: Memory, dt: float) -> tuple[float, Array]:
+    def law(self, memory: Memory, dt: float, swing: Swing | None = None) -> tuple[float, Array]:
         """What makes the law of the `dt` s after `memory` of the elastic one: its factor, and what
-        is held (n,) besides.  Infinitely long after, the law of what is left in the end."""
+        is held (n,) besides.  Infinitely long after, the law of what is left in the end.  With a
+        `swing` that of the ends of whole cycles, `dt` s after."""
         decay, even = self._decay(dt)
         factor = self.left + float(self.weights @ even)
         held = (1 - self.left) * memory.rest + decay @ memory.branches
-        return factor, held - float(self.weights @ even) * memory.elastic
+        held = held - float(self.weights @ even) * memory.elastic
+        return factor, held + self._swung(dt, swing).sum(axis=0)
 
-    def after(self, memory: Memory, borne: Array, dt: float) -> Memory:
+    def after(self, memory: Memory, borne: Array, dt: float, swing: Swing | None = None) -> Memory:
         """The memory `dt` s after one, where the law then bears (n,)."""
-        (factor, held), (decay, even) = self.law(memory, dt), self._decay(dt)
+        (factor, held), (decay, even) = self.law(memory, dt, swing), self._decay(dt)
         elastic = (borne - held) / factor
         more = (self.weights * even)[:, None] * (elastic - memory.elastic)
+        more += self._swung(dt, swing)
         return Memory(memory.rest, elastic, decay[:, None] * memory.branches + more)
+
+    def _swung(self, dt: float, swing: Swing | None) -> Array:
+        """What cycles over `dt` s leave in the terms (k, n): a geometric series."""
+        if swing is None:
+            return np.zeros((len(self.times), 1))
+        decay, even = self._decay(swing.period / 2)
+        series = (1 - np.exp(-dt / self.times)) / (1 + decay)
+        return -(self.weights * even * series)[:, None] * swing.size
 
     def _decay(self, dt: float) -> tuple[Array, Array]:
         """What is left (k,) of a step's beginning, and of an even change over it."""

@@ -99,6 +99,58 @@ def test_what_is_said_of_it_has_the_time_and_both_forces(held):
     assert meaning == "force in the central slip, at once"
 
 
+SUTURED = (
+    *COARSE,
+    'lesion={cut=["central_slip"],suture.central_slip={stiffness="50 N/mm"}}',
+    'gives_way.suture_central_slip={force="24 N"}',
+)
+CYCLES = 'relaxation={{hood={{tissue="aponeurosis_of_the_sole"}},cycles={{count={},period="2 s"}}}}'
+
+
+def test_the_first_load_is_that_at_once():
+    plain, once = (
+        cosim.run(load_case("isometric_edc", [*SUTURED, *more]))
+        for more in ([], [CYCLES.format(1)])
+    )
+    assert once.summary["slip_force_N"] == plain.summary["slip_force_N"]
+    assert once.summary["held"]["time_s"] == 0
+
+
+@pytest.mark.slow
+def test_a_suture_gives_more_in_a_day_than_in_ten_thousand_loads_and_unloads():
+    """Both beside the elastic law at its two ends: at once and with what is left in the end."""
+    steady = SOLE.replace("240 s", "86400 s")
+    day, cycles = (
+        cosim.run(load_case("isometric_edc", [*SUTURED, more]))
+        for more in (steady, CYCLES.format(10_000))
+    )
+    gap = [day.summary["held"]["at_once"]["repair_stretch_mm"]["suture_central_slip"]]
+    gap += [r.summary["held"]["repair_stretch_mm"]["suture_central_slip"] for r in (cycles, day)]
+    assert gap[0] < 0.8 * gap[1] < 0.8 * gap[2]
+    left = Prony.fung(0.118, 0.5, 1500.0).left
+    borne = day.summary["repair_force_N"]["suture_central_slip"]
+    before = day.summary["held"]["at_once"]["slip_force_N"]["central"]
+    assert gap[2] == pytest.approx(gap[0] * borne / before / left, rel=0.05)
+    strength = day.summary["strength"]["suture_central_slip"]
+    assert strength["share"] == pytest.approx(borne / 24)
+    assert strength["stretch_mm"] == pytest.approx(gap[2])
+    assert "energy_mJ" not in strength
+    grows = day.data.held_repair_stretch.values[:, 0]
+    assert (np.diff(grows) > -1e-12).all()
+    assert day.audit.passed
+    assert cycles.audit.passed
+
+
+@pytest.mark.slow
+def test_loads_in_one_step_are_those_one_after_the_other(monkeypatch):
+    case = load_case("isometric_edc", [*SUTURED, CYCLES.format(40)])
+    gaps = []
+    for steps in (4, 39):
+        monkeypatch.setattr(cosim.solve.held, "STEPS", steps)
+        gaps.append(cosim.run(case).data.held_repair_stretch.values[-1, 0])
+    assert gaps[0] == pytest.approx(gaps[1], rel=3e-3)
+
+
 @pytest.mark.slow
 def test_a_tendon_drawn_by_a_length_loses_a_third_of_its_force():
     case = load_case("isometric_edc", [*COARSE, SOLE, 'tendons.EDC={excursion="3 mm"}'])
@@ -150,7 +202,12 @@ def test_an_fmu_of_a_motion_relaxes_as_the_motion_does():
         ("isometric_edc", ['relaxation.hood={tissue="ligament"}'], "needs held"),
         ("isometric_edc", [SOLE, MOVES], "a motion has its own time"),
         ("isometric_edc", [SOLE, "hood.contact.friction=0.1"], "augmented"),
-        ("isometric_edc", [SOLE, 'gives_way.terminal_slip={force="1 N"}'], "does not give way"),
+        ("isometric_edc", [SOLE, 'gives_way.terminal_slip={stretch="1 mm"}'], "at a force alone"),
+        (
+            "isometric_edc",
+            ['relaxation.hood={tissue="ligament"}', MOVES, 'gives_way.terminal_slip={force="1 N"}'],
+            "does not give way in a motion",
+        ),
         ("isometric_edc", [SOLE, 'coupling.scheme="one_way"'], "of a coupled hood"),
         ("pulley_edc", [SOLE], "does not relax"),
         ("pulley_edc", [f'relaxation={{tendons={{{HALF}}},held="1 s"}}'], "is elastic"),
@@ -187,6 +244,25 @@ def test_an_fmu_of_a_motion_relaxes_as_the_motion_does():
 def test_what_makes_no_sense_is_refused(name, settings, words):
     with pytest.raises(InputError, match=words):
         load_case(name, settings)
+
+
+def test_a_later_law_and_a_later_time_take_the_place_of_earlier_ones():
+    later = f'relaxation={{hood={{{HALF}}},cycles={{count=2,period="1 s"}}}}'
+    stated = load_case("isometric_edc", [SOLE, later]).relaxation
+    assert stated.hood.tissue is None
+    assert stated.held is None
+    both = load_case(
+        "isometric_edc",
+        [
+            later,
+            "relaxation.hood.spectrum=0.1",
+            *(
+                f'relaxation.hood.{end}="{time} s"'
+                for end, time in (("shortest", 1), ("longest", 9))
+            ),
+        ],
+    )
+    assert both.relaxation.hood.weights is None
 
 
 def test_what_asks_a_model_without_time_says_that_it_does_not_relax():
