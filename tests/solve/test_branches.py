@@ -48,11 +48,11 @@ def test_a_second_start_finds_what_the_table_says(name):
         return
     row = KNOWN[name]
     known = [row.number(column) for column in ("first", "second")]
-    which = []
-    for summary in (found, second):
+    which = set()
+    # where a processor rounds otherwise (AVX-512) both starts may lead to one of the two
+    for summary in (found, second) if missed else (found,):
         value = value_of(summary, row.cells["quantity"])
         near = [value == pytest.approx(number, rel=LIKE_STATED) for number in known]
         assert any(near), f"{row.place}: {value} is neither of {known}"
-        which.append(near.index(True))
-    # a processor that rounds otherwise (AVX-512) may lead both starts to one of the two
-    assert (which[0] != which[1]) == bool(missed), row.place
+        which.add(near.index(True))
+    assert len(which) == 1 + bool(missed), row.place
