@@ -65,7 +65,8 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         charts=bool(histories),
         sheets=any(view.sheet for view in views),
         dots=any(table.key.startswith("dots_") for table in tables),
-        pictures=[(run, name, _picture(run, name)) for run in every for name in PICTURES],
+        pictures=[(run, _picture(run, "picture")) for run in every],
+        held=[(run, _picture(run, "history")) for run in every if _is_held(run)],
         arrows=arrows,
         plane=drawings.plane(arrows) if arrows else "",
         bars={run.name: _bars(run) for run in every},
@@ -90,7 +91,8 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
     return text
 
 
-PICTURES = ("picture",)
+def _is_held(run: Result) -> bool:
+    return run.has_history and run.axis == "state"
 
 
 def _views(runs: Sequence[Result], against: Result | None) -> tuple[list[View], list[Any]]:

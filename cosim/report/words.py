@@ -82,7 +82,11 @@ def _scheme(table: Mapping[str, Any], hood: str) -> str:
 def _time(table: Mapping[str, Any]) -> str:
     forward = _table(table, "forward")
     if not forward:
-        return "an equilibrium, at rest and loaded"
+        relaxation = _table(table, "relaxation")
+        cycles, held = _table(relaxation, "cycles"), relaxation.get("held")
+        more = f", held for {held} while parts relax" if held else ""
+        more = f", the last of {cycles['count']} loads" if cycles else more
+        return f"an equilibrium, at rest and loaded{more}"
     return f"a motion of {forward.get('duration', '')} in steps of {forward.get('step', '')}"
 
 

@@ -1,5 +1,5 @@
-"""The plot of a motion: joint angles, fingertip force, tensions and slips against time, and what
-cylinders do."""
+"""The plot of a motion or of a load that is held: joint angles, fingertip force, tensions and slips
+against time, and what cylinders do."""
 
 from __future__ import annotations
 
@@ -32,7 +32,11 @@ def draw_history(data: xarray.Dataset, title: str) -> Figure:
     the world, N, along the world's axes, of a finger that is not free; the tensions of the tendons
     that are pulled and the forces of the slips, N; of pneumatic cylinders command and pressure; of
     motors how far they have wound; of tendons with friction the energy lost and, last, the tensions
-    against the shortening of their paths."""
+    against the shortening of their paths.  The time of a load that is held is logarithmic, and what
+    there was at once stands at its left end."""
+    is_held = "held_time" in data.dims
+    if is_held:
+        data = _held(data)
     panels, loops = list(_panels(data)), _loops(data)
     heights = [1.0] * len(panels) + [1.6] * bool(loops)
     figure = new_picture(8.5, 0.9 + 2.3 * sum(heights))
@@ -52,8 +56,20 @@ def draw_history(data: xarray.Dataset, title: str) -> Figure:
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     every[-1].set_xlabel("time, s")
+    if is_held:
+        every[-1].set_xscale("log")
+        every[-1].set_xlabel("time under load, s (left end: at once)")
     figure.suptitle(title, fontsize=11)
     return figure
+
+
+def _held(data: xarray.Dataset) -> xarray.Dataset:
+    """What there was while a load was held, by the names of a motion's arrays."""
+    held = [str(name) for name in data.data_vars if str(name).startswith("held_")]
+    out = data[held].rename({name: name.removeprefix("held_") for name in (*held, "held_time")})
+    time = out.time.values.copy()
+    time[0] = time[1:].min(initial=np.inf, where=time[1:] > 0) / 2
+    return out.assign_coords(time=time)
 
 
 def _panels(data: xarray.Dataset) -> Iterator[tuple[str, Curves, Callable[[Any], object]]]:
@@ -70,7 +86,7 @@ def _panels(data: xarray.Dataset) -> Iterator[tuple[str, Curves, Callable[[Any],
         def finish(axes: Axes) -> None:
             axes.set_ylim(-1.6 * most, 1.8 * most)
 
-        yield "force of the fingertip\non the world, N", {**force, MAGNITUDE: size}, finish
+        yield "fingertip on the world, N", {**force, MAGNITUDE: size}, finish
     if "pressure" in data:
         cylinders = [str(name) for name in data.cylinder.values]
         volts = {name: data.command.sel(cylinder=name).values for name in cylinders}
@@ -88,6 +104,15 @@ def _panels(data: xarray.Dataset) -> Iterator[tuple[str, Curves, Callable[[Any],
         yield "energy lost to friction\nof tendons, mJ", lost, _from_zero
     if tensions := _pulled(data):
         yield "tension of the tendons\nthat are pulled, N", tensions, _from_zero
+    if "repair_stretch" in data:
+        each = {
+            str(n): 1e3 * data.repair_stretch.sel(held_repair=n).values
+            for n in data.held_repair.values
+        }
+        yield "repairs longer than\nat rest by, mm", each, _from_zero
+    if "slip_force" in data:
+        each = {f"{n} slip": data.slip_force.sel(held_slip=n).values for n in data.held_slip.values}
+        yield "force in the slips, N", each, _from_zero
     if slips := slip_histories(data):
         yield "force in the slips, N", slips, _from_zero
 

@@ -175,6 +175,11 @@ class CaseParts:
         return "time" if "time" in self.arrays.dims else "state"
 
     @property
+    def has_history(self) -> bool:
+        """Whether there is more than one time: of a motion, and of a load that was held."""
+        return self.axis == "time" or "held_time" in self.arrays.dims
+
+    @property
     def hood(self) -> HoodField | None:
         """As it was left at the end; None of a hood without a shape."""
         return self.scene.hood

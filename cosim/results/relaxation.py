@@ -36,9 +36,11 @@ def held_arrays(held: Held | None) -> tuple[dict[str, Any], dict[str, Any]]:
     """The same over the time under load: variables and coordinates of a run's arrays."""
     if held is None:
         return {}, {}
+    own = held.excursion.shape[1]
     each = {
         "tip_force": (("axis",), held.tip_force, "N", "force of the tip on the world"),
-        "tension": (("tendon",), held.tension[:, : held.excursion.shape[1]], "N", "tension"),
+        "tension": (("tendon",), held.tension[:, :own], "N", "tension"),
+        "own_tension": (("muscle",), held.tension[:, own:], "N", "tension of the finger's tendons"),
         "excursion": (("tendon",), held.excursion, "m", "excursion, positive proximally"),
         "angle": (("joint",), held.angles, "rad", "joint angle"),
     }

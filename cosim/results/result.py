@@ -169,10 +169,10 @@ class Result(CaseParts):
     ) -> Figure:
         """A matplotlib figure, written to `path` (.png, .svg, .pdf) where one is given: "scene" the
         finger with its hood coloured by strain, "ledger" the forces on each body by source,
-        "history" a motion's angles and forces over time.  Of the scene: `width_mm` of the whole
-        figure, as a journal's column; one `view`, "radial" or "dorsal", or both; `hood_only`,
-        without bones, tendons and forces; `beside`: results whose pictures, drawn beside each
-        other, share one scale of lengths, colours and forces.
+        "history" angles and forces over time, of a motion or of a load that is held.  Of the scene:
+        `width_mm` of the whole figure, as a journal's column; one `view`, "radial" or "dorsal", or
+        both; `hood_only`, without bones, tendons and forces; `beside`: results whose pictures,
+        drawn beside each other, share one scale of lengths, colours and forces.
 
         >>> import cosim
         >>> figure = cosim.run(cosim.load("pulley_edc")).plot()
@@ -240,9 +240,9 @@ class Result(CaseParts):
             return draw(self._shown(hood_only), self.title, stage)
         if kind == "ledger" and self.rows:
             return draw_ledger(self.rows, self.title, self._whole_scene)
-        if kind == "history" and self.axis == "time":
+        if kind == "history" and self.has_history:
             return draw_history(self.data, self.title)
-        kinds = ["scene", *(["ledger"] * bool(self.rows)), *(["history"] * (self.axis == "time"))]
+        kinds = ["scene", *(["ledger"] * bool(self.rows)), *(["history"] * self.has_history)]
         raise InputError(f"plot: this run has no {kind!r}; it has {', '.join(kinds)}")
 
     def animate(

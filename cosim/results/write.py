@@ -160,7 +160,7 @@ def _further_files(run: CaseParts) -> Iterator[tuple[str, Callable[[Path], objec
     yield "picture.png", lambda path: _draw_scene(path, run)
     if run.rows:
         yield "ledger.png", lambda path: _draw_ledger(path, run)
-    if run.axis == "time":
+    if run.has_history:
         yield "history.png", lambda path: _draw_history(path, run)
 
 
