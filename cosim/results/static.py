@@ -44,10 +44,10 @@ STRONG = 2.0
 def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Result:
     """Everything that the two equilibria of a case leave behind."""
     models, states = solved
-    pair = {"unloaded": states.unloaded, "loaded": states.loaded}
-    views = {name: models.view(e.response.state) for name, e in pair.items()} if models.view else {}
+    pair, each = {"unloaded": states.unloaded, "loaded": states.loaded}, states.models_at(models)
+    views = {n: m.view(pair[n].response.state) for n, m in each.items() if m.view is not None}
     books = {
-        name: models.finger.ledger(e.finger_state, e.load, e.finger_tension)
+        name: each[name].finger.ledger(e.finger_state, e.load, e.finger_tension)
         for name, e in pair.items()
     }
     values = arrays(case, models, pair, views, states.held)
@@ -77,7 +77,8 @@ def summary(
     if views:
         head |= views["loaded"].size()
     limits = {} if loaded.balance is None else limits_of(case, joint_ranges(models.finger))
-    at_rest = _state(models, unloaded, books["unloaded"], views.get("unloaded"), limits)
+    resting = states.models_at(models)["unloaded"]
+    at_rest = _state(resting, unloaded, books["unloaded"], views.get("unloaded"), limits)
     at_load = _state(models, loaded, books["loaded"], views.get("loaded"), limits)
 
     def describe(e: Equilibrium) -> dict[str, Any]:

@@ -23,7 +23,6 @@ from cosim.tendons.muscles import MusclePull
 
 Memories = Sequence[Any]
 """What each part remembers, as of `fe_solver.materials.prony.Memory`."""
-_NO_SWINGS = (None, None)
 STEPS = 12
 """Equilibria from the first to the last, at times that grow evenly in their logarithm."""
 
@@ -42,6 +41,8 @@ class Held:
     """What there was over the time that a load was held, at (n,) times from 0 on, or at the tops of
     (n,) cycles."""
 
+    models: Models
+    """At rest and at once."""
     time: Array
     """(n,) s."""
     tip_force: Array
@@ -111,7 +112,7 @@ def hold(
     for before, time in pairwise([0.0, *held_times(stated.held, shortest, STEPS)]):
         now, at, memories = under.step(case, at, memories, time - before, time)
         rows.append(_row(models, now, time, at))
-    return now, at, _held(rows)
+    return now, at, _held(models, rows)
 
 
 def _cycle(
@@ -137,7 +138,7 @@ def _cycle(
         now, at, top = under.step(case, foot, memories, half, time)
         rows.append(_row(models, now, time, at))
         feet = number - 1
-    return now, at, _held(rows)
+    return now, at, _held(models, rows)
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,8 @@ class _UnderLoad:
         """The equilibrium under a load, `dt` s after what the parts remember, from one nearby, at
         `time` s: the models in it, it, and what they remember then.  Raises ConvergenceError."""
         self.progress(f"{time:.4g} s under load")
-        now, each = self.models, [*zip(self.parts, memories, swings or _NO_SWINGS, strict=False)]
+        swings = swings or [None] * len(self.parts)
+        now, each = self.models, [*zip(self.parts, memories, swings, strict=True)]
         for part, memory, swing in each:
             now = part.changed(now, *part.law.law(memory, dt, swing))
         start, say = _start(at, self.laws), self.progress
@@ -245,7 +247,7 @@ def _repairs(models: Models, e: Equilibrium) -> Mapping[str, float]:
     return repair_stretches(hood, e.response.state)
 
 
-def _held(rows: list[dict[str, Any]]) -> Held:
+def _held(models: Models, rows: list[dict[str, Any]]) -> Held:
     """The rows as columns, and those that are by name each by its name."""
     out: dict[str, Any] = {}
     for key, first in rows[0].items():
@@ -253,4 +255,4 @@ def _held(rows: list[dict[str, Any]]) -> Held:
         by_name = key in ("slips", "repairs")
         each = {n: np.array([c[n] for c in column]) for n in first} if by_name else {}
         out[key] = each if by_name else np.array(column)
-    return Held(**out)
+    return Held(models, **out)

@@ -76,6 +76,10 @@ class States:
     held: Held | None = None
     """How the loaded equilibrium came about from that at once, where parts relax."""
 
+    def models_at(self, loaded: Models) -> dict[str, Models]:
+        """The models in which the two equilibria are, by their names."""
+        return {"unloaded": loaded if self.held is None else self.held.models, "loaded": loaded}
+
 
 AUDIT_STEP = 2e-5
 """rad, joint step of the reciprocity audit: small against the contact's smoothing."""

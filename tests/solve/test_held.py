@@ -82,6 +82,7 @@ def test_under_given_tensions_a_hood_that_relaxes_bears_hardly_less(held):
     plain = cosim.run(load_case("isometric_edc", COARSE))
     assert before["fingertip_magnitude_N"] == plain.summary["fingertip_magnitude_N"]
     assert before["slip_force_N"] == plain.summary["slip_force_N"]
+    assert after["unloaded"] == plain.summary["unloaded"]
     change = after["fingertip_magnitude_N"] / before["fingertip_magnitude_N"] - 1
     assert 1e-4 < abs(change) < 0.02
     longer = held.strain.loc["longitudinal", "mean"] / plain.strain.loc["longitudinal", "mean"]
