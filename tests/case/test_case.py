@@ -89,7 +89,9 @@ def test_packaged_cases_load_and_their_active_tendon_is_in_their_name(name):
     active = [
         name
         for name, tendon in case.tendons.items()
-        if case.tension(name) > case.solve.resting_tension or tendon.actuation is not None
+        if case.tension(name) > case.solve.resting_tension
+        or tendon.actuation is not None
+        or tendon.excursion is not None
     ]
     named = ["EDC"] if name.startswith(("strain", "thesis_strain")) else name.upper().split("_")
     if name.startswith("network_contact"):  # figure 4 of its paper: five muscles in turn
@@ -405,7 +407,7 @@ def test_the_json_schema_knows_every_table_and_requires_nothing():
     schema = json_schema()
     assert set(schema["properties"]) == {
         *("extends", "title", "notes", "finger", "tendons"),
-        *("hood", "lesion", "gives_way", "solve", "forward", "coupling", "output"),
+        *("hood", "lesion", "gives_way", "relaxation", "solve", "forward", "coupling", "output"),
     }
     tables = [schema, *schema["$defs"].values()]
     assert all("required" not in table for table in tables)
