@@ -179,7 +179,11 @@ class _UnderLoad:
         try:
             found = self.solve(load, now, start=start, progress=say, draw=at.draw, time=time)
         except ConvergenceError as error:
-            raise ConvergenceError(f"after {time:.4g} s under load: {error}") from error
+            left = 100 * min(float(part.law.modulus(time)) for part in self.parts)
+            raise ConvergenceError(
+                f"after {time:.4g} s under load, when {left:.3g} % of what is borne at once is "
+                f"left: {error} Or a shorter time under load, or less that relaxes."
+            ) from error
         e = found.equilibrium
         return now, found, [p.law.after(m, p.borne(now, e), dt, swing) for p, m, swing in each]
 

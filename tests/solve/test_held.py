@@ -8,7 +8,7 @@ import pytest
 import cosim
 from cosim.case.file import load_case
 from cosim.coupling.state_arrays import flatten, rebuild
-from cosim.errors import InputError
+from cosim.errors import ConvergenceError, InputError
 from cosim.fmu_export.motion_parts import moving_part
 from cosim.models.build import build
 from cosim.pipeline import run_case
@@ -264,6 +264,13 @@ def test_a_later_law_and_a_later_time_take_the_place_of_earlier_ones():
         ],
     )
     assert both.relaxation.hood.weights is None
+
+
+@pytest.mark.slow
+def test_a_hood_of_which_nothing_is_left_runs_away_and_says_so():
+    nothing = 'relaxation={hood={weights=[1.0],times=["1 s"]},held="1e6 s"}'
+    with pytest.raises(ConvergenceError, match=r"under load, when .* % of what is borne at once"):
+        cosim.run(load_case("isometric_edc", [*COARSE, nothing]))
 
 
 def test_what_asks_a_model_without_time_says_that_it_does_not_relax():
