@@ -227,8 +227,8 @@ class CaseFile(Table):
             raise fault(
                 "relaxation: held and cycles are of an equilibrium; a motion has its own time"
             )
-        if stated.hood is not None:
-            self._check_relaxing_hood()
+        if wrong := self.unfit_relaxation():
+            raise fault(wrong)
         drawn = (t.excursion is not None and t.elastic is not None for t in self.tendons.values())
         if stated.tendons is not None and not any(drawn):
             raise fault(
@@ -243,26 +243,6 @@ class CaseFile(Table):
             if not getattr(self.finger, "passive", None):
                 raise fault("relaxation.joints: the finger has no passive joints; leave it out")
         return self
-
-    def _check_relaxing_hood(self) -> None:
-        contact = getattr(self.hood, "contact", None)
-        if not self.hood.lies_on_bones or contact is None:
-            raise fault(
-                f'relaxation.hood: a hood of kind "{self.hood.kind}" does not relax; "shell" and '
-                '"cable" do'
-            )
-        if self.hood.has_friction or contact.penetration is not None:
-            raise fault(
-                "relaxation.hood: is not solved with augmented contact; leave out "
-                "hood.contact.friction and hood.contact.penetration"
-            )
-        given = self.gives_way or {}
-        if given and self.forward is not None:
-            raise fault(
-                "relaxation.hood: what relaxes does not give way in a motion; leave one out"
-            )
-        if any(when.stretch or when.energy for when in given.values()):
-            raise fault("relaxation.hood: what relaxes gives way at a force alone; state that")
 
     @model_validator(mode="after")
     def _can_start_again(self) -> CaseFile:
@@ -285,6 +265,28 @@ class CaseFile(Table):
                 "path; leave out forward, one_way and friction of the hood, or the key"
             )
         return self
+
+    def unfit_relaxation(self) -> str:
+        """Why this hood cannot relax as the case says; empty where it can, or does not."""
+        if self.relaxation is None or self.relaxation.hood is None:
+            return ""
+        contact = getattr(self.hood, "contact", None)
+        if not self.hood.lies_on_bones or contact is None:
+            return (
+                f'relaxation.hood: a hood of kind "{self.hood.kind}" does not relax; "shell" and '
+                '"cable" do'
+            )
+        if self.hood.has_friction or contact.penetration is not None:
+            return (
+                "relaxation.hood: is not solved with augmented contact; leave out "
+                "hood.contact.friction and hood.contact.penetration"
+            )
+        given = self.gives_way or {}
+        if given and self.forward is not None:
+            return "relaxation.hood: what relaxes does not give way in a motion; leave one out"
+        if any(when.stretch or when.energy for when in given.values()):
+            return "relaxation.hood: what relaxes gives way at a force alone; state that"
+        return ""
 
     def unfit_lesion(self) -> str:
         """Why this hood cannot have the lesion; empty where it can, or there is none."""

@@ -115,6 +115,8 @@ def build_any(case: Case, in_time: bool = False) -> Models:
     that the solver and the observer of an equilibrium ask for; `in_time` with a hood whose parts
     give way or relax as the case says."""
     check_fit(case)
+    if wrong := case.unfit_relaxation():  # of a case whose hood was replaced since it was read
+        raise InputError(wrong)
     if case.finger.is_native:
         finger: OpenFinger = case_finger(case)
         posture = case.native_finger().posture.angles()

@@ -273,6 +273,13 @@ def test_a_hood_of_which_nothing_is_left_runs_away_and_says_so():
         cosim.run(load_case("isometric_edc", [*COARSE, nothing]))
 
 
+def test_a_hood_that_was_replaced_by_one_that_does_not_relax_is_refused():
+    case = load_case("isometric_edc", [*COARSE, SOLE])
+    other = case.model_copy(update={"hood": load_case("pulley_edc").hood})
+    with pytest.raises(InputError, match=r'kind "pulley" does not relax'):
+        cosim.run(other)
+
+
 def test_what_asks_a_model_without_time_says_that_it_does_not_relax():
     case = load_case("isometric_edc", [*COARSE, SOLE])
     with pytest.raises(InputError, match="parts relax in a run"):
