@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from collections.abc import Mapping
+from math import inf
+from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Count, Number, Table
-
-if TYPE_CHECKING:
-    from fe_solver.materials.prony import Prony
 
 Tissue = Literal["aponeurosis_of_the_sole", "ligament"]
 Lasting = Annotated[float, quantity(units.PATIENCE, above="0 s", most="1e7 s")]
@@ -57,23 +55,20 @@ class RelaxationLawConfig(Table):
                 raise fault(f"has {len(self.weights)} weights and {len(self.times)} times")
             if sum(self.weights) > 1 + 1e-12:
                 raise fault("weights: add up to more than 1")
-        if (self.longest or np.inf) <= (self.shortest or 0.0):
+        if (self.longest or inf) <= (self.shortest or 0.0):
             raise fault("longest: must be above shortest")
         return self
 
-    def prony(self) -> Prony:
-        """The law for the solver."""
-        from fe_solver.materials.prony import Prony
 
-        match self.tissue:
-            case "aponeurosis_of_the_sole":
-                return Prony.fung(0.118, 0.5, 1500.0)
-            case "ligament":
-                return Prony(np.array([0.154, 0.161, 0.682]), np.array([3.77, 148.0, 10988.0]))
-        if self.weights is not None and self.times is not None:
-            return Prony(np.array(self.weights), np.array(self.times))
-        assert None not in (self.spectrum, self.shortest, self.longest)
-        return Prony.fung(self.spectrum, self.shortest, self.longest)  # type: ignore[arg-type]
+TISSUES: Mapping[Tissue, RelaxationLawConfig] = {
+    "aponeurosis_of_the_sole": RelaxationLawConfig.model_construct(
+        spectrum=0.118, shortest=0.5, longest=1500.0
+    ),
+    "ligament": RelaxationLawConfig.model_construct(
+        weights=(0.154, 0.161, 0.682), times=(3.77, 148.0, 10988.0)
+    ),
+}
+"""Their laws; the sources stand at `RelaxationLawConfig.tissue`."""
 
 
 class CyclesConfig(Table):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
+from cosim.case.relaxation import TISSUES, RelaxationLawConfig
 from cosim.case.schema import Case, CouplingConfig
 from cosim.coupling.accelerators import Accelerator, Aitken, ConstantRelaxation, QuasiNewton
 from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, Scheme
@@ -165,7 +166,19 @@ def relaxing(case: Case) -> Relaxing:
     """What relaxes in a case, and by which laws."""
     stated = case.relaxation
     laws = [None if stated is None else getattr(stated, part) for part in Relaxing._fields]
-    return Relaxing(*(None if law is None else law.prony() for law in laws))
+    return Relaxing(*(None if law is None else _prony(law) for law in laws))
+
+
+def _prony(stated: RelaxationLawConfig) -> Prony:
+    from fe_solver.materials.prony import Prony
+
+    law = stated if stated.tissue is None else TISSUES[stated.tissue]
+    if law.weights is not None and law.times is not None:
+        return Prony(np.array(law.weights), np.array(law.times))
+    assert law.spectrum is not None
+    assert law.shortest is not None
+    assert law.longest is not None
+    return Prony.fung(law.spectrum, law.shortest, law.longest)
 
 
 def with_own_finger(models: Models, case: Case) -> Models:

@@ -98,8 +98,6 @@ def hold(
 ) -> tuple[Models, Loaded, Held]:
     """The equilibrium after the case's time, or at the top of its last cycle, from that at once:
     the models in its last step, it, and what there was on the way.  Raises ConvergenceError."""
-    from fe_solver.materials.prony import held_times
-
     stated, laws = case.relaxation, relaxing(case)
     assert stated is not None
     under = _UnderLoad(models, laws, _parts(models, laws), solve, progress)
@@ -115,13 +113,19 @@ def hold(
     return now, at, _held(models, rows)
 
 
+def held_times(longest: float, shortest: float, count: int) -> list[float]:
+    """Times (s), `count` of them, from an instant that is short beside `shortest` s to `longest` s:
+    evenly in their logarithm."""
+    first = min(shortest / 10, longest / 10)
+    times: list[float] = np.geomspace(first, longest, count).tolist()
+    return times
+
+
 def _cycle(
     case: Case, cycles: CyclesConfig, under: _UnderLoad, first: Loaded, top: Memories
 ) -> tuple[Models, Loaded, Held]:
     """The tops of the first and the last cycle and of some between, of which each comes from the
     foot before it; from foot to foot many cycles are one step, whose swing is the last one's."""
-    from fe_solver.materials.prony import Swing
-
     least, half, models = scaled(case, cycles.least), cycles.period / 2, under.models
     now, at, rows = models, first, [_row(models, models, 0.0, first)]
     _, foot, memories = under.step(least, first, top, half, half)
@@ -129,8 +133,8 @@ def _cycle(
     numbers = np.geomspace(2, max(cycles.count, 2), STEPS).round().astype(int)
     for number in np.unique(numbers[numbers <= cycles.count]).tolist():
         swings = [
-            Swing(up.elastic - down.elastic, cycles.period)
-            for up, down in zip(top, memories, strict=True)
+            part.law.swing(down, up, cycles.period)
+            for part, down, up in zip(under.parts, memories, top, strict=True)
         ]
         more, time = (number - 1 - feet) * cycles.period, (number - 1) * cycles.period
         if more > 0:

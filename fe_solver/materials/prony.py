@@ -16,7 +16,6 @@ that is held.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -119,6 +118,10 @@ class Prony:
         more += self._swung(dt, swing)
         return Memory(memory.rest, elastic, decay[:, None] * memory.branches + more)
 
+    def swing(self, foot: Memory, top: Memory, period: float) -> Swing:
+        """Cycles of `period` s between what is borne at the foot and at the top of one."""
+        return Swing(top.elastic - foot.elastic, period)
+
     def _swung(self, dt: float, swing: Swing | None) -> Array:
         """What cycles over `dt` s leave in the terms (k, n): a geometric series."""
         if swing is None:
@@ -132,10 +135,3 @@ class Prony:
         x = dt / self.times
         even = np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0)
         return np.exp(-x), even
-
-
-def held_times(longest: float, shortest: float, count: int) -> Sequence[float]:
-    """Times (s), `count` of them, from an instant that is short beside `shortest` s to `longest` s:
-    evenly in their logarithm."""
-    first = min(shortest / 10, longest / 10)
-    return np.geomspace(first, longest, count).tolist()

@@ -14,6 +14,7 @@ from cosim.models.build import build
 from cosim.pipeline import run_case
 from cosim.results.answer import answer
 from cosim.results.quantities import meaning_of
+from cosim.solve.held import held_times
 from cosim.solve.session import Session
 from fe_solver.materials.prony import Prony
 from tests.coupling.test_motion import cut_off
@@ -284,3 +285,10 @@ def test_what_asks_a_model_without_time_says_that_it_does_not_relax():
     case = load_case("isometric_edc", [*COARSE, SOLE])
     with pytest.raises(InputError, match="parts relax in a run"):
         build(case)
+
+
+def test_the_times_under_load_end_where_they_should_and_grow_evenly():
+    times = held_times(240.0, 0.5, 12)
+    assert times[-1] == pytest.approx(240.0)
+    assert len(times) == 12
+    np.testing.assert_allclose(np.diff(np.log(times)), np.log(240 / 0.05) / 11)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.special import exp1
 
 from cosim.errors import InputError
-from fe_solver.materials.prony import Prony, Swing, held_times
+from fe_solver.materials.prony import Prony, Swing
 
 TWO = Prony(np.array([0.2, 0.3]), np.array([0.5, 40.0]))
 SOLE = Prony.fung(0.118, 0.5, 1500.0)
@@ -111,10 +111,3 @@ def test_at_once_a_law_is_elastic_and_in_the_end_it_has_what_is_left():
 def test_what_is_no_relaxation_is_refused(weights, times):
     with pytest.raises(InputError, match="relaxation: "):
         Prony(np.array(weights), np.array(times, dtype=float))
-
-
-def test_the_times_under_load_end_where_they_should_and_grow_evenly():
-    times = held_times(240.0, 0.5, 12)
-    assert times[-1] == pytest.approx(240.0)
-    assert len(times) == 12
-    np.testing.assert_allclose(np.diff(np.log(times)), np.log(240 / 0.05) / 11)
