@@ -257,12 +257,11 @@ class CaseFile(Table):
 
     @model_validator(mode="after")
     def _can_start_nearby(self) -> CaseFile:
-        if self.solve.start == "nearby" and (
-            self.forward is not None or self.coupling.scheme == "one_way" or self.hood.has_friction
-        ):
+        stated = self.forward, self.relaxation, self.coupling.scheme == "one_way" or None
+        if self.solve.start == "nearby" and (stated != (None,) * 3 or self.hood.has_friction):
             raise fault(
                 'solve.start = "nearby": is of a coupled equilibrium that does not depend on its '
-                "path; leave out forward, one_way and friction of the hood, or the key"
+                "path; leave out forward, relaxation, one_way and friction of the hood, or the key"
             )
         return self
 

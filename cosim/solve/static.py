@@ -106,10 +106,10 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
         models, first, held = hold(case, models, unloaded, first, solve, progress)
     loaded, pull = first.equilibrium, first.pull
     if case.solve.second_start:
-        second = _second_start(case, models, unloaded, progress)
-    ways = _both_ways(case, models, unloaded, loaded, progress)
+        second = _second_start(case, models, unloaded, progress, first.draw)
+    ways = _both_ways(case, models, unloaded, first, progress)
     at_once = None if held is None else whole
-    strength = _strength(case, models, unloaded, loaded, progress, at_once)
+    strength = _strength(case, models, unloaded, first, progress, at_once)
     if not models.hood.tendons or loaded.balance is None or case.hood.has_friction:
         return models, States(unloaded, loaded, None, pull, None, second, ways, strength, held)
     progress("auditing reciprocity")
@@ -123,7 +123,7 @@ def _strength(
     case: Case,
     models: Models,
     unloaded: Equilibrium,
-    loaded: Equilibrium,
+    loaded: Loaded,
     progress: Progress,
     at_once: Any = None,
 ) -> Strength | None:
@@ -143,18 +143,18 @@ def _strength(
     def solve(other: Case, near: Equilibrium) -> Equilibrium:
         start = PairState(near.finger_state, near.response.state)
         own = replace(models, muscles=live_muscles(other.tendons))
-        return _loaded_equilibrium(other, own, unloaded, start, say).equilibrium
+        return _loaded_equilibrium(other, own, unloaded, start, say, loaded.draw).equilibrium
 
     say = partial(_say, progress, "strength")
-    return first_to_give_way(case, units, loaded, bearing, solve)
+    return first_to_give_way(case, units, loaded.equilibrium, bearing, solve)
 
 
 def _both_ways(
-    case: Case, models: Models, unloaded: Equilibrium, loaded: Equilibrium, progress: Progress
+    case: Case, models: Models, unloaded: Equilibrium, own: Loaded, progress: Progress
 ) -> dict[str, OneWaySlide]:
     """The loaded equilibrium with every tendon that has friction sliding towards its muscle, and
     with every one sliding away, each from the case's own."""
-    rubbing, out = case.rubbing_tendons(), dict[str, OneWaySlide]()
+    rubbing, out, loaded = case.rubbing_tendons(), dict[str, OneWaySlide](), own.equilibrium
     for sliding in INTERVAL if rubbing else ():
         if all((tendon.sliding or INTERVAL[0]) == sliding for tendon in rubbing.values()):
             out[sliding] = OneWaySlide(models.finger, loaded)
@@ -165,7 +165,7 @@ def _both_ways(
         try:
             with timed("friction both ways"):
                 found = _loaded_equilibrium(
-                    case, replace(models, finger=finger), unloaded, start, say
+                    case, replace(models, finger=finger), unloaded, start, say, own.draw
                 )
         except ConvergenceError as error:
             out[sliding] = OneWaySlide(finger, None, str(error))
@@ -176,7 +176,11 @@ def _both_ways(
 
 @timed("second start")
 def _second_start(
-    case: Case, models: Models, unloaded: Equilibrium, progress: Progress
+    case: Case,
+    models: Models,
+    unloaded: Equilibrium,
+    progress: Progress,
+    draw: ExcursionState | None,
 ) -> SecondStart:
     """The loaded equilibrium once more, from the finger in its posture and the hood as it is laid
     and by the other scheme; by the case's own where that one finds none."""
@@ -187,7 +191,7 @@ def _second_start(
         again = case.model_copy(update={"coupling": coupling})
         say = partial(_say, progress, f"second start, {scheme}")
         try:
-            found = _loaded_equilibrium(again, models, unloaded, models.start(), say)
+            found = _loaded_equilibrium(again, models, unloaded, models.start(), say, draw)
         except ConvergenceError as error:
             failure = str(error)
         else:
@@ -232,11 +236,12 @@ def _loaded_equilibrium(
     start: PairState,
     progress: Progress,
     draw: ExcursionState | None = None,
-    time: float = 0.0,
+    time: float | None = None,
 ) -> Loaded:
     """The equilibrium, reached from the states `start`, in which every muscle pulls as its fibre
-    does at that length, and every tendon whose excursion is stated has it: `time` s after the load
-    was put on, and from what an equilibrium before left of the excursions."""
+    does at that length, and every tendon whose excursion is stated has it: from what an equilibrium
+    before left of the excursions, and `time` s after the load was put on, without it at its
+    time."""
     names = (*models.hood.tendons, *models.finger.tendons)
     of_muscles = np.array([names.index(name) for name in models.muscles.names], dtype=int)
     prescribed = _prescribed_excursions(case, names)
@@ -276,7 +281,8 @@ def _loaded_equilibrium(
         return solve_with(begun)[0]
     if draw is None:
         draw = initial_excursions(begun, np.zeros(len(begun)), prescribed.relaxation)
-    solved, end = solve_excursions(prescribed, draw, time, solve_with)
+    at_time = draw.time if time is None else time
+    solved, end = solve_excursions(prescribed, draw, at_time, solve_with)
     if (slack := end.tension <= 0).any():
         i = int(np.argmax(slack))
         raise ConvergenceError(

@@ -46,6 +46,22 @@ def test_a_tendon_whose_end_is_held_loses_what_its_function_says():
     assert result.audit.passed
 
 
+def test_another_start_and_another_slide_find_the_tendon_as_long_as_it_has_become():
+    case = load_case(
+        "pulley_edc",
+        [
+            'tendons.FDP={excursion="1 mm",elastic={stiffness="20 N/mm"},friction=0.1}',
+            f'relaxation={{tendons={{{HALF}}},held="40 s"}}',
+            "solve.second_start=true",
+        ],
+    )
+    summary = cosim.run(case).summary
+    assert summary["fingertip_magnitude_N"] > 1
+    assert summary["audit"]["second_start_force_N"] < 1e-6 * summary["fingertip_magnitude_N"]
+    loading = summary["friction"]["sliding"]["loading"]["fingertip_magnitude_N"]
+    assert loading == pytest.approx(summary["fingertip_magnitude_N"])
+
+
 def test_passive_joints_end_with_what_is_left_of_their_stiffness():
     """As joints of half the stiffness do whose torque in the unloaded posture is the same."""
     stated = 'finger.passive.PIP={{stiffness="{} N*m/rad",rest="{} deg"}}'
@@ -211,6 +227,7 @@ def test_an_fmu_of_a_motion_relaxes_as_the_motion_does():
             "does not give way in a motion",
         ),
         ("isometric_edc", [SOLE, 'coupling.scheme="one_way"'], "of a coupled hood"),
+        ("isometric_edc", [SOLE, 'solve.start="nearby"'], "does not depend on its path"),
         ("pulley_edc", [SOLE], "does not relax"),
         ("pulley_edc", [f'relaxation={{tendons={{{HALF}}},held="1 s"}}'], "is elastic"),
         (
