@@ -540,6 +540,27 @@ class AffineLoad:
     by_motion: Array
 
 
+class Relaxation(Protocol):
+    """A relaxation function, as `fe_solver.materials.prony.Prony` is one."""
+
+    @property
+    def left(self) -> float:
+        """What is left in the end of what is borne at once."""
+        ...
+
+    def start(self, borne: Array) -> Any:
+        """The memory at rest of what bears (n,)."""
+        ...
+
+    def law(self, memory: Any, dt: float) -> tuple[float, Array]:
+        """The factor of the elastic law `dt` s after `memory`, and what is held (n,) besides."""
+        ...
+
+    def after(self, memory: Any, borne: Array, dt: float) -> Any:
+        """The memory `dt` s after one, where the law then bears (n,)."""
+        ...
+
+
 class MovingFinger(Protocol):
     """A finger in time.  Its state is opaque and holds angles, rates and the clock; a step may be
     repeated from the old state."""

@@ -91,7 +91,7 @@ class RelaxationConfig(Table):
     tendons: RelaxationLawConfig | None = None
     """The elastic tendons whose ends are drawn (`excursion`)."""
     joints: RelaxationLawConfig | None = None
-    """The passive joint torques; in an equilibrium alone."""
+    """The passive joint torques."""
     held: Lasting | None = None
     """In an equilibrium: how long after the load was put on."""
     cycles: CyclesConfig | None = None

@@ -237,11 +237,8 @@ class CaseFile(Table):
             )
         if stated.tendons is not None and stated.cycles is not None:
             raise fault("relaxation.tendons: is not solved with cycles; write held")
-        if stated.joints is not None:
-            if self.forward is not None:
-                raise fault("relaxation.joints: is of an equilibrium; leave it out of a motion")
-            if not getattr(self.finger, "passive", None):
-                raise fault("relaxation.joints: the finger has no passive joints; leave it out")
+        if stated.joints is not None and not getattr(self.finger, "passive", None):
+            raise fault("relaxation.joints: the finger has no passive joints; leave it out")
         return self
 
     @model_validator(mode="after")

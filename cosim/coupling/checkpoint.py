@@ -102,6 +102,7 @@ FIELDS = (
     "points",
     "grip",
     "friction",
+    "passive",
 )
 NUMBERS = ("residual", "energy")
 
@@ -129,6 +130,7 @@ def _unstack_frames(arrays: dict[str, Array]) -> tuple[tuple[MotionFrame, ...], 
             points=arrays["points"][k],
             grip=arrays["grip"][k],
             friction=arrays["friction"][k],
+            passive=arrays["passive"][k],
         )
         for k in range(len(arrays["time"]))
     )

@@ -15,13 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
-from cosim.port import Array
+from cosim.port import Array, Relaxation
 
 EXCURSION_TOLERANCE = 1e-10
 """m."""
@@ -49,22 +49,6 @@ class PrescribedExcursions:
     """(nd,) m, by which the ends are moved before the tendons bear."""
     relaxation: Relaxation | None = None
     """By which what they bear relaxes, where it does."""
-
-
-class Relaxation(Protocol):
-    """A relaxation function, as of `fe_solver.materials.prony.Prony`."""
-
-    def start(self, borne: Array) -> Any:
-        """The memory at rest of what bears (n,)."""
-        ...
-
-    def law(self, memory: Any, dt: float) -> tuple[float, Array]:
-        """The factor of the elastic law `dt` s after `memory`, and what is held (n,) besides."""
-        ...
-
-    def after(self, memory: Any, borne: Array, dt: float) -> Any:
-        """The memory `dt` s after one, where the law then bears (n,)."""
-        ...
 
 
 class ExcursionState(NamedTuple):

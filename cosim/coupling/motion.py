@@ -80,6 +80,10 @@ class RecordedFinger(MovingFinger, Protocol):
         """The grip (n,), -1 to 1, of friction at the guides of tendons."""
         ...
 
+    def passive(self, state: State) -> Array:
+        """The passive torques (nq,) N m of the joints, as far as the finger knows them."""
+        ...
+
     def at_insertions(self, angles: Array, tension: Array, grip: Array) -> Array:
         """The tensions (nt,) N that friction leaves at the insertions of the finger's own."""
         ...
@@ -110,11 +114,12 @@ class RecordedFinger(MovingFinger, Protocol):
         tension: Array,
         tip: Array,
         grip: Array,
+        passive: Array,
     ) -> dict[str, Array]:
         """The wrench (nb, 6) on each body about its origin by source at the end of a step of `dt` s
         between two (angles, rates), beside the hood's (nb, 6) and under the own tendons' tensions
-        (nt,), the tip's wrench (6,) on the world and friction's `grip` (n,), as far as the finger
-        knows its forces."""
+        (nt,), the tip's wrench (6,) on the world friction's `grip` (n,) and the joints' `passive`
+        torques (nq,), as far as the finger knows its forces."""
         ...
 
 
@@ -177,6 +182,8 @@ class MotionFrame:
     """(n,) of friction at the guides of tendons."""
     friction: Array
     """(3,) J since the start, as of `RecordedFinger.friction_work`."""
+    passive: Array
+    """(nq,) N m, of the joints."""
 
 
 NO_EXCURSIONS = PrescribedExcursions((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
@@ -314,6 +321,7 @@ class CoupledMotion:
             self.points(c.hood),
             self.finger.grip(c.finger),
             at.friction,
+            self.finger.passive(c.finger),
         )
 
     def _path_lengths(self, state: State) -> Array:

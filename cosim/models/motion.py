@@ -114,7 +114,8 @@ def moving_models(
     from rigid.mujoco.moving_finger import MovingMujoco
 
     models = build_any(case, in_time=True)  # of a finger that check_fit lets move
-    finger = MovingMujoco(cast("MujocoFinger", models.finger), tip_device(case))
+    live = cast("MujocoFinger", models.finger)
+    finger = MovingMujoco(live, tip_device(case), relaxing(case).joints)
     pulls = CaseTendonDrive(case, (*models.hood.tendons, *finger.tendons))
     driven = _prescribed_excursions(case, pulls.tendons)
     scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()

@@ -251,6 +251,7 @@ def _books(t: MovingModels, start: MotionFrame, end: MotionFrame, tip: Array) ->
         end.tension[len(t.hood.tendons) :],
         tip,
         end.grip,
+        end.passive,
     )
 
 

@@ -176,7 +176,7 @@ ENERGIES = {
     "hood_relaxed": "lost or still held by what relaxes in the hood",
     "joints_stored": "stored in passive joints",
     "device_stored": "stored in the fingertip's device",
-    "joints_dissipated": "dissipated in the joints",
+    "joints_dissipated": "dissipated in the joints, of such that relax with what they still hold",
     "device_dissipated": "dissipated in the fingertip's device",
     "guides_dissipated": "lost to friction at the tendons' guides",
     "guides_held": "held at the tendons' guides before they slide",

@@ -14,6 +14,7 @@ Ordinary Differential Equations II); what it damps is in the audit.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -131,7 +132,11 @@ class FingerDynamics:
         held = state.basis if device is None else np.zeros((0, 6))
         self._turns = bool(held[:, 3:].any())
         self.device: Device = Nothing() if device is None else device
-        self._surface, self._joints = self.device.surface, _joints(finger.law)
+        self._surface, self._law, self._joints = (
+            self.device.surface,
+            finger.law,
+            _joints(finger.law),
+        )
         self._model = m = finger.model
         self._data = d = mujoco.MjData(m)
         self._site, self._last = m.site("tip").id, m.nbody - 1
@@ -268,7 +273,13 @@ class FingerDynamics:
     @property
     def law(self) -> JointLaw:
         """The joints' springs, limits and damping."""
-        return self._finger.law
+        return self._law
+
+    def under(self, law: JointLaw) -> FingerDynamics:
+        """The same finger with other springs of its joints, limits and damping."""
+        other = copy(self)
+        other._law, other._joints = law, _joints(law)
+        return other
 
     def tendon_lengths(self, at: Moment) -> Array:
         """The tendons' lengths (nt,) m in the angles of a state."""
@@ -315,7 +326,7 @@ class FingerDynamics:
         if self._turns:
             now = self._data.xmat[self._last].reshape(3, 3)
             turned = turn_gap(self._state.turn, now)[0]
-        if self.law.curves:
+        if self.law.curves or np.any(self.law.held):
             torque, slope = _curves(self.law, angles)
         if push is not None:
             torque = torque + push.torque + push.slope @ (angles - push.at)
@@ -333,8 +344,8 @@ def _dense_mass(model: mujoco.MjModel) -> NDArray[np.intp]:
 
 
 def _curves(law: JointLaw, angles: Array) -> tuple[Array, Array]:
-    """The torques (nq,) N m and slopes (nq, nq) N m/rad of the torque curves alone."""
-    torque, slope = np.zeros(len(angles)), np.zeros((len(angles), len(angles)))
+    """The torques (nq,) N m and slopes (nq, nq) N m/rad of torque curves, and what is held."""
+    torque, slope = np.zeros(len(angles)) + law.held, np.zeros((len(angles), len(angles)))
     for joint, curve in law.curves.items():
         i = law.joints.index(joint)
         torque[i], slope[i, i] = curve(float(angles[i]))

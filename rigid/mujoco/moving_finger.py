@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cosim.errors import ConvergenceError, InputError
-from cosim.port import AffineLoad, Array, Motion
+from cosim.port import AffineLoad, Array, Motion, Relaxation
+from rigid.chain.joint_torques import JointLaw
 from rigid.chain.kinematics import (
     Chain,
     body_jacobian,
@@ -37,6 +38,19 @@ class Moving(NamedTuple):
     moment: Moment
     acceleration: Array
     """(nq,) rad/s2, mean over the last step: the next one begins its iteration with it."""
+    passive: Relaxed | None = None
+    """Of joints that relax; None of those that do not."""
+
+
+class Relaxed(NamedTuple):
+    """Passive joints that relax, at the end of a step."""
+
+    torque: Array
+    """(nq,) N m."""
+    memory: Any
+    """What they have borne."""
+    loss: float
+    """W, over the step: lost, or still held by what relaxes."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +62,8 @@ class MovingMujoco:
 
     finger: MujocoFinger
     device: Device | None = None
+    relaxation: Relaxation | None = None
+    """By which the passive torques of the joints relax, where they do."""
     _made: dict[bytes, FingerDynamics] = field(default_factory=dict, compare=False, repr=False)
     """By the posture that a motion was begun in."""
 
@@ -70,7 +86,11 @@ class MovingMujoco:
         """At rest; raises InputError for a posture that the finger does not take."""
         start = self.finger.start(posture)
         at_rest = self._dynamics(start).start()
-        return Moving(start, at_rest, np.zeros_like(at_rest.rates))
+        begun = Moving(start, at_rest, np.zeros_like(at_rest.rates))
+        if self.relaxation is None:
+            return begun
+        torque = self.finger.law.passive(at_rest.angles)[0]
+        return begun._replace(passive=Relaxed(torque, self.relaxation.start(torque), 0.0))
 
     def fastest_rate(self, state: Moving, stiffness: Array) -> float:
         """The fastest rate (rad/s) at which the finger would swing from its beginning on tendons of
@@ -104,20 +124,55 @@ class MovingMujoco:
         if load.at.bodies != self.bodies:
             raise InputError(f"load on bodies {load.at.bodies}: the finger's are {self.bodies}")
         dynamics, before = self._dynamics(state.start), state.moment
+        law = self._law_after(state, dt)
+        if law is not None:
+            dynamics = dynamics.under(law)
         if not (load.wrench.any() or load.by_motion.any()):
             after = dynamics.pull(before, tension, None, dt)
-            return Moving(state.start, after, (after.rates - before.rates) / dt)
+            return self._moved(state, after, law, dt)
         angles = before.angles + dt * (before.rates + dt * state.acceleration)
         for _ in range(MOST_ITERATIONS):
             after = dynamics.pull(before, tension, self._push(load, angles), dt)
             turn = float(np.abs(after.angles - angles).max())
             if turn <= SETTLED:
-                return Moving(state.start, after, (after.rates - before.rates) / dt)
+                return self._moved(state, after, law, dt)
             angles = after.angles
         raise ConvergenceError(
             f"moving finger: the step to t = {before.time + dt:.6g} s still turns a joint by "
             f"{turn:.1e} rad after {MOST_ITERATIONS} iterations. Try a smaller step than {dt:g} s."
         )
+
+    def _law_after(self, state: Moving, dt: float) -> JointLaw | None:
+        """The joints in the `dt` s after a state; None of those that do not relax."""
+        if self.relaxation is None or state.passive is None:
+            return None
+        return self.finger.law.relaxed(*self.relaxation.law(state.passive.memory, dt))
+
+    def _moved(self, state: Moving, after: Moment, law: JointLaw | None, dt: float) -> Moving:
+        """The state with the finger `after` a step of `dt` s from it, its joints under `law`."""
+        moved = Moving(state.start, after, (after.rates - state.moment.rates) / dt)
+        if law is None or self.relaxation is None or state.passive is None:
+            return moved
+        torque, last = law.passive(after.angles)[0], state.passive
+        memory = self.relaxation.after(last.memory, torque, dt)
+        done = -0.5 * float((last.torque + torque) @ (after.angles - state.moment.angles))
+        moved = moved._replace(passive=Relaxed(torque, memory, 0.0))
+        loss = (done - self._in_joints(moved) + self._in_joints(state)) / dt
+        return moved._replace(passive=Relaxed(torque, memory, loss))
+
+    def _in_joints(self, state: Moving) -> float:
+        """J stored in joints and limits; of joints that relax for good."""
+        law, angles = self.finger.law, state.moment.angles
+        if self.relaxation is not None and state.passive is not None:
+            left = self.relaxation.left
+            law = law.relaxed(left, (1 - left) * state.passive.memory.rest)
+        return law.energy(angles)
+
+    def passive(self, state: Moving) -> Array:
+        """The passive torques (nq,) N m of the joints."""
+        if state.passive is None:
+            return self.finger.law.passive(state.moment.angles)[0]
+        return state.passive.torque
 
     def energy(self, state: Moving) -> float:
         return sum(self.stored_energy(state).values())
@@ -129,7 +184,7 @@ class MovingMujoco:
         return {
             "kinetic": kinetic,
             "height": height,
-            "joints": self.finger.law.energy(at.angles),
+            "joints": self._in_joints(state),
             "device": 0.0 if self.device is None else self.device.energy(dynamics.place(at)),
         }
 
@@ -158,9 +213,10 @@ class MovingMujoco:
         return out
 
     def dissipation(self, state: Moving) -> float:
-        """W, of the viscous torques of joints and limits."""
+        """W, of the viscous torques of joints and limits, and of what relaxes in joints."""
         rates = state.moment.rates
-        return -float(self.finger.law.viscous(state.moment.angles, rates)[0] @ rates)
+        viscous = -float(self.finger.law.viscous(state.moment.angles, rates)[0] @ rates)
+        return viscous if state.passive is None else viscous + state.passive.loss
 
     def tip(self, angles: Array) -> Array:
         """The fingertip's point (3,) m, world frame."""
@@ -179,6 +235,7 @@ class MovingMujoco:
         tension: Array,
         tip: Array,
         grip: Array,
+        passive: Array,
     ) -> dict[str, Array]:
         """The wrench (nb, 6) on each body about its origin (world frame) by source at the end of a
         step of `dt` s from angles and rates `before` to `now`: each muscle, gravity, passive,
@@ -187,7 +244,7 @@ class MovingMujoco:
         body.
 
         tension: (nt,) N, of the finger's own tendons; tip: (6,) of the fingertip on the world;
-        grip: (n,) of friction at the tendons' guides."""
+        grip: (n,) of friction at the tendons' guides; passive: (nq,) N m, of the joints."""
         finger, (angles, rates) = self.finger, now
         chain, law = finger.chain(angles), finger.law
         fingertip = np.zeros_like(hood)
@@ -197,7 +254,7 @@ class MovingMujoco:
         centre = finger.mass_centres(angles) - chain.motion.position
         books = {
             **finger.own_wrenches(angles, tension, grip),
-            "passive": joint_wrenches(chain, law.passive(angles)[0]),
+            "passive": joint_wrenches(chain, passive),
             "limit": joint_wrenches(chain, law.limit(angles)[0]),
             "damping": joint_wrenches(chain, law.viscous(angles, rates)[0]),
             "fingertip": fingertip,
