@@ -159,6 +159,7 @@ SUTURED = (
 CYCLES = 'relaxation={{hood={{tissue="aponeurosis_of_the_sole"}},cycles={{count={},period="2 s"}}}}'
 
 
+@pytest.mark.slow
 def test_the_first_load_is_that_at_once():
     plain, once = (
         cosim.run(load_case("isometric_edc", [*SUTURED, *more]))
