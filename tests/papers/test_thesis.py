@@ -149,7 +149,7 @@ def test_the_page_on_coarse_meshes(monkeypatch, tmp_path):
     page = write_pages(tmp_path / "out", "rows", "published", "strains", "slips", "ledger")
     assert "Not run: no mesh was given." in page
     assert "cosim reproduce thesis --mi29 FILE" in page
-    assert "://" not in page
+    assert "://" not in page.replace("http://www.w3.org/", "")  # a name of SVG is no address
     assert all(f'id="{name}"' in page for name in ("states", "table_1", "table_7", "figures"))
     assert len(list((tmp_path / "out").glob("*.png"))) == 5
     sources = pd.read_csv(tmp_path / "out/table_7_sources.csv")
