@@ -2,9 +2,9 @@
 
     python -m meshes.measure_bones FINGER FOLDER
 
-FOLDER holds 2mc.stl, 2proxph.stl, 2midph.stl and 2distph.stl (4mc.stl ... of the ring finger,
-5mc.stl ... of the little finger) of MyoHub/myo_sim at 2cef885 (Apache-2.0), in metres, each in
-MyoHand's frame of its body.
+FOLDER holds 2mc.stl, 2proxph.stl, 2midph.stl and 2distph.stl (3mc.stl ... of the middle finger,
+4mc.stl ... of the ring finger, 5mc.stl ... of the little finger) of MyoHub/myo_sim at 2cef885
+(Apache-2.0), in metres, each in MyoHand's frame of its body.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ ROWS["distal"] = (22, 14, 64)
 """By bone: stations, rows of a fan, angles."""
 FANS = {
     "index": ((-49e-3, 0.0), (10.5e-3, 42.5e-3), (7.0e-3, 24.5e-3), (5.0e-3, 15.5e-3)),
+    "middle": ((-50e-3, 0.0), (10.7e-3, 44.5e-3), (7.0e-3, 28.4e-3), (4.8e-3, 16.2e-3)),
     "ring": ((-45e-3, 0.0), (10.0e-3, 40.3e-3), (6.5e-3, 24.2e-3), (4.7e-3, 16.0e-3)),
     "little": ((-40e-3, 0.0), (9.8e-3, 36.0e-3), (6.3e-3, 20.4e-3), (4.7e-3, 14.8e-3)),
 }
@@ -50,7 +51,7 @@ FANS = {
 
 def plan_of(finger: str, body: str) -> MeasurementPlan:
     """How a finger's bone is measured."""
-    ray = {"index": 2, "ring": 4, "little": 5}[finger]
+    ray = {"index": 2, "middle": 3, "ring": 4, "little": 5}[finger]
     return MeasurementPlan(
         f"{ray}{PARTS[body]}.stl", *FANS[finger][BODIES.index(body)], *ROWS[body]
     )

@@ -6,9 +6,10 @@ it; the frames below are ours.
 
 A body frame has its origin at the bone's proximal joint centre (the metacarpal: at its distal one,
 the MCP centre), x along the bone to the next joint centre, y radial (the MCP flexion axis made
-normal to x), z dorsal; right-handed for a right hand.  Flexion turns about an axis near +y, radial
-abduction about one near +z.  At zero angles the bones' x axes lie
-in one line as seen along each joint's axis.  The world frame is the metacarpal's.
+normal to x; of the middle finger's phalanges the axes of PIP and DIP), z dorsal; right-handed for a
+right hand.  Flexion turns about an axis near +y, radial abduction about one near +z.  At zero
+angles the bones' x axes lie in one line as seen along each joint's axis.  The world frame is the
+metacarpal's.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ class JointFrames:
     STL)."""
     axes: tuple[Direction, Direction, Direction, Direction]
     """The joints' axes, in the order of JOINTS, in the frame of the bone after each."""
+    sideways: tuple[int, int, int] = (0, 0, 0)
+    """Of each phalanx, the joint of JOINTS whose axis its y lies along."""
 
 
 MYOHAND: Mapping[str, JointFrames] = {
@@ -56,6 +59,23 @@ MYOHAND: Mapping[str, JointFrames] = {
             (0.97517, 0.0998334, -0.197677),
             (0.995004, 0.0998334, 0.0),
         ),
+    ),
+    # The model that takes these bones has parallel flexion axes (`rigid.fingers.middle`); here the
+    # MCP's is turned by 11 deg about the finger.  A cylinder through the head of the proximal
+    # phalanx lies along the PIP's within 1 deg, so that the phalanges are laid by PIP and DIP.
+    "middle": JointFrames(
+        (0.00024, -0.02629, 0.001778),
+        (0.00165, -0.044211, 0.00623),
+        (0.001365, -0.029047, 0.001954),
+        0.01913,
+        (0.05316038, -0.99708301, 0.05476722),
+        (
+            (0.980067, 0.0, 0.198669),
+            (-0.198669, 0.0, 0.980067),
+            (1.0, 0.0, 0.0),
+            (1.0, 0.0, 0.0),
+        ),
+        sideways=(2, 3, 3),
     ),
     "ring": JointFrames(
         (-0.00183, -0.023689, -0.000173),
@@ -173,10 +193,15 @@ def myohand_finger(name: str) -> Skeleton:
     of = MYOHAND[name]
     mcp, pip, dip, long_axis = map(np.array, (of.mcp, of.pip, of.dip, of.long_axis))
     flexion, abduction, at_pip, at_dip = map(np.array, of.axes)
-    proximal, middle, distal = (_frame(x, flexion) for x in (pip, dip, long_axis))
+    ways = zip((pip, dip, long_axis), of.sideways, strict=True)
+    proximal, middle, distal = (_frame(x, np.array(of.axes[joint])) for x, joint in ways)
+    metacarpal, turn_mcp = proximal, np.eye(3)
+    if of.sideways[0] != 0:
+        metacarpal = _frame(pip, flexion)
+        turn_mcp = metacarpal.T @ proximal
     turn_pip = _straightening(at_pip, pip, dip)
     turn_dip = _straightening(at_dip, dip, long_axis)
-    zero = np.stack([np.eye(3), proximal.T @ turn_pip @ middle, middle.T @ turn_dip @ distal])
+    zero = np.stack([turn_mcp, proximal.T @ turn_pip @ middle, middle.T @ turn_dip @ distal])
     axis = np.stack(
         [
             proximal.T @ _unit(flexion),
@@ -188,7 +213,7 @@ def myohand_finger(name: str) -> Skeleton:
     norms = [float(np.linalg.norm(c)) for c in (pip, dip)]
     origin = np.zeros(3)
     source = {
-        "metacarpal": (proximal, mcp),
+        "metacarpal": (metacarpal, mcp),
         "proximal": (proximal, origin),
         "middle": (middle, origin),
         "distal": (distal, origin),

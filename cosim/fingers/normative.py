@@ -125,17 +125,15 @@ def width(finger: NormativeFingerConfig) -> float:
 
 
 def bones(finger: NormativeFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
-    """Its own bones, scaled; of a finger of which none were measured the index finger's, each as
-    long as its own and as much wider as its tendon paths are, the metacarpal longer by the
-    phalanges' mean, in its bodies' frames."""
+    """Its own bones, in its bodies' frames, scaled; each as long as its phalanx and as wide as
+    measured, the metacarpal longer by the phalanges' mean."""
     from meshes.bones import bone_surface
 
     measured = finger.record().bones
     longer = skeleton(finger).length[1:] / myohand_finger(measured).length[1:]
     along = np.concatenate([[longer.mean()], longer])
-    across = width(finger) if measured == "index" else finger.length_scale
     return {
-        body: bone_surface(body, float(factor), across, measured)
+        body: bone_surface(body, float(factor), finger.length_scale, measured)
         for body, factor in zip(BODIES, along, strict=True)
     }
 

@@ -3,7 +3,8 @@
 The third digit after An et al. 1979, whose axes are parallel; see `anatomy`.  The authors' own
 calibrated points were fitted to the fingertip forces that this finger is compared with, and are
 not used here.  The radial interosseous and the terminal slip are those of another source
-(`RADIAL_INTEROSSEOUS`, `TERMINAL_SLIP`).
+(`RADIAL_INTEROSSEOUS`, `TERMINAL_SLIP`).  Under a hood it has MyoHand's bones of this finger, each
+as long as the phalanx here.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ RADIAL_INTEROSSEOUS: Mapping[Source, Row] = {
 """RI's row at the MCP, in two sources.
 
 "myohand": the last point on the third metacarpal and the one on the proximal phalanx of MyoHand's
-RI3 (MyoHub/myo_sim at 2cef885, Apache-2.0; after Lee et al. 2015, PLoS ONE 10:e0121712), taken over
-as the index finger's bones are: from the joint's centre, x towards the PIP's, y the flexion axis
-made normal to x; all lengths times the ratio of the proximal phalanges, 47.02 / 44.68 mm.
+RI3 (MyoHub/myo_sim at 2cef885, Apache-2.0; after Lee et al. 2015, PLoS ONE 10:e0121712), from the
+joint's centre, x towards the PIP's, y the flexion axis made normal to x; all lengths times the
+ratio of the proximal phalanges, 47.02 / 44.68 mm.
 
 "an1979": the normative table.  Its proximal point lies as deep as the superficial flexor (0.574)
 and twice as deep as the ulnar interosseous (0.264), while both interossei pass dorsal of the deep
@@ -50,8 +51,8 @@ TERMINAL_SLIP: Mapping[Source, Row] = {
 joint, and the normative table's.
 
 Its arm is 3.3 mm by the first and 4.0 mm by the second, where the normative index finger has 2.0
-mm.  Bone (the index finger's at this size, 2.4 mm over the axis) and half of a slip that lies on it
-make 2.8 mm.  MyoHand's is the nearer one; chosen by anatomy and arms, not by a force."""
+mm.  Its own bone (1.9 mm over the axis) and half of a slip that lies on it make 2.4 mm.  MyoHand's
+is the nearer one; chosen by anatomy and arms, not by a force."""
 ROWS: Mapping[str, Mapping[str, Row]] = {
     "MCP": {
         "FDP": ((-0.300, -0.470, 0.012), (0.180, -0.330, 0.023)),
@@ -96,6 +97,7 @@ MIDDLE = NormativeFinger(
     },
     {"FDP": 4.1, "FDS": 4.2, "EDC": 1.7, "LUM": 0.2, "UI": 2.2, "RI": 2.8},
     "Chao 1989, digit III, in Synek 2019",
+    bones="middle",
     to_bone={"RI": 0.5},  # the same source's share that ends on the proximal phalanx
 )
 

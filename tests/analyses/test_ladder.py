@@ -46,8 +46,8 @@ def test_a_case_keeps_all_but_its_hood():
     middle = load_case("middle_minorflex_edc")
     isotropic = ladder.case_on_rung(middle, "isotropic shell").hood
     assert {region.kind for region in isotropic.regions.values()} == {"isotropic"}
-    assert isotropic.contact == load_case("base/middle_hood.toml").hood.contact
-    assert isotropic.contact != load_case("isometric_edc").hood.contact
+    assert isotropic.springs == load_case("base/middle_hood.toml").hood.springs
+    assert isotropic.springs != load_case("isometric_edc").hood.springs
 
 
 def test_the_slips_share_what_enters(rungs):

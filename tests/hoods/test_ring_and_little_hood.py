@@ -1,5 +1,5 @@
-"""Hoods of the ring and the little finger: laid by the index finger's generator on bones of their
-own, by the middle finger's rules."""
+"""Hoods of the ring and the little finger, and what the middle finger's shares with them: laid by
+the index finger's generator on bones of their own, by one set of rules."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from cosim.models.build import bone_surfaces, build, hood_mesh
 from cosim.pipeline import run_case
 from meshes.skeleton import BODIES, myohand_finger
 from rigid.fingers.little import LITTLE
+from rigid.fingers.middle import MIDDLE
 from rigid.fingers.ring import RING
 
 COARSE = "hood.mesh.quads=150"
 RECORDS = {"ring": RING, "little": LITTLE}
+MIDDLE_TOO = {"middle": MIDDLE, **RECORDS}
 # mm, bare bone over the MCP's and the PIP's axis (mean over 4 mm).
-BARE = {"ring": (4.9, 2.8), "little": (5.1, 2.7)}
+BARE = {"middle": (5.2, 3.0), "ring": (4.9, 2.8), "little": (5.1, 2.7)}
 
 
 def case(kind: str, *settings: str) -> Case:
@@ -50,11 +52,11 @@ def test_a_hood_is_the_index_fingers_scaled_by_o2o3(kind: str) -> None:
         ("PIP", "ES", "proximal", "central_slip"),
     ],
 )
-@pytest.mark.parametrize("kind", RECORDS)
+@pytest.mark.parametrize("kind", MIDDLE_TOO)
 def test_contact_offsets_put_the_sheet_at_ans_heights(
     kind: str, joint: str, row: str, body: str, part: str
 ) -> None:
-    laid, record = case(kind), RECORDS[kind]
+    laid, record = case(kind), MIDDLE_TOO[kind]
     bones, skeleton = bone_surfaces(laid)[body][0], skeleton_of(laid.finger)
     at = 0.0 if body == "metacarpal" else skeleton.length[1]
     near = bones[(np.abs(bones[:, 0] - at) < 0.4e-3) & (np.abs(bones[:, 1]) < 2e-3)]

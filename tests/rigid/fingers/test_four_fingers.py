@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from cosim.analyses.moment_arms import compare_published, published_arms
+from cosim.anatomy.joints import fit_cylinder
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.models.build import build
 from cosim.pipeline import run_case
 from cosim.port import Array
+from meshes.bones import bone_surface
 from meshes.skeleton import JOINTS, MYOHAND, myohand_finger
 from rigid.fingers.index import INDEX
 from rigid.fingers.little import LITTLE
@@ -32,7 +34,7 @@ def arms(finger: MujocoFinger, muscle: str, joint: str, degrees: Array) -> Array
     return 1e3 * np.array([finger.moment_arms(q)[row, j] for q in turns])
 
 
-@pytest.mark.parametrize("name", ["ring", "little"])
+@pytest.mark.parametrize("name", ["middle", "ring", "little"])
 def test_axes_turn_against_each_other_as_myohands_do(name: str) -> None:
     """The turns that straighten the finger leave the axes that they turn about where they are."""
     of, skeleton = MYOHAND[name], myohand_finger(name)
@@ -45,6 +47,22 @@ def test_axes_turn_against_each_other_as_myohands_do(name: str) -> None:
     assert min(flexion[1], pip[1], dip[1], abduction[2]) > 0.96  # about +y, and +z
     lengths = [np.linalg.norm(of.pip), np.linalg.norm(of.dip), of.tip]
     assert skeleton.length[1:] == pytest.approx(lengths, abs=1e-12)
+
+
+def test_the_middle_fingers_phalanges_lie_with_their_condyles_across_its_parallel_axes() -> None:
+    """A cylinder through the back of a head has its axis; MyoHand's MCP stands 11 deg off."""
+    skeleton, flat = myohand_finger("middle"), MIDDLE.skeleton()
+    flexion, _, pip, dip = skeleton.axis
+    turn = skeleton.zero[0]
+    assert (turn @ flexion)[1:] == pytest.approx([0.998, 0.0], abs=1e-3)
+    assert np.degrees(np.arcsin(turn[2, 1])) == pytest.approx(-11.4, abs=0.1)
+    assert (pip[2], dip[2]) == pytest.approx((0.0, 0.0), abs=1e-12)
+    for body, at, most in (("proximal", 1, 1.0), ("middle", 2, 4.0)):
+        points, centre = bone_surface(body, finger="middle")[0], skeleton.length[at] * np.eye(3)[0]
+        beyond = points - centre
+        head = points[(beyond[:, 0] > 0.0) & (beyond[:, 2] > -1e-3) & (np.abs(beyond[:, 1]) < 3e-3)]
+        way, _, _, _ = fit_cylinder(head, flat.axis[at + 1], centre)
+        assert abs(np.degrees(np.arctan2(way[2], way[1]))) < most
 
 
 @pytest.mark.parametrize("finger", FINGERS.values(), ids=FINGERS)
