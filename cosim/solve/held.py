@@ -33,7 +33,7 @@ class Loaded(NamedTuple):
     equilibrium: Equilibrium
     pull: MusclePull
     draw: ExcursionState | None = None
-    """Of the tendons whose excursion is stated; None without any."""
+    """How the tendons with a stated excursion were drawn; None without any."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from cosim.errors import InputError
 from cosim.port import Array
 
 TERMS = 16
-"""Of a spectrum: Gauss-Legendre over the logarithm of the times, to 1e-5 over four decades."""
+"""How many a spectrum has: Gauss-Legendre over the logarithm of times, to 1e-5 over four decades."""
 
 
 class Memory(NamedTuple):
