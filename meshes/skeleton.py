@@ -43,7 +43,7 @@ class JointFrames:
     axes: tuple[Direction, Direction, Direction, Direction]
     """The joints' axes, in the order of JOINTS, in the frame of the bone after each."""
     sideways: tuple[int, int, int] = (0, 0, 0)
-    """Of each phalanx, the joint of JOINTS whose axis its y lies along."""
+    """By phalanx the joint of JOINTS along whose axis its y lies."""
 
 
 MYOHAND: Mapping[str, JointFrames] = {

@@ -25,7 +25,7 @@ from cosim.errors import InputError
 from cosim.port import Array
 
 TERMS = 16
-"""How many a spectrum has: Gauss-Legendre over the logarithm of times, to 1e-5 over four decades."""
+"""How many a spectrum has: Gauss-Legendre over the logarithm of times, 1e-5 over four decades."""
 
 
 class Memory(NamedTuple):

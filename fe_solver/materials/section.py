@@ -226,7 +226,7 @@ class RelaxedSection(Section):
     """A section in a step of its relaxation (`materials.prony`)."""
 
     factor: float
-    """Of the law."""
+    """By which the law is multiplied."""
     held: Array
     """(ne, g, 8) N/m and N, of the steps before."""
 

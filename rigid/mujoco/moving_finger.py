@@ -39,7 +39,7 @@ class Moving(NamedTuple):
     acceleration: Array
     """(nq,) rad/s2, mean over the last step: the next one begins its iteration with it."""
     passive: Relaxed | None = None
-    """Of joints that relax; None of those that do not."""
+    """What joints that relax bear; None of those that do not."""
 
 
 class Relaxed(NamedTuple):
