@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 from cosim.errors import InputError
+from cosim.files import shown_path
 from cosim.port import Array
 from cosim.validation.curves import (
     ARM,
@@ -154,7 +155,7 @@ def test_a_bad_file_is_one_message(tmp_path: Path, text: str, words: str) -> Non
     path.write_text(f"[sweeps]\n{text}\n", encoding="utf-8")
     with pytest.raises(InputError, match=words) as caught:
         read_sweeps(path=path)
-    assert str(caught.value).startswith(str(path))
+    assert str(caught.value).startswith((str(path), shown_path(path)))
 
 
 # Runs ---------------------------------------------------------------------------------------------
