@@ -132,10 +132,7 @@ def _cycle(
     feet = 1
     numbers = np.geomspace(2, max(cycles.count, 2), STEPS).round().astype(int)
     for number in np.unique(numbers[numbers <= cycles.count]).tolist():
-        swings = [
-            part.law.swing(down, up, cycles.period)
-            for part, down, up in zip(under.parts, memories, top, strict=True)
-        ]
+        swings = [down.swing_to(up, cycles.period) for down, up in zip(memories, top, strict=True)]
         more, time = (number - 1 - feet) * cycles.period, (number - 1) * cycles.period
         if more > 0:
             _, foot, memories = under.step(least, foot, memories, more, time - half, swings)
@@ -183,7 +180,7 @@ class _UnderLoad:
         try:
             found = self.solve(load, now, start=start, progress=say, draw=at.draw, time=time)
         except ConvergenceError as error:
-            left = 100 * min(float(part.law.modulus(time)) for part in self.parts)
+            left = 100 * min(float(law.modulus(time)) for law in self.laws if law is not None)
             raise ConvergenceError(
                 f"after {time:.4g} s under load, when {left:.3g} % of what is borne at once is "
                 f"left: {error} Or a shorter time under load, or less that relaxes."

@@ -38,6 +38,10 @@ class Memory(NamedTuple):
     branches: Array
     """(k, n) of that, since the start, what each term still bears."""
 
+    def swing_to(self, top: Memory, period: float) -> Swing:
+        """Cycles of `period` s between what is borne here, at the foot, and at the top of one."""
+        return Swing(top.elastic - self.elastic, period)
+
 
 class Swing(NamedTuple):
     """Many cycles about what slowly changes: evenly up by `size` and evenly down again."""
@@ -117,10 +121,6 @@ class Prony:
         more = (self.weights * even)[:, None] * (elastic - memory.elastic)
         more += self._swung(dt, swing)
         return Memory(memory.rest, elastic, decay[:, None] * memory.branches + more)
-
-    def swing(self, foot: Memory, top: Memory, period: float) -> Swing:
-        """Cycles of `period` s between what is borne at the foot and at the top of one."""
-        return Swing(top.elastic - foot.elastic, period)
 
     def _swung(self, dt: float, swing: Swing | None) -> Array:
         """What cycles over `dt` s leave in the terms (k, n): a geometric series."""

@@ -176,6 +176,11 @@ class Section:
         table, uncoded = self._coded
         return _add(uncoded, strain, Resultants(*respond(*table, self.linear, strain)))
 
+    def strain_energy(self, strain: Array) -> Array:
+        """What the law stores (ne, g) J/m2 at generalized strains (ne, g, 8); of a section that
+        relaxed what it would store at once."""
+        return Section.response(self, strain).energy
+
     def respond_in_numpy(self, strain: Array) -> Resultants:
         """`response` without the compiled kernel: what that is held to."""
         force = np.einsum("ngij,ngj->ngi", self.linear, strain)

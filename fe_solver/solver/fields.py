@@ -40,8 +40,8 @@ def fields(model: ShellModel, c: Configuration) -> Fields:
 
 @dataclass(frozen=True)
 class EnergyFields:
-    """Means over each quad and its thickness; densities times volumes add up to the shell's
-    energy."""
+    """Means over each quad and its thickness; densities times volumes add up to the shell's energy,
+    of one that relaxed to what it would store at once."""
 
     density: Array
     """(ne,) J/m3 of stress-free volume, bending and transverse shear included."""
@@ -56,7 +56,7 @@ def energy_fields(model: ShellModel, c: Configuration) -> EnergyFields:
     strain = model.tables.strain(np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1))
     area, each = model.tables.weight, model.tables.weight * model.section.thickness
     volume = each.sum(axis=1)
-    energy = (area * model.section.response(strain).energy).sum(axis=1)
+    energy = (area * model.section.strain_energy(strain)).sum(axis=1)
     stretch = (each * model.section.thickness_stretch(strain)).sum(axis=1) / volume
     return EnergyFields(energy / volume, volume, stretch)
 

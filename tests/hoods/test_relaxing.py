@@ -13,6 +13,7 @@ from cosim.port import STATIC
 from fe_solver.forces.cables import Cables, law
 from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.materials.prony import Prony
+from fe_solver.solver.fields import energy_fields
 from tests.helpers.pulled import Sled, on_springs, to_body
 from tests.proofs.fe.sheets import clamp, plate, sheet
 
@@ -163,3 +164,16 @@ def test_cables_of_a_step_bear_the_elastic_law_times_its_factor_and_what_is_held
     residual = 0.01 * length / 10e-3
     before, after = law(cells, length), law(relaxed(net, 0.7, held).model.cables, length)
     assert after.force - residual == pytest.approx(0.7 * (before.force - residual) - 3.0)
+
+
+def test_the_energy_shown_of_a_relaxed_sheet_is_that_of_its_law_at_its_strains():
+    """Not the potential of a step, which falls below zero."""
+    hood = relaxing()
+    rest = hood.advance(hood.start(at(0)), at(0), NONE, STATIC).state
+    state = hood.advance(rest, at(1e-3), NONE, 3.0).state
+    shown, elastic = (
+        energy_fields(h.model, state.hood.configuration).density
+        for h in (hood.hood_of(state), hood.whole)
+    )
+    assert hood.hood_of(state) is not hood.whole
+    np.testing.assert_array_equal(shown, elastic)

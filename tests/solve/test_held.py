@@ -7,6 +7,7 @@ import pytest
 
 import cosim
 from cosim.case.file import load_case
+from cosim.coupling.excursion import solve_excursions
 from cosim.coupling.state_arrays import flatten, rebuild
 from cosim.errors import ConvergenceError, InputError
 from cosim.fmu_export.motion_parts import moving_part
@@ -316,6 +317,19 @@ def test_a_later_law_and_a_later_time_take_the_place_of_earlier_ones():
         ],
     )
     assert both.relaxation.hood.weights is None
+
+
+def test_tendons_alone_that_relax_and_find_no_equilibrium_say_when(monkeypatch):
+    def fails_later(prescribed, at, time, trial):
+        if time > 0:
+            raise ConvergenceError("no tension was found.")
+        return solve_excursions(prescribed, at, time, trial)
+
+    monkeypatch.setattr("cosim.solve.static.solve_excursions", fails_later)
+    drawn = 'tendons.FDP={excursion="1 mm",elastic={stiffness="20 N/mm"}}'
+    case = load_case("pulley_edc", [drawn, f'relaxation={{tendons={{{HALF}}},held="40 s"}}'])
+    with pytest.raises(ConvergenceError, match=r"after 1 s under load, when 95.2 %"):
+        cosim.run(case)
 
 
 @pytest.mark.slow
