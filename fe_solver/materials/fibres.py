@@ -231,7 +231,7 @@ class DispersedFamily:
         power = self.k2 * taut * taut
         x = self.k1 * np.exp(power)
         curvature = x * (1 + 2 * power) * (strain >= 0)
-        return (x - self.k1) / (2 * self.k2), x * taut, curvature
+        return self.k1 * np.expm1(power) / (2 * self.k2), x * taut, curvature
 
     def _strain(self, p: Invariants, a: Array) -> tuple[Array, Array, Array]:
         """E and its first and second derivative by j; a = J^(-2/3)."""

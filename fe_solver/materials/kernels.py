@@ -451,8 +451,8 @@ def _toe_energy(n: Array, at: int, stretch: float, tension: float) -> float:
     c3, c4, c5, lam_max, at_rest = n[at], n[at + 1], n[at + 2], n[at + 3], n[at + 4]
     if stretch < lam_max:
         return (tension + c3) * _scaled_expi(c4 * stretch) - c3 * (at_rest + math.log(stretch))
-    c6 = n[at + 5] - c5 * lam_max
-    return n[at + 6] + c5 * (stretch - lam_max) + c6 * math.log(stretch / lam_max)
+    c6, ratio = n[at + 5] - c5 * lam_max, stretch / lam_max  # of both terms, or it does not cancel
+    return n[at + 6] + c5 * lam_max * (ratio - 1) + c6 * math.log(ratio)
 
 
 @compile_part
@@ -497,7 +497,7 @@ def _dispersed(n: Array, at: int, E: float) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
     power = k2 * E * E
     x = k1 * math.exp(power)
-    return (x - k1) / (2 * k2), x * E, x * (1 + 2 * power)
+    return k1 * math.expm1(power) / (2 * k2), x * E, x * (1 + 2 * power)
 
 
 @compile_part

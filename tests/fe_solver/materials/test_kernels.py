@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.special import expi
 
@@ -125,6 +125,7 @@ def test_hyperelastic_laws_answer_as_in_numpy(
 
 @compiled
 @given(st.one_of(STRAIGHT, CURVED), st.integers(0, 99), positive(1e-4, 0.5), positive(1e-6, 1e-2))
+@example(toe(TransIsoMooneyRivlin, 1e4, 1.0, 1e3, 1.0, 1e8, 10**-1.5, k=np.inf), 1, 0.1, 1e-6)
 @settings(max_examples=100)
 def test_tension_fields_answer_as_in_numpy(
     base: Law, seed: int, size: float, smoothing: float

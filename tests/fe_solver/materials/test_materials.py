@@ -14,9 +14,14 @@ from scipy.integrate import quad
 from cosim.errors import InputError
 from fe_solver.materials import wrinkle_search
 from fe_solver.materials.crossed_fibres import CrossedFibres
-from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.materials.fibres import (
+    ExponentialFamily,
+    HolzapfelGasserOgden,
+    TransIsoMooneyRivlin,
+)
 from fe_solver.materials.hyperelastic import NeoHookean, volume_ratio
 from fe_solver.materials.linear import Isotropic, Law, LinearLaw, Orthotropic
+from fe_solver.materials.section import one_law
 from fe_solver.materials.tension_field import RESIDUAL, State, TensionField
 from tests.proofs.fe import material_rows
 from tests.proofs.fe.material_points import (
@@ -169,6 +174,22 @@ def test_fibre_energy_is_continuous() -> None:
         assert above == pytest.approx(below, abs=1e-8 * 5e6)
     below, above = TENDON.tension(np.array([1.03 - 1e-9, 1.03 + 1e-9]))[0]
     assert above == pytest.approx(below, rel=1e-6)
+
+
+def test_energies_of_fibres_have_no_noise() -> None:
+    """A search for the least energy compares energies whose difference is far below each: what
+    cancels in them would be noise in it.  They rise with the force, and squares of small strains
+    are left."""
+    for law, first, last, most in (
+        (TransIsoMooneyRivlin(1e4, 1.0, 1e3, 31.6, 1e8, 1.0316), 0.0322, 0.035, 1e-9),
+        (HolzapfelGasserOgden(1e-6, 1e8, 0.2, 0.0, 0.0), 0.0, 1e-7, 1e-14),
+    ):
+        strain = np.zeros((1, 1000, 8))
+        strain[..., 0] = np.linspace(first, last, 1000)
+        energy, force, _ = one_law(law, np.ones((1, 1000))).response(strain)
+        mean = (force[0, 1:, 0] + force[0, :-1, 0]) / 2
+        rises = np.diff(energy[0]) - mean * np.diff(strain[0, :, 0])
+        assert np.abs(rises).max() < most  # J/m2 of c5 and k1 of 1e8 J/m2
 
 
 def test_fibres_hold_at_rest_and_slacken_in_compression() -> None:
