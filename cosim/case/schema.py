@@ -212,6 +212,18 @@ class CaseFile(Table):
         return self
 
     @model_validator(mode="after")
+    def _can_wear(self) -> CaseFile:
+        if self.forward is not None:
+            return self
+        for joint, splint in getattr(self.finger, "splint", {}).items():
+            if splint.has_times:
+                raise fault(
+                    f"finger.splint.{joint}: begins and ends are of a motion; leave them out, or "
+                    "write a table forward"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _can_relax(self) -> CaseFile:
         stated = self.relaxation
         if stated is None:

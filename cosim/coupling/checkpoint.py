@@ -102,7 +102,7 @@ FIELDS = (
     "points",
     "grip",
     "friction",
-    "passive",
+    "joint_torques",
 )
 NUMBERS = ("residual", "energy")
 
@@ -130,7 +130,7 @@ def _unstack_frames(arrays: dict[str, Array]) -> tuple[tuple[MotionFrame, ...], 
             points=arrays["points"][k],
             grip=arrays["grip"][k],
             friction=arrays["friction"][k],
-            passive=arrays["passive"][k],
+            joint_torques=arrays["joint_torques"][k],
         )
         for k in range(len(arrays["time"]))
     )

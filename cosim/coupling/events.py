@@ -10,17 +10,19 @@ from cosim.port import Array, Hood, Mask, State
 
 NO_EVENTS = np.zeros((0, 8))
 FAILS, BEGINS = 0.0, 1.0
+TIME_ROUNDING = 1e-12
+"""s, by which times that are the same may differ."""
 
 
 class Event(NamedTuple):
     """A row of a motion's events."""
 
     part: float
-    """Its number among the hood's."""
+    """Its number among the hood's; of a splint, after these."""
     time: float
     """s."""
     force: float
-    """N."""
+    """N; of a splint its torque, N m."""
     stretch: float
     """m."""
     freed: float

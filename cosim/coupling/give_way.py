@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from cosim.coupling.events import BEGINS, FAILS, Event, GivingHood
+from cosim.coupling.events import BEGINS, FAILS, TIME_ROUNDING, Event, GivingHood
 from cosim.coupling.motion import CoupledMotion, MotionState
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array, Mask
@@ -28,8 +28,6 @@ SAME_SHARE = 1e-6
 """Parts that are beyond what they bear by shares that differ by less give way at once."""
 FADED = 1e-3
 """The share of its stiffness by which a part that lets go over a while may be off."""
-TIME_ROUNDING = 1e-12
-"""s, by which times that are the same may differ."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class GivingMotion(CoupledMotion):
         """One step on, with what gives way and begins in it.  Raises ConvergenceError."""
         hood = self.giving
         assert hood is not None
-        end, at = at.coupled.time + self.dt, settle(self, hood, at)
+        end, at = at.coupled.time + self.dt, settle(self, hood, self.with_splints(at))
         while (left := end - at.coupled.time) > TIME_ROUNDING + 1e-9 * self.dt:
             after = self.advance_by(at, min(left, next_time(hood, at) - at.coupled.time))
             if passes(hood, after):
@@ -101,9 +99,10 @@ def settle(moves: CoupledMotion, hood: GivingHood, at: MotionState) -> MotionSta
 
 def _history(hood: GivingHood, at: MotionState) -> tuple[Mask, Mask]:
     """Which parts (k,) have begun, and which have given way."""
-    begun, failed = np.zeros((2, len(hood.names)), dtype=bool)
-    for mask, kind in ((begun, BEGINS), (failed, FAILS)):
-        mask[at.events[at.events[:, 6] == kind, 0].astype(int)] = True
+    parts = np.arange(len(hood.names))
+    begun, failed = (
+        np.isin(parts, at.events[at.events[:, 6] == kind, 0]) for kind in (BEGINS, FAILS)
+    )
     return begun, failed
 
 
@@ -118,7 +117,8 @@ def _fading(hood: GivingHood, at: MotionState, end: Mask) -> Array:
     s, bearing = hood.schedule, hood.bearing(at.coupled.hood)
     out = bearing.left.copy()
     out[end & (s.over_time == 0) & (s.over_stretch == 0)] = 0.0
-    for event in (Event(*row) for row in at.events if row[6] == FAILS):
+    fails = (at.events[:, 6] == FAILS) & (at.events[:, 0] < len(hood.names))
+    for event in (Event(*row) for row in at.events[fails]):
         i = int(event.part)
         gone = 0.0
         if s.over_time[i]:
@@ -153,8 +153,8 @@ def _change(
     lost = hood.energy(whole.hood) - hood.energy(after.hood)
     lost += after.energy.tendons - whole.energy.tendons
     now, events = np.flatnonzero(begin | end), at.events.copy()
-    fading = (left != bearing.left) & ~(begin | end)
-    rows = np.flatnonzero((events[:, 6] == FAILS) & fading[events[:, 0].astype(int)])
+    fading = np.flatnonzero((left != bearing.left) & ~(begin | end))
+    rows = np.flatnonzero((events[:, 6] == FAILS) & np.isin(events[:, 0], fading))
     each = lost / (len(rows) + len(now))
     events[rows, 5] += each
     more = (bearing.force, bearing.stretch, bearing.energy)

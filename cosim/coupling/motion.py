@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cosim.coupling.events import NO_EVENTS, GivingHood
+from cosim.coupling.events import BEGINS, FAILS, NO_EVENTS, TIME_ROUNDING, Event, GivingHood
 from cosim.coupling.excursion import (
     ExcursionState,
     PrescribedExcursions,
@@ -80,8 +80,9 @@ class RecordedFinger(MovingFinger, Protocol):
         """The grip (n,), -1 to 1, of friction at the guides of tendons."""
         ...
 
-    def passive(self, state: State) -> Array:
-        """The passive torques (nq,) N m of the joints, as far as the finger knows them."""
+    def joint_torques(self, state: State) -> Array:
+        """The torques (3, nq) N m of passive joints, of limits and of the damping of both, as far
+        as the finger knows them."""
         ...
 
     def at_insertions(self, angles: Array, tension: Array, grip: Array) -> Array:
@@ -114,12 +115,29 @@ class RecordedFinger(MovingFinger, Protocol):
         tension: Array,
         tip: Array,
         grip: Array,
-        passive: Array,
+        joints: Array,
     ) -> dict[str, Array]:
         """The wrench (nb, 6) on each body about its origin by source at the end of a step of `dt` s
         between two (angles, rates), beside the hood's (nb, 6) and under the own tendons' tensions
-        (nt,), the tip's wrench (6,) on the world friction's `grip` (n,) and the joints' `passive`
-        torques (nq,), as far as the finger knows its forces."""
+        (nt,), the tip's wrench (6,) on the world, friction's `grip` (n,) and the torques (3, nq) of
+        the `joints`, as far as the finger knows its forces."""
+        ...
+
+
+class SplintedFinger(Protocol):
+    """A moving finger with splints that are put on and taken off by the clock."""
+
+    @property
+    def switches(self) -> tuple[Array, Array]:
+        """When each splint (k,) is put on, and when it is taken off, s."""
+        ...
+
+    def splinted(self, state: State) -> State:
+        """The state with those splints put on and taken off that are due."""
+        ...
+
+    def splint_torques(self, state: State) -> Array:
+        """The torques (k,) N m of the splints."""
         ...
 
 
@@ -182,8 +200,8 @@ class MotionFrame:
     """(n,) of friction at the guides of tendons."""
     friction: Array
     """(3,) J since the start, as of `RecordedFinger.friction_work`."""
-    passive: Array
-    """(nq,) N m, of the joints."""
+    joint_torques: Array
+    """(3, nq) N m, of passive joints, of limits and of the damping of both."""
 
 
 NO_EXCURSIONS = PrescribedExcursions((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
@@ -208,6 +226,8 @@ class CoupledMotion:
     """(k, 3) m, the points of the user's on the hood in one of its states."""
     giving: GivingHood | None = None
     """The hood, where parts of it give way or begin to act."""
+    splinted: SplintedFinger | None = None
+    """The finger, where splints are put on or taken off."""
 
     def begin(self, state: State) -> MotionState:
         """The motion at rest in the finger's `state`, the hood in equilibrium on it."""
@@ -236,7 +256,33 @@ class CoupledMotion:
 
     def advance(self, at: MotionState) -> MotionState:
         """One step on; raises ConvergenceError."""
-        return self.advance_by(at, self.dt)
+        return self.advance_by(self.with_splints(at), self.dt)
+
+    def with_splints(self, at: MotionState) -> MotionState:
+        """The motion with those splints put on and taken off that are due, which is booked."""
+        if self.splinted is None:
+            return at
+        c, first = at.coupled, 0 if self.giving is None else len(self.giving.names)
+        finger, torque = self.splinted.splinted(c.finger), self.splinted.splint_torques(c.finger)
+        events = [
+            [first + i, c.time, torque[i], 0.0, 0.0, 0.0, kind, 0.0]
+            for kind, times in zip((BEGINS, FAILS), self.splinted.switches, strict=True)
+            for i in np.flatnonzero(times <= c.time + TIME_ROUNDING)
+            if not (at.events[:, [0, 6]] == (first + i, kind)).all(axis=1).any()
+        ]
+        if not events:
+            return at
+        rows, lost = np.array(events), self.finger.energy(c.finger) - self.finger.energy(finger)
+        rows[:, Event._fields.index("lost")] = lost / len(rows)
+        c = replace(c, finger=finger)
+        return replace(at, coupled=c, events=np.vstack([at.events, rows]))
+
+    def next_switch(self, time: float) -> float:
+        """When after `time` s the next splint is put on or taken off, s; inf without."""
+        if self.splinted is None:
+            return np.inf
+        times = np.concatenate(self.splinted.switches)
+        return float(times[times > time + TIME_ROUNDING].min(initial=np.inf))
 
     def advance_by(self, at: MotionState, dt: float) -> MotionState:
         """The motion `dt` s on in one step, in which nothing gives way.  Raises
@@ -321,7 +367,7 @@ class CoupledMotion:
             self.points(c.hood),
             self.finger.grip(c.finger),
             at.friction,
-            self.finger.passive(c.finger),
+            self.finger.joint_torques(c.finger),
         )
 
     def _path_lengths(self, state: State) -> Array:

@@ -27,11 +27,13 @@ def adaptive_states(
     tolerance or fails."""
     begun, first = time.perf_counter(), at.coupled.time
     while until - at.coupled.time > DURATION_ROUNDING * until:
+        at = moves.with_splints(at)
+        end = min(until, moves.next_switch(at.coupled.time))
         step: tuple[MotionState, ...]
         if moves.giving is None:
-            step = take_step(moves, control, at, until)
+            step = take_step(moves, control, at, end)
         else:
-            step = _step_with_events(moves, moves.giving, control, at, until)
+            step = _step_with_events(moves, moves.giving, control, at, end)
         at = step[-1]
         yield step
         c, count = at.coupled, at.pace.accepted

@@ -40,8 +40,8 @@ def tip_support(tip: TipConfig, in_plane: bool) -> Support:
 
 
 def joint_torques(finger: ChainFingerConfig, joints: tuple[str, ...]) -> JointLaw:
-    """Passive torques and limits."""
-    from rigid.chain.joint_torques import TorqueCurve, joint_law
+    """Passive torques, limits, and splints that are worn all the time."""
+    from rigid.chain.joint_torques import TorqueCurve, by_joint, joint_law
 
     posture = finger.posture.angles()
     springs = {j: p for j, p in finger.passive.items() if p.stiffness is not None}
@@ -55,15 +55,22 @@ def joint_torques(finger: ChainFingerConfig, joints: tuple[str, ...]) -> JointLa
         damping={j: p.damping for j, p in finger.passive.items()},
         curves=curves,
     )
-    if finger.limit is None:
+    if finger.limit is not None:
+        law = replace(
+            law,
+            limit_stiffness=finger.limit.stiffness,
+            transition=finger.limit.transition,
+            limit_damping=finger.limit.damping,
+        ).hold_about(posture, margin=finger.limit.half_range)
+    worn = {j: s for j, s in finger.splint.items() if not s.has_times}
+    if not worn:
         return law
-    law = replace(
-        law,
-        limit_stiffness=finger.limit.stiffness,
-        transition=finger.limit.transition,
-        limit_damping=finger.limit.damping,
+    ranges = {j: s.range or (posture[j], posture[j]) for j, s in worn.items()}
+    return law.splinted(
+        by_joint({j: low for j, (low, _) in ranges.items()}, joints, np.nan, "splints"),
+        by_joint({j: high for j, (_, high) in ranges.items()}, joints, np.nan, "splints"),
+        by_joint({j: s.stiffness for j, s in worn.items()}, joints, np.nan, "splints"),
     )
-    return law.hold_about(posture, margin=finger.limit.half_range)
 
 
 def rods(lengths: tuple[float, float, float], radius: Mapping[str, float]) -> dict[str, Triangles]:

@@ -56,7 +56,9 @@ class FingerConfig(Table):
     """
     flexed: ClassVar[tuple[float, float, float]] = (30.0, 45.0, 15.0)
     """deg, MCP, PIP, DIP: the flexed posture in which forces of the slips are compared."""
-    KEPT: ClassVar[frozenset[str]] = frozenset({"posture", "tip", "limit", "passive", "gravity"})
+    KEPT: ClassVar[frozenset[str]] = frozenset(
+        {"posture", "tip", "limit", "passive", "splint", "gravity"}
+    )
     """What bones and joints do not depend on."""
 
     def side(self) -> Hand:
@@ -169,6 +171,36 @@ class PassiveConfig(Table):
         return self
 
 
+class SplintConfig(Table):
+    """A splint of a joint, or a pin: it lets the joint turn within `range` and bears a torque
+    beyond, in the place of `finger.limit`."""
+
+    range: Annotated[tuple[JointAngle, JointAngle] | None, Field()] = None
+    """From which angle to which the joint turns freely; without it the splint holds the joint where
+    it stands when it is put on."""
+    stiffness: Annotated[
+        float, quantity(units.JOINT_STIFFNESS, above="0 N*m/rad", most="100 N*m/rad")
+    ] = 20.0
+    """Slope of the torque from half a degree beyond the range on."""
+    begins: Annotated[float, quantity(units.TIME, least="0 s", most="1000 s")] | None = None
+    """In a motion, when it is put on: at the first step from then on; without it from the start."""
+    ends: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] | None = None
+    """In a motion, when it is taken off."""
+
+    @model_validator(mode="after")
+    def _can_be_worn(self) -> SplintConfig:
+        if self.range is not None and self.range[1] < self.range[0]:
+            raise fault("range: its second angle must not be below its first")
+        if self.ends is not None and self.ends <= (self.begins or 0.0):
+            raise fault("ends: must be after 0 s and after begins")
+        return self
+
+    @property
+    def has_times(self) -> bool:
+        """Whether it is put on or taken off in a motion."""
+        return self.begins is not None or self.ends is not None
+
+
 class HeldTipConfig(Table):
     """The fingertip is held at a point: free to turn there ("point"), clamped against flexion too
     ("clamped"), or not held at all ("free"); with "posture" every joint is held instead, as bones
@@ -243,6 +275,24 @@ class ChainFingerConfig(FingerConfig):
         default_factory=dict
     )
     """Passive torques by joint; a joint that is not named has none."""
+    splint: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], SplintConfig] = Field(
+        default_factory=dict
+    )
+    """Splints by joint."""
+
+    @model_validator(mode="after")
+    def _splints_lie_within_limits(self) -> ChainFingerConfig:
+        if self.limit is None:
+            return self
+        posture, free = self.posture.angles(), self.limit.half_range
+        for joint, splint in self.splint.items():
+            low, high = splint.range or (posture[joint],) * 2
+            if low < posture[joint] - free or high > posture[joint] + free:
+                raise fault(
+                    f"splint.{joint}.range: must lie within what finger.limit lets the joint turn, "
+                    f"half_range about the posture; a joint beyond it wears no splint"
+                )
+        return self
 
 
 class MassiveFingerConfig(ChainFingerConfig):
@@ -268,3 +318,7 @@ class JointedFingerConfig(MassiveFingerConfig):
         default_factory=dict
     )
     """Passive torques by joint; a joint that is not named has none."""
+    splint: dict[Annotated[str, name_of("joint", JOINTS)], SplintConfig] = Field(
+        default_factory=dict
+    )
+    """Splints by joint."""

@@ -247,9 +247,9 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
         """The state as it is: an FMU reports no tendon's stretch."""
         return state
 
-    def passive(self, state: FmuMovingState) -> Array:
-        """Zero: a unit does not tell them."""
-        return np.zeros(len(self.joints))
+    def joint_torques(self, state: FmuMovingState) -> Array:
+        """Zeros (3, nq): a unit does not tell them."""
+        return np.zeros((3, len(self.joints)))
 
     def friction_work(self, state: FmuMovingState) -> Array:
         """Zeros (3,): an FMU reports none."""
@@ -319,7 +319,7 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
         tension: Array,
         tip: Array,
         grip: Array,
-        passive: Array,
+        joints: Array,
     ) -> dict[str, Array]:
         """The fingertip's alone."""
         return self._fingertip(self.kinematics.at(now[0]), tip)

@@ -6,6 +6,7 @@ A step of the master is cut into equal ones that are no longer than the case's `
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import ceil
 
 import numpy as np
@@ -88,6 +89,7 @@ class MovingFingerPart(UnitPart):
 
     def __init__(self, both: MovingModels, tangent: bool = True) -> None:
         self.finger, self._longest = both.finger, both.moves.dt
+        self._splinted = both.moves.splinted
         self._posture, f = both.posture, both.finger
         self.quantities = moving_quantities(f.bodies, f.joints, f.tendons, tangent=tangent)
         start = self.start()
@@ -108,6 +110,8 @@ class MovingFingerPart(UnitPart):
             return state, self._places(given["asked_angle"])
         load, tension = self._load(state, given), given.get("tension", np.zeros(0))
         for h in _steps(dt, self._longest):
+            if self._splinted is not None:
+                state = self._splinted.splinted(state)
             state = self.finger.step(state, load, tension, h)
         return state, self._outputs(state)
 
@@ -177,6 +181,8 @@ class MovingCoupledPart(UnitPart):
         split = len(moves.hood.tendons)
         pulls = given["tension"][:split], given["tension"][split:]
         for h in _steps(dt, moves.dt):
+            if moves.splinted is not None:
+                state = replace(state, finger=moves.splinted.splinted(state.finger))
             state = step(moves.scheme, moves.finger, moves.hood, state, _constant(pulls), h)
         return state, self._outputs(state)
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from rigid.air.plant import AirState
     from rigid.mujoco.dynamics import DynamicPull
     from rigid.mujoco.finger import MujocoFinger
-    from rigid.mujoco.moving_finger import MovingMujoco
+    from rigid.mujoco.moving_finger import MovingMujoco, Splint
     from rigid.mujoco.tip_device import Device
     from rigid.muscle.dynamics import MuscleState
     from rigid.muscle.parameters import Muscles
@@ -72,8 +72,9 @@ class MovingModels:
 
     @property
     def giving_parts(self) -> Sequence[Any]:
-        """The parts that give way or begin, as of `cosim.hoods.giving.Unit`."""
-        return getattr(self.moves.giving, "units", ())
+        """The parts that give way or begin, as of `cosim.hoods.giving.Unit`, then the splints."""
+        splints = [Worn(f"splint_{s.joint}") for s in getattr(self.finger, "splints", ())]
+        return [*getattr(self.moves.giving, "units", ()), *splints]
 
     def slips(self, at: CoupledState) -> Slips:
         """N in the slips, by name; none of a hood and finger without."""
@@ -103,6 +104,28 @@ class MovingModels:
         return self.moves.first_pull(self.initial_state)[1]
 
 
+class Worn(NamedTuple):
+    """A splint among what gives way or begins."""
+
+    part: str
+    place: tuple[int, int] = (1, 1)
+
+    @property
+    def name(self) -> str:
+        return self.part
+
+
+def timed_splints(case: Case) -> tuple[Splint, ...]:
+    """The splints that are put on or taken off in a motion."""
+    from rigid.mujoco.moving_finger import Splint
+
+    return tuple(
+        Splint(joint, s.range, s.stiffness, s.begins or 0.0, np.inf if s.ends is None else s.ends)
+        for joint, s in case.native_finger().splint.items()
+        if s.has_times
+    )
+
+
 @timed("models")
 def moving_models(
     case: Case, forward: ForwardConfig, step_key: str = "forward.step"
@@ -115,7 +138,8 @@ def moving_models(
 
     models = build_any(case, in_time=True)  # of a finger that check_fit lets move
     live = cast("MujocoFinger", models.finger)
-    finger = MovingMujoco(live, tip_device(case), relaxing(case).joints)
+    splints = timed_splints(case)
+    finger = MovingMujoco(live, tip_device(case), relaxing(case).joints, splints)
     pulls = CaseTendonDrive(case, (*models.hood.tendons, *finger.tendons))
     driven = _prescribed_excursions(case, pulls.tendons)
     scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()
@@ -123,7 +147,15 @@ def moving_models(
     points = models.points
     giving = cast("GivingHood", models.hood) if case.gives_way is not None else None
     moves = (CoupledMotion if giving is None else GivingMotion)(
-        scheme, finger, models.hood, pulls, forward.step, driven, points.positions, giving
+        scheme,
+        finger,
+        models.hood,
+        pulls,
+        forward.step,
+        driven,
+        points.positions,
+        giving,
+        finger if splints else None,
     )
     return MovingModels(
         moves,

@@ -11,7 +11,15 @@ from cosim.coupling.events import BEGINS, FAILS, Event
 from cosim.port import Array
 from cosim.solve.strength import Strength
 
-WORDS = {"suture": "the suture of the", "graft": "the graft", "adhesion": "the adhesion of the"}
+WORDS = {
+    "suture": "the suture of the",
+    "graft": "the graft",
+    "adhesion": "the adhesion of the",
+    "splint": "the splint of the",
+}
+
+SPLINT = "splint_"
+"""How splints are called, before their joint."""
 
 
 def strength_block(strength: Strength | None) -> dict[str, Any]:
@@ -41,6 +49,13 @@ def events_block(units: Sequence[Any], events: Array) -> dict[str, Any]:
         if event.kind == BEGINS:
             out.setdefault("began", {})[unit.part] = {"time_s": event.time}
             continue
+        if unit.part.startswith(SPLINT):
+            out.setdefault("taken_off", {})[unit.part] = {
+                "time_s": event.time,
+                "torque_Nm": event.force,
+                "lost_mJ": 1e3 * event.lost,
+            }
+            continue
         first = {"time_s": event.time, "force_N": 0.0, "stretch_mm": 0.0}
         first |= {"freed_mJ": 0.0, "lost_mJ": 0.0}
         now = out.setdefault("gave_way", {}).setdefault(unit.part, first)
@@ -58,9 +73,10 @@ def events_block(units: Sequence[Any], events: Array) -> dict[str, Any]:
 
 def event_arrays(units: Sequence[Any], events: Array) -> tuple[list[str], Array]:
     """What happened to which part (n,), in the order of time, and when (s)."""
-    did = {FAILS: "gave way", BEGINS: "began"}
-    names = [f"{in_words(units[int(row[0])].name)} {did[row[6]]}" for row in events]
-    return names, events[:, 1]
+    did = {FAILS: "gave way", BEGINS: "began"}, {FAILS: "was taken off", BEGINS: "was put on"}
+    names = [units[int(row[0])].name for row in events]
+    said = zip(names, events[:, 6], strict=True)
+    return [f"{in_words(n)} {did[n.startswith(SPLINT)][k]}" for n, k in said], events[:, 1]
 
 
 def in_words(part: str) -> str:
@@ -75,11 +91,15 @@ def give_way_sentences(summary: Mapping[str, Any]) -> Iterator[str]:
     events = [
         *((e["time_s"], part, e) for part, e in summary.get("gave_way", {}).items()),
         *((e["time_s"], part, None) for part, e in summary.get("began", {}).items()),
+        *((e["time_s"], part, e) for part, e in summary.get("taken_off", {}).items()),
     ]
     for time, part, event in sorted(events, key=lambda row: row[0]):
         name = _sentence_name(part)
         if event is None:
-            yield f"{name} began to act at {time:.4g} s."
+            did = "was put on" if part.startswith(SPLINT) else "began to act"
+            yield f"{name} {did} at {time:.4g} s."
+        elif "torque_Nm" in event:
+            yield f"{name} was taken off at {time:.4g} s, under {event['torque_Nm']:.3g} N m."
         elif "places" in event:
             yield (
                 f"{name} peeled off from {time:.4g} to {event['last_time_s']:.4g} s: "

@@ -22,9 +22,9 @@ Limits = Mapping[str, Sequence[tuple[float, float]]]
 
 
 def limits_of(case: Case, ranges: Mapping[str, tuple[float, float]]) -> Limits:
-    """The limits of a case's joints: the coordinate limit, which makes a torque, then the range of
-    motion (rad), which makes none.  None of joints that the case holds, and of a finger in an
-    FMU."""
+    """The limits of a case's joints: the coordinate limit or a splint, which makes a torque, then
+    the range of motion (rad), which makes none.  None of joints that the case holds, and of a
+    finger in an FMU."""
     if not case.finger.is_native:
         return {}
     finger = case.native_finger()
@@ -33,6 +33,8 @@ def limits_of(case: Case, ranges: Mapping[str, tuple[float, float]]) -> Limits:
     posture, limit = finger.posture.angles(), finger.limit
     half = None if limit is None else limit.half_range
     about = {} if half is None else {j: (q - half, q + half) for j, q in posture.items()}
+    worn = {j: s.range or (posture[j],) * 2 for j, s in finger.splint.items() if not s.has_times}
+    about |= worn
     return {j: [about[j], r] if j in about else [r] for j, r in ranges.items()}
 
 

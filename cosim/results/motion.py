@@ -172,10 +172,11 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     """Where the work of tendons and gravity went since the start (mJ); and what the method took
     from it (negative: gave to it), over the tendons' work without its signs."""
     t, frames, end = moved.models, moved.history.frames, moved.history.moment
-    done, given = end.coupled.energy, float(end.events[:, 5].sum())
+    done, of_hood = end.coupled.energy, end.events[:, 0] < len(getattr(t.moves.giving, "names", ()))
+    given, shed = (float(end.events[which, 5].sum()) for which in (of_hood, ~of_hood))
     stored = done.tendons - done.hood - given
     rubbed, held, from_stretch = end.friction.tolist()
-    lost, own = end.dissipated + end.slipped + rubbed + held + given, done.own + from_stretch
+    lost, own = end.dissipated + end.slipped + rubbed + held + given + shed, done.own + from_stretch
     artificial = done.tendons + own - (frames[-1].energy - frames[0].energy) - stored - lost
     first, last = (t.finger.stored_energy(at) for at in (t.initial_state, end.coupled.finger))
     gained = {kind: last[kind] - first[kind] for kind in last}
@@ -199,7 +200,8 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
         "joints_dissipated": end.dissipated,
         "device_dissipated": end.slipped,
         **({"guides_dissipated": rubbed, "guides_held": held} if end.friction.any() else {}),
-        **({"gave_way": given} if len(end.events) else {}),
+        **({"gave_way": given} if of_hood.any() else {}),
+        **({"splints": shed} if (~of_hood).any() else {}),
         "artificial": artificial,
     }
     in_mJ = {name: 1e3 * value for name, value in energy.items()}
@@ -251,7 +253,7 @@ def _books(t: MovingModels, start: MotionFrame, end: MotionFrame, tip: Array) ->
         end.tension[len(t.hood.tendons) :],
         tip,
         end.grip,
-        end.passive,
+        end.joint_torques,
     )
 
 

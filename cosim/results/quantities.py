@@ -181,6 +181,7 @@ ENERGIES = {
     "guides_dissipated": "lost to friction at the tendons' guides",
     "guides_held": "held at the tendons' guides before they slide",
     "gave_way": "lost where parts of the hood gave way",
+    "splints": "lost where splints were put on and taken off",
     "artificial": "taken by the method",
 }
 """Where the work of tendons and gravity went in a motion."""
@@ -269,6 +270,9 @@ OF_RUN = (
     ),
     *(Quantity(f"gave_way.{ANY}.{key}", f"* gave way: {what}") for key, what in EVENT.items()),
     Quantity(f"began.{ANY}.time_s", "time at which * began to act"),
+    Quantity(f"taken_off.{ANY}.time_s", "time at which * was taken off"),
+    Quantity(f"taken_off.{ANY}.torque_Nm", "*: torque under which it was taken off", True),
+    Quantity(f"taken_off.{ANY}.lost_mJ", "*: energy lost then"),
     *(Quantity(f"strength.{ANY}.{key}", f"*: {what}") for key, what in STRENGTH.items()),
     Quantity("first_to_give_way.at_times_the_loads", "loads at which a part gives way first"),
     Quantity("held.time_s", "time under load, in which parts relaxed"),

@@ -22,6 +22,8 @@ LIMIT_TRANSITION = float(np.radians(5.0))
 """5 deg (same source)."""
 LIMIT_MARGIN = float(np.radians(5.0))
 """The joints are held within +-5 deg of the posture (same source)."""
+SPLINT_TRANSITION = float(np.radians(0.5))
+"""rad beyond its range over which a splint takes hold: small beside what a finger moves."""
 
 
 def spring_torque(q: Array, stiffness: Array, rest: Array) -> tuple[Array, Array]:
@@ -45,23 +47,23 @@ def _smooth_steps(u: Array, out: Array) -> None:
 
 @compile_kernel
 def _limit_torques(
-    q: Array, lower: Array, upper: Array, stiffness: float, transition: float, out: Array
+    q: Array, lower: Array, upper: Array, stiffness: Array, transition: Array, out: Array
 ) -> None:
     for i in range(len(q)):
         above, below = max(q[i] - upper[i], 0.0), max(lower[i] - q[i], 0.0)
         x = above + below  # at most one of them is not zero
-        s, slope = _smooth_step(x / transition)
+        s, slope = _smooth_step(x / transition[i])
         sign = 0.0 if below == above else 1.0 if below > above else -1.0
-        out[0, i] = sign * stiffness * s * x
-        out[1, i] = -stiffness * (s + slope * x / transition)
+        out[0, i] = sign * stiffness[i] * s * x
+        out[1, i] = -stiffness[i] * (s + slope * x / transition[i])
 
 
 def limit_torque(
     q: Array,
     lower: Array,
     upper: Array,
-    stiffness: float = LIMIT_STIFFNESS,
-    transition: float = LIMIT_TRANSITION,
+    stiffness: Array | float = LIMIT_STIFFNESS,
+    transition: Array | float = LIMIT_TRANSITION,
 ) -> tuple[Array, Array]:
     """Restoring torque K s(x / transition) x at x rad beyond a limit, and d tau / dq.
 
@@ -70,13 +72,18 @@ def limit_torque(
     none.
     """
     shape = np.broadcast_shapes(np.shape(q), np.shape(lower), np.shape(upper))
-    q, lower, upper = (np.array(np.broadcast_to(x, shape)).ravel() for x in (q, lower, upper))
+    q, lower, upper, stiffness, transition = (
+        np.array(np.broadcast_to(x, shape), dtype=float).ravel()
+        for x in (q, lower, upper, stiffness, transition)
+    )
     out = np.empty((2, len(q)))
     _limit_torques(q, lower, upper, stiffness, transition, out)
     return out[0].reshape(shape), out[1].reshape(shape)
 
 
-def limit_damping(q: Array, lower: Array, upper: Array, damping: float, transition: float) -> Array:
+def limit_damping(
+    q: Array, lower: Array, upper: Array, damping: float, transition: Array | float
+) -> Array:
     """The damping, N m s/rad, of OpenSim's CoordinateLimitForce: s(x / transition) `damping` at x
     rad beyond a limit, against the motion in either direction."""
     beyond = np.maximum(q - upper, 0.0) + np.maximum(lower - q, 0.0)
@@ -86,7 +93,7 @@ def limit_damping(q: Array, lower: Array, upper: Array, damping: float, transiti
 
 
 def limit_energy(
-    q: Array, lower: Array, upper: Array, stiffness: float, transition: float
+    q: Array, lower: Array, upper: Array, stiffness: Array | float, transition: Array | float
 ) -> Array:
     """The energy in a limit, J: the integral of the limit's torque K s(x / t) x over x."""
     beyond = np.maximum(q - upper, 0.0) + np.maximum(lower - q, 0.0)
@@ -147,8 +154,8 @@ class JointLaw:
     lower: Array
     upper: Array
     """Angles at which the coordinate limit begins, rad; infinite for none."""
-    limit_stiffness: float = LIMIT_STIFFNESS
-    transition: float = LIMIT_TRANSITION
+    limit_stiffness: Array | float = LIMIT_STIFFNESS
+    transition: Array | float = LIMIT_TRANSITION
     limit_damping: float = 0.0
     """N m s/rad, fully beyond a limit."""
     damping: Array | None = None
@@ -166,7 +173,8 @@ class JointLaw:
                 f"limits of joint {self.joints[j]}: the lower one ({self.lower[j]} rad) must lie "
                 f"below the upper one ({self.upper[j]} rad)"
             )
-        if not (self.transition > 0 and self.limit_stiffness >= 0 and (self.stiffness >= 0).all()):
+        hard = np.all(np.greater(self.transition, 0) & np.greater_equal(self.limit_stiffness, 0))
+        if not (hard and (self.stiffness >= 0).all()):
             raise InputError(
                 f"joints {self.joints}: a stiffness must not be negative and the limits' "
                 f"transition must be positive; got stiffness {self.stiffness} N m/rad, limit "
@@ -210,6 +218,18 @@ class JointLaw:
     def limit(self, q: Array) -> tuple[Array, Array]:
         """Limit torques (nq,) and their derivatives (nq,)."""
         return limit_torque(q, self.lower, self.upper, self.limit_stiffness, self.transition)
+
+    def splinted(self, lower: Array, upper: Array, stiffness: Array) -> JointLaw:
+        """The same joints with splints in place of their limits, from `lower` to `upper` (nq,) rad
+        with a stiffness (nq,) N m/rad; nan of a joint without."""
+        worn = ~np.isnan(lower)
+        return replace(
+            self,
+            lower=np.where(worn, lower, self.lower),
+            upper=np.where(worn, upper, self.upper),
+            limit_stiffness=np.where(worn, stiffness, self.limit_stiffness),
+            transition=np.where(worn, SPLINT_TRANSITION, self.transition),
+        )
 
     def hold_about(self, posture: Mapping[str, float], margin: float = LIMIT_MARGIN) -> JointLaw:
         """The same joints with limits at `posture` (rad) +- `margin` for each joint named there."""

@@ -360,7 +360,7 @@ def _joints(law: JointLaw) -> Joints:
         damping,
         law.lower,
         law.upper,
-        law.limit_stiffness,
-        law.transition,
+        law.limit_stiffness + np.zeros(len(law.joints)),
+        law.transition + np.zeros(len(law.joints)),
         law.limit_damping,
     )

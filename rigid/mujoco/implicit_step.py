@@ -302,13 +302,13 @@ def joint_torques(joints: Joints, q: Array, v: Array) -> Answer:
     for i in range(n):
         beyond = max(q[i] - joints.upper[i], 0.0) + max(joints.lower[i] - q[i], 0.0)
         sign = 1.0 if q[i] < joints.lower[i] else -1.0
-        u = min(beyond / joints.transition, 1.0)
+        u = min(beyond / joints.transition[i], 1.0)
         s = u**3 * (10.0 + u * (6.0 * u - 15.0))
-        slope = 30.0 * u**2 * (1.0 - u) ** 2 / joints.transition
+        slope = 30.0 * u**2 * (1.0 - u) ** 2 / joints.transition[i]
         viscous = joints.damping[i] + joints.limit_damping * s
         torque[i] = -joints.stiffness[i] * (q[i] - joints.rest[i]) - viscous * v[i]
-        torque[i] += sign * joints.limit_stiffness * s * beyond
-        by_angle[i] = -joints.stiffness[i] - joints.limit_stiffness * (s + slope * beyond)
+        torque[i] += sign * joints.limit_stiffness[i] * s * beyond
+        by_angle[i] = -joints.stiffness[i] - joints.limit_stiffness[i] * (s + slope * beyond)
         by_angle[i] += sign * joints.limit_damping * slope * v[i]
         by_rate[i] = -viscous
     return torque, by_angle, by_rate

@@ -26,6 +26,8 @@ from rigid.mujoco.dynamics import ConstantTension, FingerDynamics, Moment, Push
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Device
 
+TIME_ROUNDING = 1e-12
+"""s, by which times that are the same may differ."""
 SETTLED = 1e-12
 """rad, the change of the angles in the last iteration of a step."""
 MOST_ITERATIONS = 30
@@ -40,6 +42,23 @@ class Moving(NamedTuple):
     """(nq,) rad/s2, mean over the last step: the next one begins its iteration with it."""
     passive: Relaxed | None = None
     """What joints that relax bear; None of those that do not."""
+    worn: Array | None = None
+    """(3, nq) rad, rad, N m/rad: from where to where splints let the joints turn, and how stiff
+    they are beyond; nan of joints without.  None of a finger that wears none in time."""
+
+
+class Splint(NamedTuple):
+    """What keeps a joint within a range while it is worn."""
+
+    joint: str
+    range: tuple[float, float] | None
+    """rad; None: where the joint stands when the splint is put on."""
+    stiffness: float
+    """N m/rad, beyond the range."""
+    begins: float
+    """s, when it is put on."""
+    ends: float
+    """s, when it is taken off."""
 
 
 class Relaxed(NamedTuple):
@@ -64,6 +83,8 @@ class MovingMujoco:
     device: Device | None = None
     relaxation: Relaxation | None = None
     """By which the passive torques of the joints relax, where they do."""
+    splints: tuple[Splint, ...] = ()
+    """Those that are put on or taken off in the motion, one a joint at most."""
     _made: dict[bytes, FingerDynamics] = field(default_factory=dict, compare=False, repr=False)
     """By the posture that a motion was begun in."""
 
@@ -86,7 +107,8 @@ class MovingMujoco:
         """At rest; raises InputError for a posture that the finger does not take."""
         start = self.finger.start(posture)
         at_rest = self._dynamics(start).start()
-        begun = Moving(start, at_rest, np.zeros_like(at_rest.rates))
+        worn = np.full((3, len(self.joints)), np.nan) if self.splints else None
+        begun = Moving(start, at_rest, np.zeros_like(at_rest.rates), worn=worn)
         if self.relaxation is None:
             return begun
         torque = self.finger.law.passive(at_rest.angles)[0]
@@ -143,14 +165,18 @@ class MovingMujoco:
         )
 
     def _law_after(self, state: Moving, dt: float) -> JointLaw | None:
-        """The joints in the `dt` s after a state; None of those that do not relax."""
-        if self.relaxation is None or state.passive is None:
-            return None
-        return self.finger.law.relaxed(*self.relaxation.law(state.passive.memory, dt))
+        """The joints in the `dt` s after a state; None of those that are as the finger has them."""
+        law = self.finger.law
+        if self.relaxation is not None and state.passive is not None:
+            law = law.relaxed(*self.relaxation.law(state.passive.memory, dt))
+        if state.worn is not None:
+            law = law.splinted(*state.worn)
+        return None if law is self.finger.law else law
 
     def _moved(self, state: Moving, after: Moment, law: JointLaw | None, dt: float) -> Moving:
         """The state with the finger `after` a step of `dt` s from it, its joints under `law`."""
-        moved = Moving(state.start, after, (after.rates - state.moment.rates) / dt)
+        rate = (after.rates - state.moment.rates) / dt
+        moved = Moving(state.start, after, rate, worn=state.worn)
         if law is None or self.relaxation is None or state.passive is None:
             return moved
         torque, last = law.passive(after.angles)[0], state.passive
@@ -166,13 +192,49 @@ class MovingMujoco:
         if self.relaxation is not None and state.passive is not None:
             left = self.relaxation.left
             law = law.relaxed(left, (1 - left) * state.passive.memory.rest)
+        if state.worn is not None:
+            law = law.splinted(*state.worn)
         return law.energy(angles)
 
-    def passive(self, state: Moving) -> Array:
-        """The passive torques (nq,) N m of the joints."""
-        if state.passive is None:
-            return self.finger.law.passive(state.moment.angles)[0]
-        return state.passive.torque
+    def joint_torques(self, state: Moving) -> Array:
+        """The torques (3, nq) N m of the passive joints, of their limits (or splints in the place
+        of these) and of the damping of both."""
+        law, (_, angles, rates, *_) = self._worn(state), state.moment
+        passive = law.passive(angles)[0] if state.passive is None else state.passive.torque
+        return np.array([passive, law.limit(angles)[0], law.viscous(angles, rates)[0]])
+
+    def _worn(self, state: Moving) -> JointLaw:
+        law = self.finger.law
+        return law if state.worn is None else law.splinted(*state.worn)
+
+    @property
+    def switches(self) -> tuple[Array, Array]:
+        """When each splint (k,) is put on, and when it is taken off, s."""
+        times = [(s.begins, s.ends) for s in self.splints]
+        begins, ends = np.array(times).reshape(-1, 2).T
+        return begins, ends
+
+    def splinted(self, state: Moving) -> Moving:
+        """The state with those splints put on and taken off that are due; one that is on stays
+        where it was put on."""
+        if state.worn is None:
+            return state
+        worn, now = np.full_like(state.worn, np.nan), state.moment.time + TIME_ROUNDING
+        for splint in self.splints:
+            i = self.joints.index(splint.joint)
+            if splint.begins <= now < splint.ends:
+                worn[:, i] = state.worn[:, i]
+                if np.isnan(worn[0, i]):
+                    low, high = splint.range or (state.moment.angles[i],) * 2
+                    worn[:, i] = low, high, splint.stiffness
+        return state._replace(worn=worn)
+
+    def splint_torques(self, state: Moving) -> Array:
+        """The torques (k,) N m of the splints; 0 of those that are not on."""
+        assert state.worn is not None
+        index = [self.joints.index(s.joint) for s in self.splints]
+        on = np.isfinite(state.worn[0, index])
+        return np.where(on, self.joint_torques(state)[1, index], 0.0)
 
     def energy(self, state: Moving) -> float:
         return sum(self.stored_energy(state).values())
@@ -214,8 +276,7 @@ class MovingMujoco:
 
     def dissipation(self, state: Moving) -> float:
         """W, of the viscous torques of joints and limits, and of what relaxes in joints."""
-        rates = state.moment.rates
-        viscous = -float(self.finger.law.viscous(state.moment.angles, rates)[0] @ rates)
+        viscous = -float(self.joint_torques(state)[2] @ state.moment.rates)
         return viscous if state.passive is None else viscous + state.passive.loss
 
     def tip(self, angles: Array) -> Array:
@@ -235,7 +296,7 @@ class MovingMujoco:
         tension: Array,
         tip: Array,
         grip: Array,
-        passive: Array,
+        joints: Array,
     ) -> dict[str, Array]:
         """The wrench (nb, 6) on each body about its origin (world frame) by source at the end of a
         step of `dt` s from angles and rates `before` to `now`: each muscle, gravity, passive,
@@ -244,9 +305,10 @@ class MovingMujoco:
         body.
 
         tension: (nt,) N, of the finger's own tendons; tip: (6,) of the fingertip on the world;
-        grip: (n,) of friction at the tendons' guides; passive: (nq,) N m, of the joints."""
-        finger, (angles, rates) = self.finger, now
-        chain, law = finger.chain(angles), finger.law
+        grip: (n,) of friction at the tendons' guides; joints: (3, nq) N m, as of
+        `joint_torques`."""
+        finger, angles = self.finger, now[0]
+        chain, (passive, limit, damping) = finger.chain(angles), joints
         fingertip = np.zeros_like(hood)
         fingertip[-1] = move_wrench(-tip, chain.tip - chain.motion.position[-1])
         momentum = [finger.momentum(*state) for state in (before, now)]
@@ -255,8 +317,8 @@ class MovingMujoco:
         books = {
             **finger.own_wrenches(angles, tension, grip),
             "passive": joint_wrenches(chain, passive),
-            "limit": joint_wrenches(chain, law.limit(angles)[0]),
-            "damping": joint_wrenches(chain, law.viscous(angles, rates)[0]),
+            "limit": joint_wrenches(chain, limit),
+            "damping": joint_wrenches(chain, damping),
             "fingertip": fingertip,
             "inertia": move_wrench(change, centre),
         }

@@ -37,8 +37,8 @@ class Joints(NamedTuple):
     damping: Array
     lower: Array
     upper: Array
-    limit_stiffness: float
-    transition: float
+    limit_stiffness: Array
+    transition: Array
     limit_damping: float
 
 

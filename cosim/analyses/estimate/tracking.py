@@ -294,6 +294,8 @@ def _lacking(case: Case, models: Models, motion: JointMotion, power: int) -> Ite
             'to move. Write finger.tip.kind = "free"'
         )
     yield from _narrow_limits(finger, motion, models.finger.joints)
+    if finger.splint:
+        yield "finger.splint: a motion is followed by a finger without splints; leave it out"
     if _steps(case, motion) < 1:
         step = 1e3 * _step(case)
         yield f"the motion is shorter than a step of {step:g} ms (forward.step)"
