@@ -53,7 +53,8 @@ MEASURES: Mapping[str, Measure] = {
     "terminal_slip": Measure("terminal slip, held", "N", "held", "slip_force_N.terminal"),
 }
 """What a file of repairs may rank by: how far a number is from the intact finger's."""
-LOAD = "repair_force_N"
+JOINED, TIED = "repair_force_N", "tie_force_N"
+"""What bears in the hood, with the fingertip held, and between bones, which a held joint spares."""
 
 
 class RepairConfig(Table):
@@ -287,7 +288,9 @@ def _compared(
         key: numbers(m.tip, partial(value_of, quantity=m.path)) for key, m in MEASURES.items()
     }
     values["strength"] = numbers("held", _share_of_strength)
-    load = numbers("held", lambda summary: max(summary.get(LOAD, {}).values(), default=None))
+    joined = numbers("held", lambda s: max(s.get(JOINED, {}).values(), default=None))
+    tied = numbers("free", lambda s: max(s.get(TIED, {}).values(), default=None))
+    load = np.fmax(joined, tied)
     return Compared(name, title, values, load, failure)
 
 
@@ -295,7 +298,7 @@ def _share_of_strength(summary: Mapping[str, Any]) -> float | None:
     """The largest share (%) of its strength that a part bears; 0 where nothing was joined, None
     where what was joined has no strength stated."""
     shares = [100 * part["share"] for part in summary.get("strength", {}).values()]
-    return max(shares, default=None if summary.get(LOAD) else 0.0)
+    return max(shares, default=None if summary.get(JOINED) or summary.get(TIED) else 0.0)
 
 
 def table_of_repairs(found: RepairTable) -> ReportTable:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.fingers.common import ChainFingerConfig, MassiveFingerConfig, TipConfig
 from cosim.port import Triangles
 from meshes.skeleton import BODIES
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from rigid.chain.joint_torques import JointLaw
     from rigid.chain.statics import ChainFinger
     from rigid.chain.support import Support
+    from rigid.chain.ties import Ties
     from rigid.model import FingerModel
 
 
@@ -28,7 +30,32 @@ def build_on_mujoco(
 
     law = joint_torques(finger, model.joints)
     support = tip_support(finger.tip, in_plane)
-    return MujocoFinger(model, law=law, support=support, gravity=finger.gravity)
+    made = MujocoFinger(model, law=law, support=support, gravity=finger.gravity)
+    return made.with_ties(_ties(finger, made)) if finger.tie else made
+
+
+def _ties(finger: MassiveFingerConfig, made: ChainFinger) -> Ties:
+    """The strands from bone to bone, as long as the case says.  Raises InputError."""
+    from rigid.chain.joint_torques import by_joint
+    from rigid.chain.ties import Ties
+
+    stated, posture = finger.tie, finger.posture.angles()
+    free = Ties(
+        tuple(stated),
+        np.array([[made.bodies.index(bone) for bone in t.bones] for t in stated.values()]),
+        np.array([t.at for t in stated.values()]),
+        np.array([t.stiffness for t in stated.values()]),
+        np.zeros(len(stated)),
+    )
+    length = np.zeros(len(stated))
+    for i, (name, tie) in enumerate(stated.items()):
+        taut = {**posture, **tie.taut}
+        angles = by_joint(taut, made.joints, 0.0, f"finger.tie.{name}.taut")
+        first, last = free.ends(made.chain(angles))[i]
+        length[i] = np.linalg.norm(last - first) + tie.slack
+        if length[i] <= 0:
+            raise InputError(f"finger.tie.{name}: is shorter than nothing; give it more slack")
+    return replace(free, length=length)
 
 
 def tip_support(tip: TipConfig, in_plane: bool) -> Support:

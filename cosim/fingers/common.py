@@ -18,6 +18,8 @@ from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import (
     AbductionAngle,
     Acceleration,
+    BodyName,
+    Coordinate,
     DipAngle,
     McpAngle,
     Number,
@@ -57,7 +59,7 @@ class FingerConfig(Table):
     flexed: ClassVar[tuple[float, float, float]] = (30.0, 45.0, 15.0)
     """deg, MCP, PIP, DIP: the flexed posture in which forces of the slips are compared."""
     KEPT: ClassVar[frozenset[str]] = frozenset(
-        {"posture", "tip", "limit", "passive", "splint", "gravity"}
+        {"posture", "tip", "limit", "passive", "splint", "tie", "gravity"}
     )
     """What bones and joints do not depend on."""
 
@@ -201,6 +203,32 @@ class SplintConfig(Table):
         return self.begins is not None or self.ends is not None
 
 
+Point = tuple[Coordinate, Coordinate, Coordinate]
+
+
+class TieConfig(Table):
+    """A strand from one bone to another, straight, which bears tension alone: a tenodesis, a check
+    rein, a ligament that is laid anew."""
+
+    bones: tuple[BodyName, BodyName]
+    """The bones that it ends on."""
+    at: tuple[Point, Point]
+    """Where on each: distal, radial and dorsal of its proximal joint (of the metacarpal: its distal
+    one), along its own axes."""
+    stiffness: Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e5 N/mm")]
+    """The whole strand's: its modulus times its section over its length."""
+    taut: dict[Annotated[str, name_of("joint", JOINTS)], JointAngle] = Field(default_factory=dict)
+    """Angles of joints at which it comes taut; those that are not named stand as in the posture."""
+    slack: Annotated[float, quantity(units.LENGTH, least="-10 mm", most="50 mm")] = 0.0
+    """How much longer it is than that; negative where it is drawn tight."""
+
+    @model_validator(mode="after")
+    def _runs_between(self) -> TieConfig:
+        if self.bones[0] == self.bones[1]:
+            raise fault("bones: names one bone twice; a tie runs from one to another")
+        return self
+
+
 class HeldTipConfig(Table):
     """The fingertip is held at a point: free to turn there ("point"), clamped against flexion too
     ("clamped"), or not held at all ("free"); with "posture" every joint is held instead, as bones
@@ -300,6 +328,10 @@ class MassiveFingerConfig(ChainFingerConfig):
 
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
     """Gravity along the world's axes distal, radial and dorsal; none by default."""
+    tie: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,30}$")], TieConfig] = Field(
+        default_factory=dict
+    )
+    """Strands from bone to bone, by a name of the user's."""
 
 
 class JointedFingerConfig(MassiveFingerConfig):

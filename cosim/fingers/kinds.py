@@ -105,6 +105,13 @@ def mjcf(
     from rigid.mjcf.simulation import simulation_xml
 
     model = replace(finger_model(finger, extensor), meshes=bones_of(finger, extensor))
+    left_out = {
+        "ties from bone to bone (finger.tie): left out": getattr(finger, "tie", {}),
+        "splints that are put on and taken off: left out": [
+            s for s in finger.splint.values() if s.has_times
+        ],
+    }
+    losses = *losses, *(words for words, some in left_out.items() if some)
     return simulation_xml(
         model,
         joint_torques(finger, model.joints),

@@ -15,7 +15,17 @@ from cosim.coupling.one_way import JOINT_CONTACT
 from cosim.errors import InputError
 from cosim.port import Finger, Hood, MovingFinger
 
-OF_FINGER = ("joint", "muscle", "passive", "limit", "damping", "gravity", "inertia", "fingertip")
+OF_FINGER = (
+    "joint",
+    "muscle",
+    "passive",
+    "limit",
+    "tie",
+    "damping",
+    "gravity",
+    "inertia",
+    "fingertip",
+)
 """What `cosim.port.Finger.ledger` and that of a motion book, besides tendons by name."""
 
 

@@ -18,7 +18,8 @@ COMPONENTS = tuple(f"{kind}_{axis}" for kind in ("force", "moment") for axis in 
 SOURCES = {
     "joint": "joint contact",
     "passive": "passive joint stiffness",
-    "limit": "limits of the joints",
+    "limit": "limits and splints of the joints",
+    "tie": "ties from bone to bone",
     "fingertip": "support of the fingertip",
     "ground": "support of the metacarpal",
     "hood contact": "contact with the hood",

@@ -1,4 +1,4 @@
-"""Which joints stand at a limit: there the limit bears what the muscles and the hood leave over."""
+"""What bears what muscles and hood leave over: limits at which joints stand, and ties."""
 
 from __future__ import annotations
 
@@ -103,6 +103,15 @@ def _entry(end: float, angle: float, torque: float) -> dict[str, float]:
         "angle_deg": float(np.degrees(angle)),
         "limit_torque_Nmm": 1e3 * float(torque),
     }
+
+
+def tie_block(finger: Any, angles: Array) -> dict[str, dict[str, float]]:
+    """The block `tie_force_N` of a finger at joint angles (nq,) rad, empty of one without ties."""
+    ties = getattr(finger, "ties", None)
+    if ties is None:
+        return {}
+    tension = ties.tension(finger.chain(angles))
+    return {"tie_force_N": dict(zip(ties.names, tension.tolist(), strict=True))}
 
 
 def describe_limits(summary: Mapping[str, Any]) -> Iterator[str]:

@@ -21,7 +21,7 @@ from cosim.results.arrays import Arrays, along
 from cosim.results.audit import MOST_DAMPING, missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis
 from cosim.results.give_way import event_arrays, events_block
-from cosim.results.joint_limits import is_in_range, joints_ever_at_limit, limits_of
+from cosim.results.joint_limits import is_in_range, joints_ever_at_limit, limits_of, tie_block
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
@@ -119,6 +119,7 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         out["failure"] = str(moved.failure)
     if at_limit := _limits_block(case, moved):
         out["joints_at_limit"] = at_limit
+    out |= tie_block(getattr(t.finger, "finger", None), last.angles)
     if case.forward is not None and case.forward.adaptive is not None:
         out["step_control"] = _steps(end, frames)
     if names := t.moves.prescribed.names:

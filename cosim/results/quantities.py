@@ -43,7 +43,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<sliding>": ("loading", "unloading"),
     "<start>": ("first", "second"),
     "<turned>": JOINTS,
-    "<torque>": ("hood", "gravity", "passive", "limit", "fingertip", "holder", *TENDONS),
+    "<torque>": ("hood", "gravity", "passive", "limit", "tie", "fingertip", "holder", *TENDONS),
 }
 """What stands for a key of a path."""
 ANY = "*"
@@ -110,6 +110,7 @@ STATE = (
     Quantity("slip_ratio", "force in the terminal slip over that in the central slip"),
     Quantity("spring_force_N.<springs>", "force of the springs <springs>"),
     Quantity(f"repair_force_N.{ANY}", "tension of the suture or graft"),
+    Quantity(f"tie_force_N.{ANY}", "tension of the tie from bone to bone"),
     Quantity("cable.*.tension_N", "tension of the cable *"),
     Quantity("cable.*.mean_strain_percent", "mean strain of the cable *"),
     Quantity(

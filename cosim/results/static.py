@@ -21,7 +21,7 @@ from cosim.results.audit import NOT_RECIPROCAL, PATH_DEPENDENT, missed_bounds
 from cosim.results.conventions import FRAME, attributes, by_axis, is_slack, vector_of
 from cosim.results.give_way import strength_block
 from cosim.results.half_degree import half_degree
-from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of
+from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of, tie_block
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
 from cosim.results.relaxation import held_arrays, held_block
@@ -269,6 +269,7 @@ def _state(
         borne = e.balance.torque.get("limit", np.zeros(len(finger.joints)))
         if at_limit := joints_at_limit(limits, angles, _by_joint(models, borne)):
             out["joints_at_limit"] = at_limit
+    out |= tie_block(finger, finger.angles(e.finger_state))
     if (slips := models.slips_of(e)) is not None:
         out["slip_force_N"] = dict(slips)
         if not is_slack(slips, "central"):

@@ -36,7 +36,7 @@ from cosim.tendons.friction import without_friction
 
 NOT_ACTIVE = ("hood", "fingertip", "holder")
 """Sources of torque that are not counted: the hood's tendons are, by their arms."""
-PASSIVE = ("passive", "limit")
+PASSIVE = ("passive", "limit", "tie")
 LEAST_STIFFNESS = 1e-6
 """N m/rad of a joint, so that one without passive stiffness has an answer."""
 LITTLE_PULL = f"the tendons bear less than {LEAST_TENSION:g} N together"

@@ -116,7 +116,7 @@ def _second(case: Case, first: OpenFinger) -> OpenFinger:
     """The finger of the second pass."""
     if case.coupling.one_way.passive:
         return first
-    limp = case.native_finger().model_copy(update={"passive": {}})
+    limp = case.native_finger().model_copy(update={"passive": {}, "tie": {}})
     return case_finger(case.model_copy(update={"finger": limp}))
 
 

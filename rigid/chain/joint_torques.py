@@ -60,8 +60,8 @@ def _limit_torques(
 
 def limit_torque(
     q: Array,
-    lower: Array,
-    upper: Array,
+    lower: Array | float,
+    upper: Array | float,
     stiffness: Array | float = LIMIT_STIFFNESS,
     transition: Array | float = LIMIT_TRANSITION,
 ) -> tuple[Array, Array]:
@@ -93,7 +93,11 @@ def limit_damping(
 
 
 def limit_energy(
-    q: Array, lower: Array, upper: Array, stiffness: Array | float, transition: Array | float
+    q: Array,
+    lower: Array | float,
+    upper: Array | float,
+    stiffness: Array | float,
+    transition: Array | float,
 ) -> Array:
     """The energy in a limit, J: the integral of the limit's torque K s(x / t) x over x."""
     beyond = np.maximum(q - upper, 0.0) + np.maximum(lower - q, 0.0)

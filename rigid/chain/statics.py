@@ -1,16 +1,18 @@
 """Static equilibrium of a finger that is a serial chain of hinges, whatever computes its poses.
 
-    residual = [ tau_hood + tau_muscles + tau_passive + tau_limit + tau_gravity + J_tip^T B^T r ]
+    residual = [ tau_hood + tau_muscles + tau_gravity + tau_joints + tau_ties + J_tip^T B^T r ]
                [ scale * B (x_tip - target, turn of the tip from the one held)                ]
 
-in the unknowns z = (q, r), where the world acts on the tip with the wrench B^T r.  Where the joints
-are held, the torques that hold them are what is left of the sum, and q - q_held is the residual.
+in the unknowns z = (q, r), where tau_joints are passive torques and limits, and the world acts on
+the tip with the wrench B^T r.  Where the joints are held, the torques that hold them are what is
+left of the sum, and q - q_held is the residual.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,6 +34,7 @@ from rigid.chain.kinematics import (
     tip_jacobian,
 )
 from rigid.chain.support import Support, turn_gap
+from rigid.chain.ties import Ties
 
 GAP_SCALE = 100.0
 """N: a tip 1 um off its target counts as much as 1e-4 N m, about a hundredth of a joint torque."""
@@ -68,8 +71,16 @@ class ChainFinger(ABC):
     ) -> None:
         self.bodies, self.tendons, self.joints = bodies, tendons, law.joints
         self.law, self.support, self.ranges = law, support, dict(ranges)
+        self.ties: Ties | None = None
+        """Strands from bone to bone; None of a finger without."""
         self._low = by_joint({j: r[0] for j, r in ranges.items()}, self.joints, -np.inf, "ranges")
         self._high = by_joint({j: r[1] for j, r in ranges.items()}, self.joints, np.inf, "ranges")
+
+    def with_ties(self, ties: Ties | None) -> ChainFinger:
+        """The finger with strands from bone to bone."""
+        out = copy(self)
+        out.ties = ties
+        return out
 
     def with_friction(self, friction: Mapping[str, Any]) -> ChainFinger:
         """The finger with friction along tendons of its own.  Raises InputError for a finger
@@ -173,6 +184,7 @@ class ChainFinger(ABC):
             **self.own_torques(state.angles, tension),
             "passive": self.law.passive(state.angles)[0],
             "limit": self.law.limit(state.angles)[0],
+            **({} if self.ties is None else {"tie": self.ties.torques(chain)}),
             "fingertip": tip_jacobian(chain).T @ state.reaction,
         }
         every = np.array(list(torque.values()))
@@ -204,6 +216,8 @@ class ChainFinger(ABC):
         stiffness = jac.T @ load_motion @ jac + self.own_tangent(state.angles, tension)
         joints = self.law.passive(state.angles)[1] + self.law.limit(state.angles)[1]
         stiffness.flat[:: nq + 1] += joints
+        if self.ties is not None:
+            stiffness += self.ties.tangent(chain)
         stiffness += geometric_stiffness(
             chain,
             np.append(np.arange(n), n - 1),
@@ -218,8 +232,8 @@ class ChainFinger(ABC):
 
     def ledger(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
         """The wrench (nb, 6) on each body about its origin (world frame) by source: each muscle,
-        gravity, passive, limit, fingertip, joint, what holds the joints, and the ground, which
-        holds the fixed body.  Together with the hood's load they close to zero on every body."""
+        gravity, passive, limit, ties, fingertip, joint, what holds the joints, and the ground,
+        which holds the fixed body.  They close to zero on every body with the hood's load."""
         ledger = self._applied_loads(state, load, tension)
         reaction = self._reactions(state, load, ledger)
         ledger["joint"] = joint_loads(self.chain(state.angles), reaction)
@@ -255,6 +269,7 @@ class ChainFinger(ABC):
             **self.own_wrenches(state.angles, tension),
             "passive": joint_wrenches(chain, self.law.passive(state.angles)[0]),
             "limit": joint_wrenches(chain, self.law.limit(state.angles)[0]),
+            **({} if self.ties is None else {"tie": self.ties.wrenches(chain)}),
             "fingertip": fingertip,
         }
         if self.support.holds_joints:

@@ -328,6 +328,9 @@ class FingerDynamics:
             turned = turn_gap(self._state.turn, now)[0]
         if self.law.curves or np.any(self.law.held):
             torque, slope = _curves(self.law, angles)
+        if (ties := self._finger.ties) is not None:
+            chain = self._finger.chain(angles)
+            torque, slope = torque + ties.torques(chain), slope + ties.tangent(chain)
         if push is not None:
             torque = torque + push.torque + push.slope @ (angles - push.at)
             slope = slope + push.slope

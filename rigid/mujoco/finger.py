@@ -211,11 +211,12 @@ class MujocoFinger(ChainFinger):
         """The world points (k, 3) of each strand from origin to insertion, m, at joint angles
         (nq,); the strands of a tendon that parts are named NAME, NAME 2, ..."""
         data = self.at_angles(angles)
-        return {
+        out = {
             name if n == 0 else f"{name} {n + 1}": points
             for name, strands in zip(self.tendons, self._ways.points(data), strict=True)
             for n, points in enumerate(strands)
         }
+        return out if self.ties is None else {**out, **self.ties.lines(self.chain(angles))}
 
     def momentum(self, angles: Array, rates: Array) -> Array:
         """Each body's momentum (nb, 6) about its centre of mass, N s and N m s, world frame."""
@@ -250,7 +251,7 @@ def needed_torque(finger: MujocoFinger, angle: Array, rate: Array, acceleration:
     """The torques (nq,) N m that muscles and hood must make for a motion in rad, rad/s and rad/s2,
     (nq,) each:
 
-        M q'' + c(q, q') - weight - passive springs - damping.
+        M q'' + c(q, q') - weight - passive springs - ties - damping.
 
     Coordinate limits are left out: they stand for what holds a finger in a posture."""
     model = finger.model
@@ -259,4 +260,4 @@ def needed_torque(finger: MujocoFinger, angle: Array, rate: Array, acceleration:
     mujoco.mj_inverse(model, data)
     damping = np.zeros(len(angle)) if finger.law.damping is None else finger.law.damping
     needed: Array = data.qfrc_inverse - finger.law.passive(angle)[0] + damping * rate
-    return needed
+    return needed if finger.ties is None else needed - finger.ties.torques(finger.chain(angle))

@@ -187,14 +187,16 @@ class MovingMujoco:
         return moved._replace(passive=Relaxed(torque, memory, loss))
 
     def _in_joints(self, state: Moving) -> float:
-        """J stored in joints and limits; of joints that relax for good."""
+        """J stored in joints, limits and ties; of joints that relax for good."""
         law, angles = self.finger.law, state.moment.angles
         if self.relaxation is not None and state.passive is not None:
             left = self.relaxation.left
             law = law.relaxed(left, (1 - left) * state.passive.memory.rest)
         if state.worn is not None:
             law = law.splinted(*state.worn)
-        return law.energy(angles)
+        ties = self.finger.ties
+        tied = 0.0 if ties is None else ties.energy(self.finger.chain(angles))
+        return law.energy(angles) + tied
 
     def joint_torques(self, state: Moving) -> Array:
         """The torques (3, nq) N m of the passive joints, of their limits (or splints in the place
@@ -318,6 +320,7 @@ class MovingMujoco:
             **finger.own_wrenches(angles, tension, grip),
             "passive": joint_wrenches(chain, passive),
             "limit": joint_wrenches(chain, limit),
+            **({} if finger.ties is None else {"tie": finger.ties.wrenches(chain)}),
             "damping": joint_wrenches(chain, damping),
             "fingertip": fingertip,
             "inertia": move_wrench(change, centre),
