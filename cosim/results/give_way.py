@@ -52,7 +52,7 @@ def events_block(units: Sequence[Any], events: Array) -> dict[str, Any]:
         if unit.part.startswith(SPLINT):
             out.setdefault("taken_off", {})[unit.part] = {
                 "time_s": event.time,
-                "torque_Nm": event.force,
+                "torque_Nmm": 1e3 * event.force,
                 "lost_mJ": 1e3 * event.lost,
             }
             continue
@@ -98,8 +98,8 @@ def give_way_sentences(summary: Mapping[str, Any]) -> Iterator[str]:
         if event is None:
             did = "was put on" if part.startswith(SPLINT) else "began to act"
             yield f"{name} {did} at {time:.4g} s."
-        elif "torque_Nm" in event:
-            yield f"{name} was taken off at {time:.4g} s, under {event['torque_Nm']:.3g} N m."
+        elif "torque_Nmm" in event:
+            yield f"{name} was taken off at {time:.4g} s, under {event['torque_Nmm']:.3g} N mm."
         elif "places" in event:
             yield (
                 f"{name} peeled off from {time:.4g} to {event['last_time_s']:.4g} s: "

@@ -272,7 +272,7 @@ OF_RUN = (
     *(Quantity(f"gave_way.{ANY}.{key}", f"* gave way: {what}") for key, what in EVENT.items()),
     Quantity(f"began.{ANY}.time_s", "time at which * began to act"),
     Quantity(f"taken_off.{ANY}.time_s", "time at which * was taken off"),
-    Quantity(f"taken_off.{ANY}.torque_Nm", "*: torque under which it was taken off", True),
+    Quantity(f"taken_off.{ANY}.torque_Nmm", "*: torque under which it was taken off", True),
     Quantity(f"taken_off.{ANY}.lost_mJ", "*: energy lost then"),
     *(Quantity(f"strength.{ANY}.{key}", f"*: {what}") for key, what in STRENGTH.items()),
     Quantity("first_to_give_way.at_times_the_loads", "loads at which a part gives way first"),
