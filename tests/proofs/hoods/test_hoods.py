@@ -85,8 +85,8 @@ def test_a_hood_reduced_from_the_shell(judge, reduced):
 @pytest.mark.slow
 @pytest.mark.xfail(
     strict=True,
-    reason="polynomials of degree 4 do not follow the shell everywhere: where they are worst of the "
-    "states held out the tip force is 10 % off, and 16 % of its mean, for a mark of 5",
+    reason="polynomials of degree 4 do not follow the shell everywhere: where they are worst, of "
+    "the states held out, the tip force is 10 % off, and 16 % of its mean, for a mark of 5",
 )
 def test_the_worst_tip_force_of_a_hood_reduced_from_the_shell(judge, reduced):
     judge(filter(is_worst_tip_force, reduced))
