@@ -5,16 +5,14 @@ A step of the master is cut into equal ones that are no longer than the case's `
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 
 from cosim.case.schema import Case, ForwardConfig
-from cosim.coupling.motion import RecordedFinger
-from cosim.coupling.schemes import step
-from cosim.coupling.state import CoupledState
+from cosim.coupling.motion import MotionState, RecordedFinger
 from cosim.coupling.state_arrays import Special
 from cosim.errors import InputError
 from cosim.fmu.quantity import (
@@ -50,9 +48,10 @@ def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) ->
         raise InputError(
             f"{case.name}: forward.adaptive: the master sets the steps of an FMU; leave it out"
         )
-    if case.gives_way is not None:
+    if case.gives_way is not None and part == "finger":
         raise InputError(
-            f"{case.name}: gives_way: nothing gives way in an FMU in motion; leave it out"
+            f"{case.name}: gives_way: is of the hood, which is no part of an FMU of the finger; "
+            'leave it out, or write the part "coupled"'
         )
     both = moving_models(case, forward)
     if both.moves.prescribed.names:
@@ -162,6 +161,10 @@ class MovingCoupledPart(UnitPart):
             Quantity("residual", "output", "", residual),
         )
         self.quantities = tuple(q for q in whole if 0 not in q.shape)
+        if (giving := both.moves.giving) is not None:
+            left = "Share of its stiffness that each part has that gives way."
+            names = tuple(name.replace(" ", "_") for name in giving.names)
+            self.quantities += (Quantity("left", "output", "", left, (("part", names),)),)
         start = finger.begin(both.posture)
         at_start = {
             **_answers(finger, start),
@@ -174,16 +177,12 @@ class MovingCoupledPart(UnitPart):
         """Before the first step, which first finds the hood's equilibrium in the posture."""
         return None
 
-    def step(self, state: CoupledState | None, given: Values, dt: float) -> tuple[State, Values]:
-        moves = self.both.moves
+    def step(self, state: MotionState | None, given: Values, dt: float) -> tuple[State, Values]:
+        moves = replace(self.both.moves, drive=HeldTensions(given["tension"]))
         if state is None:
             state = self._begin()
-        split = len(moves.hood.tendons)
-        pulls = given["tension"][:split], given["tension"][split:]
         for h in _steps(dt, moves.dt):
-            if moves.splinted is not None:
-                state = replace(state, finger=moves.splinted.splinted(state.finger))
-            state = step(moves.scheme, moves.finger, moves.hood, state, _constant(pulls), h)
+            state = replace(moves, dt=h).advance(state)
         return state, self._outputs(state)
 
     def initial(self, given: Values) -> tuple[State, Values]:
@@ -199,20 +198,49 @@ class MovingCoupledPart(UnitPart):
     def special(self) -> Special:
         return special_states(self.both.hood, self.both.finger)
 
-    def _begin(self) -> CoupledState:
+    def _begin(self) -> MotionState:
         moves = self.both.moves
-        return moves.begin(moves.finger.begin(self.both.posture)).coupled
+        return replace(moves.begin(moves.finger.begin(self.both.posture)), drive=None)
 
-    def _outputs(self, state: CoupledState) -> Values:
+    def _outputs(self, state: MotionState) -> Values:
+        finger, c = self.both.finger, state.coupled
         out = {
-            **_answers(self.both.finger, state.finger),
-            **poses(self.both.finger.motion(self.both.finger.angles(state.finger))),
-            "residual": np.array(state.residual),
+            **_answers(finger, c.finger),
+            **poses(finger.motion(finger.angles(c.finger))),
+            "residual": np.array(c.residual),
         }
-        excursion = state.point.excursion
-        return {**out, "excursion": excursion} if excursion.size else out
+        if c.point.excursion.size:
+            out["excursion"] = c.point.excursion
+        if (giving := self.both.moves.giving) is not None:
+            out["left"] = giving.bearing(c.hood).left
+        return out
 
 
-def _constant(pulls: tuple[Array, Array]) -> Callable[[float], tuple[Array, Array]]:
-    """Tensions that are the same at all times."""
-    return lambda time: pulls
+class Pull(NamedTuple):
+    """What pulls at a time."""
+
+    tension: Array
+    state: State
+
+
+@dataclass(frozen=True)
+class HeldTensions:
+    """The drive of tendons whose tensions (nt,) N are given: `cosim.coupling.motion.TendonDrive`.
+    It has no state."""
+
+    tension: Array
+
+    def start(self, length: Array) -> State:
+        return None
+
+    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
+        return Pull(self.tension, state)
+
+    def settle_at(self, state: State, length: Array) -> State:
+        return state
+
+    def cylinder_signals(self, state: State, time: float) -> Array:
+        return np.zeros((0, 2))
+
+    def motor_signals(self, state: State, time: float) -> Array:
+        return np.zeros((0, 2))

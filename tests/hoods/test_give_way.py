@@ -9,6 +9,7 @@ import pytest
 
 import cosim
 from cosim.case.file import load_case
+from cosim.coupling.state_arrays import flatten, rebuild
 from cosim.errors import InputError
 from cosim.fmu_export.motion_parts import moving_part
 from cosim.models.build import build, build_hood, case_finger, site_of
@@ -90,10 +91,31 @@ def test_the_intact_finger_has_no_suture_that_could_give_way():
     build(case.without_lesion())
 
 
-def test_nothing_gives_way_in_an_fmu():
+def test_no_hood_gives_way_in_an_fmu_of_the_finger():
     case = load_case("isometric_edc", [*SUTURED, BREAKS, MOVES])
-    with pytest.raises(InputError, match="gives_way: nothing gives way in an FMU"):
-        moving_part(case, case.forward, "coupled", False)
+    with pytest.raises(InputError, match="gives_way: is of the hood, which is no part"):
+        moving_part(case, case.forward, "finger", False)
+
+
+def test_a_suture_gives_way_in_an_fmu_as_in_the_motion():
+    """Within a step of the master, and from a saved state on."""
+    steady = 'tendons.EDC.signal={kind="points",at=[["0 s",1.0]]}'
+    breaks = 'gives_way.suture_central_slip={time="0.0045 s"}'
+    short = MOVES.replace("0.02", "0.008")
+    case = load_case("isometric_edc", [PLAIN, *FREE, *SUTURED, short, steady, breaks])
+    result = cosim.run(case)
+    part = moving_part(case, case.forward, "coupled", False)
+    given = {"tension": np.array([*result.summary["tension_N"].values()])}
+    state, out = part.initial(given)
+    assert out["left"] == [1]
+    state, out = part.step(state, given, 4e-3)
+    assert out["left"] == [1]
+    arrays = flatten(state, part.special())
+    state = rebuild(part.template(), arrays, part.special())
+    state, out = part.step(state, given, 4e-3)
+    assert out["left"] == [0]
+    angles = [*result.summary["posture_deg"].values()]
+    np.testing.assert_allclose(np.rad2deg(out["angle"]), angles, rtol=1e-9)
 
 
 @pytest.mark.slow
