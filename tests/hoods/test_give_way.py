@@ -97,6 +97,7 @@ def test_no_hood_gives_way_in_an_fmu_of_the_finger():
         moving_part(case, case.forward, "finger", False)
 
 
+@pytest.mark.slow
 def test_a_suture_gives_way_in_an_fmu_as_in_the_motion():
     """Within a step of the master, and from a saved state on."""
     steady = 'tendons.EDC.signal={kind="points",at=[["0 s",1.0]]}'
