@@ -18,7 +18,7 @@ from cosim.abaqus_file import read_inp
 from cosim.errors import InputError
 from cosim.extras import require
 from cosim.file_size import MB, check_file_size
-from cosim.foreign_process import ForeignError, ForeignProcess
+from cosim.processes import ForeignError, ForeignProcess
 
 if TYPE_CHECKING:
     from meshio import Mesh
