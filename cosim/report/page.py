@@ -12,7 +12,7 @@ from cosim.errors import InputError
 from cosim.report import drawings, words
 from cosim.report.histories import pack_charts
 from cosim.report.tables import last_ledger, last_state
-from cosim.report.templates import packed, packed_json, packed_picture, report_file, template
+from cosim.report.templates import html_page, packed, packed_json, packed_picture, report_file
 from cosim.report.views import View, difference_view, limits, pack_views, view_of
 from cosim.results.compare import VERDICT_SHAPES, number
 from cosim.results.conventions import source_words
@@ -52,7 +52,10 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         for i, (run, view) in enumerate(pairs)
         if (charts := pack_charts(run, view))
     ]
-    text = template("cosim.report", filters={"cell": cell_html, "spoken": source_words}).render(
+    text = html_page(
+        "page.html.j2",
+        "cosim.report",
+        {"cell": cell_html, "spoken": source_words},
         words=words,
         drawings=drawings,
         shapes=VERDICT_SHAPES,

@@ -219,6 +219,13 @@ def as_json(runs: Sequence[Result], tables: Sequence[ReportTable]) -> str:
     return json_text(content) + "\n"
 
 
+def tables_text(form: str, runs: Sequence[Result], tables: Sequence[ReportTable]) -> str:
+    """The tables as CSV, JSON (with the runs' summaries) or Markdown; `form`: csv, json, md."""
+    if form == "json":
+        return as_json(runs, tables)
+    return as_csv(tables) if form == "csv" else as_markdown(tables)
+
+
 def as_csv(tables: Sequence[ReportTable]) -> str:
     """A line for each cell: table, row (counted from 1), what the row is of, column, value."""
     return csv_text(

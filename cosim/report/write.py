@@ -9,7 +9,7 @@ from typing import Literal
 
 from cosim.errors import InputError, Progress, quiet
 from cosim.files import write_text
-from cosim.report.tables import as_csv, as_json, as_markdown, tables_of
+from cosim.report.tables import tables_of, tables_text
 from cosim.results.compare import read_targets
 from cosim.results.read import read_runs
 
@@ -49,8 +49,7 @@ def write_report(
         text = page(runs, reference, tables)
         out = Path("report.html") if out is None else out
     else:
-        one = {"csv": as_csv, "md": as_markdown}
-        text = as_json(every, tables) if form == "json" else one[form](tables)
+        text = tables_text(form, every, tables)
     if out is None:
         return text
     write_text(out, text)

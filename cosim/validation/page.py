@@ -8,7 +8,7 @@ from typing import Any
 
 from cosim.analyses.mesh_series import MeshSeries
 from cosim.files import write_text
-from cosim.report.templates import template
+from cosim.report.templates import html_page
 from cosim.results.compare import (
     VERDICT_SHAPES,
     Comparison,
@@ -40,7 +40,9 @@ def write_page(path: Path, boards: Sequence[JudgedBoard]) -> None:
         if known.meshes is not None
     }
     kinds = by_kind([b.board for b in boards])
-    text = template("cosim.validation").render(
+    text = html_page(
+        "page.html.j2",
+        "cosim.validation",
         boards=[_board(board) for board in boards],
         kinds=[
             {
