@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cosim.abaqus_file import read_inp
 from cosim.errors import InputError
 from cosim.extras import require
-from cosim.file_size import MB, check_file_size
+from cosim.files import MB, check_file_size
 from cosim.processes import ForeignError, ForeignProcess
 
 if TYPE_CHECKING:

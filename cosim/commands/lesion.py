@@ -31,8 +31,8 @@ from cosim.report.lesion_page import (
     signs_of,
     tables_of_lesion,
 )
+from cosim.report.page import Form
 from cosim.report.tables import tables_text
-from cosim.report.write import Form
 from cosim.results.audit import describe_misses
 from cosim.results.read import read_run
 from cosim.results.result import Result
