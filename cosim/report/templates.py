@@ -45,7 +45,8 @@ def html_page(
     )
     environment.globals |= {"style": report_file("page.css"), "save": report_file("save.js")}
     environment.globals |= {"version": __version__, "contents": Markup(CONTENTS)}
-    environment.filters |= dict(filters or {})
+    environment.filters |= {"sentence": lambda text: text[:1].upper() + text[1:], **(filters or {})}
+    environment.globals["parts"] = environment.get_template("parts.html.j2").module
     text = environment.get_template(name).render(**content)
     links = "".join(f'<a href="#{at}">{words}</a>' for at, words in SECTION.findall(text))
     contents = f'<nav aria-label="Contents">{links}</nav>' if links else ""
