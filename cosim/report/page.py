@@ -113,7 +113,7 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         sheets=any(view.sheet for view in views),
         dots=any(table.key.startswith("dots_") for table in tables),
         pictures=[(run, _picture(run, "picture")) for run in every],
-        held=[(run, _picture(run, "history")) for run in every if _is_held(run)],
+        held=[(run, _picture(run, "history")) for run in every if "held_time" in run.arrays.dims],
         arrows=arrows,
         plane=drawings.plane(arrows) if arrows else "",
         bars={run.name: _bars(run) for run in every},
@@ -136,10 +136,6 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
             f"{MOST_BYTES / 1e6:.0f} MB that can be sent around; report fewer runs at a time"
         )
     return text
-
-
-def _is_held(run: Result) -> bool:
-    return run.has_history and run.axis == "state"
 
 
 def _views(runs: Sequence[Result], against: Result | None) -> tuple[list[View], list[Any]]:

@@ -55,7 +55,7 @@ def write_page(path: Path, boards: Sequence[JudgedBoard]) -> None:
         ],
         changed=_changed(boards),
         meshes=mesh_table(series),
-        mesh_tally=tally(series),
+        mesh_tally=tally_text(tally(series)),
     )
     write_text(path, text)
 
@@ -81,12 +81,17 @@ def answers_of(board: Board, judgements: Mapping[str, Mapping[str, int]]) -> Rep
     for name, verdicts in board.tallies().items():
         s = skills.get(name)
         skill = ("", "") if s is None else (str(s), s.fault or "beaten")
-        rows.append((name, _sentence(verdicts), _sentence(judgements.get(name, {})), *skill))
+        rows.append((name, tally_text(verdicts), tally_text(judgements.get(name, {})), *skill))
     columns = ("Answer", "Verdicts", "Beside u_val", "Skill over it", "")
     return ReportTable(f"answers {board.group}", board.group, columns, rows)
 
 
-def _sentence(counts: Mapping[str, int]) -> str:
+def tally_text(counts: Mapping[str, int]) -> str:
+    """How many of what.
+
+    >>> tally_text({"inside": 3, "outside": 1})
+    '3 inside, 1 outside'
+    """
     return ", ".join(f"{count} {word}" for word, count in counts.items())
 
 
