@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.port import Array, Pair
-from cosim.results.audit import Audit, missed_bounds
+from cosim.results.audit import HOOD_BALANCES, Audit, missed_bounds
 from cosim.results.conventions import by_axis, by_name
 from cosim.results.parts import joint_forces
 
@@ -83,8 +83,7 @@ class CoupledResult(Equilibrium):
     @cached_property
     def audit(self) -> Audit:
         """The residuals with their bounds."""
-        force, moment = self.load.imbalance(self.motion)
-        figures = {"hood_force_balance": force, "hood_moment_balance": moment}
+        figures = by_name(HOOD_BALANCES, self.load.imbalance(self.motion))
         if self.balance is not None:
             figures["finger_residual"] = self.finger_residual
             figures["interface_residual"] = self.interface_residual

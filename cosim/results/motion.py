@@ -18,7 +18,7 @@ from cosim.models.double_count import pairs
 from cosim.models.motion import MovingModels
 from cosim.port import AXES, Array
 from cosim.results.arrays import Arrays, along
-from cosim.results.audit import MOST_DAMPING, missed_bounds
+from cosim.results.audit import HOOD_BALANCES, MOST_DAMPING, missed_bounds
 from cosim.results.conventions import attributes, by_axis, by_name
 from cosim.results.give_way import event_arrays, events_block
 from cosim.results.joint_limits import is_in_range, joints_ever_at_limit, limits_of
@@ -59,10 +59,6 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         moved.history.moment,
     )
     finger, hood, last = t.finger, t.hood, frames[-1]
-    audit = {
-        "hood_force_balance": max(f.imbalance[0] for f in frames),
-        "hood_moment_balance": max(f.imbalance[1] for f in frames),
-    }
     energy, artificial = _energy(moved)
     out: dict[str, Any] = {
         **head_block(case, moved.failure is None, wall),
@@ -77,7 +73,7 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         "coupling_scheme": case.coupling.scheme,
         **_largest_of_hood(moved),
         "audit": {
-            **audit,
+            **by_name(HOOD_BALANCES, np.max([f.imbalance for f in frames], axis=0)),
             **_balance_at_rest(moved),
             "artificial_energy_over_effort": abs(artificial),
             "energy_put_in_over_effort": max(-artificial, 0.0),

@@ -17,7 +17,7 @@ from cosim.models.build import Models
 from cosim.models.double_count import pairs
 from cosim.port import AXES, Array, Finger
 from cosim.results.arrays import Arrays, along
-from cosim.results.audit import NOT_RECIPROCAL, PATH_DEPENDENT, missed_bounds
+from cosim.results.audit import HOOD_BALANCES, NOT_RECIPROCAL, PATH_DEPENDENT, missed_bounds
 from cosim.results.conventions import attributes, by_axis, by_name, is_slack, vector_of
 from cosim.results.give_way import strength_block
 from cosim.results.half_degree import half_degree
@@ -94,8 +94,7 @@ def summary(
 
     passed = states.one_way
     load, motion = (loaded.load, loaded.motion) if passed is None else (passed.answer, passed.at)
-    force, moment = load.imbalance(motion)
-    audit = {"hood_force_balance": force, "hood_moment_balance": moment}
+    audit = by_name(HOOD_BALANCES, load.imbalance(motion))
     if loaded.balance is None:
         audit["last_turn_rad"] = loaded.turn
     else:
