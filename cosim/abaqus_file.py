@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.file_size import MB, read_bytes
+from cosim.files import MB, read_bytes
 from cosim.number_text import RANGE, read_number, read_whole_number
 
 if TYPE_CHECKING:

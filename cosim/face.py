@@ -574,12 +574,12 @@ def write_report(
     where `data` names one; the page's path.
 
     Raises InputError."""
-    from cosim.report import write
+    from cosim.report import page
 
     with TemporaryDirectory() as place:
         folders = [
             run_folder(run, Path(place) / str(i), f"runs[{i}]") for i, run in enumerate(runs)
         ]
         measured = None if data is None else path_from("data", data)
-        write.write_report(folders, path_from("out", out), "html", data=measured)
+        page.write_report(folders, path_from("out", out), "html", data=measured)
     return Path(out)

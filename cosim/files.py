@@ -1,4 +1,4 @@
-"""Files and folders that are written whole or not at all."""
+"""Files that are read up to a size, and files and folders that are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from stat import S_ISREG
 from tempfile import TemporaryDirectory, gettempdir
 from typing import TypeGuard
 from uuid import uuid4
 
 from cosim.errors import CosimError, InputError, NoRoomError, unexpected
 
+MB = 1 << 20
 FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 """Faults of a disk without room, and of a file or user at their limit."""
 PASSING = re.compile(r"\..+\.(?P<process>\d+)\.(?P<machine>[0-9a-f]{4})\w{8}\.(part|old|probe)")
@@ -145,6 +147,36 @@ def _is_left(path: Path, number: int) -> bool:
         return True
     except (psutil.Error, OSError):
         return False
+
+
+def check_file_size(path: Path, most: int) -> None:
+    """Check that a file has at most `most` bytes; of a pipe or a device nothing is known.
+
+    >>> check_file_size(Path(__file__), MB)
+
+    Raises InputError for a larger one, and OSError where there is none."""
+    status = path.stat()
+    if S_ISREG(status.st_mode) and status.st_size > most:
+        raise InputError(
+            f"{path}: has {_megabytes(status.st_size)}; of such a file at most {_megabytes(most)} "
+            "are read"
+        )
+
+
+def read_bytes(path: Path, most: int) -> bytes:
+    """The bytes of a file, a pipe or a device, at most `most`.
+
+    Raises InputError where it has more, and OSError where it cannot be read."""
+    check_file_size(path, most)
+    with path.open("rb") as stream:
+        raw = stream.read(most + 1)
+    if len(raw) > most:
+        raise InputError(f"{path}: has more than {_megabytes(most)}, the most that is read")
+    return raw
+
+
+def _megabytes(size: int) -> str:
+    return f"{max(size / MB, 0.001):,.3g} MB" if size < 1000 * MB else f"{size / MB:,.0f} MB"
 
 
 def temporary_folder(name: str) -> TemporaryDirectory[str]:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from cosim.abaqus_file import read_inp
 from cosim.errors import InputError
 from cosim.extras import require
-from cosim.file_size import MB, check_file_size
-from cosim.foreign_process import ForeignError, ForeignProcess
+from cosim.files import MB, check_file_size
+from cosim.processes import ForeignError, ForeignProcess
 
 if TYPE_CHECKING:
     from meshio import Mesh

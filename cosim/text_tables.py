@@ -17,8 +17,7 @@ import numpy as np
 import tomlkit
 
 from cosim.errors import InputError, first_twice
-from cosim.file_size import MB, read_bytes
-from cosim.files import shown_path
+from cosim.files import MB, read_bytes, shown_path
 from cosim.number_text import read_number
 from cosim.port import Array
 

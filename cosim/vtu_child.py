@@ -1,5 +1,5 @@
 """Reading a file of VTK's (.vtu, .vtp, legacy .vtk) with VTK, for a process of its own
-(`foreign_process`), since some broken files crash VTK."""
+(`processes`), since some broken files crash VTK."""
 
 from __future__ import annotations
 

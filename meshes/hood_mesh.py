@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.file_size import MB, read_bytes
-from cosim.files import write_text
+from cosim.files import MB, read_bytes, write_text
 from cosim.port import Array, Ints
 from meshes.skeleton import BODIES, JOINTS
 

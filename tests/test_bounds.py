@@ -13,7 +13,7 @@ import pytest
 from cosim.anatomy.bones import load_surface
 from cosim.case.file import case_of, load_case
 from cosim.errors import InputError, nearest_names
-from cosim.file_size import MB, read_bytes
+from cosim.files import MB, read_bytes
 from cosim.hoods.shell.table import ENDS as SHELL_ENDS
 from cosim.mesh_file import read_mesh_file
 from cosim.models.build import build

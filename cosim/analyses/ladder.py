@@ -20,7 +20,7 @@ from cosim.models.fit import check_fit
 from cosim.outcome import Outcome
 from cosim.pipeline import plain_summary, run_each
 from cosim.port import AXES
-from cosim.report.templates import template
+from cosim.report.templates import html_page
 from cosim.results.compare import number
 from cosim.results.conventions import vector_of
 from cosim.results.looks import Look, look
@@ -229,7 +229,8 @@ def to_markdown(rungs: Sequence[Rung], title: str) -> str:
 
 def to_html(rungs: Sequence[Rung], title: str) -> str:
     """A page that needs nothing else: what differs, picture, table and reasons."""
-    return template("cosim.report", "ladder.html.j2").render(
+    return html_page(
+        "ladder.html.j2",
         title=title,
         spread=list(spread(rungs)),
         reasons=list(reasons(rungs)),

@@ -8,10 +8,9 @@ import numpy as np
 
 from cosim.analyses.repairs import MEASURES, Compared, RepairTable, table_of_repairs
 from cosim.report.figures import new_picture, style_axes
-from cosim.report.templates import template
+from cosim.report.templates import html_page
 from cosim.results.compare import number
 from cosim.results.picture import picture_address
-from cosim.version import __version__
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +23,8 @@ SHOWN = ("pip_lag", "dip_droop", "tip_force")
 
 def repairs_page(found: RepairTable) -> str:
     """Return the page: the answer, a picture, the table and what did not work out."""
-    return template("cosim.report", "repairs.html.j2").render(
+    return html_page(
+        "repairs.html.j2",
         title=found.title,
         answer=repair_sentences(found),
         picture=picture_address(repairs_picture(found), DPI),
@@ -32,7 +32,6 @@ def repairs_page(found: RepairTable) -> str:
         measure=MEASURES[found.rank],
         conditions=found.conditions,
         failures=[f"{row.title}: {row.failure}" for row in found.repairs if row.failure],
-        version=__version__,
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.file_size import check_file_size
+from cosim.files import check_file_size
 from cosim.mesh_file import read_triangles
 from cosim.port import Array
 from cosim.schema.types import MOST_SURFACE

@@ -31,8 +31,8 @@ from cosim.report.lesion_page import (
     signs_of,
     tables_of_lesion,
 )
-from cosim.report.tables import as_csv, as_json, as_markdown
-from cosim.report.write import Form
+from cosim.report.page import Form
+from cosim.report.tables import tables_text
 from cosim.results.audit import describe_misses
 from cosim.results.read import read_run
 from cosim.results.result import Result
@@ -94,12 +94,7 @@ def _compare_repairs(
             case, file, out, workers, lambda done, of: progress.say(f"{done}/{of} runs")
         )
     table = table_of_repairs(found)
-    if form == "html":
-        text = repairs_page(found)
-    elif form == "json":
-        text = as_json([], [table])
-    else:
-        text = {"csv": as_csv, "md": as_markdown}[form]([table])
+    text = repairs_page(found) if form == "html" else tables_text(form, (), [table])
     write_text(where, text)
     for said in repair_sentences(found):
         typer.echo(said)
@@ -135,9 +130,7 @@ def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Form) -> lis
         text = lesion_page(
             case.title, list(lesion_text(case)), named_parts(case), pairs, list(freed_text(case))
         )
-    elif form == "json":
-        text = as_json([run for p in pairs for run in (p.before, p.after)], tables)
     else:
-        text = {"csv": as_csv, "md": as_markdown}[form](tables)
+        text = tables_text(form, [run for p in pairs for run in (p.before, p.after)], tables)
     write_text(where, text)
     return tables

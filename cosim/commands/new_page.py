@@ -12,10 +12,14 @@ from cosim.analyses.moment_arms import published_arms
 from cosim.anatomy.own_case import OwnCase, OwnFinger
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, Progress
+from cosim.files import write_text
 from cosim.models.build import bone_surfaces, hood_mesh
 from cosim.pipeline import run_case
-from cosim.report.anatomy_page import AnatomyPage, Drawn, write_anatomy_page
+from cosim.report.anatomy_page import Drawn, draw_anatomy
+from cosim.report.templates import html_page
+from cosim.results.picture import picture_address
 from cosim.results.result import Result
+from cosim.results.table import ReportTable
 from meshes.skeleton import BODIES, JOINTS
 
 POSTURES = ("0/0/0", "30/45/15", "60/0/0")
@@ -34,19 +38,22 @@ def write_page(own: OwnCase, progress: Progress) -> tuple[Path, str]:
     shown = runs[SHOWN]
     picture = None if shown is None else shown.plot()
     path = own.case.with_suffix(".html")
-    page = AnatomyPage(
-        own.case.stem,
-        f"{own.case.stem}: our hood on your bones",
-        _drawn(own),
-        picture,
-        f"The hood over held bones at {POSTURES[SHOWN]} deg, its tendons at rest.",
-        _bone_rows(own.finger),
-        _joint_rows(own.finger),
-        _arm_rows(own.finger.template.kind, runs, ours),
-        _source_rows(own),
-        own.report,
+    rows = {
+        "bones": _bone_rows(own.finger),
+        "joints": _joint_rows(own.finger),
+        "arms": _arm_rows(own.finger.template.kind, runs, ours),
+        "sources": _source_rows(own),
+    }
+    page = html_page(
+        "anatomy.html.j2",
+        title=f"{own.case.stem}: our hood on your bones",
+        drawing=picture_address(draw_anatomy(_drawn(own)), 110),
+        run=picture_address(picture, 90),
+        run_words=f"The hood over held bones at {POSTURES[SHOWN]} deg, its tendons at rest.",
+        tables={key: ReportTable(key, key, head, each) for key, (head, *each) in rows.items()},
+        report=own.report,
     )
-    write_anatomy_page(page, path)
+    write_text(path, page)
     return path, "".join(f"; {posture}: {why}" for posture, why in lost.items())
 
 

@@ -17,7 +17,7 @@ from cosim.commands.terminal import stages
 from cosim.errors import InputError
 from cosim.extras import require
 from cosim.files import check_file, shown_path
-from cosim.report.write import Form, write_report
+from cosim.report.page import Form, write_report
 from cosim.results.film import FPS, WIDTH, check_film_file
 from cosim.results.sto import write_tables
 

@@ -15,7 +15,7 @@ from cosim.commands.terminal import console, print_table, say, show_table, warn_
 from cosim.commands.validate_curves import check_update, validate_curves
 from cosim.files import check_file
 from cosim.validation.mesh import USUAL, finenesses, mesh_series, mesh_versions, tally
-from cosim.validation.page import IN_TERMINAL, mesh_table, rows_of, write_page
+from cosim.validation.page import IN_TERMINAL, mesh_table, rows_of, tally_text, write_page
 from cosim.validation.records import write_record
 from cosim.validation.run import Board, by_kind, choose_groups, run_validation
 from cosim.validation.scoreboard import (
@@ -214,7 +214,7 @@ def _print(boards: list[JudgedBoard]) -> None:
         _print_tallies(board)
         if judged_board.known:
             for answer, counts in judged_board.judgements().items():
-                screen.print(f"  {answer}, beside u_val: {_summary_sentence(counts)}")
+                screen.print(f"  {answer}, beside u_val: {tally_text(counts)}")
         for line in board.hand_lines:
             screen.print(f"  {line}")
         print_table("", IN_TERMINAL, rows_of(judged_board).only(*IN_TERMINAL).words())
@@ -228,16 +228,12 @@ def _print_tallies(board: Board) -> None:
     variant = " (variant)" if board.variant else ""
     console().print(f"\n{board.group}{variant}: {board.headline}")
     for answer, counts in board.tallies().items():
-        console().print(f"  {answer}: {_summary_sentence(counts) or 'nothing counts'}")
-
-
-def _summary_sentence(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} {word}" for word, count in counts.items())
+        console().print(f"  {answer}: {tally_text(counts) or 'nothing counts'}")
 
 
 def _print_meshes(series: Mapping[Key, MeshSeries]) -> None:
     show_table(mesh_table(series))
-    console().print(", ".join(f"{count} {word}" for word, count in tally(series).items()))
+    console().print(tally_text(tally(series)))
 
 
 def _print_failures(board: Board) -> None:

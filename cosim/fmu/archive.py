@@ -7,25 +7,34 @@ runs here; where it is loaded later, it runs with the user's rights, as every FM
 from __future__ import annotations
 
 import json
+import stat
+import struct
 import warnings
 import zipfile
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from lzma import LZMAError
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 from xml.parsers import expat
+from zlib import error as ZlibError
 
 from lxml import etree
 
 from cosim.errors import InputError, ReadingWarning
 from cosim.fmu.description import lenient_description
 from cosim.version import FMU_FORMAT, __version__
-from cosim.zip_file import UNREADABLE, archive_fault
 
 if TYPE_CHECKING:
     from fmpy.model_description import ModelDescription
 
 
+UNREADABLE = (
+    *(zipfile.BadZipFile, ZlibError, LZMAError, struct.error),
+    *(EOFError, NotImplementedError, RuntimeError, OSError, ValueError),
+)
+"""What zipfile raises over archives that are damaged, encrypted or packed in unknown ways."""
 MOST_FILES, MOST_BYTES, MOST_XML = 20_000, 2**30, 2**26
 """Limits of an unpacked archive, and of the description in it (bytes)."""
 MOST_TAGS, MOST_MARKUP, CHUNK = 1_000_000, 2**20, 2**16
@@ -230,3 +239,34 @@ def check_if_ours(resources: Path) -> bool:
         read_about(resources)
         return True
     return False
+
+
+def archive_fault(entries: Sequence[zipfile.ZipInfo], most_files: int, most_bytes: int) -> str:
+    """What is wrong with an archive of these entries; empty where nothing is.  The sizes are those
+    that zipfile holds it to."""
+    return next(filter(None, (_crowd(entries, most_files, most_bytes), *map(_fault, entries))), "")
+
+
+def _crowd(entries: Sequence[zipfile.ZipInfo], most_files: int, most_bytes: int) -> str:
+    """What is wrong with the archive as a whole."""
+    size, names = sum(e.file_size for e in entries), Counter(e.filename.lower() for e in entries)
+    if len(entries) > most_files or size > most_bytes:
+        return (
+            f"unpacks to {len(entries)} files of {size / 2**20:.0f} MiB, expected at most "
+            f"{most_files} of {most_bytes / 2**20:.0f} MiB"
+        )
+    twice = [name for name, times in names.items() if times > 1]
+    if not twice:
+        return ""
+    return f"holds {twice[0]!r} more than once (upper and lower case are the same on some systems)"
+
+
+def _fault(entry: zipfile.ZipInfo) -> str:
+    """What is wrong with one file of the archive."""
+    name, parts = entry.orig_filename, PurePosixPath(entry.orig_filename).parts
+    if "\\" in name or ":" in name or "\0" in name or name.startswith("/") or ".." in parts:
+        return f"the file {name!r} would lie outside of its folder"
+    kind = stat.S_IFMT(entry.external_attr >> 16)
+    if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
+        return f"{name!r} is a link or a device, expected files and folders"
+    return f"{name!r} is encrypted" if entry.flag_bits & 1 else ""

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from cosim.foreign_process import remove_at_orphaning
+from cosim.processes import remove_at_orphaning
 
 MOST_LOGGED = 5
 

@@ -21,8 +21,8 @@ from cosim.fmu.archive import UnpackedFmu, check_if_ours, unpack_fmu
 from cosim.fmu.instance import Instance, LibraryFacts
 from cosim.fmu.mapping import VariablePlace
 from cosim.fmu.table import APART, Loading
-from cosim.foreign_process import ForeignError, ForeignProcess
 from cosim.port import Array
+from cosim.processes import ForeignError, ForeignProcess
 
 FREE_LIMIT = 5.0
 """s, for the end of an instance."""

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.files import output_file
 from cosim.port import Array, Triangles
 from cosim.report.figures import legend_below, new_picture, style_axes
-from cosim.report.templates import template
-from cosim.results.picture import picture_address
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,35 +37,6 @@ class Drawn:
     """A point (3,) and a direction (3,), by joint."""
     hood: Array
     """(m, 4, 3) corners of its quads."""
-
-
-@dataclass(frozen=True)
-class AnatomyPage:
-    """What the page shows."""
-
-    name: str
-    title: str
-    drawn: Drawn
-    picture: Figure | None
-    """The run's own."""
-    picture_words: str
-    bones: Sequence[Sequence[str]]
-    """Rows of texts, the first the header; so each table."""
-    joints: Sequence[Sequence[str]]
-    arms: Sequence[Sequence[str]]
-    sources: Sequence[Sequence[str]]
-    report: Sequence[str]
-
-
-def write_anatomy_page(page: AnatomyPage, path: Path) -> None:
-    """Write the page as one HTML file.  Raises InputError where it cannot be written."""
-    text = template("cosim.report", "anatomy.html.j2").render(
-        page=page,
-        bones=picture_address(draw_anatomy(page.drawn), 110),
-        run=picture_address(page.picture, 90),
-    )
-    with output_file(path) as part:
-        part.write_text(text, encoding="utf-8")
 
 
 def draw_anatomy(drawn: Drawn) -> Figure:

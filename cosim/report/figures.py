@@ -14,7 +14,7 @@ import pandas as pd
 
 from cosim.errors import InputError, Progress
 from cosim.files import output_folder
-from cosim.report.templates import template
+from cosim.report.templates import html_page
 from cosim.results.picture import as_png, data_address, new_picture, picture_address
 from cosim.results.table import Cell, ReportTable
 
@@ -177,7 +177,10 @@ def _page(
     page: FigurePage, studies: Sequence[FigureStudy], shown: Sequence[dict[str, object]]
 ) -> str:
     whole = len(studies) == len(page.studies)
-    return template("cosim.report", "figures.html.j2", {"code": _code}).render(
+    return html_page(
+        "figures.html.j2",
+        "cosim.report",
+        {"code": _code},
         page=page,
         shown=shown,
         command=page.command + ("" if whole else "".join(f" --only {s.name}" for s in studies)),

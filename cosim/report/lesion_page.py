@@ -19,7 +19,7 @@ from cosim.port import Array
 from cosim.report import drawings, words
 from cosim.report.clinical_signs import Sign, clinical_signs
 from cosim.report.figures import new_picture
-from cosim.report.templates import template
+from cosim.report.templates import html_page
 from cosim.report.views import BoneSurface, Sheet, SheetField, View, limits, view_of
 from cosim.results.compare import number, unit_of, value_of
 from cosim.results.looks import colour_map
@@ -242,7 +242,8 @@ def lesion_page(
     what is said first."""
     seen = [(pair, view_of(pair.before), view_of(pair.after)) for pair in pairs]
     arrows = [arrow for pair in pairs if pair.tip == "held" for arrow in _arrows(pair)]
-    return template("cosim.report", "lesion.html.j2").render(
+    return html_page(
+        "lesion.html.j2",
         words=words,
         title=title,
         lesion=lesion,

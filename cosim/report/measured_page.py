@@ -23,7 +23,7 @@ from cosim.measured import (
     read_measured,
     sources,
 )
-from cosim.report.templates import template
+from cosim.report.templates import html_page
 from cosim.results.compare import number
 from cosim.results.table import ReportTable
 
@@ -58,7 +58,8 @@ def write_measured_page(path: Path) -> None:
     written."""
     every = all_measured()
     lacking = [list(gap.model_dump().values()) for gap in not_measured()]
-    page = template("cosim.report", "measured.html.j2").render(
+    page = html_page(
+        "measured.html.j2",
         numbers=len(every),
         evidence=[(*EVIDENCE[e], n) for e, n in _counts(every).items()],
         tables=tuple(_tables(every)),

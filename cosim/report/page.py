@@ -1,26 +1,32 @@
-"""The page: one HTML file with its data, its script and plotly inside."""
+"""A report of runs: its tables, or the page, one HTML file with its data, its script and plotly
+inside."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
-from cosim.errors import InputError
+from cosim.errors import InputError, Progress, quiet
+from cosim.files import write_text
 from cosim.report import drawings, words
 from cosim.report.histories import pack_charts
-from cosim.report.tables import last_ledger, last_state
-from cosim.report.templates import packed, packed_json, packed_picture, report_file, template
+from cosim.report.tables import last_ledger, last_state, tables_of, tables_text
+from cosim.report.templates import html_page, packed, packed_json, packed_picture, report_file
 from cosim.report.views import View, difference_view, limits, pack_views, view_of
-from cosim.results.compare import VERDICT_SHAPES, number
+from cosim.results.compare import VERDICT_SHAPES, number, read_targets
 from cosim.results.conventions import source_words
 from cosim.results.looks import look
 from cosim.results.picture import data_address
+from cosim.results.read import read_runs
 from cosim.results.result import Result
 from cosim.results.table import ReportTable, cell_html
 
+Form = Literal["html", "csv", "json", "md"]
 MOST_BYTES = 8_000_000
 CURVE = 1.8
 """Width of a curve over time, px."""
@@ -39,6 +45,44 @@ class Bar:
     angle: float | None
 
 
+def write_report(
+    folders: Sequence[Path],
+    out: Path | None,
+    form: Form,
+    against: Path | None = None,
+    data: Path | None = None,
+    note: Progress = quiet,
+) -> str:
+    """Write the report and return what to tell: where it is, or without `out` the tables; `note`
+    takes what there is to say beside it.  The run `against` may be one of the others.
+
+    Raises InputError where a folder is no run, or the file cannot be written."""
+    if not folders:
+        raise InputError("a report needs one run or more")
+    targets = read_targets(data) if data is not None else ()
+    shown, places = list(folders), [folder.resolve() for folder in folders]
+    at = None if against is None else against.resolve()
+    if against is not None and at not in places:
+        shown.append(against)
+    every = read_runs(shown, targets)
+    others = Counter(t.case for t in targets if t.case not in ("", *(run.case for run in every)))
+    for case, count in others.items():
+        note(f"{data}: rows for the case {case}, of which no run is reported: {count}")
+    runs, reference = every[: len(folders)], None
+    if at is not None:
+        reference = every[places.index(at)] if at in places else every[-1]
+    tables = tables_of(runs, reference)
+    if form == "html":
+        text = page(runs, reference, tables)
+        out = Path("report.html") if out is None else out
+    else:
+        text = tables_text(form, every, tables)
+    if out is None:
+        return text
+    write_text(out, text)
+    return f"{out}: {len(text.encode('utf-8')) / 1e6:.1f} MB"
+
+
 def page(runs: Sequence[Result], against: Result | None, tables: Sequence[ReportTable]) -> str:
     """The whole page.  Raises InputError where it would be too large to send around."""
     from plotly.offline import get_plotlyjs
@@ -52,7 +96,10 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         for i, (run, view) in enumerate(pairs)
         if (charts := pack_charts(run, view))
     ]
-    text = template("cosim.report", filters={"cell": cell_html, "spoken": source_words}).render(
+    text = html_page(
+        "page.html.j2",
+        "cosim.report",
+        {"cell": cell_html, "spoken": source_words},
         words=words,
         drawings=drawings,
         shapes=VERDICT_SHAPES,
@@ -66,7 +113,7 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
         sheets=any(view.sheet for view in views),
         dots=any(table.key.startswith("dots_") for table in tables),
         pictures=[(run, _picture(run, "picture")) for run in every],
-        held=[(run, _picture(run, "history")) for run in every if _is_held(run)],
+        held=[(run, _picture(run, "history")) for run in every if "held_time" in run.arrays.dims],
         arrows=arrows,
         plane=drawings.plane(arrows) if arrows else "",
         bars={run.name: _bars(run) for run in every},
@@ -89,10 +136,6 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
             f"{MOST_BYTES / 1e6:.0f} MB that can be sent around; report fewer runs at a time"
         )
     return text
-
-
-def _is_held(run: Result) -> bool:
-    return run.has_history and run.axis == "state"
 
 
 def _views(runs: Sequence[Result], against: Result | None) -> tuple[list[View], list[Any]]:

@@ -132,10 +132,6 @@ def _tendons(run: Result, place: int) -> ReportTable:
     )
 
 
-def _dots(run: Result, place: int) -> ReportTable:
-    return ReportTable(f"dots_{place}", f"Points and gauges of {run.name}", *dots_table(run))
-
-
 def _comparison(run: Result, place: int) -> ReportTable:
     rows = tuple(tuple(as_dict(row).values()) for row in run.comparison)
     return ReportTable(f"comparison_{place}", f"{run.name} beside data", COLUMNS, rows)
@@ -219,6 +215,13 @@ def as_json(runs: Sequence[Result], tables: Sequence[ReportTable]) -> str:
     return json_text(content) + "\n"
 
 
+def tables_text(form: str, runs: Sequence[Result], tables: Sequence[ReportTable]) -> str:
+    """The tables as CSV, JSON (with the runs' summaries) or Markdown; `form`: csv, json, md."""
+    if form == "json":
+        return as_json(runs, tables)
+    return as_csv(tables) if form == "csv" else as_markdown(tables)
+
+
 def as_csv(tables: Sequence[ReportTable]) -> str:
     """A line for each cell: table, row (counted from 1), what the row is of, column, value."""
     return csv_text(
@@ -247,9 +250,8 @@ AT_END = {"at the end": ""}
 MEASURED = ("measured", "of", "SD", "model less measured")
 
 
-def dots_table(run: Result) -> tuple[tuple[str, ...], tuple[tuple[Cell, ...], ...]]:
-    """Columns and rows: a row for each number of a point, gauge or grid, with measured values where
-    there are any."""
+def _dots(run: Result, place: int) -> ReportTable:
+    """A row for each number of a point, gauge or grid, with measured values where there are any."""
     places = PLACES if "unloaded" in run.summary else AT_END
     paths = [path for path in numbers_of(run.summary) if path.split(".")[0] in KEYS]
     rows: list[tuple[Cell, ...]] = []
@@ -258,11 +260,11 @@ def dots_table(run: Result) -> tuple[tuple[str, ...], tuple[tuple[Cell, ...], ..
         values = [value_of(run.summary, where + path) for where in places.values()]
         first = (meaning_of(path, run.summary) or path, unit_of(path), *values)
         found = _comparisons(run, path) if compared else []
-        rows += [(*first, *_measured(state, row)) for state, row in found]
+        rows += [(*first, c.target.reference, at, c.target.sd, c.difference) for at, c in found]
         if not found:
             rows.append((*first, *((None, "", None, None) if compared else ())))
     columns = ("quantity", "unit", *places, *(MEASURED if compared else ()))
-    return columns, tuple(rows)
+    return ReportTable(f"dots_{place}", f"Points and gauges of {run.name}", columns, tuple(rows))
 
 
 def _comparisons(run: Result, path: str) -> list[tuple[str, Comparison]]:
@@ -274,10 +276,6 @@ def _comparisons(run: Result, path: str) -> list[tuple[str, Comparison]]:
         for row in run.comparison
         if row.target.quantity == where + path and row.target.reference is not None
     ]
-
-
-def _measured(state: str, row: Comparison) -> tuple[Cell, ...]:
-    return row.target.reference, state, row.target.sd, row.difference
 
 
 def dots_in_words(run: Result) -> dict[str, str]:

@@ -1,14 +1,14 @@
-"""The templates of the pages, where an unknown name is an error and never an empty place, and how
-numbers, scripts and pictures travel within a page."""
+"""The maker of every page, of its template, and how numbers, scripts and pictures travel within."""
 
 from __future__ import annotations
 
 import base64
 import gzip
 import io
+import re
 from collections.abc import Callable, Mapping
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,18 +17,24 @@ from cosim.port import Array
 from cosim.results.picture import data_address
 from cosim.version import __version__
 
-if TYPE_CHECKING:
-    from jinja2 import Template
+SECTION = re.compile(r'<section id="([^"]+)" data-contents="([^"]+)"')
+"""A section with what the contents of its page call it."""
+CONTENTS = "<!--contents-->"
 
 
-def template(
-    package: str,
-    name: str = "page.html.j2",
+def html_page(
+    name: str,
+    package: str = "cosim.report",
     filters: Mapping[str, Callable[..., str]] | None = None,
-) -> Template:
-    """The template of this name beside the modules of a package, or of the report, whose frame
-    `base.html.j2` all pages extend."""
+    /,
+    **content: Any,
+) -> str:
+    """The page that the template of this name makes of its content; it stands beside the modules of
+    a package, and all extend the report's frame `base.html.j2`.
+
+    An unknown name is an error and never an empty place.  The contents follow from the sections."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
 
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package, ""), PackageLoader("cosim.report", "")]),
@@ -38,9 +44,13 @@ def template(
         undefined=StrictUndefined,
     )
     environment.globals |= {"style": report_file("page.css"), "save": report_file("save.js")}
-    environment.globals |= {"version": __version__}
-    environment.filters |= dict(filters or {})
-    return environment.get_template(name)
+    environment.globals |= {"version": __version__, "contents": Markup(CONTENTS)}
+    environment.filters |= {"sentence": lambda text: text[:1].upper() + text[1:], **(filters or {})}
+    environment.globals["parts"] = environment.get_template("parts.html.j2").module
+    text = environment.get_template(name).render(**content)
+    links = "".join(f'<a href="#{at}">{words}</a>' for at, words in SECTION.findall(text))
+    contents = f'<nav aria-label="Contents">{links}</nav>' if links else ""
+    return text.replace(CONTENTS, contents)
 
 
 def report_file(name: str) -> str:

@@ -163,17 +163,13 @@ def score(rows: Sequence[Comparison]) -> str:
 def commands(runs: Sequence[Result], against: Result | None) -> str:
     """The lines that make the runs and this report again, from the cases saved beside."""
     every = [*runs, against] if against is not None else [*runs]
-    lines = [f"# cosim-hand {_version(run)}" for run in every]
-    lines = list(dict.fromkeys(lines))
+    versions = [run.summary.get("version", "?") for run in every]
+    lines = [f"# cosim-hand {version}" for version in dict.fromkeys(versions)]
     lines += [f"cosim run {run.case}.toml --out runs{_folder(run)}" for run in every]
     last = f" --against {_place(against)}" if against is not None else ""
     data = " --data FILE.csv" if any(run.comparison for run in every) else ""
     lines.append(f"cosim show {' '.join(map(_place, runs))}{last}{data} -o report.html")
     return "\n".join(lines)
-
-
-def _version(run: Result) -> str:
-    return str(run.summary.get("version", "?"))
 
 
 def _folder(run: Result) -> str:

@@ -28,9 +28,10 @@ TWO = (
     "is in depends on how it was loaded; load it in a motion (forward), change what lets the hood "
     "go slack, or write a smaller solve.tolerance"
 )
+HOOD_BALANCES = ("hood_force_balance", "hood_moment_balance")
+"""The figures of `Load.imbalance`."""
 BOUNDS = {
-    "hood_force_balance": Bound(1e-9, CLOSURE),
-    "hood_moment_balance": Bound(1e-9, CLOSURE),
+    **dict.fromkeys(HOOD_BALANCES, Bound(1e-9, CLOSURE)),
     "finger_residual": Bound(1e-6, SMALLER_TOLERANCE),
     "interface_residual": Bound(1e-6, f"{SMALLER_TOLERANCE} or coupling.tolerance"),
     "reciprocity": Bound(

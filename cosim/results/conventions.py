@@ -30,9 +30,14 @@ SLACK = 0.05
 """Share of both slips' force together that a slack slip bears at most."""
 
 
+def by_name(names: Iterable[str], values: Iterable[float]) -> dict[str, float]:
+    """Values by their names, of which there are as many."""
+    return dict(zip(names, map(float, values), strict=True))
+
+
 def by_axis(vector: Iterable[float]) -> dict[str, float]:
     """The components of a vector (3,) in the world, by the name of the axis."""
-    return dict(zip(AXES, map(float, vector), strict=True))
+    return by_name(AXES, vector)
 
 
 def attributes(title: str, case: str) -> dict[str, str]:

@@ -11,8 +11,8 @@ import numpy as np
 
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.port import Array, Pair
-from cosim.results.audit import Audit, missed_bounds
-from cosim.results.conventions import by_axis
+from cosim.results.audit import HOOD_BALANCES, Audit, missed_bounds
+from cosim.results.conventions import by_axis, by_name
 from cosim.results.parts import joint_forces
 
 if TYPE_CHECKING:
@@ -37,14 +37,12 @@ class CoupledResult(Equilibrium):
     def posture(self) -> dict[str, float]:
         """Joint angles (deg) by joint."""
         finger = self.pair.finger
-        angles = np.rad2deg(finger.angles(self.finger_state))
-        return dict(zip(finger.joints, map(float, angles), strict=True))
+        return by_name(finger.joints, np.rad2deg(finger.angles(self.finger_state)))
 
     @property
     def excursions(self) -> dict[str, float]:
         """Excursions (mm) by tendon of the hood, positive proximally."""
-        millimetres = map(float, 1e3 * self.excursion)
-        return dict(zip(self.pair.hood.tendons, millimetres, strict=True))
+        return by_name(self.pair.hood.tendons, 1e3 * self.excursion)
 
     @property
     def moment_arms(self) -> pandas.DataFrame:
@@ -85,8 +83,7 @@ class CoupledResult(Equilibrium):
     @cached_property
     def audit(self) -> Audit:
         """The residuals with their bounds."""
-        force, moment = self.load.imbalance(self.motion)
-        figures = {"hood_force_balance": force, "hood_moment_balance": moment}
+        figures = by_name(HOOD_BALANCES, self.load.imbalance(self.motion))
         if self.balance is not None:
             figures["finger_residual"] = self.finger_residual
             figures["interface_residual"] = self.interface_residual

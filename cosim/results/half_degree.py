@@ -21,7 +21,7 @@ from cosim.errors import ConvergenceError
 from cosim.fingers.chain import joint_torques
 from cosim.models.build import Models, case_finger
 from cosim.port import STATIC, Motion, OpenFinger
-from cosim.results.conventions import by_axis
+from cosim.results.conventions import by_axis, by_name
 from cosim.solve.static import States
 
 HALF = np.deg2rad(0.5)
@@ -90,7 +90,7 @@ def _neighbour(
     return {
         "fingertip_force_N": by_axis(finger.tip_force(state)),
         "slip_force_N": _slips(models, e, motion),
-        "joint_torque_Nmm": dict(zip(finger.joints, torque, strict=True)),
+        "joint_torque_Nmm": by_name(finger.joints, torque),
     }
 
 

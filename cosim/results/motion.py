@@ -18,23 +18,16 @@ from cosim.models.double_count import pairs
 from cosim.models.motion import MovingModels
 from cosim.port import AXES, Array
 from cosim.results.arrays import Arrays, along
-from cosim.results.audit import MOST_DAMPING, missed_bounds
-from cosim.results.conventions import FRAME, attributes, by_axis
+from cosim.results.audit import HOOD_BALANCES, MOST_DAMPING, missed_bounds
+from cosim.results.conventions import attributes, by_axis, by_name
 from cosim.results.give_way import event_arrays, events_block
 from cosim.results.joint_limits import is_in_range, joints_ever_at_limit, limits_of, tie_block
 from cosim.results.load_and_rest import NO_UNLOADED
-from cosim.results.parts import LedgerRow, Scene, ledger_rows
+from cosim.results.parts import LedgerRow, Scene, head_block, ledger_rows, muscle_block, state_block
 from cosim.results.result import Result
-from cosim.results.scene import (
-    bones_in_world,
-    coarse_bones,
-    joint_centres,
-    origins_of,
-    with_measures,
-)
+from cosim.results.scene import coarse_bones, posed_scene, with_measures
 from cosim.results.tip_reach import motion_over_reach
 from cosim.solve.motion import SolvedMotion
-from cosim.version import __version__
 
 MOST_TIMES = 250
 """In a ledger: of more steps, as many are booked as evenly as can be, the last among them."""
@@ -66,36 +59,21 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         moved.history.moment,
     )
     finger, hood, last = t.finger, t.hood, frames[-1]
-    audit = {
-        "hood_force_balance": max(f.imbalance[0] for f in frames),
-        "hood_moment_balance": max(f.imbalance[1] for f in frames),
-    }
     energy, artificial = _energy(moved)
-    force = tips[-1][:3]
     out: dict[str, Any] = {
-        "case": case.name,
-        "version": __version__,
-        "frame": FRAME,
-        "converged": moved.failure is None,
-        "wall_s": round(wall, 4),
+        **head_block(case, moved.failure is None, wall),
         "fingertip_device": tip_support_kind(case.finger),
         "came_to_rest": moved.rest.is_reached,
         "last_rate_rad_per_s": moved.rest.rate,
         "last_force_change_N": moved.rest.change,
-        "posture_deg": dict(zip(finger.joints, np.rad2deg(last.angles).tolist(), strict=True)),
-        "tension_N": dict(
-            zip((*hood.tendons, *finger.tendons), last.tension.tolist(), strict=True)
-        ),
-        "excursion_mm": dict(zip(hood.tendons, (1e3 * last.excursion).tolist(), strict=True)),
-        "fingertip_force_N": by_axis(force),
-        "fingertip_magnitude_N": float(np.linalg.norm(force)),
+        **state_block(finger, hood, last.angles, last.tension, last.excursion, tips[-1][:3]),
         "fingertip_moment_Nmm": by_axis(1e3 * np.asarray(tips[-1][3:])),
         "energy_mJ": energy,
         "largest_interface_residual": max(f.residual for f in frames),
         "coupling_scheme": case.coupling.scheme,
         **_largest_of_hood(moved),
         "audit": {
-            **audit,
+            **by_name(HOOD_BALANCES, np.max([f.imbalance for f in frames], axis=0)),
             **_balance_at_rest(moved),
             "artificial_energy_over_effort": abs(artificial),
             "energy_put_in_over_effort": max(-artificial, 0.0),
@@ -124,7 +102,7 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         out["step_control"] = _steps(end, frames)
     if names := t.moves.prescribed.names:
         reached = 1e3 * (end.draw.excursion - end.draw.start)
-        out["prescribed_excursion_mm"] = dict(zip(names, reached.tolist(), strict=True))
+        out["prescribed_excursion_mm"] = by_name(names, reached)
     if not case.finger.is_native:
         out["not_in_ledger"] = OPEN
     if t.point_names and t.view is not None:
@@ -133,8 +111,7 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:
         out["double_counted"] = twice
     out |= events_block(t.giving_parts, end.events)
-    if lengths := t.pulls.lengths(end.drive):
-        out["muscle"] = {name: _muscle(case, name, length) for name, length in lengths.items()}
+    out |= muscle_block(case, t.pulls.lengths(end.drive))
     if t.pulls.motors:
         out["motor"] = {
             name: {"drawn_mm": 1e3 * float(drawn), "torque_Nmm": 1e3 * float(torque)}
@@ -156,17 +133,6 @@ def _largest_of_hood(moved: SolvedMotion) -> dict[str, float]:
     end = t.view(kept.moment.coupled.hood).audit()
     every = [end, *(audit_of(shape) for shape in kept.shapes)]
     return {name: max(figures[name] for figures in every) for name in end}
-
-
-def _muscle(case: Case, name: str, length: float) -> dict[str, Any]:
-    tendon = case.tendons[name]
-    return {
-        "activation": tendon.activation,
-        "normalised_fibre_length": length,
-        "assumed_normalised_fibre_length_unloaded": (
-            None if tendon.muscle is None else tendon.muscle.fibre_length
-        ),
-    }
 
 
 def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
@@ -360,7 +326,4 @@ def _scene(t: MovingModels, kept: MotionHistory) -> Scene:
     frames = tuple(
         (float(shape["time"]), field_of(shape, hood.quads)) for shape in kept.shapes if hood
     )
-    joints = joint_centres(motion, finger.joints)
-    bones = bones_in_world(coarse_bones(t.bones), motion)
-    paths = tuple(lines.items())
-    return Scene(hood, bones, paths, force, frames, origins_of(motion), joints)
+    return posed_scene(hood, coarse_bones(t.bones), motion, lines, force, finger.joints, frames)

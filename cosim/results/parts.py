@@ -13,12 +13,15 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.hoods.view import HoodField
 from cosim.json_text import json_text
-from cosim.port import Array, Hand, mirror
+from cosim.port import Array, Finger, Hand, Hood, MovingFinger, mirror
 from cosim.results.arrays import Arrays
-from cosim.results.conventions import COMPONENTS, by_axis
+from cosim.results.conventions import COMPONENTS, FRAME, by_axis, by_name
+from cosim.version import __version__
 
 if TYPE_CHECKING:
     import xarray
+
+    from cosim.case.schema import Case
 
 LEDGER_HEADER = (
     *("state", "body", "source"),
@@ -108,6 +111,55 @@ def joint_forces(
     # a bone between two joints receives the one and hands on the other
     through = np.cumsum(joint[:0:-1, :3], axis=0)[::-1]
     return {name: by_axis(force) for name, force in zip(names, through, strict=True)}
+
+
+def head_block(case: Case, converged: bool, wall: float) -> dict[str, Any]:
+    """Say of what case and version a summary is, and in which frame; `wall`: s."""
+    head = {"case": case.name, "version": __version__, "frame": FRAME}
+    return {**head, "converged": converged, "wall_s": round(wall, 4)}
+
+
+def force_block(force: Array, in_phalanx: Array | None = None) -> dict[str, Any]:
+    """The fingertip's force (3,) N on the world, along its axes and perhaps along those of the
+    distal phalanx, and its size."""
+    out: dict[str, Any] = {"fingertip_force_N": by_axis(force)}
+    if in_phalanx is not None:
+        out["fingertip_force_in_phalanx_N"] = by_axis(in_phalanx)
+    return {**out, "fingertip_magnitude_N": float(np.linalg.norm(force))}
+
+
+def state_block(
+    finger: Finger | MovingFinger,
+    hood: Hood,
+    angles: Array,
+    tension: Array,
+    excursion: Array,
+    *force: Array,
+) -> dict[str, Any]:
+    """Posture (nq,) rad, tensions (N) of the hood's tendons and then the finger's, excursions
+    (m) of the hood's, and the `force_block`."""
+    return {
+        "posture_deg": by_name(finger.joints, np.rad2deg(angles)),
+        "tension_N": by_name((*hood.tendons, *finger.tendons), tension),
+        "excursion_mm": by_name(hood.tendons, 1e3 * excursion),
+        **force_block(*force),
+    }
+
+
+def muscle_block(
+    case: Case, lengths: Mapping[str, float], pennation: Array | None = None
+) -> dict[str, Any]:
+    """What the fibres of each muscle do, by their normalised lengths and their pennation (rad), and
+    what the case assumes of them."""
+    out: dict[str, Any] = {}
+    for i, (name, length) in enumerate(lengths.items()):
+        tendon = case.tendons[name]
+        out[name] = {"activation": tendon.activation, "normalised_fibre_length": float(length)}
+        if pennation is not None:
+            out[name]["pennation_deg"] = float(np.rad2deg(pennation[i]))
+        assumed = None if tendon.muscle is None else tendon.muscle.fibre_length
+        out[name]["assumed_normalised_fibre_length_unloaded"] = assumed
+    return {"muscle": out} if out else {}
 
 
 def hand_of(case_table: Mapping[str, Any]) -> Hand:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim.results.conventions import by_axis
+from cosim.results.conventions import by_name
 from cosim.results.give_way import in_words
+from cosim.results.parts import force_block
 from cosim.solve.held import Held
 
 
@@ -16,11 +17,10 @@ def held_block(held: Held | None, tendons: tuple[str, ...]) -> dict[str, Any]:
     """What there was as the load was put on, and for how long it has been held."""
     if held is None:
         return {}
-    force, tension = held.tip_force[0], held.tension[0].tolist()
+    force, tension = held.tip_force[0], held.tension[0]
     at_once: dict[str, Any] = {
-        "fingertip_force_N": by_axis(force),
-        "fingertip_magnitude_N": float(np.linalg.norm(force)),
-        "tension_N": dict(zip(tendons, tension, strict=True)),
+        **force_block(force),
+        "tension_N": by_name(tendons, tension),
     }
     if held.slips:
         at_once["slip_force_N"] = {name: float(force[0]) for name, force in held.slips.items()}

@@ -11,7 +11,7 @@ from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.errors import InputError
 from cosim.fingers.kinds import live_finger
-from cosim.hoods.view import HoodView, hood_field
+from cosim.hoods.view import HoodField, HoodView, hood_field
 from cosim.models.build import Models, bone_surfaces
 from cosim.port import Array, Motion, Triangles
 from cosim.results.arrays import Arrays
@@ -27,12 +27,28 @@ def scene(models: Models, e: Equilibrium, view: HoodView | None) -> Scene:
     """The loaded finger."""
     of_hood = {} if view is None else view.lines()
     paths = {**models.lines(e.motion), **of_hood, **models.finger.tendon_paths(e.finger_state)}
-    tendons = tuple(paths.items())
     tip = (models.finger.tip(e.finger_state), models.finger.tip_force(e.finger_state))
     hood = None if view is None else hood_field(view)
-    joints = joint_centres(e.motion, models.finger.joints)
-    bones = bones_in_world(coarse_bones(models.bones), e.motion)
-    return Scene(hood, bones, tendons, tip, origins=origins_of(e.motion), joints=joints)
+    return posed_scene(hood, coarse_bones(models.bones), e.motion, paths, tip, models.finger.joints)
+
+
+def posed_scene(
+    hood: HoodField | None,
+    bones: Mapping[str, Triangles],
+    motion: Motion,
+    lines: Mapping[str, Array],
+    tip: tuple[Array, Array] | None,
+    joints: Sequence[str],
+    frames: tuple[tuple[float, HoodField], ...] = (),
+) -> Scene:
+    """A scene of what is in the world (m, N) and of `bones` in their bodies' frames."""
+    out = []
+    for body, (vertices, faces) in bones.items():
+        position, rotation = motion.of(body)
+        out.append((body, vertices @ rotation.T + position, faces))
+    origins = dict(zip(motion.bodies, motion.position, strict=True))
+    centres = joint_centres(motion, joints)
+    return Scene(hood, tuple(out), tuple(lines.items()), tip, frames, origins, centres)
 
 
 def with_measures(scene: Scene, arrays: Arrays, k: int, case: Case) -> Scene:
@@ -57,11 +73,6 @@ def with_measures(scene: Scene, arrays: Arrays, k: int, case: Case) -> Scene:
     return replace(scene, pulled=pulled, points=points, gauges=gauges, hand=hand)
 
 
-def origins_of(motion: Motion) -> dict[str, Array]:
-    """Return the origin (3,) m of each body."""
-    return dict(zip(motion.bodies, motion.position, strict=True))
-
-
 def tension_of(scene: Scene, line: str) -> float:
     """Return the tension (N) of the tendon that a line is of, where that is pulled, else zero: the
     line is named NAME, NAME 2 of a tendon that parts, or "NAME cable"."""
@@ -81,17 +92,6 @@ def coarse_bones(bones: Mapping[str, Triangles]) -> Mapping[str, Triangles]:
     """Return surfaces of the bones in their frames with MOST_TRIANGLES each at most, so that
     a bone looks the same in every posture."""
     return {body: decimate(*surface) for body, surface in bones.items()}
-
-
-def bones_in_world(
-    bones: Mapping[str, Triangles], motion: Motion
-) -> tuple[tuple[str, Array, np.ndarray], ...]:
-    """Name, vertices (n, 3) m in the world, and triangles of each bone."""
-    out = []
-    for body, (vertices, faces) in bones.items():
-        position, rotation = motion.of(body)
-        out.append((body, vertices @ rotation.T + position, faces))
-    return tuple(out)
 
 
 @dataclass(frozen=True)
@@ -137,13 +137,13 @@ def scenes_of(frames: Sequence[Frame], arrays: Arrays, case: Case) -> tuple[Scen
     every = zip(frames, rebuilt.motions, rebuilt.tendons, rebuilt.tips, strict=True)
     return tuple(
         with_measures(
-            Scene(
+            posed_scene(
                 frame.hood,
-                bones_in_world(rebuilt.bones, motion),
-                tuple({**({} if frame.hood is None else frame.hood.lines), **tendons}.items()),
+                rebuilt.bones,
+                motion,
+                {**({} if frame.hood is None else frame.hood.lines), **tendons},
                 (tip, frame.force),
-                origins=origins_of(motion),
-                joints=joint_centres(motion, rebuilt.joints),
+                rebuilt.joints,
             ),
             *(arrays, frame.step, case),
         )

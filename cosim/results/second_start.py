@@ -14,7 +14,7 @@ from cosim.models.build import Models
 from cosim.port import Array
 from cosim.results.audit import BOUNDS
 from cosim.results.compare import numbers_of, unit_of
-from cosim.results.conventions import by_axis
+from cosim.results.conventions import by_axis, by_name
 from cosim.solve.static import States
 
 MOST_NAMED = 5
@@ -52,9 +52,9 @@ def second_start_block(
     out: dict[str, Any] = {"scheme": states.second.scheme}
     if (e := states.second.found) is None:
         return {"second_start": out}
-    angles = np.rad2deg(models.finger.angles(e.finger_state)).tolist()
+    angles = np.rad2deg(models.finger.angles(e.finger_state))
     out["fingertip_force_N"] = by_axis(models.finger.tip_force(e.finger_state))
-    out["posture_deg"] = dict(zip(models.finger.joints, angles, strict=True))
+    out["posture_deg"] = by_name(models.finger.joints, angles)
     apart = second_start_differences(models, states)
     if all(value <= BOUNDS[name].most for name, value in apart.items()):
         return {"second_start": out}
@@ -90,7 +90,7 @@ def _energies(models: Models, first: Equilibrium, second: Equilibrium) -> dict[s
     if models.energy is None:
         return {}
     stored = [1e3 * models.energy(e.response.state) for e in (first, second)]
-    out: dict[str, Any] = {"hood_energy_mJ": dict(zip(("first", "second"), stored, strict=True))}
+    out: dict[str, Any] = {"hood_energy_mJ": by_name(("first", "second"), stored)}
     change = potential_change(models, first, second)
     return out if change is None else {**out, "potential_change_mJ": 1e3 * change}
 

@@ -17,13 +17,21 @@ from cosim.models.build import Models
 from cosim.models.double_count import pairs
 from cosim.port import AXES, Array, Finger
 from cosim.results.arrays import Arrays, along
-from cosim.results.audit import NOT_RECIPROCAL, PATH_DEPENDENT, missed_bounds
-from cosim.results.conventions import FRAME, attributes, by_axis, is_slack, vector_of
+from cosim.results.audit import HOOD_BALANCES, NOT_RECIPROCAL, PATH_DEPENDENT, missed_bounds
+from cosim.results.conventions import attributes, by_axis, by_name, is_slack, vector_of
 from cosim.results.give_way import strength_block
 from cosim.results.half_degree import half_degree
 from cosim.results.joint_limits import Limits, is_in_range, joints_at_limit, limits_of, tie_block
 from cosim.results.load_and_rest import rest_block, rest_warnings
-from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
+from cosim.results.parts import (
+    LedgerRow,
+    force_block,
+    head_block,
+    joint_forces,
+    ledger_rows,
+    muscle_block,
+    state_block,
+)
 from cosim.results.relaxation import held_arrays, held_block
 from cosim.results.result import Result
 from cosim.results.scene import scene, with_measures
@@ -32,7 +40,6 @@ from cosim.results.tip_reach import arm_differences, tip_force_over_reach
 from cosim.solve.held import Held
 from cosim.solve.static import States
 from cosim.tendons.friction import beyond_guides
-from cosim.version import __version__
 from meshes.skeleton import BODIES
 
 Books = Mapping[str, Array]
@@ -72,8 +79,7 @@ def summary(
 ) -> dict[str, Any]:
     """The numbers one asks for first; every key ends in its unit."""
     loaded, unloaded = states.loaded, states.unloaded
-    head = {"case": case.name, "version": __version__, "frame": FRAME, "converged": True}
-    head |= {"wall_s": round(wall, 4)}
+    head = head_block(case, True, wall)
     if views:
         head |= views["loaded"].size()
     limits = {} if loaded.balance is None else limits_of(case, joint_ranges(models.finger))
@@ -88,8 +94,7 @@ def summary(
 
     passed = states.one_way
     load, motion = (loaded.load, loaded.motion) if passed is None else (passed.answer, passed.at)
-    force, moment = load.imbalance(motion)
-    audit = {"hood_force_balance": force, "hood_moment_balance": moment}
+    audit = by_name(HOOD_BALANCES, load.imbalance(motion))
     if loaded.balance is None:
         audit["last_turn_rad"] = loaded.turn
     else:
@@ -117,6 +122,7 @@ def summary(
         {**at_load, "audit": audit},
         posture_in_range=loaded.balance is None or _is_in_range(models, loaded),
     )
+    lengths = dict(zip(models.muscles.names, states.pull.normalised_length, strict=True))
     newton = views["loaded"].iterations if "loaded" in views else 0
     iterations = {"coupling": loaded.iterations, "newton": newton}
     rest = rest_block(at_load, at_rest, models.hood.tendons)
@@ -135,7 +141,7 @@ def summary(
         "audit_missed": missed,
         **({"audit_not_judged": not_judged} if not_judged else {}),
         **({"not_in_ledger": OPEN} if loaded.balance is None else {}),
-        **_muscles(case, models, states),
+        **muscle_block(case, lengths, states.pull.pennation),
         **strength_block(states.strength),
         **held_block(states.held, (*models.hood.tendons, *models.finger.tendons)),
         **_one_way(case, models, states),
@@ -172,8 +178,7 @@ def _friction(case: Case, models: Models, states: States) -> dict[str, Any]:
         forces.append(force)
         torque = on.found.known_balance.torque
         ways[sliding] = {
-            "fingertip_force_N": by_axis(force),
-            "fingertip_magnitude_N": float(np.linalg.norm(force)),
+            **force_block(force),
             "posture_deg": _by_joint(models, np.rad2deg(on.finger.angles(on.found.finger_state))),
             "joint_torque_Nmm": {name: _by_joint(models, 1e3 * torque[name]) for name in rubbing},
         }
@@ -213,26 +218,11 @@ def _one_way(case: Case, models: Models, states: States) -> dict[str, Any]:
             "handed_over_force_balance": force,
             "handed_over_moment_balance": moment,
             "joint_torque_Nmm": {
-                source: dict(zip(models.finger.joints, (1e3 * torque).tolist(), strict=True))
+                source: _by_joint(models, 1e3 * torque)
                 for source, torque in states.one_way.torque.items()
             },
         }
     return out
-
-
-def _muscles(case: Case, models: Models, states: States) -> dict[str, Any]:
-    """What each fibre does, and what the case assumes of it."""
-    out = {}
-    for i, name in enumerate(models.muscles.names):
-        tendon = case.tendons[name]
-        out[name] = {
-            "activation": tendon.activation,
-            "normalised_fibre_length": float(states.pull.normalised_length[i]),
-            "pennation_deg": float(np.rad2deg(states.pull.pennation[i])),
-        }
-        if tendon.muscle is not None:
-            out[name]["assumed_normalised_fibre_length_unloaded"] = tendon.muscle.fibre_length
-    return {"muscle": out} if out else {}
 
 
 def _state(
@@ -241,16 +231,9 @@ def _state(
     """One equilibrium in numbers."""
     hood, finger = models.hood, models.finger
     on_world = finger.tip_force(e.finger_state)
+    angles, tension = finger.angles(e.finger_state), np.append(e.hood_tension, e.finger_tension)
     in_phalanx = e.motion.rotation[-1].T @ on_world
-    out: dict[str, Any] = {
-        "posture_deg": _by_joint(models, np.rad2deg(finger.angles(e.finger_state))),
-        "tension_N": dict(zip(hood.tendons, e.hood_tension, strict=True))
-        | dict(zip(finger.tendons, e.finger_tension, strict=True)),
-        "excursion_mm": dict(zip(hood.tendons, 1e3 * e.excursion, strict=True)),
-        "fingertip_force_N": by_axis(on_world),
-        "fingertip_force_in_phalanx_N": by_axis(in_phalanx),
-        "fingertip_magnitude_N": float(np.linalg.norm(on_world)),
-    }
+    out = state_block(finger, hood, angles, tension, e.excursion, on_world, in_phalanx)
     if e.balance is not None:
         out["fingertip_moment_Nmm"] = by_axis(1e3 * _tip_moment(models, e, books))
         out["joint_force_N"] = _joint_forces(models, e, books)
@@ -259,15 +242,14 @@ def _state(
         out["moment_arm_mm"] = {t: _by_joint(models, 1e3 * arm) for t, arm in arms.items()}
     if e.balance is not None and finger.tendons:
         straight, now = (finger.path_lengths(at) for at in (finger.start({}), e.finger_state))
-        own = dict(zip(finger.tendons, 1e3 * (straight - now), strict=True))
-        out["own_excursion_mm"] = own
+        out["own_excursion_mm"] = by_name(finger.tendons, 1e3 * (straight - now))
     if e.balance is not None:
         out["joint_torque_Nmm"] = {
             source: _by_joint(models, 1e3 * torque) for source, torque in e.balance.torque.items()
         }
-        angles = _by_joint(models, finger.angles(e.finger_state))
         borne = e.balance.torque.get("limit", np.zeros(len(finger.joints)))
-        if at_limit := joints_at_limit(limits, angles, _by_joint(models, borne)):
+        at = _by_joint(models, angles), _by_joint(models, borne)
+        if at_limit := joints_at_limit(limits, *at):
             out["joints_at_limit"] = at_limit
     out |= tie_block(finger, finger.angles(e.finger_state))
     if (slips := models.slips_of(e)) is not None:
@@ -326,11 +308,8 @@ def _difference(
     def change(key: str) -> Array:
         return vector_of(at_load[key]) - vector_of(rest[key])
 
-    force = change("fingertip_force_N")
     out: dict[str, Any] = {
-        "fingertip_force_N": by_axis(force),
-        "fingertip_force_in_phalanx_N": by_axis(change("fingertip_force_in_phalanx_N")),
-        "fingertip_magnitude_N": float(np.linalg.norm(force)),
+        **force_block(change("fingertip_force_N"), change("fingertip_force_in_phalanx_N")),
         "posture_deg": {j: at_load["posture_deg"][j] - a for j, a in rest["posture_deg"].items()},
     }
     if "slip_force_N" in at_load:
@@ -369,7 +348,7 @@ def _clamped_arms(
 
 
 def _by_joint(models: Models, values: Array) -> dict[str, float]:
-    return {j: float(v) for j, v in zip(models.finger.joints, values, strict=True)}
+    return by_name(models.finger.joints, values)
 
 
 def ledger(name: str, e: Equilibrium, books: Books) -> Iterator[LedgerRow]:

@@ -13,7 +13,7 @@ from typing import Any, TypeGuard
 from pydantic_core import PydanticCustomError, core_schema
 
 from cosim.errors import InputError
-from cosim.file_size import check_file_size
+from cosim.files import check_file_size
 from cosim.schema import units
 from cosim.schema.units import Kind
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
-from cosim.file_size import MB
+from cosim.files import MB
 from cosim.schema import units
 from cosim.schema.fields import existing_file, fault, name_of, quantity
 from meshes.skeleton import BODIES

@@ -21,7 +21,7 @@ from cosim.scoring.names import FINGERS, TIP, FingerName, Matched, match_names
 from cosim.tendons.table import TendonConfig
 from cosim.text_tables import read_toml, toml_text
 from meshes.skeleton import JOINTS
-from rigid.mjcf.frames import UlnarAbductionError
+from rigid.mjcf.frames import UlnarAbductionError, first_names
 from rigid.mjcf.read import PartNames, part_names
 from rigid.opensim.losses import report
 from rigid.opensim.osim import Imported, import_osim, write_import
@@ -228,7 +228,7 @@ def _choose_finger(
             if not matched.tendons:
                 raise InputError(
                     f"{where}: no muscle of the {which} finger was found by name. It has "
-                    f"{_some(parts.tendons)}. Say which is which: a file of lines like "
+                    f"{first_names(parts.tendons, 8)}. Say which is which: a file of lines like "
                     'EDC = "EDCI", and --names FILE'
                 )
             return which, matched
@@ -236,15 +236,10 @@ def _choose_finger(
     lacking = [joint for joint in JOINTS if joint not in matched.names]
     raise InputError(
         f"{where}: no {' or '.join(tried)} finger was found: no joint is named like "
-        f"{', '.join(lacking)}. It has the hinges {_some(tuple(parts.joints))}. A model whose "
-        "fingers are one rigid hand cannot be judged; else say which is which: a file of lines "
-        'like PIP = "2pm_flexion", and --names FILE'
+        f"{', '.join(lacking)}. It has the hinges {first_names(tuple(parts.joints), 8)}. A model "
+        "whose fingers are one rigid hand cannot be judged; else say which is which: a file of "
+        'lines like PIP = "2pm_flexion", and --names FILE'
     )
-
-
-def _some(names: tuple[str, ...], most: int = 8) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return (", ".join(names[:most]) or "none with a name") + more
 
 
 def _of_osim(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cosim.report.templates import template
+from cosim.report.templates import html_page
 from cosim.results.compare import number
 from cosim.results.picture import picture_address
 from cosim.results.table import Cell, ReportTable
@@ -19,7 +19,9 @@ DPI = 110
 
 def score_page(hands: Sequence[HandScore], refused: Mapping[str, str]) -> str:
     """The text of the page."""
-    return template("cosim.scoring").render(
+    return html_page(
+        "page.html.j2",
+        "cosim.scoring",
         models=[_model(hand) for hand in hands],
         refused=refused,
         answers=[answer(hand) for hand in hands],

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from cosim.report.templates import template
+from cosim.report.templates import html_page
 from cosim.results.compare import Target, number, reference_text
 from cosim.results.picture import picture_address
 from cosim.results.table import Cell, ReportTable
@@ -28,7 +28,9 @@ MOST_RUNS = 12
 def page(study: StudyResults, plan: StudyPlan, pictures_of_bands: Sequence[Figure] = ()) -> str:
     """The whole page; first the pictures of the bands, where there are any."""
     counts = study.table.status.value_counts().to_dict()
-    return template("cosim.study").render(
+    return html_page(
+        "page.html.j2",
+        "cosim.study",
         study=study,
         plan=plan,
         runs=len(study.table),

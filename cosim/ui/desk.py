@@ -39,8 +39,7 @@ from cosim.ui.controls import (
     rungs_in_words,
 )
 from cosim.ui.saving import case_file_text, save_run, write_page_report
-from cosim.ui.solving import Request, Solving
-from cosim.ui.worker import Answer, SoFar, answer_of, motion_so_far
+from cosim.ui.solving import Answer, Request, SoFar, Solving, answer_of, motion_so_far
 
 Status = Literal["solving", "done", "at fault", "failed", "stopped", "waiting"]
 """`at fault`: a value cannot be solved with; `failed`: no equilibrium was found; `waiting`: a

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cosim.case.file import base_name, load_case, resolved_toml
 from cosim.case.schema import Case
-from cosim.report.write import write_report
+from cosim.report.page import write_report
 from cosim.results.result import Result
 from cosim.schema.json_schema import CASE_SCHEMA, schema_line
 from cosim.text_tables import toml_settings, toml_text

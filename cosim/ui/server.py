@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from cosim.errors import CosimError, InputError
 from cosim.extras import require
 from cosim.json_text import json_text
-from cosim.report.templates import report_file, template
+from cosim.report.templates import html_page, report_file
 from cosim.ui.controls import shipped
 from cosim.ui.desk import Desk
 
@@ -85,7 +85,7 @@ def application(desk: Desk, token: str, port: int) -> Starlette:
             response: Response = RedirectResponse("/", 303)
             response.set_cookie(_cookie(port), token, httponly=True, samesite="strict")
             return response
-        text = template("cosim.ui").render(name=desk.state()["case"])
+        text = html_page("page.html.j2", "cosim.ui", name=desk.state()["case"])
         return Response(text, media_type="text/html")
 
     async def script(request: Request) -> Response:
@@ -141,7 +141,7 @@ def application(desk: Desk, token: str, port: int) -> Starlette:
         try:
             file = await asyncio.to_thread(desk.report)
         except CosimError as error:
-            text = template("cosim.ui", "refused.html.j2").render(why=str(error))
+            text = html_page("refused.html.j2", "cosim.ui", why=str(error))
             return Response(text, 400, media_type="text/html")
         return Response(file.read_text(encoding="utf-8"), media_type="text/html")
 

@@ -7,17 +7,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from threading import Condition, Thread, Timer
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from cosim.case.schema import Case
 from cosim.errors import CosimError
-from cosim.processes import WorkerProcess, do_with_memory
-from cosim.ui.worker import Answer, Start, answer
+from cosim.pipeline import observe, run_case
+from cosim.processes import Memory, WorkerProcess, do_with_memory, tell_caller
+from cosim.report.views import View, view_of
+from cosim.results.result import Result
+from cosim.solve.motion import SolvedMotion
+from cosim.solve.session import Session
 
 INTERRUPT_LIMIT = 4.0
 """s in which a solve that was interrupted ends; else its process is ended."""
 CALM = 1.0
 """s after an answer without a change, until it is solved once more from rest."""
+Start = Literal["nearby", "from rest"]
+"""Where a solve begins: at the last equilibrium, or as `cosim run` begins."""
 
 
 @dataclass(frozen=True)
@@ -147,3 +153,43 @@ class Solving:
                 self._process.interrupt()
 
         return hear
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A result, and what the page draws of it."""
+
+    result: Result
+    view: View
+
+
+@dataclass(frozen=True)
+class SoFar:
+    """A motion on its way, as the page draws it."""
+
+    view: View
+
+
+def answer(memory: Memory, case: Case, start: Start) -> Answer:
+    """The result of a case; its stages, and the frames of a motion as they come, are told to the
+    caller.
+
+    Raises what `run_case` does."""
+    session = memory.get(start)
+    if session is None:
+        session = memory[start] = Session(warm=start == "nearby", watch=_tell_motion)
+    return answer_of(run_case(case, session, tell_caller))
+
+
+def answer_of(result: Result) -> Answer:
+    """A result with what the page draws of it."""
+    return Answer(result, view_of(result))
+
+
+def _tell_motion(case: Case, so_far: SolvedMotion) -> None:
+    tell_caller(motion_so_far(case, so_far))
+
+
+def motion_so_far(case: Case, so_far: SolvedMotion) -> SoFar:
+    """What there is to see of a motion on its way."""
+    return SoFar(view_of(observe(case, so_far, 0.0)))

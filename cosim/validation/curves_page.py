@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.files import write_text
 from cosim.report.figures import new_picture, style_axes
-from cosim.report.templates import template
+from cosim.report.templates import html_page
 from cosim.results.compare import number
 from cosim.results.looks import look
 from cosim.results.picture import picture_address
@@ -39,7 +39,9 @@ GAP, QUIET = "#cc3311", "0.6"
 def write_page(path: Path, curves: Sequence[Curve], before: CurvesFile) -> None:
     """The page of the curves, with what was committed of them `before`.  Raises InputError where
     the file cannot be written."""
-    text = template("cosim.validation", "curves.html.j2").render(
+    text = html_page(
+        "curves.html.j2",
+        "cosim.validation",
         headline=headline(curves),
         window=f"{WINDOW:g}",
         border=f"{BORDER:g}",

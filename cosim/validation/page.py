@@ -8,7 +8,7 @@ from typing import Any
 
 from cosim.analyses.mesh_series import MeshSeries
 from cosim.files import write_text
-from cosim.report.templates import template
+from cosim.report.templates import html_page
 from cosim.results.compare import (
     VERDICT_SHAPES,
     Comparison,
@@ -40,7 +40,9 @@ def write_page(path: Path, boards: Sequence[JudgedBoard]) -> None:
         if known.meshes is not None
     }
     kinds = by_kind([b.board for b in boards])
-    text = template("cosim.validation").render(
+    text = html_page(
+        "page.html.j2",
+        "cosim.validation",
         boards=[_board(board) for board in boards],
         kinds=[
             {
@@ -53,7 +55,7 @@ def write_page(path: Path, boards: Sequence[JudgedBoard]) -> None:
         ],
         changed=_changed(boards),
         meshes=mesh_table(series),
-        mesh_tally=tally(series),
+        mesh_tally=tally_text(tally(series)),
     )
     write_text(path, text)
 
@@ -79,12 +81,17 @@ def answers_of(board: Board, judgements: Mapping[str, Mapping[str, int]]) -> Rep
     for name, verdicts in board.tallies().items():
         s = skills.get(name)
         skill = ("", "") if s is None else (str(s), s.fault or "beaten")
-        rows.append((name, _sentence(verdicts), _sentence(judgements.get(name, {})), *skill))
+        rows.append((name, tally_text(verdicts), tally_text(judgements.get(name, {})), *skill))
     columns = ("Answer", "Verdicts", "Beside u_val", "Skill over it", "")
     return ReportTable(f"answers {board.group}", board.group, columns, rows)
 
 
-def _sentence(counts: Mapping[str, int]) -> str:
+def tally_text(counts: Mapping[str, int]) -> str:
+    """How many of what.
+
+    >>> tally_text({"inside": 3, "outside": 1})
+    '3 inside, 1 outside'
+    """
     return ", ".join(f"{count} {word}" for word, count in counts.items())
 
 

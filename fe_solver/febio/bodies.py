@@ -10,9 +10,8 @@ import numpy as np
 
 from cosim.port import Array, Ints
 from fe_solver.febio.materials import Material, find_material
-from fe_solver.febio.mesh import SHELLS, FebMesh, rows_of
+from fe_solver.febio.mesh import SHELLS, FebMesh, Units, rows_of
 from fe_solver.febio.parts import Parts
-from fe_solver.febio.units import Units
 from fe_solver.febio.xml import FebTag
 from fe_solver.job.curves import (
     Curve,

@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.file_size import MB, read_bytes
+from cosim.files import MB, read_bytes
 from cosim.number_text import MOST_NUMBER, read_number
 from cosim.port import Array
 

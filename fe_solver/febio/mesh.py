@@ -1,5 +1,5 @@
-"""The `Mesh` section of a FEBio 4 file: nodes, elements and the sets of them, in the file's
-units."""
+"""The units of a FEBio 4 file, which has none of its own, and its `Mesh` section in them: nodes,
+elements and the sets of them."""
 
 from __future__ import annotations
 
@@ -29,6 +29,30 @@ FACES = {
 the flat faces through all of them, a triangle repeating its last node."""
 MIDDLE = np.array([-1.0] * 4 + [2.0] * 4) / 4
 """(8,) shape functions of an eight-node quadrilateral at its middle."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """The file's units of length and force, those of all else following with the second.
+
+    >>> Units(1e-3, 1.0).stress  # MPa, of mm and N
+    1000000.0
+    """
+
+    length: float
+    """m."""
+    force: float
+    """N."""
+
+    @property
+    def stress(self) -> float:
+        """Pa."""
+        return self.force / self.length**2
+
+    @property
+    def density(self) -> float:
+        """kg/m3."""
+        return self.force / self.length**4
 
 
 def corners_of(nodes: Ints) -> Ints:

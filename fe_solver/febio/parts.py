@@ -10,8 +10,7 @@ import numpy as np
 from cosim.port import Array, Ints
 from fe_solver.elements.mitc9 import FROM_VTK
 from fe_solver.febio.materials import Material, fibre_directions, find_material, shell_material
-from fe_solver.febio.mesh import FACES, MIDDLE, SHELLS, Block, FebMesh
-from fe_solver.febio.units import Units
+from fe_solver.febio.mesh import FACES, MIDDLE, SHELLS, Block, FebMesh, Units
 from fe_solver.febio.values import ElementData, Place
 from fe_solver.febio.xml import FebTag
 from fe_solver.sheet import Sheet, ShellPart

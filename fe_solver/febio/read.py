@@ -35,11 +35,10 @@ from fe_solver.febio.conditions import (
     read_ties,
 )
 from fe_solver.febio.materials import read_materials
-from fe_solver.febio.mesh import FebMesh, read_mesh_section
+from fe_solver.febio.mesh import FebMesh, Units, read_mesh_section
 from fe_solver.febio.middle import is_in_middle, read_middle
 from fe_solver.febio.notes import collect_notes
 from fe_solver.febio.parts import Parts, read_parts
-from fe_solver.febio.units import Units
 from fe_solver.febio.xml import FebTag, read_xml
 from fe_solver.job.checks import check_mesh, within
 from fe_solver.job.curves import Curve, LoadCurve

@@ -14,7 +14,7 @@ from cosim.files import output_file
 from cosim.port import Array, Ints
 from fe_solver.elements.mitc9 import IN_TURN
 from fe_solver.febio.laws import InSitu, law_tag, needs_fibre
-from fe_solver.febio.units import Units
+from fe_solver.febio.mesh import Units
 from fe_solver.febio.write_conditions import SAME_POINT, Conditions, controller_tag
 from fe_solver.febio.xml import Element, comment, tag, write_xml
 from fe_solver.job.curves import LoadCurve

@@ -11,8 +11,8 @@ from cosim.errors import InputError
 from cosim.port import Array, Ints
 from fe_solver.elements.mitc9 import IN_TURN
 from fe_solver.febio.bodies import AXES, DOFS
+from fe_solver.febio.mesh import Units
 from fe_solver.febio.middle import constraint_tag
-from fe_solver.febio.units import Units
 from fe_solver.febio.xml import Element, tag
 from fe_solver.forces.ramp import ramp
 from fe_solver.job.curves import Curve, Drive, Extension, LoadCurve, ProductCurve, SumCurve

@@ -12,7 +12,7 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.errors import InputError
-from cosim.file_size import MB, check_file_size
+from cosim.files import MB, check_file_size
 
 MOST_BYTES, MOST_FILE = 32 * MB, 256 * MB
 """The largest text of a model, and the largest mesh or picture that it names."""

@@ -41,7 +41,7 @@ class Where:
         hint = f"; the nearest names are {', '.join(near)}" if near else ""
         raise InputError(
             f"{self.path}: has no {what} {name!r}, which would be our {ours}{hint}. Say which it "
-            f"is (cosim new --set-name {ours}=NAME); it has {_some(known)}"
+            f"is (cosim new --set-name {ours}=NAME); it has {first_names(known)}"
         )
 
     def part_names(self, kind: mujoco.mjtObj) -> list[str]:
@@ -59,7 +59,8 @@ class Where:
         return InputError(f"{self.path}: {text}")
 
 
-def _some(names: Sequence[str], most: int = 12) -> str:
+def first_names(names: Sequence[str], most: int = 12) -> str:
+    """The first of names, for a message, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return (", ".join(names[:most]) or "none with a name") + more
 

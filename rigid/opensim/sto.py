@@ -23,8 +23,7 @@ from typing import Literal
 import numpy as np
 
 from cosim.errors import InputError, ReadingWarning
-from cosim.file_size import MB, read_bytes
-from cosim.files import write_text
+from cosim.files import MB, read_bytes, write_text
 from cosim.number_text import MOST_NUMBER, RANGE, is_plain, read_number
 from cosim.port import Array
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cosim.errors import InputError
-from cosim.files import output_file
-from cosim.report.templates import template
+from cosim.files import output_file, write_text
+from cosim.report.templates import html_page
 from cosim.text_tables import CsvRow, read_csv
 from tests.benches.files import BenchRecord
 
@@ -106,11 +106,11 @@ def _history(rows: Sequence[CsvRow], bench: str, machine: str) -> BenchHistory:
 
 def write_history_page(histories: Sequence[BenchHistory], path: Path) -> None:
     """Write one HTML page, the regressions of the newest commit first.  Raises InputError."""
-    page = template("tests.benches", "bench.html.j2").render(
-        histories=histories, regressions=list(regressions(histories)), worse=WORSE
+    said = list(regressions(histories))
+    page = html_page(
+        "bench.html.j2", "tests.benches", histories=histories, regressions=said, worse=WORSE
     )
-    with output_file(path) as part:
-        part.write_text(page, encoding="utf-8")
+    write_text(path, page)
 
 
 def regressions(histories: Sequence[BenchHistory]) -> Iterator[str]:

@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import NamedTuple
 from uuid import uuid4
 
-from cosim.foreign_process import OwnTime
+from cosim.processes import OwnTime
 from tests.helpers.folders import ROOT
 from tests.helpers.motions import RAMP
 

@@ -23,10 +23,10 @@ from cosim.pipeline import run_case
 from cosim.report.drawings import Arrow, arrows_of, plane, sagittal
 from cosim.report.flat import flatten_sheet
 from cosim.report.histories import charts_of
+from cosim.report.page import write_report
 from cosim.report.tables import last_ledger, tables_of
 from cosim.report.views import box, difference_view, limits, pack_views, view_of
 from cosim.report.words import answer, closure, commands, doubts, question, tendon_pulls, trust
-from cosim.report.write import write_report
 from cosim.results.read import read_run, read_runs
 from tests.helpers.report_runs import DATA, run_into, write_motion_run, write_swinging_run
 

@@ -20,9 +20,8 @@ from PIL import Image
 
 from cosim.errors import InputError
 from cosim.report import page as page_module
-from cosim.report.page import MOST_BYTES
+from cosim.report.page import MOST_BYTES, write_report
 from cosim.report.templates import OF_MARKUP, floats, integers
-from cosim.report.write import write_report
 from cosim.results.read import read_run
 from tests.helpers.browser import Browser, Seen, check_look, look_at, open_browser
 from tests.helpers.report_runs import DATA, run_into, write_swinging_run
