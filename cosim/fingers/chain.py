@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     from rigid.chain.ties import Ties
     from rigid.model import FingerModel
 
+THROUGH = 0.5e-3
+"""m, how deep the way of a tie may run in a bone, whose surface is known to some tenths of it."""
+WAY = np.linspace(0.1, 0.9, 17)
+"""Where between its ends a tie's way is looked at."""
+
 
 def build_on_mujoco(
     finger: MassiveFingerConfig, model: FingerModel, in_plane: bool = False
@@ -49,13 +54,39 @@ def _ties(finger: MassiveFingerConfig, made: ChainFinger) -> Ties:
     )
     length = np.zeros(len(stated))
     for i, (name, tie) in enumerate(stated.items()):
-        taut = {**posture, **tie.taut}
-        angles = by_joint(taut, made.joints, 0.0, f"finger.tie.{name}.taut")
-        first, last = free.ends(made.chain(angles))[i]
+        taut = by_joint({**posture, **tie.taut}, made.joints, 0.0, f"finger.tie.{name}.taut")
+        first, last = free.ends(made.chain(taut))[i]
         length[i] = np.linalg.norm(last - first) + tie.slack
         if length[i] <= 0:
             raise InputError(f"finger.tie.{name}: is shorter than nothing; give it more slack")
     return replace(free, length=length)
+
+
+def check_ways(
+    finger: MassiveFingerConfig, made: ChainFinger, bones: Mapping[str, Triangles]
+) -> None:
+    """Check that no tie runs through a bone where it comes taut.  Raises InputError."""
+    from pyvista import PolyData
+
+    from rigid.chain.joint_torques import by_joint
+
+    assert made.ties is not None
+    posture = finger.posture.angles()
+    for i, (name, tie) in enumerate(finger.tie.items()):
+        chain = made.chain(by_joint({**posture, **tie.taut}, made.joints, 0.0, "taut"))
+        first, last = made.ties.ends(chain)[i]
+        way = first + WAY[:, None] * (last - first)
+        for body, (points, faces) in bones.items():
+            position, rotation = chain.motion.of(body)
+            bone = PolyData.from_regular_faces(np.asarray(points), np.asarray(faces))
+            seen = PolyData((way - position) @ rotation).compute_implicit_distance(bone)
+            depth = -float(seen["implicit_distance"].min())
+            if depth > THROUGH:
+                raise InputError(
+                    f"finger.tie.{name}: its straight way runs {1e3 * depth:.1f} mm deep through "
+                    f"the {body} bone where it comes taut; a tie bends round none: give it other "
+                    "ends"
+                )
 
 
 def tip_support(tip: TipConfig, in_plane: bool) -> Support:

@@ -10,9 +10,10 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers import fmu, hinge, index, normative, planar, robot
+from cosim.fingers.chain import check_ways
 from cosim.fingers.common import Extensor, MassiveFingerConfig
 from cosim.fingers.kind import Anatomy, FingerKind
-from cosim.fingers.own import with_own_anatomy
+from cosim.fingers.own import AnatomicalFingerConfig, with_own_anatomy
 from cosim.port import Finger, Triangles
 
 if TYPE_CHECKING:
@@ -69,6 +70,8 @@ def live_finger(finger: NativeFinger, extensor: Extensor) -> ChainFinger:
     build = FINGERS[finger.kind].build
     assert build is not None
     live = build(finger, extensor)
+    if isinstance(finger, AnatomicalFingerConfig) and finger.tie:
+        check_ways(finger, live, bones_of(finger, extensor))
     if finger.tip.kind not in ("point", "clamped"):
         return live
     if live.support_arm(live.start(finger.posture.angles())) < LEAST_ARM:

@@ -144,6 +144,10 @@ def test_a_motion_on_a_tie_comes_to_rest_where_the_equilibrium_is():
     ("change", "words"),
     [
         (('"middle"]', '"proximal"]'), "names one bone twice"),
+        (
+            ('["30 mm","0 mm","-5 mm"]', '["20 mm","0 mm","5 mm"]'),
+            "mm deep through the .* bone where it comes taut",
+        ),
         (('taut={PIP="40 deg"}', 'slack="-10 mm",taut={PIP="90 deg"}'), "shorter than nothing"),
         (('"middle"]', '"thumb"]'), "thumb"),
         (("PIP=", "thumb="), "thumb"),
