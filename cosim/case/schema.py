@@ -29,6 +29,10 @@ Task = Literal["static", "one_way", "motion"]
 MOST_NAME = 200
 """Bytes of a case's name: a folder's may have 255, and a run is written beside its own."""
 
+NEARBY_TOLERANCES = 1e-9, 1e-11
+"""The coupling's and the hood's, with which two ways to an equilibrium agree to some 1e-9 of its
+forces; the coupling comes to no smaller residual than some ten times the hood's."""
+
 
 class SolveConfig(Table):
     """Tolerances: of the coupling (relative residual) and of the hood's own equilibrium; and how
@@ -55,6 +59,13 @@ class SolveConfig(Table):
     patience: Annotated[float, quantity(units.PATIENCE, above="0 s", most="1e7 s")] | None = None
     """Longest time of computing; a run that takes longer ends as one that does not converge and
     says how far it came, and a motion keeps what it reached.  Without it there is no limit."""
+
+    @property
+    def tolerances(self) -> tuple[float, float]:
+        """The coupling's and the hood's, no larger than NEARBY_TOLERANCES where it begins near
+        by."""
+        coupling, hood = NEARBY_TOLERANCES if self.start == "nearby" else (np.inf, np.inf)
+        return min(self.tolerance, coupling), min(self.hood_tolerance, hood)
 
 
 class OneWayConfig(Table):

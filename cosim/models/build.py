@@ -199,7 +199,7 @@ def site_of(case: Case, rest: Motion) -> Site:
     """What the hood of a case is built on; `rest`: the poses from which the excursions of a hood
     that is not laid out count."""
     anatomy = anatomy_of(case.finger, case.hood.left_to_finger)
-    return Site(anatomy, rest, case.lesion, case.solve.hood_tolerance)
+    return Site(anatomy, rest, case.lesion, case.solve.tolerances[1])
 
 
 def build_hood(case: Case, site: Site) -> BuiltHood:

@@ -26,9 +26,6 @@ from cosim.tendons.muscles import live_muscles
 
 EVERY = 10
 """Among so many cases that begin near by one is solved from the hood as it is laid too."""
-NEARBY_TOLERANCE, NEARBY_HOOD_TOLERANCE = 1e-9, 1e-11
-"""With which two ways to an equilibrium agree to some 1e-9 of its forces; the coupling comes to no
-smaller residual than some ten times the hood's."""
 
 
 @dataclass
@@ -231,12 +228,7 @@ def solve_equilibrium(
     """The equilibrium from the states `start`, under tensions in N; `first` gives what
     `first_answer` does.  Raises ConvergenceError."""
     coupling = case.coupling
-    nearby = case.solve.start == "nearby"
-    tolerance = min(case.solve.tolerance, NEARBY_TOLERANCE) if nearby else case.solve.tolerance
-    if nearby:
-        hood_tolerance = min(case.solve.hood_tolerance, NEARBY_HOOD_TOLERANCE)
-        models = replace(models, hood=models.hood.with_tolerance(hood_tolerance))
-    options = CouplingOptions(tolerance, case.solve.max_iterations)
+    options = CouplingOptions(case.solve.tolerances[0], case.solve.max_iterations)
     if coupling.scheme != "implicit":
         known = None if first is None else first()
         return equilibrium(models.pair, start, tensions, options, progress, known)

@@ -46,7 +46,7 @@ counts as no less than NO_PULL (N)."""
 MAX_TURN = 0.2
 """rad that a joint turns at most in one solve.  A slack sheet may have several equilibria in a bent
 posture (its central slip taut or not); which of them a long leap ends in is the mesh's whim."""
-ON_THE_WAY = 1e-3
+ON_THE_WAY = 3e-2
 """Newton's tolerance in the postures on the way to one that is far."""
 ALIKE = 0.5
 """Difference of two steps, or of what they missed by, over the last: to here they are alike."""

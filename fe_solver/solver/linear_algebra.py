@@ -250,11 +250,10 @@ class _OneFactorSolver(Protocol):
     """A solver of one pattern that keeps one numeric factor at a time."""
 
     held: weakref.ref[_KeptFactor] | None
-    negative: int
 
-    def factorise(self, data: Array) -> None:
-        """Make the numeric factor that the solver keeps, and count its negative pivots.  Raises
-        ConvergenceError for a singular matrix."""
+    def factorise(self, data: Array) -> int:
+        """Make the numeric factor that the solver keeps, and return how many negative pivots it
+        has.  Raises ConvergenceError for a singular matrix."""
         ...
 
     def solve(self, right: Array) -> Array:
@@ -284,6 +283,8 @@ class _OneFactorAnalysis:
 class _KeptFactor:
     analysis: _OneFactorAnalysis
     data: Array
+    negative: int = 0
+    """Negative pivots, which are as many as negative eigenvalues; counted as the factor is made."""
 
     def solver(self) -> _OneFactorSolver:
         """This thread's solver, with this as the factor that it keeps."""
@@ -291,18 +292,13 @@ class _KeptFactor:
         if solver.held is None or solver.held() is not self:
             solver.held = None
             count_factorisation()
-            solver.factorise(self.data)
+            self.negative = solver.factorise(self.data)
             solver.held = weakref.ref(self)
         return solver
 
     def solve(self, right: Array) -> Array:
         """Solution for right-hand sides (n,) or (n, m)."""
         return self.solver().solve(right)
-
-    @property
-    def negative(self) -> int:
-        """Negative pivots, which are as many as negative eigenvalues."""
-        return self.solver().negative
 
 
 class FeralAnalysis(_OneFactorAnalysis):
@@ -328,9 +324,8 @@ class _FeralSolver:
         self.matrix = feral.CscMatrix.from_triplet(n, rows, columns, np.ones(lower.nnz))
         self.feral = feral.Solver(parallel=False, scaling="auto")
         self.held: weakref.ref[_KeptFactor] | None = None
-        self.negative = 0
 
-    def factorise(self, data: Array) -> None:
+    def factorise(self, data: Array) -> int:
         """As the protocol says."""
         import feral
 
@@ -341,7 +336,7 @@ class _FeralSolver:
             raise _singular(error) from error
         if status != feral.FactorStatus.SUCCESS or inertia.n_zero:
             raise _singular(f"{inertia.n_zero} of its pivots are zero")
-        self.negative = int(inertia.n_neg)
+        return int(inertia.n_neg)
 
     def solve(self, right: Array) -> Array:
         """As the protocol says."""
@@ -388,13 +383,12 @@ class _PardisoSolver:
         _phase(self.pardiso, 11, self.upper, np.zeros(self.upper.shape[0]))
         weakref.finalize(self, self.pardiso.free_memory, everything=True).atexit = False
         self.held: weakref.ref[_KeptFactor] | None = None
-        self.negative = 0
 
-    def factorise(self, data: Array) -> None:
+    def factorise(self, data: Array) -> int:
         """As the protocol says."""
         self.upper.data = data[self.slots]
         _phase(self.pardiso, 22, self.upper, np.zeros(self.upper.shape[0]))
-        self.negative = int(self.pardiso.get_iparm(23))
+        return int(self.pardiso.get_iparm(23))
 
     def solve(self, right: Array) -> Array:
         """As the protocol says."""

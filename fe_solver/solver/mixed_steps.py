@@ -34,6 +34,7 @@ from fe_solver.solver.newton_step import (
     descent_step,
     displacements,
     last_factorised,
+    limit_depth,
     limit_step,
     limit_to_contact,
     move_nodes,
@@ -249,6 +250,7 @@ class _Walk:
         max_step, max_turn = self.longest
         step = limit_to_contact(self.model, self.e, step)
         step = limit_step(step, part * max_step, part * max_turn)[0]
+        step = limit_depth(self.model, self.e, step)
         before, undamped = self.predicted, 0 if self.near else UNDAMPED
         if before is not None and self.taken >= undamped:
             return step / 2 if _reverses(self.model, self.e, step, before) else step

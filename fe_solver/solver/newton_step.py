@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from cosim.errors import ConvergenceError
 from cosim.port import Array, Ints
 from fe_solver.forces.friction import Sliding
+from fe_solver.forces.layer import TOE
 from fe_solver.forces.ramp import inverse_ramp, ramp
 from fe_solver.forces.springs import PointForces
 from fe_solver.solver.assembly import DOFS
@@ -27,6 +28,9 @@ SMOOTH = 0.2
 not worth predicting."""
 FAR = 0.2
 """Share of a node's way into a smoothed ramp: a step beyond it is far."""
+DEEPER = 0.25
+"""Share of a layer's thickness by which a step presses a point further into it at most: the layer
+stiffens on the way, of which the tangent knows nothing."""
 
 
 def factorise(model: ShellModel, data: Array) -> Factor:
@@ -191,6 +195,16 @@ def limit_to_contact(model: ShellModel, e: Evaluation, step: Array) -> Array:
     force = value + slope * more
     away = np.where(force > 0, inverse_ramp(force, width) - (depth + more), 0.0)
     return move_nodes(model, A, step, node, away[:, None] * normal)
+
+
+def limit_depth(model: ShellModel, e: Evaluation, step: Array) -> Array:
+    """The step, shortened as a whole where it presses points within elements more than DEEPER into
+    a layer: unlike a node alone, such a point cannot be put where it feels what is predicted."""
+    p, layered = e.points, [k.body for k in model.contacts if k.layer is not None]
+    more = approach(p, e.bases, step)
+    on = (p.cell >= 0) & np.isin(p.body, layered) & (more > 0)
+    most = DEEPER * 4 / TOE * p.ramp[on] - np.minimum(p.depth[on] + p.ramp[on], 0.0)
+    return step * float((most / more[on]).min(initial=1.0))
 
 
 def move_nodes(model: ShellModel, A: Array, step: Array, node: Ints, by: Array) -> Array:

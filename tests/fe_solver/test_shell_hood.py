@@ -17,6 +17,7 @@ from cosim.port import STATIC, Motion, Response
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.guides import Ropes
 from fe_solver.forces.springs import ROPE
+from fe_solver.hood import shell_hood as shell_hood_module
 from fe_solver.hood.build import ContactLaw, HoodSupports, TendonEnd, shell_hood
 from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood, _largest_turn
 from fe_solver.materials.linear import Isotropic
@@ -218,6 +219,15 @@ def test_a_loose_hood_stops_earlier_near_the_same_state(hood, solved, motion):
     assert 1e3 * solved.state.solution.residual < response.state.solution.residual
     assert response.load.total() == pytest.approx(solved.load.total(), abs=0.1)
     assert hood.with_tolerance(1e-14).options == hood.options
+
+
+def test_postures_on_the_way_are_solved_loosely_for_the_same_end(monkeypatch, hood):
+    far = index_motions()[0]
+    loose = hood.advance(hood.start(far), far, TENSION, STATIC).state
+    monkeypatch.setattr(shell_hood_module, "ON_THE_WAY", 1e-3)
+    tight = hood.advance(hood.start(far), far, TENSION, STATIC).state
+    assert loose.configuration.x == pytest.approx(tight.configuration.x, abs=1e-10)
+    assert loose.iterations < 0.8 * tight.iterations
 
 
 def test_a_longer_terminal_slip_leaves_the_central_slip_more(hood, solved, motion):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 import cosim
-from cosim.errors import ConvergenceError
+from cosim.errors import ConvergenceError, quiet
 from cosim.solve import session as session_module
 
 CASE = cosim.load("isometric_edc").replace({"hood.mesh.quads": 120})
@@ -48,6 +50,13 @@ def nearby() -> cosim.Session:
     session = cosim.Session()
     cosim.run(CASE.replace({"solve.start": "nearby"}), session)
     return session
+
+
+@pytest.mark.parametrize(("stated", "solved"), [(1e-10, 1e-11), (1e-12, 1e-12)])
+def test_the_hood_of_a_case_that_begins_nearby_is_solved_to_1e_11(nearby, stated, solved):
+    case = CASE.replace({"solve.start": "nearby", "solve.hood_tolerance": stated})
+    hood: Any = nearby.models(case, quiet).hood
+    assert hood.options.tolerance == solved
 
 
 @pytest.mark.parametrize("every", [1, 10**9])

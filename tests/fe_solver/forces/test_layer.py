@@ -16,8 +16,10 @@ from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.contact import Contact, compression, contact_forces, contact_state
 from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.layer import TOE, USED_UP, Layer, layer_response, pressure_law
+from fe_solver.solver import newton_step
 from fe_solver.solver.augmented_contact import solve_augmented
 from fe_solver.solver.newton import solve
+from fe_solver.solver.newton_step import DEEPER, limit_depth
 from fe_solver.surfaces.shapes import Distance
 from tests.fe_solver.forces.test_contact import by_node, touching
 from tests.helpers.poses import POSITION, ROTATION
@@ -29,7 +31,7 @@ from tests.proofs.fe.contact_rows import (
     far_tension,
     strip,
 )
-from tests.proofs.fe.sheets import at_rest
+from tests.proofs.fe.sheets import at_rest, in_basis
 
 SHARES = st.floats(-0.5, 1.5)
 THICKNESS, MODULUS = 0.5e-3, 2e6
@@ -159,6 +161,40 @@ def test_a_strip_over_a_covered_cylinder(within):
     assert far_tension(s) == pytest.approx(1.0, rel=1e-3)
     share = compression(contact, c.x, c.position, c.rotation)
     assert share[middle] == pytest.approx(-state.gap[middle] / THICKNESS, abs=1e-12)
+
+
+def lifted_strip(gap: float):
+    """The strip of points within elements, laid `gap` (m) above the layer."""
+    model = covered_strip(48, True)
+    (felt,) = model.contacts
+    return replace(model, contacts=(replace(felt, offset=felt.offset - gap),))
+
+
+@pytest.mark.parametrize("gap", [0.3e-3, -0.1e-3], ids=["above", "pressed"])
+def test_a_step_goes_a_share_of_the_thickness_into_a_layer_at_most(gap):
+    model = lifted_strip(gap)
+    c, contact = at_rest(model), model.contacts[0]
+    e = model.evaluate(c, np.ones(1), False)
+    down = np.outer(np.abs(c.x[:, 0]) < RADIUS / 10, [0, 0, -2e-3])  # at the top
+    step = in_basis(model, down, 0 * c.d).ravel()
+    short = limit_depth(model, e, step)
+    before, after = (
+        compression(contact, x, c.position, c.rotation).max()
+        for x in (c.x, model.take_step(c, e.bases, short).x)
+    )
+    assert after == pytest.approx(before + DEEPER, rel=0.01)
+    assert np.array_equal(limit_depth(model, e, short / 2), short / 2)
+    penalty = replace(model, contacts=(replace(contact, layer=None),))
+    assert np.array_equal(limit_depth(penalty, e, step), step)
+
+
+def test_a_strip_comes_to_rest_on_a_layer_below_it_in_fewer_steps_so(monkeypatch):
+    model = lifted_strip(1e-3)
+    found = solve(model, at_rest(model), np.ones(1), NEWTON)
+    monkeypatch.setattr(newton_step, "DEEPER", np.inf)
+    whole = solve(model, at_rest(model), np.ones(1), NEWTON)
+    assert found.configuration.x == pytest.approx(whole.configuration.x, abs=1e-9)
+    assert found.solves < 0.7 * whole.solves
 
 
 def test_friction_goes_by_the_layers_pressure():

@@ -9,6 +9,7 @@ import pytest
 import scipy.sparse as sp
 
 from cosim.errors import ConvergenceError
+from cosim.stopwatch import stopwatch, timed
 from fe_solver.solver.linear_algebra import (
     REDUCED,
     Analysis,
@@ -98,6 +99,16 @@ def test_an_earlier_factor_of_a_pattern_serves_after_a_later_one(backend):
     factors = [analysis.factor(matrix.data) for matrix in (first, second)]
     for matrix, factor in [*zip((first, second), factors, strict=True), (first, factors[0])]:
         assert np.abs(matrix @ factor.solve(RIGHT) - RIGHT).max() < 1e-10
+
+
+def test_pivots_are_counted_as_the_factor_is_made(backend):
+    """Asked after a later factor of the pattern was made, it is not made again."""
+    first, second = arrow(np.where(np.arange(SIZE) % 3, 1.0, -2.0)), arrow(np.ones(SIZE))
+    analysis = analyse(slots_of(first), backend)
+    with stopwatch() as watch, timed("factors"):
+        early, late = (analysis.factor(matrix.data) for matrix in (first, second))
+        assert early.negative > late.negative
+    assert watch.parts["factors",].factorisations == 2
 
 
 def test_a_matrix_without_stiffness_somewhere_is_refused(backend):
