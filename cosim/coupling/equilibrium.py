@@ -32,13 +32,12 @@ from cosim.port import (
 )
 from cosim.static_response import static_response
 
-LOOSE, NEAR = 0.1, 0.05
-"""The hood is solved to LOOSE until no joint turns by more than NEAR (rad) in a round (an inexact
-Newton: Dembo, Eisenstat and Steihaug 1982, SIAM J Numer Anal 19:400)."""
+LOOSE, NEAR = 1e-3, 0.1
+"""The hood is solved to LOOSE until the interface's residual is below NEAR (an inexact Newton:
+Dembo, Eisenstat and Steihaug 1982, SIAM J Numer Anal 19:400)."""
 AT_REST = 1e-4
 """rad: a finger that would still turn so far is not at rest, however small its residual: it stands
-where it would run away.  Nor is one that came so far in the last round: what a round leaves is
-the square of its turn."""
+where it would run away."""
 STILL = 1e-10
 """rad: a finger that reports no forces is at rest where no joint turns further in a round."""
 
@@ -143,9 +142,8 @@ def equilibrium(
             tensions.finger,
             options.tolerance,
         )
-        last = turn
         turn = float(np.abs(finger.angles(aim) - finger.angles(finger_state)).max())
-        if exact and last <= AT_REST and _is_at_rest(interface, turn, options.tolerance):
+        if exact and _is_at_rest(interface, turn, options.tolerance):
             return Equilibrium(
                 aim if balance is None else finger_state,
                 motion,
@@ -158,7 +156,7 @@ def equilibrium(
                 iteration,
                 turn,
             )
-        exact = turn <= NEAR
+        exact = turn <= AT_REST if balance is None else interface <= NEAR
         way, part = _CouplingStep(finger_state, response.state, aim, interface), 1.0
         finger_state, state = aim, response.state
     why = f"{_progress_text(interface, turn)}, allowed {_limit_text(interface, options.tolerance)}"

@@ -379,31 +379,6 @@ def test_loose_rounds_leave_no_trace_in_the_answer():
     np.testing.assert_allclose(found.load.wrench, exact.load.wrench, atol=1e-9)
 
 
-@pytest.mark.parametrize(("away", "loose"), [(0.01, 1), (0.1, 2)])
-def test_a_hood_is_solved_loosely_until_the_finger_hardly_turns(monkeypatch, away, loose):
-    f, tension = finger(False), np.array([6.0, 4.0])
-    exact = couple(f, dorsal_and_palmar(), tension).finger_state.angles
-    asked, advance = [], Doctored.advance
-
-    def note(hood: Doctored, *args) -> Response:
-        asked.append(hood.is_loose)
-        return advance(hood, *args)
-
-    monkeypatch.setattr(Doctored, "advance", note)
-    found = couple(f, Doctored(dorsal_and_palmar()), tension, tuple(exact[:3] + away))
-    np.testing.assert_allclose(found.finger_state.angles, exact, atol=1e-10)
-    assert sum(asked) == loose
-
-
-def test_a_finger_that_has_just_turned_is_not_at_rest():
-    """To the tolerance it is; what is left is the square of the turn."""
-    f, tension = finger(False), np.array([6.0, 4.0])
-    start = tuple(couple(f, dorsal_and_palmar(), tension).finger_state.angles[:3] + 2e-4)
-    found = couple(f, dorsal_and_palmar(), tension, start, CouplingOptions())
-    assert found.iterations == 3
-    assert found.interface_residual < 1e-9
-
-
 def test_hood_and_finger_that_cannot_agree_are_an_error_and_no_result():
     hood = Doctored(dorsal_and_palmar(), by_motion=-20.0)
     with pytest.raises(ConvergenceError, match=r"did not agree in 12 rounds.*max_iterations"):
