@@ -10,8 +10,8 @@ import re
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
-PRODUCT = 111935
-TESTS = 74438
+PRODUCT = 112412
+TESTS = 74892
 
 
 def _lines(*packages: str) -> int:
