@@ -32,7 +32,7 @@ FREE = (
         for j in JOINTS
     ),
 )
-MOVES = 'forward={duration="0.3 s",step="1 ms",must_rest=false}'
+MOVES = 'forward={duration="0.2 s",step="1 ms",must_rest=false}'
 WORN = 'finger.splint.PIP={begins="0.05 s",ends="0.15 s"}'
 
 
@@ -125,13 +125,13 @@ def test_a_motion_in_its_splint_comes_to_rest_where_the_equilibrium_is():
     ramp = 'tendons.{}.signal={{kind="points",at=[["0 s",0.0],["0.05 s",1.0]]}}'
     aim = run(splint, 'solve.resting_tension="0 N"')
     signals = [ramp.format(name) for name in ("EDC", "FDP")]
-    end = run(splint, MOVES.replace("0.3", "0.5"), *signals, 'solve.resting_tension="0 N"')
+    end = run(splint, MOVES.replace("0.2", "0.5"), *signals, 'solve.resting_tension="0 N"')
     for joint, angle in aim.summary["posture_deg"].items():
         assert end.summary["posture_deg"][joint] == pytest.approx(angle, abs=0.02)
 
 
 def test_steps_by_their_error_end_where_a_splint_is_put_on():
-    adaptive = MOVES.replace("0.3", "0.16") + ';forward.adaptive.tolerance="0.05 deg"'
+    adaptive = MOVES.replace("0.2", "0.16") + ';forward.adaptive.tolerance="0.05 deg"'
     odd = 'finger.splint.PIP={begins="0.05037 s",ends="0.15011 s"}'
     summary = run(*adaptive.split(";"), odd).summary
     assert summary["began"]["splint_PIP"]["time_s"] == pytest.approx(0.05037, abs=1e-12)
@@ -139,7 +139,7 @@ def test_steps_by_their_error_end_where_a_splint_is_put_on():
 
 
 def test_a_motion_with_a_splint_goes_on_from_a_checkpoint(worn, tmp_path: Path):
-    case = load_case("pulley_edc", [*FREE, MOVES, WORN, "forward.checkpoint=60"])
+    case = load_case("pulley_edc", [*FREE, MOVES, WORN, "forward.checkpoint=40"])
     cut_off(case, tmp_path, 2)
     assert identical(worn, run_case(case, Session(checkpoints=tmp_path)))
 
