@@ -177,7 +177,7 @@ class SplintConfig(Table):
     """A splint of a joint, or a pin: it lets the joint turn within `range` and bears a torque
     beyond, in the place of `finger.limit`."""
 
-    range: Annotated[tuple[JointAngle, JointAngle] | None, Field()] = None
+    range: tuple[JointAngle, JointAngle] | None = None
     """From which angle to which the joint turns freely; without it the splint holds the joint where
     it stands when it is put on."""
     stiffness: Annotated[

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -216,13 +216,6 @@ class MovingCoupledPart(UnitPart):
         return out
 
 
-class Pull(NamedTuple):
-    """What pulls at a time."""
-
-    tension: Array
-    state: State
-
-
 @dataclass(frozen=True)
 class HeldTensions:
     """The drive of tendons whose tensions (nt,) N are given: `cosim.coupling.motion.TendonDrive`.
@@ -233,8 +226,8 @@ class HeldTensions:
     def start(self, length: Array) -> State:
         return None
 
-    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
-        return Pull(self.tension, state)
+    def pull(self, state: State, time: float, length: Array, dt: float) -> SimpleNamespace:
+        return SimpleNamespace(tension=self.tension, state=state)
 
     def settle_at(self, state: State, length: Array) -> State:
         return state

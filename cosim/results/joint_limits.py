@@ -110,7 +110,7 @@ def tie_block(finger: Any, angles: Array) -> dict[str, dict[str, float]]:
     ties = getattr(finger, "ties", None)
     if ties is None:
         return {}
-    tension = ties.tension(finger.chain(angles))
+    tension = ties.pull(finger.chain(angles)).tension
     return {"tie_force_N": dict(zip(ties.names, tension.tolist(), strict=True))}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,27 @@ from rigid.chain.kinematics import Chain, geometric_stiffness, move_wrench, poin
 
 TOE = 0.2e-3
 """m, over which a strand that comes taut grows as stiff as it is: the fibres are not all alike."""
-SIGN = np.array([-1.0, 1.0])
+
+
+class Pull(NamedTuple):
+    """What strands (k,) do in a posture."""
+
+    ends: Array
+    """(k, 2, 3) m, world frame."""
+    unit: Array
+    """(k, 3), from the first end to the last."""
+    distance: Array
+    """(k,) m."""
+    tension: Array
+    """(k,) N."""
+    rate: Array
+    """(k,) N/m, by which the tension rises with the distance."""
+
+    @property
+    def force(self) -> Array:
+        """(k, 2, 3) N, on the body at each end."""
+        first = self.tension[:, None] * self.unit
+        return np.stack([first, -first], axis=1)
 
 
 @dataclass(frozen=True)
@@ -36,64 +57,49 @@ class Ties:
         turned = np.einsum("keij,kej->kei", at.rotation[self.body], self.point)
         return np.asarray(at.position[self.body] + turned)
 
-    def tension(self, chain: Chain) -> Array:
-        """Tension (k,) N."""
-        return self._pull(chain)[0]
+    def pull(self, chain: Chain) -> Pull:
+        """What the strands do."""
+        first, last = np.moveaxis(ends := self.ends(chain), 1, 0)
+        distance = np.linalg.norm(last - first, axis=1)
+        back, slope = limit_torque(distance - self.length, -np.inf, 0.0, self.stiffness, TOE)
+        return Pull(ends, (last - first) / distance[:, None], distance, 0.0 - back, -slope)
 
     def energy(self, chain: Chain) -> float:
         """J that the strands have stored."""
-        longer = self._ways(chain)[1] - self.length
+        longer = self.pull(chain).distance - self.length
         return float(limit_energy(longer, -np.inf, 0.0, self.stiffness, TOE).sum())
 
     def wrenches(self, chain: Chain) -> Array:
         """The wrench (nb, 6) on each body about its origin, world frame."""
-        out = np.zeros((len(chain.motion.bodies), 6))
-        force = self._forces(chain).reshape(-1, 3)
-        lever = (self.ends(chain) - chain.motion.position[self.body]).reshape(-1, 3)
-        np.add.at(out, self.body.ravel(), move_wrench(np.hstack([force, 0 * force]), lever))
+        out, pull = np.zeros((len(chain.motion.bodies), 6)), self.pull(chain)
+        lever = pull.ends - chain.motion.position[self.body]
+        wrench = np.concatenate([pull.force, np.zeros_like(lever)], axis=-1)
+        np.add.at(out, self.body, move_wrench(wrench, lever))
         return out
 
     def torques(self, chain: Chain) -> Array:
         """The torques (nq,) N m about the joints."""
-        force = self._forces(chain).reshape(-1, 3)
-        return np.asarray(np.einsum("ex,exq->q", force, self._jacobian(chain)))
+        pull = self.pull(chain)
+        return np.asarray(np.einsum("kex,kexq->q", pull.force, self._jacobian(chain, pull)))
 
     def tangent(self, chain: Chain) -> Array:
         """The derivative (nq, nq) of the torques by the angles, N m/rad."""
-        (tension, rate), (unit, distance) = self._pull(chain), self._ways(chain)
-        jacobian = self._jacobian(chain).reshape(len(self.names), 2, 3, -1)
-        apart = jacobian[:, 1] - jacobian[:, 0]
-        along = unit[:, :, None] * unit[:, None]
-        across = (tension / distance)[:, None, None] * (np.eye(3) - along)
-        stiffness = rate[:, None, None] * along + across
-        force = self._forces(chain).reshape(-1, 3)
-        turning = geometric_stiffness(
-            chain, self.body.ravel(), self.ends(chain).reshape(-1, 3), np.hstack([force, 0 * force])
-        )
+        pull = self.pull(chain)
+        first, last = np.moveaxis(self._jacobian(chain, pull), 1, 0)
+        along = pull.unit[:, :, None] * pull.unit[:, None]
+        across = (pull.tension / pull.distance)[:, None, None] * (np.eye(3) - along)
+        stiffness = pull.rate[:, None, None] * along + across
+        force, ends = pull.force.reshape(-1, 3), pull.ends.reshape(-1, 3)
+        wrench = np.hstack([force, np.zeros_like(force)])
+        turning = geometric_stiffness(chain, self.body.ravel(), ends, wrench)
+        apart = last - first
         return np.asarray(turning - np.einsum("kxq,kxy,kyr->qr", apart, stiffness, apart))
 
     def lines(self, chain: Chain) -> Mapping[str, Array]:
         """The strands (2, 3) m to draw, world frame, by name."""
         return dict(zip(self.names, self.ends(chain), strict=True))
 
-    def _ways(self, chain: Chain) -> tuple[Array, Array]:
-        """Unit vectors (k, 3) from end to end, and the distance (k,) m."""
-        first, last = np.moveaxis(self.ends(chain), 1, 0)
-        distance = np.linalg.norm(last - first, axis=1)
-        return (last - first) / distance[:, None], distance
-
-    def _pull(self, chain: Chain) -> tuple[Array, Array]:
-        """Tension (k,) N, and by how much it rises with the distance, N/m."""
-        longer = self._ways(chain)[1] - self.length
-        back, slope = limit_torque(longer, -np.inf, 0.0, self.stiffness, TOE)
-        return 0.0 - back, -slope
-
-    def _forces(self, chain: Chain) -> Array:
-        """The force (k, 2, 3) N on the body at each end."""
-        pull = self.tension(chain)[:, None] * self._ways(chain)[0]
-        return -SIGN[:, None] * pull[:, None]
-
-    def _jacobian(self, chain: Chain) -> Array:
-        """The velocities (2 k, 3, nq) of the ends per joint rate."""
-        ends = self.ends(chain).reshape(-1, 3)
-        return point_jacobian(chain, self.body.ravel(), ends)[:, :3]
+    def _jacobian(self, chain: Chain, pull: Pull) -> Array:
+        """The velocities (k, 2, 3, nq) of the ends per joint rate."""
+        each = point_jacobian(chain, self.body.ravel(), pull.ends.reshape(-1, 3))[:, :3]
+        return each.reshape(*self.body.shape, 3, -1)

@@ -169,8 +169,7 @@ class MovingMujoco:
         law = self.finger.law
         if self.relaxation is not None and state.passive is not None:
             law = law.relaxed(*self.relaxation.law(state.passive.memory, dt))
-        if state.worn is not None:
-            law = law.splinted(*state.worn)
+        law = _splinted(law, state)
         return None if law is self.finger.law else law
 
     def _moved(self, state: Moving, after: Moment, law: JointLaw | None, dt: float) -> Moving:
@@ -192,8 +191,7 @@ class MovingMujoco:
         if self.relaxation is not None and state.passive is not None:
             left = self.relaxation.left
             law = law.relaxed(left, (1 - left) * state.passive.memory.rest)
-        if state.worn is not None:
-            law = law.splinted(*state.worn)
+        law = _splinted(law, state)
         ties = self.finger.ties
         tied = 0.0 if ties is None else ties.energy(self.finger.chain(angles))
         return law.energy(angles) + tied
@@ -201,13 +199,9 @@ class MovingMujoco:
     def joint_torques(self, state: Moving) -> Array:
         """The torques (3, nq) N m of the passive joints, of their limits (or splints in the place
         of these) and of the damping of both."""
-        law, (_, angles, rates, *_) = self._worn(state), state.moment
+        law, angles = _splinted(self.finger.law, state), state.moment.angles
         passive = law.passive(angles)[0] if state.passive is None else state.passive.torque
-        return np.array([passive, law.limit(angles)[0], law.viscous(angles, rates)[0]])
-
-    def _worn(self, state: Moving) -> JointLaw:
-        law = self.finger.law
-        return law if state.worn is None else law.splinted(*state.worn)
+        return np.array([passive, law.limit(angles)[0], law.viscous(angles, state.moment.rates)[0]])
 
     @property
     def switches(self) -> tuple[Array, Array]:
@@ -346,3 +340,8 @@ class MovingMujoco:
             idle = ConstantTension(np.zeros(len(self.tendons)))
             self._made[key] = FingerDynamics(self.finger, start, idle, self.device)
         return self._made[key]
+
+
+def _splinted(law: JointLaw, state: Moving) -> JointLaw:
+    """The joints of a law with the splints that are worn in a state."""
+    return law if state.worn is None else law.splinted(*state.worn)
