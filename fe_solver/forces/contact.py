@@ -14,8 +14,8 @@ of a depth of -g in a layer as thick and as stiff as it is there, and no multipl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import partial
 from typing import NamedTuple
@@ -29,7 +29,7 @@ from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.friction import Friction, join_friction
 from fe_solver.forces.layer import TOE, Layer, layer_response
 from fe_solver.forces.ramp import inverse_ramp, ramp
-from fe_solver.forces.springs import PointForces
+from fe_solver.forces.springs import COLUMNS, PointForces
 from fe_solver.surfaces.shapes import Surface
 
 REACH = 1.5e-3
@@ -169,7 +169,7 @@ class Contact:
 
     def gap(self, x: Array, position: Array, rotation: Array) -> Array:
         """The gaps (k,) m of the points, negative where one penetrates."""
-        return self.surface.distance(self.local(x, position, rotation)).value - self.offset
+        return self.surface.values(self.local(x, position, rotation)) - self.offset
 
 
 def friction_of(contact: Contact, grip: Grip, local: Array) -> Friction:
@@ -198,24 +198,24 @@ def contact_forces(
     p, R = position[contact.body], rotation[contact.body]
     at = contact.at(x)
     local = (at - p) @ R
-    value, gradient, bend = contact.surface.distance(local)
-    depth = contact.offset - value + contact.shift
+    depth = contact.offset - contact.surface.values(local) + contact.shift
     watched = depth > -max(REACH, contact.smoothing)
     if contact.grip is not None:
         watched |= contact.grip.limit > 0
     near = np.flatnonzero(watched)
-    # what presses; a pin stands for its slope in the tangent
-    normal = gradient[near] @ R.T
-    made = _press(contact, near, depth[near], local[near], R, normal, curvature)
-    if contact.pin is not None:
-        pin = contact.pin[near]
-        made = made._replace(along=np.where(pin > 0, pin, made.along))
+    # what acts on them, in the body's frame
+    place, depth = local[near], depth[near]
+    _, normal = contact.surface.slopes(place)
+    if contact.layer is None:
+        made = _press_penalty(contact, near, depth, normal)
+    else:
+        made = _press_layer(contact, near, depth, normal, place)
     friction = None
     if contact.grip is not None:
-        friction = friction_of(contact, contact.grip, local).take(near).turned(R)
+        friction = friction_of(contact, contact.grip, local).take(near)
         made = made.rubbed(friction)
+        friction = friction.turned(R)
     # the forces by node: points within elements act through their shape functions
-    curved = bend[near] if curvature else None
     k, one = contact.within, np.ones(len(near))
     cell, point = (0, 0) if k is None else np.divmod(near, len(k.shape))
     return PointForces(
@@ -224,14 +224,14 @@ def contact_forces(
         np.full(len(near), -1, dtype=np.intp) if k is None else k.cells[cell],
         np.full(len(near), contact.body, dtype=np.intp),
         made.energy,
-        made.gradient,
+        made.gradient @ R.T,
         made.force,
-        partial(_hessian, made, R, normal, curved),
+        partial(_hessian, made, R, normal, (contact.surface, place) if curvature else None),
         at[near] - p,
         one > 0,
         np.full(len(near), -1, dtype=np.intp),
         made.depth,
-        -normal,
+        normal @ -R.T,
         made.stiffness,
         made.ramp,
         np.inf * one,
@@ -240,120 +240,113 @@ def contact_forces(
 
 
 class _Pressing(NamedTuple):
-    """What acts on k points."""
+    """What acts on k points, in the body's frame."""
 
     energy: float
     gradient: Array
-    """(k, 3) N, world frame."""
+    """(k, 3) N."""
     force: Array
     """(k,) N along the normal."""
     along: Array
     """(k,) N/m, its slope by the depth."""
-    bent: Array | None
-    """(k, 3, 3) N/m, what the fields of a layer and friction add to the Hessian."""
     depth: Array
     """(k,) m, beyond which the force has set in; `ramp` to either side."""
     ramp: Array
     stiffness: Array
     """(k,) N/m."""
+    bend: Callable[[], tuple[NDArray[np.intp], Array]] | None = None
+    """Some of the points, and what the fields of a layer add to their Hessian, (j, 3, 3) N/m."""
+    rub: Array | None = None
+    """What friction adds, (k, 3, 3) N/m."""
 
     def rubbed(self, friction: Friction) -> _Pressing:
-        """With friction (world frame)."""
+        """With friction."""
         drag, slope = friction.linear(friction.sliding())
-        return self._replace(
-            energy=self.energy + float(friction.energy().sum()),
-            gradient=self.gradient + drag,
-            bent=slope if self.bent is None else self.bent + slope,
-        )
+        energy = self.energy + float(friction.energy().sum())
+        return self._replace(energy=energy, gradient=self.gradient + drag, rub=slope)
 
 
-def _press(
-    contact: Contact,
-    near: NDArray[np.intp],
-    depth: Array,
-    local: Array,
-    R: Array,
-    normal: Array,
-    curvature: bool,
+def _press_penalty(
+    contact: Contact, near: NDArray[np.intp], depth: Array, normal: Array
 ) -> _Pressing:
-    """What presses the points `near` (k,) at `depth` (k,) m and places `local` (k, 3), body frame,
-    with the surface's gradient `normal` (k, 3), world frame."""
-    weight = contact.weight[near]
-    if contact.layer is not None:
-        weight = contact.layer.share * weight
-        return _press_layer(contact.layer, weight, depth, local, R, normal, curvature)
-    scale, smoothing = contact.stiffness * weight, np.full(len(near), contact.smoothing)
+    """What a penalty does to the points `near` (k,) at `depth` (k,) m, with the surface's gradient
+    `normal` (k, 3)."""
+    scale = contact.stiffness * contact.weight[near]
+    smoothing = np.full(len(near), contact.smoothing)
     work, force, slope = ramp(depth, smoothing)
-    force = scale * force
+    force, along = scale * force, scale * slope
+    if contact.pin is not None:  # it stands for the slope in the tangent
+        pin = contact.pin[near]
+        along = np.where(pin > 0, pin, along)
     pull = -force[:, None] * normal
-    return _Pressing(float(scale @ work), pull, force, scale * slope, None, depth, smoothing, scale)
+    return _Pressing(float(scale @ work), pull, force, along, depth, smoothing, scale)
 
 
 def _press_layer(
-    layer: Layer,
-    weight: Array,
-    depth: Array,
-    local: Array,
-    R: Array,
-    normal: Array,
-    curvature: bool,
+    contact: Contact, near: NDArray[np.intp], depth: Array, normal: Array, local: Array
 ) -> _Pressing:
-    """What a layer does to points (k,) of `weight` (k,) m2; its fields are looked up where they
-    touch it."""
-    k, on = len(depth), np.flatnonzero(depth > 0)
+    """What a layer does, as `_press_penalty`; its fields are looked up at the places `local` (k, 3)
+    of what touches it."""
+    layer, k, on = contact.layer, len(depth), np.flatnonzero(depth > 0)
+    assert layer is not None
+    weight = layer.share * contact.weight[near]
     gradient, force, along = np.zeros((k, 3)), np.zeros(k), np.zeros(k)
-    fields = layer.thickness.distance(local[on]), layer.modulus.distance(local[on])
-    made = layer_response(depth[on], fields[0].value, fields[1].value)
-    slopes = weight[on, None] * made.slopes
-    by = np.stack([-normal[on], *(field.gradient @ R.T for field in fields)], axis=1)
-    gradient[on] = (slopes[:, None] @ by)[:, 0]
-    force[on], along[on] = slopes[:, 0], weight[on] * made.second[:, 0, 0]
-    bent = None
-    if curvature:
-        second = weight[on, None, None] * made.second
-        second[:, 0, 0] = 0.0  # it is along the normal
-        bent = np.zeros((k, 3, 3))
-        bent[on] = np.swapaxes(by, 1, 2) @ second @ by
+    place, fields = local[on], (layer.thickness, layer.modulus)
+    (h, by_h), (modulus, by_modulus) = (field.slopes(place) for field in fields)
+    made = layer_response(depth[on], h, modulus)
+    slopes, second = weight[on, None] * made.slopes, weight[on, None, None] * made.second
+    by = np.stack([-normal[on], by_h, by_modulus], axis=1)
+    gradient[on] = np.einsum("ka,kai->ki", slopes, by)
+    force[on], along[on] = slopes[:, 0], second[:, 0, 0]
+
+    def bend() -> tuple[NDArray[np.intp], Array]:
+        beside = second.copy()
+        beside[:, 0, 0] = 0.0  # it is along the normal
+        out = np.swapaxes(by, 1, 2) @ beside @ by
         for slope, field in zip(slopes.T[1:], fields, strict=True):
-            bent[on] += slope[:, None, None] * (R @ field.hessian @ R.T)
-    thickness, modulus = np.full(k, layer.usual[0]), np.full(k, layer.usual[1])
-    thickness[on], modulus[on] = fields[0].value, fields[1].value
-    toe = TOE / 4 * thickness  # a ramp of this width about this depth sets in as the layer does
-    return _Pressing(
-        float(weight[on] @ made.energy),
-        gradient,
-        force,
-        along,
-        bent,
-        depth - toe,
-        toe,
-        weight * modulus / thickness,
-    )
+            out += slope[:, None, None] * field.distance(place).hessian
+        return on, out
+
+    toe, stiffness = np.full(k, layer.usual[0]), weight * (layer.usual[1] / layer.usual[0])
+    toe[on], stiffness[on] = h, weight[on] * modulus / h
+    toe *= TOE / 4  # a ramp of this width about this depth sets in as the layer does
+    energy = float(weight[on] @ made.energy)
+    return _Pressing(energy, gradient, force, along, depth - toe, toe, stiffness, bend)
 
 
 def _hessian(
-    made: _Pressing, R: Array, normal: Array, curved: Array | None, pushed: Array
+    made: _Pressing,
+    R: Array,
+    normal: Array,
+    touched: tuple[Surface, Array] | None,
+    pushed: Array,
 ) -> Array:
-    """The stiffness (k, 3, 3) of what presses along the normals (k, 3), and of forces `pushed` (k,)
-    N on what is `curved` (k, 3, 3) 1/m, in the body's frame."""
-    # stiffness along the normal, then the surface's curvature, then a layer's fields and friction
-    out = made.along[:, None, None] * normal[:, :, None] * normal[:, None, :]
-    if curved is not None:
-        on = np.flatnonzero(pushed)
-        out[on] -= pushed[on, None, None] * (R @ curved[on] @ R.T)
-    if made.bent is not None:
-        out += made.bent
+    """The stiffness (k, 3, 3), world frame, of what presses along the normals (k, 3), and, with the
+    surface and the places (k, 3) where it is `touched`, of forces `pushed` (k,) N on its
+    curvature."""
+    out = np.zeros((len(normal), 3, 3))
+    on = np.flatnonzero((made.along != 0) | (pushed != 0) | (made.rub is not None))
+    n = normal[on]
+    out[on] = made.along[on, None, None] * n[:, :, None] * n[:, None, :]
+    if touched is not None:
+        surface, place = touched
+        out[on] -= pushed[on, None, None] * surface.distance(place[on]).hessian
+        if made.bend is not None:
+            which, bent = made.bend()
+            out[which] += bent
+    if made.rub is not None:
+        out += made.rub
+    half = np.swapaxes((out[on].reshape(-1, 3) @ R.T).reshape(-1, 3, 3), 1, 2)
+    out[on] = (half.reshape(-1, 3) @ R.T).reshape(-1, 3, 3)
     return out
 
 
 def join_point_forces(parts: list[PointForces]) -> PointForces:
     """All point forces as one."""
-    other = ("energy", "bend", "friction")
-    names = [f.name for f in fields(PointForces) if f.name not in other]
     parts, friction = _as_wide(parts), None
     if any(p.friction is not None for p in parts):
         friction = join_friction([p.friction or Friction.none(len(p.force)) for p in parts])
-    columns = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
+    columns = {n: np.concatenate([getattr(p, n) for p in parts]) for n in COLUMNS}
     energy = sum(p.energy for p in parts)
     return PointForces(energy=energy, bend=partial(_hessians, parts), friction=friction, **columns)
 
@@ -361,13 +354,7 @@ def join_point_forces(parts: list[PointForces]) -> PointForces:
 def _as_wide(parts: list[PointForces]) -> list[PointForces]:
     """The point forces with as many nodes for each point, those more than it has without weight."""
     width = max(p.nodes.shape[1] for p in parts)
-    if all(p.nodes.shape[1] == width for p in parts):
-        return parts
-    more = [((0, 0), (0, width - p.nodes.shape[1])) for p in parts]
-    return [
-        replace(p, nodes=np.pad(p.nodes, m, mode="edge"), weights=np.pad(p.weights, m))
-        for p, m in zip(parts, more, strict=True)
-    ]
+    return [p if p.nodes.shape[1] == width else p.widened(width) for p in parts]
 
 
 def _hessians(parts: list[PointForces], force: Array) -> Array:
@@ -402,7 +389,7 @@ def normal_pressure(contact: Contact, local: Array, depth: Array) -> Array:
     m."""
     if contact.layer is None:
         return np.asarray(contact.stiffness * ramp(depth, contact.smoothing)[1])
-    h, modulus = (f.distance(local).value for f in (contact.layer.thickness, contact.layer.modulus))
+    h, modulus = (f.values(local) for f in (contact.layer.thickness, contact.layer.modulus))
     return np.asarray(contact.layer.share * layer_response(depth, h, modulus).slopes[:, 0])
 
 
@@ -412,8 +399,8 @@ def compression(contact: Contact, x: Array, position: Array, rotation: Array) ->
     if contact.layer is None:
         return np.zeros(len(contact.nodes))
     local = contact.local(x, position, rotation)
-    depth = contact.offset - contact.surface.distance(local).value
-    return np.asarray(np.maximum(depth, 0.0) / contact.layer.thickness.distance(local).value)
+    depth = contact.offset - contact.surface.values(local)
+    return np.asarray(np.maximum(depth, 0.0) / contact.layer.thickness.values(local))
 
 
 def contact_state(contact: Contact, x: Array, position: Array, rotation: Array) -> ContactState:

@@ -54,8 +54,9 @@ class ElementPoints:
 
     def mean(self, values: Array) -> Array:
         """The values (c p, ...) at the points, interpolated from values (n, ...) at the nodes."""
-        by_element = values[self.quads].reshape(*self.quads.shape, -1)
-        return np.asarray((self.shape @ by_element).reshape(-1, *values.shape[1:]))
+        by_node = values[self.quads.T].reshape(self.quads.shape[1], -1)
+        at = (self.shape @ by_node).reshape(len(self.shape), len(self.quads), -1)
+        return np.swapaxes(at, 0, 1).reshape(-1, *values.shape[1:])
 
     def areas(self, X: Array) -> Array:
         """The area (c p,) m2 of each point, of nodes X (n, 3) m."""

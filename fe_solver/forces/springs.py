@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -239,6 +239,13 @@ class PointForces:
         """The node (k,) that bears most of each force."""
         return np.asarray(self.nodes[np.arange(len(self.nodes)), self.weights.argmax(axis=1)])
 
+    def widened(self, width: int) -> PointForces:
+        """With `width` nodes for each point, those more than it has without weight."""
+        count, has = self.nodes.shape
+        nodes = np.repeat(self.nodes, [*[1] * (has - 1), width - has + 1], axis=1)
+        weights = np.concatenate([self.weights, np.zeros((count, width - has))], axis=1)
+        return replace(self, nodes=nodes, weights=weights)
+
     def at_points(self, values: Array) -> Array:
         """The values (k, 3) at the points of values (n, 3) at the nodes."""
         return np.asarray((self.weights[:, None] @ values[self.nodes])[:, 0])
@@ -248,10 +255,27 @@ class PointForces:
         on = np.flatnonzero(forces.any(axis=1))
         return sum_at_nodes(self.nodes[on], self.weights[on, :, None] * forces[on, None], count)
 
+    def acting(self) -> PointForces:
+        """Those alone that have a force or a stiffness."""
+        on = np.flatnonzero(self.hessian.any(axis=(1, 2)) | self.gradient.any(axis=1))
+
+        def bend(force: Array) -> Array:
+            every = np.zeros(len(self.force))
+            every[on] = force
+            return self.bend(every)[on]
+
+        columns = {name: getattr(self, name)[on] for name in COLUMNS}
+        friction = self.friction and self.friction.take(on)
+        return replace(self, bend=bend, friction=friction, **columns)
+
     @cached_property
     def hessian(self) -> Array:
         """The stiffness (k, 3, 3); made when first asked for, which a trial step never does."""
         return self.bend(self.force)
+
+
+COLUMNS = [f.name for f in fields(PointForces) if f.name not in ("energy", "bend", "friction")]
+"""What `PointForces` say of each point."""
 
 
 def _reach(springs: Springs, x: Array, position: Array, rotation: Array) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
-from fe_solver.surfaces.shapes import Distance, positive, vector
+from fe_solver.surfaces.shapes import Distance, Surface, positive, vector
 
 MOST_ITERATIONS = 60
 """Most iterations for the ellipsoid's multiplier; some five are usual, and bisection alone would
@@ -20,7 +20,7 @@ plane."""
 
 
 @dataclass(frozen=True)
-class Ellipsoid:
+class Ellipsoid(Surface):
     """An ellipsoid."""
 
     outside: ClassVar[float] = np.inf

@@ -38,6 +38,14 @@ class Surface(Protocol):
         """Signed distance, gradient and Hessian at points (n, 3) of the body frame."""
         ...
 
+    def values(self, points: Array) -> Array:
+        """The signed distances (n,) alone."""
+        return self.distance(points).value
+
+    def slopes(self, points: Array) -> tuple[Array, Array]:
+        """The signed distances (n,) and gradients (n, 3) alone."""
+        return self.distance(points)[:2]
+
 
 def vector(value: object, what: str) -> Array:
     """Three finite numbers, or InputError."""
@@ -96,7 +104,7 @@ def _sweep_distance(
 
 
 @dataclass(frozen=True)
-class Sphere:
+class Sphere(Surface):
     """The ball of a centre (3,) and a radius, m.  Raises InputError for a radius that is not
     positive.
 
@@ -122,7 +130,7 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Capsule:
+class Capsule(Surface):
     """All points within `radius` (m) of the segment from `start` (3,) to `end` (3,).  Raises
     InputError for a radius that is not positive and ends in one place.
 
@@ -156,7 +164,7 @@ class Capsule:
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(Surface):
     """All points within `radius` (m) of the line through `point` (3,) m along `direction` (3,), of
     any length; without ends."""
 
@@ -188,7 +196,7 @@ def _tapering(shape: RoundCone | Cone, what: str) -> tuple[Array, float]:
 
 
 @dataclass(frozen=True)
-class RoundCone:
+class RoundCone(Surface):
     """A capsule with two radii, a phalanx's shape: the hull of a sphere of `start_radius` (m) about
     `start` (3,) and one of `end_radius` about `end`; its side is tangent to both (C1)."""
 
@@ -218,7 +226,7 @@ class RoundCone:
 
 
 @dataclass(frozen=True)
-class Cone:
+class Cone(Surface):
     """The solid cone whose side passes through the circles of `start_radius` (m) about `start` (3,)
     and of `end_radius` about `end`, their planes normal to the line between them.  Its side goes on
     without end on the wide side and to the apex on the narrow one; equal radii make a cylinder."""
@@ -247,7 +255,7 @@ class Cone:
 
 
 @dataclass(frozen=True)
-class HalfSpace:
+class HalfSpace(Surface):
     """Everything behind the plane through `point` (3,) m with outward `normal` (3,), any length."""
 
     outside: ClassVar[float] = np.inf

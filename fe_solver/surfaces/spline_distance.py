@@ -18,7 +18,7 @@ from cosim.errors import InputError
 from cosim.port import Array
 from fe_solver.elements import kernels
 from fe_solver.surfaces.shapes import Distance, Sphere, Surface, positive
-from fe_solver.surfaces.spline_kernel import spline_at
+from fe_solver.surfaces.spline_kernel import spline_at, spline_slopes, spline_values
 from fe_solver.surfaces.triangle_distance import check_surface, distances_on_grid
 
 __all__ = ["Sphere", "SplineDistance", "Surface"]
@@ -77,12 +77,14 @@ class SplineDistance:
 
     def distance(self, points: Array) -> Distance:
         """Signed distance, gradient and Hessian at points (n, 3)."""
-        at = (np.asarray(points, dtype=float) - self.origin) / self.spacing
-        value = self.outside + 0.0 * at.sum(axis=1)  # what is not finite must not pass for far
-        gradient, hessian = np.zeros_like(at), np.zeros((len(at), 3, 3))
+        points = np.asarray(points, dtype=float)
+        gradient, hessian = np.zeros(points.shape), np.zeros((len(points), 3, 3))
         if kernels.COMPILED:
-            spline_at(self.coefficients, self.spacing, at, value, gradient, hessian)
+            value = np.empty(len(points))
+            spline_at(*self._grid, points, value, gradient, hessian)
             return Distance(value, gradient, hessian)
+        at = (points - self.origin) / self.spacing
+        value = self.outside + 0.0 * at.sum(axis=1)  # what is not finite must not pass for far
         cells = np.array(self.coefficients.shape) - 3
         inside = np.flatnonzero(((at >= 0) & (at <= cells)).all(axis=1))
         at = at[inside].T
@@ -91,6 +93,26 @@ class SplineDistance:
         value[inside], gradient[inside] = v, g.T / self.spacing
         hessian[inside] = (h / self.spacing**2)[SYMMETRIC].transpose(2, 0, 1)
         return Distance(value, gradient, hessian)
+
+    def values(self, points: Array) -> Array:
+        """The signed distances (n,) alone: a third of the work."""
+        if not kernels.COMPILED:
+            return self.distance(points).value
+        value = np.empty(len(points))
+        spline_values(*self._grid, points, value)
+        return value
+
+    def slopes(self, points: Array) -> tuple[Array, Array]:
+        """The signed distances (n,) and gradients (n, 3) alone."""
+        if not kernels.COMPILED:
+            return self.distance(points)[:2]
+        value, gradient = np.empty(len(points)), np.zeros(points.shape)
+        spline_slopes(*self._grid, points, value, gradient)
+        return value, gradient
+
+    @property
+    def _grid(self) -> tuple[Array, Array, float, float]:
+        return self.coefficients, self.origin, self.spacing, self.outside
 
     def _evaluate(self, cell: Array, t: Array) -> tuple[Array, Array, Array]:
         """Value (n,), gradient (3, n) and upper Hessian (6, n) per grid spacing, for `cell` (3, n)

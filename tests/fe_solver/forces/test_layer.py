@@ -20,7 +20,7 @@ from fe_solver.solver import newton_step
 from fe_solver.solver.augmented_contact import solve_augmented
 from fe_solver.solver.newton import solve
 from fe_solver.solver.newton_step import DEEPER, limit_depth
-from fe_solver.surfaces.shapes import Distance
+from fe_solver.surfaces.shapes import Distance, Surface
 from tests.fe_solver.forces.test_contact import by_node, touching
 from tests.helpers.poses import POSITION, ROTATION
 from tests.proofs.fe.contact_rows import (
@@ -38,7 +38,7 @@ THICKNESS, MODULUS = 0.5e-3, 2e6
 
 
 @dataclass(frozen=True)
-class Field:
+class Field(Surface):
     """A quadratic of the place."""
 
     outside: ClassVar[float] = np.inf
