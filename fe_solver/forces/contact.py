@@ -204,7 +204,7 @@ def contact_forces(
         watched |= contact.grip.limit > 0
     near = np.flatnonzero(watched)
     # what acts on them, in the body's frame
-    place, depth = local[near], depth[near]
+    place, depth = local.take(near, axis=0), depth[near]
     _, normal = contact.surface.slopes(place)
     if contact.layer is None:
         made = _press_penalty(contact, near, depth, normal)
@@ -219,15 +219,15 @@ def contact_forces(
     k, one = contact.within, np.ones(len(near))
     cell, point = (0, 0) if k is None else np.divmod(near, len(k.shape))
     return PointForces(
-        contact.nodes[near][:, None] if k is None else k.quads[cell],
-        one[:, None] if k is None else k.shape[point],
+        contact.nodes[near][:, None] if k is None else k.quads.take(cell, axis=0),
+        one[:, None] if k is None else k.shape.take(point, axis=0),
         np.full(len(near), -1, dtype=np.intp) if k is None else k.cells[cell],
         np.full(len(near), contact.body, dtype=np.intp),
         made.energy,
         made.gradient @ R.T,
         made.force,
         partial(_hessian, made, R, normal, (contact.surface, place) if curvature else None),
-        at[near] - p,
+        at.take(near, axis=0) - p,
         one > 0,
         np.full(len(near), -1, dtype=np.intp),
         made.depth,
@@ -291,11 +291,11 @@ def _press_layer(
     assert layer is not None
     weight = layer.share * contact.weight[near]
     gradient, force, along = np.zeros((k, 3)), np.zeros(k), np.zeros(k)
-    place, fields = local[on], (layer.thickness, layer.modulus)
+    place, fields = local.take(on, axis=0), (layer.thickness, layer.modulus)
     (h, by_h), (modulus, by_modulus) = (field.slopes(place) for field in fields)
     made = layer_response(depth[on], h, modulus)
     slopes, second = weight[on, None] * made.slopes, weight[on, None, None] * made.second
-    by = np.stack([-normal[on], by_h, by_modulus], axis=1)
+    by = np.stack([-normal.take(on, axis=0), by_h, by_modulus], axis=1)
     gradient[on] = np.einsum("ka,kai->ki", slopes, by)
     force[on], along[on] = slopes[:, 0], second[:, 0, 0]
 
@@ -326,11 +326,11 @@ def _hessian(
     curvature."""
     out = np.zeros((len(normal), 3, 3))
     on = np.flatnonzero((made.along != 0) | (pushed != 0) | (made.rub is not None))
-    n = normal[on]
+    n = normal.take(on, axis=0)
     out[on] = made.along[on, None, None] * n[:, :, None] * n[:, None, :]
     if touched is not None:
         surface, place = touched
-        out[on] -= pushed[on, None, None] * surface.distance(place[on]).hessian
+        out[on] -= pushed[on, None, None] * surface.distance(place.take(on, axis=0)).hessian
         if made.bend is not None:
             which, bent = made.bend()
             out[which] += bent

@@ -54,7 +54,7 @@ class ElementPoints:
 
     def mean(self, values: Array) -> Array:
         """The values (c p, ...) at the points, interpolated from values (n, ...) at the nodes."""
-        by_node = values[self.quads.T].reshape(self.quads.shape[1], -1)
+        by_node = values.take(self.quads.T, axis=0).reshape(self.quads.shape[1], -1)
         at = (self.shape @ by_node).reshape(len(self.shape), len(self.quads), -1)
         return np.swapaxes(at, 0, 1).reshape(-1, *values.shape[1:])
 

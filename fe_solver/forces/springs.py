@@ -8,6 +8,7 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, PPoly
 
@@ -16,7 +17,6 @@ from cosim.port import Array, Ints
 from fe_solver.forces.friction import Friction
 from fe_solver.forces.guides import Ropes
 from fe_solver.forces.ramp import ramp
-from fe_solver.vectors import sum_at_nodes
 
 ROPE = -2
 """The group of the forces of ropes; contacts are of -1, springs of their sets' numbers."""
@@ -248,12 +248,17 @@ class PointForces:
 
     def at_points(self, values: Array) -> Array:
         """The values (k, 3) at the points of values (n, 3) at the nodes."""
-        return np.asarray((self.weights[:, None] @ values[self.nodes])[:, 0])
+        return np.asarray(self._by_node(len(values)) @ values)
 
     def on_nodes(self, forces: Array, count: int) -> Array:
         """The forces (n, 3) N at `count` nodes of forces (k, 3) at the points."""
-        on = np.flatnonzero(forces.any(axis=1))
-        return sum_at_nodes(self.nodes[on], self.weights[on, :, None] * forces[on, None], count)
+        return np.asarray(self._by_node(count).T @ forces)
+
+    def _by_node(self, count: int) -> sp.csr_array:
+        """The weights as a matrix (k, n) of `count` nodes."""
+        k, m = self.nodes.shape
+        ends = np.arange(0, k * m + 1, m)
+        return sp.csr_array((self.weights.ravel(), self.nodes.ravel(), ends), (k, count))
 
     def acting(self) -> PointForces:
         """Those alone that have a force or a stiffness."""
