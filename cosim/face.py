@@ -230,7 +230,7 @@ def couple(
     posture: Mapping[str, float | str] | None = None,
     *,
     resting: float | str = 0.0,
-    tolerance: float = 5e-7,
+    tolerance: float = 1e-8,
     max_iterations: int = 50,
     progress: Progress = quiet,
 ) -> CoupledResult:

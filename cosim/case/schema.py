@@ -41,7 +41,7 @@ class SolveConfig(Table):
     resting_tension: Annotated[float, quantity(units.FORCE, least="0 N", most="10 N")] = 0.05
     """Tension of every tendon that the case does not name, and of all tendons in the unloaded
     state."""
-    tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 5e-7
+    tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-8
     """Coupled equilibrium: largest residual over the largest tension."""
     max_iterations: Annotated[Count, Field(ge=1, le=1000)] = 50
     """Iterations of the coupled equilibrium; a solve that needs more fails."""

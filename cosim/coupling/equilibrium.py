@@ -32,9 +32,9 @@ from cosim.port import (
 )
 from cosim.static_response import static_response
 
-LOOSE, NEAR = 1e-3, 0.1
-"""The hood is solved to LOOSE until the interface's residual is below NEAR (an inexact Newton:
-Dembo, Eisenstat and Steihaug 1982, SIAM J Numer Anal 19:400)."""
+LOOSE, NEAR = 1e-3, 0.05
+"""The hood is solved to LOOSE until no joint turns by more than NEAR (rad) in a round (an inexact
+Newton: Dembo, Eisenstat and Steihaug 1982, SIAM J Numer Anal 19:400)."""
 AT_REST = 1e-4
 """rad: a finger that would still turn so far is not at rest, however small its residual: it stands
 where it would run away."""
@@ -52,7 +52,7 @@ class CouplingOptions:
     """When Newton's iteration ends: at the `tolerance` of the finger's and of the interface's
     relative residual, or without a result after `max_iterations` rounds."""
 
-    tolerance: float = 5e-7
+    tolerance: float = 1e-8
     max_iterations: int = 25
 
     @property
@@ -156,7 +156,7 @@ def equilibrium(
                 iteration,
                 turn,
             )
-        exact = turn <= AT_REST if balance is None else interface <= NEAR
+        exact = turn <= NEAR
         way, part = _CouplingStep(finger_state, response.state, aim, interface), 1.0
         finger_state, state = aim, response.state
     why = f"{_progress_text(interface, turn)}, allowed {_limit_text(interface, options.tolerance)}"
