@@ -43,7 +43,7 @@ from tests.benches.history import (
 from tests.benches.loop import bench_loop
 from tests.benches.pairs import ROOT, measure_pair, source_folder
 from tests.benches.pulls_table import bench_pulls
-from tests.benches.shell_speed import bench_fe
+from tests.benches.shell_speed import bench_fe, bench_solvers
 from tests.benches.study import bench_loads, bench_studies
 
 MOST, MOST_OF_ALL = 2400, 1350
@@ -101,6 +101,7 @@ BENCHES = {
     "robot": Bench(
         "the robotic finger's control loop beside its paper's", lambda o: bench_robotic_finger()
     ),
+    "solvers": Bench("the linear solvers on one tangent of a hood", lambda o: bench_solvers()),
     "studies": Bench("handing out runs, and two workers beside one", lambda o: bench_studies()),
 }
 OF_ALL: dict[str, Callable[[], Ratios]] = {

@@ -11,15 +11,19 @@ import platform
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import cast
 
 import numpy as np
 from rich.table import Table
 
+from cosim.case.file import load_case
 from cosim.commands.terminal import console, stages
-from cosim.port import Array
+from cosim.models.build import build
+from cosim.port import STATIC, Array
 from fe_solver.elements import kernels
 from fe_solver.forces.contact import Contact
-from fe_solver.solver.linear_algebra import backend_name
+from fe_solver.hood.shell_hood import ShellHood
+from fe_solver.solver.linear_algebra import analyse, available, backend_name
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.newton_step import factorise
@@ -146,3 +150,35 @@ def bench_fe(quads: Sequence[int] = QUADS) -> dict[str, float]:
         ratios |= {f"{name}: iterations": s.iterations, f"{name}: linear solves": s.solves}
         ratios |= {f"{name}: iteration / floor": s.ratio}
     return ratios
+
+
+def bench_solvers(case: str = "isometric_edc") -> dict[str, float]:
+    """Print how long each linear solver that is installed takes for the tangent of a case's hood at
+    rest; the times over those of SuperLU by name."""
+    models = build(load_case(case))
+    hood = cast(ShellHood, models.hood)
+    motion = models.finger.motion(models.finger.start(models.posture))
+    resting = np.full(len(hood.tendons), models.resting)
+    state = hood.advance(hood.start(motion), motion, resting, STATIC).state
+    data, slots, times = state.solution.evaluation.data, hood.model.pattern.slots, {}
+    right = np.ones(slots.shape[0])
+    for name in available():
+        analysis, both = analyse(slots, name), []
+        for _ in range(REPEATS):
+            clock = [perf_counter()]
+            factor = analysis.factor(data)
+            clock.append(perf_counter())
+            factor.solve(right)
+            both.append(np.diff([*clock, perf_counter()]))
+        times[name] = dict(zip(("factorisation", "solution"), np.min(both, axis=0), strict=True))
+    table = Table("linear solver", *(f"{what} ms" for what in times["superlu"]))
+    for name, each in times.items():
+        table.add_row(name, *(f"{1e3 * seconds:.3g}" for seconds in each.values()))
+    console().print(table)
+    console().print(f"{len(right)} unknowns, {slots.nnz} entries: the tangent of {case} at rest")
+    return {
+        f"{name}: {what} / SuperLU's": seconds / times["superlu"][what]
+        for name, each in times.items()
+        for what, seconds in each.items()
+        if name != "superlu"
+    }

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from cosim.errors import CosimError
 from cosim.solve import session
 from cosim.version import __version__
+from fe_solver.solver.linear_algebra import available
 from tests.benches import __main__ as bench
 from tests.benches import files as bench_files
 from tests.benches import history as bench_history
@@ -19,6 +20,7 @@ from tests.benches import pairs as bench_pairs
 from tests.benches import study as study_bench
 from tests.benches.__main__ import BENCHES, OF_ALL, Bench
 from tests.benches.files import BenchRecord
+from tests.benches.shell_speed import bench_solvers
 from tests.benches.study import StudyTiming, load_figures, planned_rate
 from tests.helpers.folders import ROOT
 
@@ -261,6 +263,13 @@ def test_bench_prints_its_figures(monkeypatch):
     assert run("isometric_edc", "--set", "hood.mesh.quads=250").stdout.split() == [
         *("warm_run_s", "1.5", "ratio", "2.5")
     ]
+
+
+def test_linear_solvers_are_timed_on_one_tangent(capsys):
+    ratios = bench_solvers("isometric_edc")
+    assert all(ratio > 0 for ratio in ratios.values())
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in available())
 
 
 def test_bench_needs_a_shell():
