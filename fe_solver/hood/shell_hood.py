@@ -51,6 +51,8 @@ ON_THE_WAY = 3e-2
 ALIKE = 0.5
 """Difference of two steps, or of what they missed by, over the last: to here they are alike."""
 MOST_HALVINGS = 4
+NO_TURN, NO_WAY = 1e-7, 1e-12
+"""rad and m of a pose that is the same but for rounding: an angle is known by its cosine."""
 DETOUR_TENSION = 6.0
 """Added to every tension (N) on a detour: a sheet that folds in a joint when slack is then taut."""
 IN_STEPS = "in steps"
@@ -427,7 +429,7 @@ class ShellHood:
         The whole way (without `halvings`): in steps, then by a detour on which the sheet is taut
         and does not fold.  There is no such way with friction, which would keep what the detour
         pulled.  One step of it: at once with the drift of the step before, without it, half of it
-        first, and where no halving is left by a damped motion."""
+        first, and where no halving is left, or the step has no length, by a damped motion."""
         to = state, motion, tension
         if halvings is None:
             yield Attempt(IN_STEPS, partial(self._solve_in_steps, *to))
@@ -438,7 +440,7 @@ class ShellHood:
         if drift is not None:
             yield Attempt("with the drift before", partial(self._solve_once, *to, drift))
         yield Attempt("at once", partial(self._solve_once, *to))
-        if halvings:
+        if halvings and not _stays(*to):
             yield Attempt(IN_HALVES, partial(self._solve_in_halves, *to, halvings))
         else:
             yield Attempt(BY_DAMPING, partial(self._relax, *to), False)
@@ -617,6 +619,15 @@ def _largest_turn(start: Motion, end: Motion) -> float:
     turns = _relative_poses(start, end)[1][1:]
     cosine = (np.einsum("bij,bij->b", turns[:, 0], turns[:, 1]) - 1) / 2
     return float(np.arccos(np.clip(cosine, -1, 1)).max(initial=0.0))
+
+
+def _stays(state: HoodState, motion: Motion, tension: Array) -> bool:
+    """Whether a state was solved at these very poses under this tension, if less exactly: half of
+    such a step is the step again."""
+    if state.solution is None or _largest_turn(state.motion, motion) > NO_TURN:
+        return False
+    moved = np.abs(motion.position - state.motion.position).max()
+    return bool(moved <= NO_WAY and np.array_equal(tension, state.solution.tension))
 
 
 def _pose(position: Array, rotation: Array) -> tuple[tuple[str, Array], ...]:

@@ -309,6 +309,20 @@ def test_where_newton_finds_nothing_a_damped_motion_comes_to_rest(
     assert (known.state.attempt, found.state.attempt) == ("at once", "by a damped motion")
 
 
+def test_half_of_a_step_is_tried_only_where_it_has_a_length(hood, solved, motion):
+    """A pose that differs by rounding, as a coupling's next round asks for it, has none."""
+    turned = replace(motion, position=motion.position + 1e-15)
+    ways = [
+        [attempt.name for attempt in hood._attempts(*to, 1, None)]
+        for to in (
+            (solved.state, turned, TENSION),
+            (solved.state, turned, 1.1 * TENSION),
+            (hood.start(motion), turned, TENSION),
+        )
+    ]
+    assert ways == [["at once", "by a damped motion"], *2 * [["at once", "in halves"]]]
+
+
 def test_a_hood_that_nothing_holds_is_refused(motion):
     sheet = plate(10e-3, 4e-3, 2, 1, Isotropic(1e8, 0.3), 5e-4)
     supports = HoodSupports(
