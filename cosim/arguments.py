@@ -185,7 +185,7 @@ def pair_from(finger: object, hood: object) -> tuple[Pair, Mapping[str, float], 
         return Pair(models.finger, cast(Hood, hood)), models.posture, None
     if of_hood is not None:
         models = build(of_hood)
-        of_state = models.slips
+        of_state = models.built.slips
         slips = None if of_state is None else lambda solved: of_state(solved.response.state)
         return Pair(cast(Finger, finger), models.hood), {}, slips
     return Pair(cast(Finger, finger), cast(Hood, hood)), {}, None

@@ -161,10 +161,10 @@ class HoodPoses:
         models = self.models
         state, load, excursion = response
         finger, c = models.finger, state.configuration
-        assert models.view is not None
-        assert models.slips is not None
+        assert models.built.view is not None
+        assert models.built.slips is not None
         # of a sheet, as __post_init__ has seen
-        view, slips = cast(FeView, models.view(state)), models.slips(state)
+        view, slips = cast(FeView, models.built.view(state)), models.built.slips(state)
         jacobian = finger.jacobian(at)
         torque = 1e3 * (jacobian.T @ load.total().ravel())
         arms = 1e3 * (jacobian.T @ models.hood.jacobian(state).load_tension)

@@ -405,13 +405,13 @@ def _both(
     posture = dict(zip(joints, map(float, angle), strict=True))
     motion = models.finger.motion(models.finger.start(posture))
     state = cast(JointState, live.advance(live.start(motion), motion, load, np.inf).state)
-    assert models.slips is not None
+    assert models.built.slips is not None
     ours = np.zeros(len(joints))
     ours[[joints.index(j) for j in hood.joints]] = np.atleast_2d(state.derived.torque).sum(axis=0)
     torque = held.torque()
     slips = _pair(hood.slips(held.tensions(), angle, torque))
     theirs = [torque, slips, held.excursion()]
-    return [*theirs, ours[columns], _pair(models.slips(state)), state.derived.excursion]
+    return [*theirs, ours[columns], _pair(models.built.slips(state)), state.derived.excursion]
 
 
 def _pair(slips: Mapping[str, float]) -> Array:

@@ -224,7 +224,7 @@ class CoupledPart(UnitPart):
         return equilibrium(self.models.pair, start, Tensions(hood, finger), self.options)
 
     def _slips(self) -> list[Quantity]:
-        if self.models.slips is None:
+        if self.models.built.slips is None:
             return []
         over = (("slip", ("central", "terminal")),)
         return [Quantity("slip_force", "output", "N", "Force in the hood's slip.", over)]
@@ -237,7 +237,7 @@ class CoupledPart(UnitPart):
             "tip_force": solved.known_balance.tip_force,
             "excursion": np.concatenate([solved.excursion - state.rest_excursion, of_native]),
         }
-        if self.models.slips is not None:
-            slips = self.models.slips(solved.response.state)
+        if self.models.built.slips is not None:
+            slips = self.models.built.slips(solved.response.state)
             out["slip_force"] = np.array([slips["central"], slips["terminal"]])
         return out

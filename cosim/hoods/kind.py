@@ -189,6 +189,19 @@ class BuiltHood:
     without: Callable[[Sequence[str]], Hood] | None = None
     """The hood without some of them; None of one that has none."""
 
+    def view_of(self, state: State) -> HoodView | None:
+        """What a state looks like; None for a hood without a shape."""
+        return None if self.view is None else self.view(state)
+
+    def slip_forces(self, state: State, tendons: Sequence[str], tension: Array) -> Slips:
+        """N in the slips at a state, or of the finger's own tendons under `tension` (nt,) N,
+        whichever make them; none of a hood without."""
+        if self.slips is not None:
+            return self.slips(state)
+        if self.own_slips is not None:
+            return self.own_slips(dict(zip(tendons, map(float, tension), strict=True)))
+        return {}
+
 
 def no_variations(hood: HoodConfig) -> Iterator[Variation]:
     """The variations of a hood that has nothing to vary: none, each with its reason."""

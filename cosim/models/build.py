@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -16,9 +16,8 @@ from cosim.errors import InputError
 from cosim.fingers.kinds import anatomy_of, bones_of, live_finger, mjcf, unit
 from cosim.hoods.kind import BuiltHood, Site, Slips
 from cosim.hoods.kinds import KINDS
-from cosim.hoods.view import NO_POINTS, HoodView, TrackedPoints
 from cosim.models.fit import check_fit, check_tendons
-from cosim.port import Array, Hood, Motion, OpenFinger, Pair, PairState, State, Triangles
+from cosim.port import Array, Hood, Motion, OpenFinger, Pair, PairState, Triangles
 from cosim.tendons.friction import with_friction
 from cosim.tendons.muscles import CaseMuscles, live_muscles
 from cosim.tendons.table import Sliding
@@ -40,33 +39,21 @@ class Models:
     """What a case builds: a finger and a hood behind the port, and what pictures need."""
 
     finger: OpenFinger
-    hood: Hood
+    built: BuiltHood
+    """The hood, and what there is to know of its states."""
     posture: Mapping[str, float]
     resting: float
     bones: Mapping[str, Triangles]
     muscles: CaseMuscles
     lines: Callable[[Motion], Mapping[str, Array]]
     """(k, 3) m each, what pictures draw of the hood as lines at some poses."""
-    view: Callable[[State], HoodView] | None
-    """What a state of the hood looks like; None for a hood without a shape."""
-    linear: Callable[[State], tuple[float, float]] | None
-    """Seconds of one assembly and of one factorisation at a state of a hood of finite elements."""
-    slips: Callable[[State], Slips] | None = None
-    """N in the slips at a state, central and terminal; None for a hood without."""
-    own_slips: Callable[[Mapping[str, float]], Slips] | None = None
-    """N in the slips from the tensions (N) of the finger's own tendons, where these make them."""
-    points: TrackedPoints = NO_POINTS
-    """The points of the user's on the hood."""
-    energy: Callable[[State], float] | None = None
-    """J stored in the hood at a state; None of a hood in closed form."""
-    nearby: Callable[[State, Motion], State] | None = None
-    """The hood's state at poses nearby, to first order; None of a hood in closed form."""
     warnings: Sequence[str] = ()
     """What to know of the hood's mesh."""
-    others: Callable[[], Mapping[str, Callable[[Any, State], float]]] = dict
-    """As of `BuiltHood`."""
-    around: Callable[[Any], BuiltHood] | None = None
-    """As of `BuiltHood`."""
+
+    @property
+    def hood(self) -> Hood:
+        """The hood behind the port."""
+        return self.built.hood
 
     @property
     def pair(self) -> Pair:
@@ -78,20 +65,14 @@ class Models:
         """Whether they can be asked: not once the process of an FMU among them has ended."""
         return all(getattr(part, "is_alive", True) for part in (self.finger, self.hood))
 
-    def slips_of(self, e: Equilibrium) -> Slips | None:
-        """N in the slips in an equilibrium, whoever makes them; None for a hood without."""
-        if self.slips is not None:
-            return self.slips(e.response.state)
-        if self.own_slips is not None:
-            pulls = map(float, e.finger_tension)
-            return self.own_slips(dict(zip(self.finger.tendons, pulls, strict=True)))
-        return None
+    def slips_of(self, e: Equilibrium) -> Slips:
+        """N in the slips in an equilibrium, by name; none of a hood and finger without."""
+        return self.built.slip_forces(e.response.state, self.finger.tendons, e.finger_tension)
 
     def with_hood(self, hood: Hood) -> Models:
         """The models with another hood of the same mesh, and what there is to know of it."""
-        assert self.around is not None
-        built, kept = self.around(hood), ("hood", "view", "linear", "slips", "energy", "nearby")
-        return replace(self, **{name: getattr(built, name) for name in (*kept, "others")})
+        assert self.built.around is not None
+        return replace(self, built=self.built.around(hood))
 
     def start(self) -> PairState:
         """The finger in its posture, and the hood on it."""
@@ -135,22 +116,13 @@ def build_any(case: Case, in_time: bool = False) -> Models:
         hood = relaxing_hood(hood, prony)
     return Models(
         finger,
-        hood.hood,
+        hood,
         posture,
         case.solve.resting_tension,
         site.anatomy.bones,
         live_muscles(case.tendons),
         case.hood.lines,
-        hood.view,
-        hood.linear,
-        hood.slips,
-        hood.own_slips,
-        hood.points,
-        hood.energy,
-        hood.nearby,
         mesh_warnings(case),
-        hood.others,
-        hood.around,
     )
 
 

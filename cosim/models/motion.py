@@ -20,8 +20,7 @@ from cosim.coupling.state_arrays import Special
 from cosim.errors import InputError
 from cosim.fingers.common import CageTipConfig, ShellTipConfig
 from cosim.fingers.kinds import joint_ranges, unit
-from cosim.hoods.kind import Slips
-from cosim.hoods.view import HoodView
+from cosim.hoods.kind import BuiltHood, Slips
 from cosim.models.build import build_any, build_hood, relaxing, scheme_of, site_of
 from cosim.models.fit import check_tendons
 from cosim.port import Array, Hood, Motion, State, Triangles
@@ -56,17 +55,10 @@ class MovingModels:
     """rad, to begin in; none of a unit, which has its own."""
     bones: Mapping[str, Triangles]
     lines: Callable[[Motion], Mapping[str, Array]]
-    view: Callable[[State], HoodView] | None
-    point_names: tuple[str, ...] = ()
-    """The names of the user's points on the hood."""
+    built: BuiltHood
+    """The hood, and what there is to know of its states."""
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """rad by joint, the ranges of motion; none of a finger in an FMU."""
-    slips_of: Callable[[State], Slips] | None = None
-    """N in the slips of a hood in a state; None for a hood without."""
-    own_slips: Callable[[Mapping[str, float]], Slips] | None = None
-    """N in the slips from the tensions (N) of the finger's own tendons, where these make them."""
-    energy: Callable[[State], float] | None = None
-    """J stored in a hood in a state; None of a hood in closed form."""
     relaxes: bool = False
     """Whether the hood relaxes."""
 
@@ -78,11 +70,7 @@ class MovingModels:
 
     def slips(self, at: CoupledState) -> Slips:
         """N in the slips, by name; none of a hood and finger without."""
-        if self.slips_of is not None:
-            return self.slips_of(at.hood)
-        if self.own_slips is not None:
-            return self.own_slips(dict(zip(self.finger.tendons, at.tension[1], strict=True)))
-        return {}
+        return self.built.slip_forces(at.hood, self.finger.tendons, at.tension[1])
 
     @property
     def finger(self) -> RecordedFinger:
@@ -144,7 +132,6 @@ def moving_models(
     driven = _prescribed_excursions(case, pulls.tendons)
     scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()
     _check_step(case, finger, pulls, models.posture, step_key)
-    points = models.points
     giving = cast("GivingHood", models.hood) if case.gives_way is not None else None
     moves = (CoupledMotion if giving is None else GivingMotion)(
         scheme,
@@ -153,7 +140,7 @@ def moving_models(
         pulls,
         forward.step,
         driven,
-        points.positions,
+        models.built.points.positions,
         giving,
         finger if splints else None,
     )
@@ -163,12 +150,8 @@ def moving_models(
         models.posture,
         models.bones,
         models.lines,
-        models.view,
-        points.names,
+        models.built,
         joint_ranges(models.finger),
-        models.slips,
-        models.own_slips,
-        models.energy,
         relaxing(case).hood is not None,
     )
 
@@ -177,13 +160,13 @@ def _with_unit(case: Case, forward: ForwardConfig) -> MovingModels:
     """A finger in an FMU, with a hood that is no shell."""
     finger = unit(case.finger).in_motion()
     built = build_hood(case, site_of(case, finger.rest()))
-    hood = built.hood
-    tendons = (*hood.tendons, *finger.tendons)
+    tendons = (*built.hood.tendons, *finger.tendons)
     check_tendons(case, tendons)
     pulls = CaseTendonDrive(case, tendons)
     driven = _prescribed_excursions(case, tendons)
-    moves = CoupledMotion(scheme_of(case.coupling), finger, hood, pulls, forward.step, driven)
-    return MovingModels(moves, pulls, {}, {}, case.hood.lines, built.view, slips_of=built.slips)
+    scheme = scheme_of(case.coupling)
+    moves = CoupledMotion(scheme, finger, built.hood, pulls, forward.step, driven)
+    return MovingModels(moves, pulls, {}, {}, case.hood.lines, built)
 
 
 def _check_step(

@@ -96,10 +96,11 @@ def _neighbour(
 
 def _slips(models: Models, e: Equilibrium, motion: Motion) -> dict[str, float]:
     """The slips' forces at poses nearby: of a hood of finite elements to first order."""
-    if models.slips is None:  # tendons of the finger make them, whose tensions are held
-        return dict(models.slips_of(e) or {})
-    if models.nearby is None:
+    built = models.built
+    if built.slips is None:  # tendons of the finger make them, whose tensions are held
+        return dict(models.slips_of(e))
+    if built.nearby is None:
         moved = models.hood.advance(e.response.state, motion, e.hood_tension, STATIC).state
     else:
-        moved = models.nearby(e.response.state, motion)
-    return dict(models.slips(moved))
+        moved = built.nearby(e.response.state, motion)
+    return dict(built.slips(moved))

@@ -105,8 +105,8 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         out["prescribed_excursion_mm"] = by_name(names, reached)
     if not case.finger.is_native:
         out["not_in_ledger"] = OPEN
-    if t.point_names and t.view is not None:
-        seen = t.view(end.coupled.hood).summary()
+    if t.built.points.names and t.built.view is not None:
+        seen = t.built.view(end.coupled.hood).summary()
         out |= {key: seen[key] for key in OF_POINTS if key in seen}
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:
         out["double_counted"] = twice
@@ -127,10 +127,10 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
 
 def _largest_of_hood(moved: SolvedMotion) -> dict[str, float]:
     """The hood's own figures that have a bound, the largest of its end and of its stored shapes."""
-    t, kept = moved.models, moved.history
-    if t.view is None:
+    view, kept = moved.models.built.view, moved.history
+    if view is None:
         return {}
-    end = t.view(kept.moment.coupled.hood).audit()
+    end = view(kept.moment.coupled.hood).audit()
     every = [end, *(audit_of(shape) for shape in kept.shapes)]
     return {name: max(figures[name] for figures in every) for name in end}
 
@@ -147,7 +147,8 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     artificial = done.tendons + own - (frames[-1].energy - frames[0].energy) - stored - lost
     first, last = (t.finger.stored_energy(at) for at in (t.initial_state, end.coupled.finger))
     gained = {kind: last[kind] - first[kind] for kind in last}
-    for_good = t.energy(end.coupled.hood) if t.relaxes and t.energy is not None else stored
+    of_state = t.built.energy if t.relaxes else None
+    for_good = stored if of_state is None else of_state(end.coupled.hood)
     parts = (
         {
             "gravity": -gained["height"],
@@ -278,9 +279,9 @@ def _arrays(case: Case, t: MovingModels, kept: MotionHistory, scene: Scene) -> A
             "guide_loss": [f.friction[0] for f in frames],
             "path_length": [finger.path_lengths(f.angles) for f in frames],
         }
-    if t.point_names:
+    if t.built.points.names:
         values["hood_point_position"] = [f.points for f in frames]
-        coords["hood_point"] = list(t.point_names)
+        coords["hood_point"] = list(t.built.points.names)
     if t.pulls.motors:
         wound = np.array([f.motors for f in frames])
         values |= {"motor_position": wound[..., 0], "motor_torque": wound[..., 1]}
@@ -318,7 +319,7 @@ def _scene(t: MovingModels, kept: MotionHistory) -> Scene:
     finger, coupled = t.finger, kept.moment.coupled
     angles = finger.angles(coupled.finger)
     motion, point = finger.motion(angles), finger.tip(angles)
-    view = t.view(coupled.hood) if t.view else None
+    view = t.built.view_of(coupled.hood)
     hood = None if view is None else hood_field(view)
     of_hood = {} if view is None else view.lines()
     lines = {**t.lines(motion), **of_hood, **finger.lines(angles)}

@@ -87,9 +87,9 @@ def largest_differences(first: Mapping[str, Any], second: Mapping[str, Any]) -> 
 def _energies(models: Models, first: Equilibrium, second: Equilibrium) -> dict[str, Any]:
     """mJ: stored in the hood in either equilibrium, and by how much the total potential of the
     second is higher; none of a hood in closed form, no change under other tensions."""
-    if models.energy is None:
+    if models.built.energy is None:
         return {}
-    stored = [1e3 * models.energy(e.response.state) for e in (first, second)]
+    stored = [1e3 * models.built.energy(e.response.state) for e in (first, second)]
     out: dict[str, Any] = {"hood_energy_mJ": by_name(("first", "second"), stored)}
     change = potential_change(models, first, second)
     return out if change is None else {**out, "potential_change_mJ": 1e3 * change}
@@ -102,10 +102,10 @@ def potential_change(models: Models, first: Equilibrium, second: Equilibrium) ->
     or the tensions are not the same."""
     pulls, others = (np.append(e.hood_tension, e.finger_tension) for e in (first, second))
     same = np.allclose(pulls, others, rtol=0, atol=SAME_TENSION)
-    if models.energy is None or first.balance is None or not same:
+    if models.built.energy is None or first.balance is None or not same:
         return None
     pull = first.hood_tension
-    hood = [models.energy(e.response.state) - pull @ e.excursion for e in (first, second)]
+    hood = [models.built.energy(e.response.state) - pull @ e.excursion for e in (first, second)]
     return float(hood[1] - hood[0] - _work_of_finger(models, first, second))
 
 

@@ -52,7 +52,8 @@ def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Re
     """Everything that the two equilibria of a case leave behind."""
     models, states = solved
     pair, each = {"unloaded": states.unloaded, "loaded": states.loaded}, states.models_at(models)
-    views = {n: m.view(pair[n].response.state) for n, m in each.items() if m.view is not None}
+    every = {n: m.built.view_of(pair[n].response.state) for n, m in each.items()}
+    views = {n: view for n, view in every.items() if view is not None}
     books = {
         name: each[name].finger.ledger(e.finger_state, e.load, e.finger_tension)
         for name, e in pair.items()
@@ -88,9 +89,8 @@ def summary(
     at_load = _state(models, loaded, books["loaded"], views.get("loaded"), limits)
 
     def describe(e: Equilibrium) -> dict[str, Any]:
-        view = None if models.view is None else models.view(e.response.state)
         book = models.finger.ledger(e.finger_state, e.load, e.finger_tension)
-        return _state(models, e, book, view, limits)
+        return _state(models, e, book, models.built.view_of(e.response.state), limits)
 
     passed = states.one_way
     load, motion = (loaded.load, loaded.motion) if passed is None else (passed.answer, passed.at)
@@ -252,7 +252,7 @@ def _state(
         if at_limit := joints_at_limit(limits, *at):
             out["joints_at_limit"] = at_limit
     out |= tie_block(finger, finger.angles(e.finger_state))
-    if (slips := models.slips_of(e)) is not None:
+    if slips := models.slips_of(e):
         out["slip_force_N"] = dict(slips)
         if not is_slack(slips, "central"):
             out["slip_ratio"] = slips["terminal"] / slips["central"]

@@ -238,13 +238,13 @@ def _row(models: Models, now: Models, time: float, at: Loaded) -> dict[str, Any]
         "tension": np.concatenate([e.hood_tension, e.finger_tension]),
         "excursion": e.excursion,
         "angles": now.finger.angles(e.finger_state),
-        "slips": now.slips_of(e) or {},
+        "slips": now.slips_of(e),
         "repairs": _repairs(models, e),
     }
 
 
 def _repairs(models: Models, e: Equilibrium) -> Mapping[str, float]:
-    if models.around is None:  # not of finite elements
+    if models.built.around is None:  # not of finite elements
         return {}
     from cosim.hoods.fe_view import repair_stretches
 

@@ -88,7 +88,7 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> So
     progress("the hood at rest, before the motion")
     with timed("hood at rest"):
         begun = both.moves.begin(both.initial_state)
-    recorder = ShapeRecorder(both.view, forward.duration, case.output.frames)
+    recorder = ShapeRecorder(both.built.view, forward.duration, case.output.frames)
     kept = MotionHistory(
         begun,
         (both.moves.frame(begun),),

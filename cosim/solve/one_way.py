@@ -98,7 +98,8 @@ def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models
         progress(f"one way: finger balanced to {balanced[-1].finger_residual:.1e}")
     unloaded, loaded = balanced
     passed = OneWayPass(handed, *_interface_residual(models.hood, models.finger, loaded))
-    return replace(models, hood=handed), States(unloaded, loaded, None, given.pull, passed)
+    models = replace(models, built=replace(models.built, hood=handed))
+    return models, States(unloaded, loaded, None, given.pull, passed)
 
 
 def _balance(

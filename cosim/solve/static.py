@@ -134,7 +134,7 @@ def _strength(
     from cosim.hoods.giving import bearing_of, units_of
 
     hood: Any = models.hood  # of finite elements, by the schema
-    others = models.others()
+    others = models.built.others()
     units = units_of(hood, case.gives_way, others)
 
     def bearing(e: Equilibrium) -> Bearing:

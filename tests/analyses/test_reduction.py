@@ -243,7 +243,7 @@ class Stuck:
 def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
     """The whole command, on a network in place of the shell."""
     models = soft_models()
-    stuck = replace(models, hood=Stuck(models.hood, np.radians(50)))
+    stuck = replace(models, built=replace(models.built, hood=Stuck(models.hood, np.radians(50))))
 
     def in_this_process(source, settings, walks, workers):
         for one in walks:
@@ -277,7 +277,7 @@ def test_only_hoods_of_finite_elements_are_reduced(tmp_path):
 
 def test_a_walk_goes_on_from_the_last_posture_found():
     models = soft_models()
-    stuck = replace(models, hood=Stuck(models.hood, 0.5))
+    stuck = replace(models, built=replace(models.built, hood=Stuck(models.hood, 0.5)))
     angle = np.array([[0, 0, 0.3, 0.1], [0, 0, 0.8, 0.1], [0, 0, 0.4, 0.1]])
     states = list(on_models(stuck, Walk(angle, np.full((2, 3), 8.0))))
     assert [isinstance(s, FailedSample) for s in states] == [False, False, True, True, False, False]

@@ -30,13 +30,13 @@ def bench_case(case: Case, progress: Progress = quiet) -> dict[str, float]:
     session = Session()
     progress("solving the case once")
     models, states = solve(case, session)
-    if models.linear is None:
+    if models.built.linear is None:
         raise InputError(f"{case.name}: bench needs a hood of finite elements")
     warm, linear, cold = [], [], []
     for k in range(REPEATS):
         progress(f"warm run {k + 1}/{REPEATS}")
         warm.append(_seconds(case, session))
-        linear.append(models.linear(states.loaded.response.state))
+        linear.append(models.built.linear(states.loaded.response.state))
     for k in range(2):
         progress(f"cold run {k + 1}/2")
         cold.append(_seconds(case, Session()))

@@ -76,8 +76,8 @@ def test_shares_follow_from_stiffness_in_the_posture_and_from_the_way_beyond_it(
 
 def test_the_pulleys_branches_are_its_slips():
     models = build_case(PULLEYS)
-    assert models.own_slips is not None
-    slips = models.own_slips({"extensor": TENSION})
+    assert models.built.own_slips is not None
+    slips = models.built.own_slips({"extensor": TENSION})
     assert slips == {"central": 0.25 * TENSION, "terminal": 0.5 * TENSION}
 
 

@@ -44,7 +44,7 @@ def test_a_shells_coupled_unit_gives_the_native_run(tmp_path, fmi):
     place = places_of(unit, case, "coupled")
     unit.step(0.01)
     models, states = solve(case)
-    slips = models.slips(states.loaded.response.state)
+    slips = models.built.slips(states.loaded.response.state)
     # once the same bits; on a layer they differ by some 1e-9, and why was not found
     native = states.loaded.balance.tip_force
     assert unit.get(place["tip_force"]) == pytest.approx(native, rel=1e-6)

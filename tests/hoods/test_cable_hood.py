@@ -174,9 +174,9 @@ def test_a_result_says_which_retry_led_there() -> None:
     motion = models.finger.motion(models.finger.start(models.posture))
     state = models.hood.advance(models.hood.start(motion), motion, EDC, STATIC).state
     assert state.attempt == "at once"
-    assert models.view is not None
-    assert "hood_solved" not in models.view(state).summary()
-    halved = models.view(replace(state, attempt="in halves")).summary()
+    assert models.built.view is not None
+    assert "hood_solved" not in models.built.view(state).summary()
+    halved = models.built.view(replace(state, attempt="in halves")).summary()
     assert halved["hood_solved"] == "in halves"
 
 

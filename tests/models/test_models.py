@@ -143,7 +143,7 @@ def test_the_analytic_pair_is_built():
     models = build(case)
     assert models.finger.joints == ("MCP", "PIP", "DIP")
     assert models.hood.tendons == ("EDC",)
-    assert models.view is None
+    assert models.built.view is None
     state = models.finger.start(models.posture)
     tip = 46e-3 * np.exp(-0j) * np.exp(-1j * np.deg2rad(10))
     tip += 28e-3 * np.exp(-1j * np.deg2rad(20)) + 20e-3 * np.exp(-1j * np.deg2rad(30))
@@ -333,7 +333,7 @@ def test_a_wrinkling_sheet_bears_less():
         response = models.hood.advance(models.hood.start(motion), motion, np.full(4, 0.2), STATIC)
         strain = models.hood.strain(response.state)
         pushes.append(-models.hood.model.section.response(strain).force[..., :2].min())
-        look = models.view(response.state)
+        look = models.built.view(response.state)
         states = strain_summary(look).get("tension_field_area_percent")
     assert pushes[1] < 0.2 * pushes[0]
     assert set(look.tension) == {0, 1, 2}

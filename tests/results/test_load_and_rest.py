@@ -227,14 +227,14 @@ def test_a_hood_where_it_was_laid_without_tension_is_at_rest():
     at = finger.start(angles)
     motion = finger.motion(at)
     response = hood.advance(hood.start(motion), motion, np.zeros(len(hood.tendons)), STATIC)
-    assert models.view is not None
-    assert models.slips is not None
-    glided = models.view(response.state).glide
+    assert models.built.view is not None
+    assert models.built.slips is not None
+    glided = models.built.view(response.state).glide
     assert list(glided) == list(PLACES)
     assert glided == pytest.approx(dict.fromkeys(PLACES, 0.0), abs=1e-12)
     torque = finger.jacobian(at).T @ response.load.total().ravel()
     assert torque == pytest.approx(np.zeros(len(torque)), abs=1e-10)
-    slips = models.slips(response.state)
+    slips = models.built.slips(response.state)
     assert slips == pytest.approx({"central": 0.0, "terminal": 0.0}, abs=1e-8)
 
 

@@ -167,9 +167,9 @@ def sample(models: Models, state: State, angle: Array, tension: Array) -> tuple[
 
 
 def _slips(models: Models, state: State) -> Array:
-    if models.slips is None:
+    if models.built.slips is None:
         return np.full(2, np.nan)
-    forces = models.slips(state)
+    forces = models.built.slips(state)
     return np.array([forces["central"], forces["terminal"]])
 
 
