@@ -410,15 +410,12 @@ def _table(path: Path, columns: tuple[str, ...]) -> CsvTable:
     """A table with these columns, in any order."""
     table = read_csv(path, ",".join(columns))
     if missing := [c for c in columns if c not in table.columns]:
-        raise InputError(f"{table.place}: has no column {missing[0]!r}; it has {_list(table)}")
+        listed = ", ".join(table.columns)
+        raise InputError(f"{table.place}: has no column {missing[0]!r}; it has {listed}")
     if more := [c for c in table.columns if c not in columns]:
         expected = ", ".join(columns)
         raise InputError(f"{table.place}: has a column {more[0]!r}; expected {expected}")
     return table
-
-
-def _list(table: CsvTable) -> str:
-    return ", ".join(table.columns)
 
 
 Line = TypeVar("Line", bound=BaseModel)

@@ -321,10 +321,7 @@ class ProcessPool:
 
     def with_memory(self, task: Callable[..., R]) -> Callable[..., R]:
         """The task with what the process that does it keeps as its first argument."""
-        return partial(do_with_memory if self._processes else self._with_own, task)
-
-    def _with_own(self, task: Callable[..., R], *args: Any) -> R:
-        return task(self._own, *args)
+        return partial(do_with_memory, task) if self._processes else partial(task, self._own)
 
     def in_order(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
         """Results of the function of each item, in the items' order."""

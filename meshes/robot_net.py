@@ -3,7 +3,6 @@ and the bones of a finger of other lengths."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -61,10 +60,6 @@ def keep_extensor(net: CableNet) -> CableNet:
         strands=tuple(left),
         ends={"central": new[net.ends["central"]]},
         springs={name: replace(held, nodes=new[held.nodes]) for name, held in net.springs.items()},
-        tied=_renumber(net.tied, new),
+        tied={name: new[nodes] for name, nodes in net.tied.items()},
         station=net.station[nodes],
     )
-
-
-def _renumber(sets: Mapping[str, Ints], new: Ints) -> dict[str, Ints]:
-    return {name: new[nodes] for name, nodes in sets.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -214,17 +214,11 @@ def _check(tendon: Tendon, bodies: tuple[str, ...]) -> None:
     where = f"tendon {tendon.name}"
     if not tendon.strands or not all(s.share > 0 for s in tendon.strands):
         raise InputError(f"{where}: expected strands whose shares are positive")
-    for element in _elements(tendon):
-        _check_names((element.body,), bodies, where)
     for strand in tendon.strands:
+        _check_names((element.body for element in strand.path), bodies, where)
         ends = strand.path[:1] + strand.path[-1:]
         if len(strand.path) < 2 or not all(isinstance(end, Via) for end in ends):
             raise InputError(f"{where}: a strand begins and ends at a point, not at a surface")
-
-
-def _elements(tendon: Tendon) -> Iterator[PathElement]:
-    for strand in tendon.strands:
-        yield from strand.path
 
 
 def vector(values: Iterable[float]) -> Vector:

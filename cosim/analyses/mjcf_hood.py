@@ -95,11 +95,8 @@ class HoodFile:
             *self.doubts,
         ]
         head, tag, rest = self.xml.partition(">")
-        return head + tag + "".join(f"\n  <!-- {_as_comment(line)} -->" for line in said) + rest
-
-
-def _as_comment(text: str) -> str:
-    return text.replace("--", "- -")
+        comments = (f"\n  <!-- {line.replace('--', '- -')} -->" for line in said)
+        return head + tag + "".join(comments) + rest
 
 
 def hood_in_mujoco(case: Case, which: HoodName) -> MujocoHood:

@@ -87,7 +87,8 @@ def _hood(
         at, state = home, models.hood.start(_motion(models, joint, home))
         try:
             for k in side:
-                for angle in np.linspace(at, angles[k], 1 + max(1, _pieces(angles[k] - at)))[1:]:
+                pieces = max(1, int(np.ceil(abs(angles[k] - at) / MOST_STEP)))
+                for angle in np.linspace(at, angles[k], 1 + pieces)[1:]:
                     motion = _motion(models, joint, angle)
                     state = models.hood.advance(state, motion, tension, STATIC).state
                 at = angles[k]
@@ -97,10 +98,6 @@ def _hood(
             beyond = f"from {np.degrees(at):.0f} towards {np.degrees(angles[side[-1]]):.0f} deg"
             lost.append(f"{joint} {beyond}: {error}")
     return out, lost
-
-
-def _pieces(turn: float) -> int:
-    return int(np.ceil(abs(turn) / MOST_STEP))
 
 
 def _motion(models: Models, joint: str, angle: float) -> Motion:

@@ -186,7 +186,7 @@ def compare_repairs(
     made: dict[tuple[str, int, Tip], Case | Callable[[], Case]] = {}
     for k, way in enumerate(ways):
         at = case.with_layers([("condition", layer) for layer in way])
-        hurt = _injured(at, file)
+        hurt = at if file.injury is None else at.with_layers([("injury", file.injury.change)])
         for tip in TIPS:
             made[INTACT, k, tip] = _named(one_side(at, tip, "before"), case, INTACT, k, tip)
             made[INJURED, k, tip] = _named(one_side(hurt, tip, "after"), case, INJURED, k, tip)
@@ -246,11 +246,6 @@ def _nested(key: str, value: Any) -> dict[str, Any]:
 def _named(made: Case, case: Case, variant: str, k: int, tip: Tip) -> Case:
     name = f"{case.name}_{variant}_{tip}" + (f"_{k + 1}" if k else "")
     return made.model_copy(update={"name": name, "title": f"{case.title}: {variant}, {tip}"})
-
-
-def _injured(case: Case, file: RepairsFile) -> Case:
-    """The case with the injury of the file, if it has one.  Raises InputError."""
-    return case if file.injury is None else case.with_layers([("injury", file.injury.change)])
 
 
 def _repaired(injured: Case, case: Case, repair: RepairConfig, k: int, tip: Tip) -> Case:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +58,7 @@ def read_feb_mesh(path: Path) -> RawMesh:
         quads,
         {name: of_set for name, of_set in cells.items() if len(of_set)},
         {
-            **_nodes_of(discrete),
+            **{name: np.unique(nodes) for name, nodes in discrete.items() if len(nodes)},
             **{n: f.nodes for n, f in mesh.surfaces.items()},
             **mesh.node_sets,
         },
@@ -67,10 +67,6 @@ def read_feb_mesh(path: Path) -> RawMesh:
         h if h.any() else None,
         {} if fibre is None else {FIBRE: fibre[order]},
     )
-
-
-def _nodes_of(sets: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {name: np.unique(of_set) for name, of_set in sets.items() if len(of_set)}
 
 
 def _mid_surface(points: Array, quads: np.ndarray, thickness: Array) -> Array:

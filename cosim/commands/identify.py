@@ -290,7 +290,10 @@ def _show_fit(fit: Fit, several: bool) -> None:
         _show_rows(title, shown, several)
     for title, shown in (("targets", pairs), ("rows held out", held_out)):
         if shown:
-            before, after = (_squares(rows) for rows in zip(*shown, strict=True))
+            before, after = (
+                sum(miss(row.target, row.model or 0.0) ** 2 for row in rows)
+                for rows in zip(*shown, strict=True)
+            )
             typer.echo(f"{title}: sum of squared misses {before:.4g} before, {after:.4g} after")
     columns = ("", "rows", "before", "after", "null: all 0")
     parts = [
@@ -336,10 +339,6 @@ def _show_information(before: Information) -> None:
     print_table(title, header, [row[: len(header)] for row in rows])
     for fault in before.faults():
         typer.echo(f"not told: {fault}")
-
-
-def _squares(rows: Sequence[Comparison]) -> float:
-    return sum(miss(row.target, row.model or 0.0) ** 2 for row in rows)
 
 
 def _show_rows(title: str, pairs: Sequence[tuple[Comparison, Comparison]], several: bool) -> None:

@@ -221,7 +221,8 @@ def _print(boards: list[JudgedBoard]) -> None:
         for row, budget in judged_board.changed_verdicts():
             words = f"{row.verdict}, but {budget.judgement}"
             screen.print(f"  {row.target.name}: {words}: {sentence(row, budget)}")
-        _print_failures(board)
+        for name, why in board.failures.items():
+            console().print(f"failed: {name}: {why}")
 
 
 def _print_tallies(board: Board) -> None:
@@ -234,11 +235,6 @@ def _print_tallies(board: Board) -> None:
 def _print_meshes(series: Mapping[Key, MeshSeries]) -> None:
     show_table(mesh_table(series))
     console().print(tally_text(tally(series)))
-
-
-def _print_failures(board: Board) -> None:
-    for name, why in board.failures.items():
-        console().print(f"failed: {name}: {why}")
 
 
 @door({"": validate_trials, "--curves": validate_curves})

@@ -81,8 +81,9 @@ def initial_history(accelerator: Accelerator, unknowns: int) -> History:
 def start_step(accelerator: Accelerator, history: History) -> History:
     """The history with which another step begins."""
     kept = replace(history, last=np.zeros((2, 0)))
-    reuses = isinstance(accelerator, QuasiNewton) and accelerator.reuse
-    return kept if reuses else _without_columns(kept)
+    if isinstance(accelerator, QuasiNewton) and accelerator.reuse:
+        return kept
+    return replace(kept, residuals=kept.residuals[:, :0], images=kept.images[:, :0])
 
 
 def reset_history(accelerator: Accelerator, history: History) -> History:
@@ -103,10 +104,6 @@ def accelerate(
         case Aitken():
             history = replace(history, factor=_aitken(history, last))
     return x + history.factor * residual, replace(history, last=last)
-
-
-def _without_columns(history: History) -> History:
-    return replace(history, residuals=history.residuals[:, :0], images=history.images[:, :0])
 
 
 def _aitken(history: History, last: Array) -> float:

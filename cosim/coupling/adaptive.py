@@ -98,15 +98,12 @@ def _try_step(
     try:
         half = step(scheme, finger, hood, state, tension, 0.5 * h)
         halves = step(scheme, finger, hood, half, tension, 0.5 * h)
-        whole = step(_error_scheme(scheme), finger, hood, state, tension, h)
+        rough = scheme if isinstance(scheme, Alone) else Linear()
+        whole = step(rough, finger, hood, state, tension, h)
     except ConvergenceError as failure:
         return failure
     error = np.abs(finger.angles(halves.finger) - finger.angles(whole.finger)).max()
     return half, halves, float(error), whole.solves - state.solves
-
-
-def _error_scheme(scheme: Scheme) -> Scheme:
-    return scheme if isinstance(scheme, Alone) else Linear()
 
 
 def _step_growth(tolerance: float, error: float) -> float:

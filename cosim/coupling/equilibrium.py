@@ -159,7 +159,8 @@ def equilibrium(
         exact = turn <= NEAR
         way, part = _CouplingStep(finger_state, response.state, aim, interface), 1.0
         finger_state, state = aim, response.state
-    why = f"{_progress_text(interface, turn)}, allowed {_limit_text(interface, options.tolerance)}"
+    allowed = STILL if np.isnan(interface) else options.tolerance
+    why = f"{_progress_text(interface, turn)}, allowed {allowed:.1e}"
     if _is_at_rest(interface, turn, options.tolerance):
         why = "they did, with the hood solved loosely, which one more round solves exactly"
     raise ConvergenceError(
@@ -179,10 +180,6 @@ def _is_at_rest(interface: float, turn: float, tolerance: float) -> bool:
     if np.isnan(interface):
         return turn <= STILL
     return interface <= tolerance and turn <= AT_REST
-
-
-def _limit_text(interface: float, tolerance: float) -> str:
-    return f"{STILL if np.isnan(interface) else tolerance:.1e}"
 
 
 def _progress_text(interface: float, turn: float) -> str:

@@ -93,7 +93,8 @@ def places(
             faults.append(_lost(q, further))
             continue
         matched = [variables[name] for name in entries]
-        found, scales = _misfits(q, matched, len(entries), _units(opened), assume_si)
+        units = {unit.name: unit.baseUnit for unit in opened.description.unitDefinitions}
+        found, scales = _misfits(q, matched, len(entries), units, assume_si)
         faults += found
         located[q.name] = VariablePlace(
             tuple(v.valueReference for v in matched), q.shape, q.switch, *_turned(q, scales, hand)
@@ -150,10 +151,6 @@ def _misfits(
             return [scale], np.zeros((1, 2))
         scales.append(scale)
     return [], np.array(scales, dtype=float)
-
-
-def _units(opened: UnpackedFmu) -> dict[str, Any]:
-    return {unit.name: unit.baseUnit for unit in opened.description.unitDefinitions}
 
 
 def _scale(

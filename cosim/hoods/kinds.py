@@ -11,7 +11,7 @@ from cosim.hoods.cable import table as cable
 from cosim.hoods.kind import HoodConfig, HoodKind
 from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.lumped import table as lumped
-from cosim.hoods.shell import kind as shell
+from cosim.hoods.shell import variation as shell
 from cosim.hoods.view import Colour, HoodField
 
 KINDS: Mapping[str, HoodKind[Any]] = {

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
@@ -14,8 +17,6 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
-
-from cosim.kernels.file_lock import FileLock
 
 _compile: Any = partial(
     numba.njit, nogil=True, error_model="numpy", boundscheck=False, no_cfunc_wrapper=True
@@ -188,3 +189,60 @@ def _places(function: Callable[..., Any]) -> Iterator[_Place]:
         place = type("Place", (_Place,), {"_impl_class": impl})
         with suppress(Exception):  # a module that lies in an archive has no file
             yield place(function)
+
+
+LONGEST_WAIT = 600.0
+"""Seconds that a process waits for one that lives and does not come to an end."""
+POLL = 0.02
+
+
+class FileLock:
+    """A lock on a file, which is made where there is none and stays.
+
+    The system holds it for the process, and lets go when the process ends, however it does."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._handle: int | None = None
+
+    def acquire(self, patience: float = LONGEST_WAIT) -> bool:
+        """Wait for the lock; False where it was not had after `patience` s.
+
+        Raises OSError where the file cannot be made or locked."""
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
+        end = time.monotonic() + patience
+        try:
+            while not _try_lock(handle):
+                if time.monotonic() >= end:
+                    return False
+                time.sleep(POLL)
+            self._handle, handle = handle, -1
+            return True
+        finally:
+            if handle >= 0:
+                os.close(handle)
+
+    def release(self) -> None:
+        """Let the next one have it."""
+        if self._handle is not None:
+            with suppress(OSError):
+                os.close(self._handle)
+            self._handle = None
+
+
+def _try_lock(handle: int) -> bool:
+    """Lock an open file where no other process has it.  Raises OSError where none can be locked."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            # a record lock: a fork does not inherit it, and could hold another kind for ever
+            fcntl.lockf(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        return False
+    return True

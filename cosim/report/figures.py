@@ -144,13 +144,13 @@ def _write_and_show(
         "figure": figure,
         "image": data_address(picture) if picture else "",
         "width": 0 if figure.picture is None else int(96 * figure.picture.get_size_inches()[0]),
-        "small": [_html(table) for table in figure.tables.values() if _is_small(table)],
+        "small": [
+            _html(table)
+            for table in figure.tables.values()
+            if table.shape[0] <= MOST_ROWS and table.shape[1] <= MOST_COLUMNS
+        ],
         "command": f"{page.command} --only {study.name}",
     }
-
-
-def _is_small(table: pd.DataFrame) -> bool:
-    return table.shape[0] <= MOST_ROWS and table.shape[1] <= MOST_COLUMNS
 
 
 def _code(text: str) -> str:

@@ -6,7 +6,7 @@ Those of the user's points, gauges and grids on the hood say what was measured b
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -290,7 +290,9 @@ def dots_in_words(run: Result) -> dict[str, str]:
         out[name] = f"gauge {_spoken(name)}: strain {_said(strain)} %"
     for key in KEYS:
         for name in run.summary.get(key, {}):
-            compared = [c for path in _paths(run, f"{key}.{name}") for c in _comparisons(run, path)]
+            start = f"{key}.{name}"
+            paths = [p for p in numbers_of(run.summary) if p == start or p.startswith(f"{start}.")]
+            compared = [c for path in paths for c in _comparisons(run, path)]
             first = out.get(name, _spoken(name))
             out[name] = "; ".join([first, *(_residual(state, row) for state, row in compared)])
     return out
@@ -302,10 +304,6 @@ def _residual(state: str, row: Comparison) -> str:
     residual = "" if row.difference is None else f", model {row.difference:+.3g}"
     text = f"{t.name}, {state}: measured {_said(t.reference)}{sd} {t.unit}{residual}"
     return text.replace("-", "−")
-
-
-def _paths(run: Result, start: str) -> Iterator[str]:
-    return (p for p in numbers_of(run.summary) if p == start or p.startswith(f"{start}."))
 
 
 def _spoken(name: str) -> str:

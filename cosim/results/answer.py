@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from cosim.port import AXES
 from cosim.results.audit import audit_figures
 from cosim.results.compare import value_of
 from cosim.results.conventions import OPPOSITE
-from cosim.results.fibre_strain import largest_strain, torn
 from cosim.results.give_way import give_way_sentences
 from cosim.results.joint_limits import describe_limits
 from cosim.results.relaxation import held_sentences
@@ -136,3 +135,57 @@ def _at_rest(summary: Summary, quantity: str) -> str:
     """A force of the unloaded state in words, to follow that of the loaded one."""
     value = value_of(summary, f"unloaded.{quantity}")
     return "" if value is None else f", {value:.2f} N at rest"
+
+
+TEARS = 10.0
+"""%, strain of straight fibres from which on tendons tear when they are tested: some 10 to 15 %, an
+order of size and no measurement of a hood, whose tissue tears at larger strains than tendons
+(Qian et al. 2014, abstract; their numbers were not read)."""
+
+
+class FibreStrain(NamedTuple):
+    """A region's strain along its fibres, and beyond the strain at which they are straight, %: the
+    95th percentile over its area, since extremes of single quads grow as a mesh gets finer.  What
+    may tear fibres with a toe is their strain beyond that at which they are straight."""
+
+    region: str
+    strain: float
+    beyond: float
+
+    @property
+    def words(self) -> str:
+        """The strain with its region, and what the fibres do there."""
+        text = f"{self.strain:.2f} % in the {self.region.replace('_', ' ')}"
+        if self.beyond < 0 < self.strain:
+            return f"{text}, whose fibres are not straight yet"
+        if self.beyond < self.strain - 1.5:
+            text = f"{text}, {self.beyond:.2f} % beyond straight"
+        return f"{text}, at which tendons tear" if self.beyond > TEARS else text
+
+
+def fibre_strains(summary: Summary) -> list[FibreStrain]:
+    """The regions of a sheet, the most strained first; none of another hood."""
+    found = summary.get("fibre_strain_percent", {}).items()
+    pairs = ((name, strain.get("p95"), strain.get("beyond_straight")) for name, strain in found)
+    return sorted((FibreStrain(*p) for p in pairs if None not in p), key=lambda s: -s.strain)
+
+
+def largest_strain(summary: Summary) -> str:
+    """Say where the fibres are strained most, and most beyond straight; empty without a sheet."""
+    each = fibre_strains(summary)
+    if not each:
+        return ""
+    most, taut = each[0], max(each, key=lambda s: s.beyond)
+    more = "" if taut is most else f"; of straight fibres, {taut.words}"
+    return f"Largest strain along the fibres (95th percentile of a region): {most.words}{more}."
+
+
+def torn(summary: Summary) -> Iterator[str]:
+    """Say in which regions the strain is one at which tendons tear."""
+    overloaded = [s for s in fibre_strains(summary) if s.beyond > TEARS]
+    if overloaded:
+        where = ", ".join(f"{s.region.replace('_', ' ')} ({s.beyond:.0f} %)" for s in overloaded)
+        yield (
+            f"Strained by more than {TEARS:.0f} % beyond straight: {where}. Tendons tear at some "
+            "10 to 15 %; in the model nothing tears."
+        )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.coupling.equilibrium import Equilibrium
-from cosim.port import Array, Pair
+from cosim.port import Pair
 from cosim.results.audit import HOOD_BALANCES, Audit, missed_bounds
 from cosim.results.conventions import by_axis, by_name
 from cosim.results.parts import joint_forces
@@ -75,7 +75,8 @@ class CoupledResult(Equilibrium):
         world's axes.  Empty of a finger that reports no forces."""
         import pandas
 
-        joint = self._books.get("joint")
+        books = self.pair.finger.ledger(self.finger_state, self.load, self.finger_tension)
+        joint = books.get("joint")
         bodies, joints = self.load.bodies, self.pair.finger.joints
         forces = {} if joint is None else joint_forces(joint, bodies, joints)
         return pandas.DataFrame(forces).T
@@ -88,10 +89,6 @@ class CoupledResult(Equilibrium):
             figures["finger_residual"] = self.finger_residual
             figures["interface_residual"] = self.interface_residual
         return Audit(figures, tuple(missed_bounds(figures)))
-
-    @property
-    def _books(self) -> dict[str, Array]:
-        return self.pair.finger.ledger(self.finger_state, self.load, self.finger_tension)
 
     def __repr__(self) -> str:
         force = ", ".join(f"{axis} {value:.3g}" for axis, value in self.tip_force.items())

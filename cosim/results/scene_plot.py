@@ -233,7 +233,8 @@ def _lay_out(title: str, stage: Stage) -> Figure:
     aside = 0.3 if stage.limits is None else RIGHT
     scale, label = fitted(aside), ""
     if hood is not None and colours is not None:  # a short bar has more lines beside it
-        label = fill(colours_of(hood)[0].words, _letters(scale * heights.sum() + gaps))
+        inches = scale * heights.sum() + gaps
+        label = fill(colours_of(hood)[0].words, max(int(inches / LETTER), 12))
         aside += TITLE_LINE * max(label.count("\n") - 1, 0)
         scale = fitted(aside)
     views = scale * heights
@@ -275,11 +276,6 @@ def _lay_out(title: str, stage: Stage) -> Figure:
     )
     figure.text(LEFT / width, 1 - 0.1 / height, "\n".join(head), va="top", fontsize=12)
     return figure
-
-
-def _letters(inches: float) -> int:
-    """How many letters of a label have room in so many inches."""
-    return max(int(inches / LETTER), 12)
 
 
 def _fill(figure: Figure, scene: Scene, stage: Stage, moment: str) -> list[Artist]:

@@ -244,7 +244,8 @@ def _case(
     """The model's own case in the trial's posture, with these tendons loaded."""
     holds = "posture" if group.name in (SLIPS, STRAINS) else "clamped"
     case = _with_tip(_with_markers(without_loads(model.case)), holds)
-    texts = (text.partition("=") for text in _posture(group, trial))
+    angles = AT_REST if group.name == SHARES else angles_of(trial.posture)
+    texts = (text.partition("=") for text in posture_settings(*angles))
     case = case.replace({key: value.strip('"') for key, _, value in texts})
     loads = {}
     for name in muscles:
@@ -271,10 +272,6 @@ def _with_markers(case: Case) -> Case:
 def _with_tip(case: Case, kind: str) -> Case:
     tip = HeldTipConfig.model_validate({"kind": kind})
     return case.model_copy(update={"finger": case.finger.model_copy(update={"tip": tip})})
-
-
-def _posture(group: ScoreGroup, trial: Trial) -> tuple[str, ...]:
-    return posture_settings(*(AT_REST if group.name == SHARES else angles_of(trial.posture)))
 
 
 # The rows ---------------------------------------------------------------------------------------
@@ -345,7 +342,7 @@ def _arm_rows(model: HandModel) -> tuple[list[Comparison], dict[str, str]]:
     ours = dict(zip(compared.source, compared.model_mm, strict=True))
     rows, lacking = [], {}
     for m in measured:
-        name = f"{m.muscle}: arm at the {m.joint.replace('_', ' ')}, {_short(m.cited.cited)}"
+        name = f"{m.muscle}: arm at the {m.joint.replace('_', ' ')}, {m.cited.cited.split(',')[0]}"
         where = "mean over the joint's range" if m.posture == RANGE else f"at {m.posture} deg"
         place = (name, f"moment_arm_mm.{m.muscle}.{m.joint}", m.unit, m.number(), m.sd)
         row = Target(*place, None, None, m.cited.text, m.evidence, m.muscle, note=where)
@@ -359,11 +356,6 @@ def _arm_rows(model: HandModel) -> tuple[list[Comparison], dict[str, str]]:
                 else f"the model has no {m.muscle}"
             )
     return rows, lacking
-
-
-def _short(cited: str) -> str:
-    """Authors and year."""
-    return cited.split(",")[0]
 
 
 def row_words(group: ScoreGroup, row: Comparison) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -127,14 +127,11 @@ def match_names(
         turned = ours != "MCP_abduction" and -low > high
         if turned and how[ours] != "given":
             names[ours], how[ours] = f"-{theirs}", f"{how[ours]}; its range is of the other way"
-    for ours, theirs in _bodies(parts, _plain(joints.values()), joints).items():
+    plain = [name.removeprefix("-") for name in joints.values()]
+    for ours, theirs in _bodies(parts, plain, joints).items():
         names.setdefault(ours, theirs)
         how.setdefault(ours, "by its joint")
     return Matched(names, how)
-
-
-def _plain(names: Iterable[str]) -> list[str]:
-    return [name.removeprefix("-") for name in names]
 
 
 def _find(

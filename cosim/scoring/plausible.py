@@ -32,14 +32,10 @@ FAR_FACTOR = 2.0
 
 def doubts(model: HandModel, summaries: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     """A sentence for each."""
-    yield from _signs(model, summaries)
-    yield from _lengths(model)
-    yield from _fibres(model)
-
-
-def _signs(model: HandModel, summaries: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     for doubt in against_published(model.finger, _arms(model, summaries)):
         yield doubt.words
+    yield from _lengths(model)
+    yield from _fibres(model)
 
 
 class SignDoubt(NamedTuple):

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from cosim.case.schema import Case
 from cosim.errors import Progress, quiet
 from cosim.outcome import Outcome
 from cosim.pipeline import plain_summary, run_each
@@ -82,7 +81,8 @@ def judge(
 ) -> list[HandScore]:
     """The scores of models, whose runs are solved side by side in so many processes.  Without
     `references` no model is ranked."""
-    asked = [(i, name, case) for i, m in enumerate(models) for name, case in _trials(m).items()]
+    trials = [trials_of(m, score_groups(m.finger)) for m in models]
+    asked = [(i, name, case) for i, of_one in enumerate(trials) for name, case in of_one.items()]
 
     def ended(done: int, *_: object) -> None:
         if done == len(asked) or done % max(1, len(asked) // TOLD) == 0:
@@ -93,10 +93,6 @@ def judge(
     for (i, name, _), outcome in zip(asked, outcomes, strict=True):
         results[i][name] = outcome
     return [_score(m, r, references) for m, r in zip(models, results, strict=True)]
-
-
-def _trials(model: HandModel) -> dict[str, Case]:
-    return trials_of(model, score_groups(model.finger))
 
 
 def _score(

@@ -60,15 +60,11 @@ def remote(scheduler: str, tell: Progress) -> Iterator[Solve]:
     except (OSError, ValueError) as error:
         raise InputError(f"--scheduler {scheduler}: does not answer ({error})") from error
     with client:
-        _tell_of_page(client, tell)
+        if find_spec("bokeh"):
+            tell(f"live page of Dask: {client.dashboard_link}")
         if not client.nthreads():
             tell("the scheduler has no workers yet; waiting for the first")
         yield lambda tasks: _through(client, tasks)
-
-
-def _tell_of_page(client: Client, tell: Progress) -> None:
-    if find_spec("bokeh"):
-        tell(f"live page of Dask: {client.dashboard_link}")
 
 
 def _through(client: Client, tasks: Iterator[Task]) -> Iterator[Verdict]:

@@ -269,10 +269,7 @@ def write_points(path: Path, curves: Sequence[Curve]) -> None:
     for curve in curves:
         for i, angle in enumerate(curve.sweep.angles):
             posture = [f"{curve.sweep.postures[joint][i]:g}" for joint in JOINTS]
-            cells = [_cell(curve.values[n][i]) if n in curve.values else "" for n in names]
+            values = (curve.values[n][i] if n in curve.values else np.nan for n in names)
+            cells = [f"{x:.8g}" if np.isfinite(x) else "" for x in values]
             rows.append([curve.sweep.name, *posture, *cells, curve.gaps.get(angle, "")])
     write_text(path, csv_text(rows))
-
-
-def _cell(value: float) -> str:
-    return f"{value:.8g}" if np.isfinite(value) else ""

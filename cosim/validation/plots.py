@@ -7,6 +7,7 @@ outside, a ring where there is nothing to judge by."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
@@ -194,7 +195,7 @@ def draw_kind(board: Board) -> Figure | None:
         for row in judging_rows(board.rows)
         if row.model is not None and row.target.reference is not None
     ]
-    units = [u for u in dict.fromkeys(r.target.unit for r in rows) if _count(rows, u) > 1]
+    units = [unit for unit, n in Counter(row.target.unit for row in rows).items() if n > 1]
     if not units:
         return None
     picture = new_picture(3.3 * len(units) + 0.4, 4.2)
@@ -213,10 +214,6 @@ def draw_kind(board: Board) -> Figure | None:
         fontsize=8,
     )
     return picture
-
-
-def _count(rows: Sequence[Comparison], unit: str) -> int:
-    return sum(row.target.unit == unit for row in rows)
 
 
 def _draw_chart(axes: Axes, board: Board, rows: Sequence[Comparison]) -> None:

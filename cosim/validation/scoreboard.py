@@ -120,11 +120,8 @@ def _row(board: JudgedBoard, row: Comparison) -> dict[str, Any]:
         "u_val_95": of_row.expanded,
     }
     words = {"judgement": of_row.judgement, "lacks": of_row.lacks}
-    return rounded | {k: _three_digits(v) for k, v in numbers.items()} | words
-
-
-def _three_digits(value: float | None) -> float | None:
-    return None if value is None else float(f"{value:.3g}")
+    short = {k: None if v is None else float(f"{v:.3g}") for k, v in numbers.items()}
+    return rounded | short | words
 
 
 def _judge(board: Board) -> dict[str, Any]:

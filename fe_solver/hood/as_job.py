@@ -210,14 +210,11 @@ def _bodies(rest: Motion, end: Motion, bones: Mapping[str, Triangles]) -> tuple[
         name = rest.bodies[i]
         none = (np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
         vertices, triangles = bones.get(name, none)
-        x, y, z, u, v, w = (_drive(float(t)) for t in twist)
+        moves = map(float, twist)
+        x, y, z, u, v, w = (Drive() if abs(t) < 1e-14 else Drive(t, RAMP) for t in moves)
         turned = np.asarray(vertices) @ rest.rotation[i].T
         out.append(Body(name, rest.position[i], turned, triangles, (x, y, z), (u, v, w)))
     return tuple(out)
-
-
-def _drive(value: float) -> Drive:
-    return Drive() if abs(value) < 1e-14 else Drive(value, RAMP)
 
 
 def _ties(model: ShellModel) -> tuple[Tied, ...]:

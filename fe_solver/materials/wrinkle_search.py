@@ -148,7 +148,8 @@ def _follow_path(
         for _ in range(most):
             some, now = sheet.at(todo).with_barrier(times), Stress(*(x[todo] for x in base))
             step = _newton_step(some, A[todo], now)
-            near = _size(step) <= (CONVERGED if times == 1 else ROUGHLY)
+            size = np.hypot(np.hypot(step[:, 0], step[:, 1]), np.sqrt(2) * step[:, 2])
+            near = size <= (CONVERGED if times == 1 else ROUGHLY)
             A[todo], after = _search_along(some, A[todo], now, step, near)
             for mine, new in zip(base, after, strict=True):
                 mine[todo] = new
@@ -165,11 +166,6 @@ def _newton_step(sheet: WrinkledSheet, A: Array, base: Stress) -> Array:
     rising = ~(np.einsum("mi,mi->m", slope, X) < 0)
     X[rising] = -slope[rising] / sheet.cost.barrier[rising, None]
     return X
-
-
-def _size(X: Array) -> Array:
-    """The size (m,) of a growth, sqrt(X:X)."""
-    return np.asarray(np.hypot(np.hypot(X[:, 0], X[:, 1]), np.sqrt(2) * X[:, 2]))
 
 
 def _search_along(

@@ -56,7 +56,8 @@ class PlanarChain:
         joint = torque - np.append(torque[1:], 0.0)
         reach = self.length[:, None] * np.stack([np.cos(theta), -np.sin(theta)], axis=1)
         inertia, centrifugal = self.coupling * np.cos(apart), self.coupling * np.sin(apart)
-        force = joint + reach @ tip_force - centrifugal @ speed**2 - self._weight(theta)
+        force = joint + reach @ tip_force - centrifugal @ speed**2
+        force += self.gravity * np.sin(theta) * self.first_moment
         return np.diff(np.linalg.solve(inertia, force), prepend=0.0)
 
     def energy(self, angle: Array, rate: Array) -> float:
@@ -82,9 +83,6 @@ class PlanarChain:
         a = np.triu(self.length[:, None] * self.first_moment, 1)
         own = self.inertia + self.mass * self.centre**2 + self.length**2 * self._beyond
         return a + a.T + np.diag(own)
-
-    def _weight(self, theta: Array) -> Array:
-        return -self.gravity * np.sin(theta) * self.first_moment
 
     def model(self, names: tuple[str, ...] = ("proximal", "middle", "distal")) -> FingerModel:
         """The same chain for MuJoCo: flexion about +y, bones along x, z up; gravity is the finger's

@@ -488,7 +488,7 @@ def _end(
         for tag in frames:
             stated = tag.get("qpos")
             at = old.qpos0 if stated is None else np.array(stated.split(), dtype=float)
-            tag.set("qpos", _text(_with_slides(old, model, parts, at)))
+            tag.set("qpos", " ".join(repr(float(x)) for x in _with_slides(old, model, parts, at)))
             tag.attrib.pop("qvel", None)
 
 
@@ -507,10 +507,6 @@ def _with_slides(
     for name, value in slides_at_rest(parts, named).items():
         position[model.joint(name).qposadr[0]] = value
     return position
-
-
-def _text(numbers: Array) -> str:
-    return " ".join(repr(float(x)) for x in numbers)
 
 
 MAIN = "main"

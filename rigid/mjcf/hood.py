@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from time import process_time
 from types import MappingProxyType
@@ -29,6 +29,7 @@ import mujoco
 import numpy as np
 
 from cosim.port import Array
+from rigid.hoods.network import Network
 from rigid.model import Vector
 
 STEP = 2e-3
@@ -386,3 +387,50 @@ class HeldHand(HeldModel):
     def excursion(self) -> Array:
         out: Array = -np.array([self.data.tendon(t).length[0] for t in self.tendons.values()])
         return out
+
+
+SQUARE = (0.0, 0.0, 1.0, 0.0, 0.0)
+
+
+def network_parts(network: Network, tendons: Sequence[str]) -> HoodParts:
+    """A network's parts, with the names (k,) of its connecting tendons.  Where an arm is linear in
+    its joint's angle, lengths have that angle's square, which is a follower of that joint."""
+    slopes = abs(network.direct.slope).sum(axis=1) + abs(network.connecting.slope).sum(axis=1)
+    bent = [joint for joint, slope in zip(network.joints, slopes, strict=True) if slope]
+    owner = [network.muscles[i] for i in network.connection.argmax(axis=1)]
+    muscles = {
+        name: ({_junction(name): -1.0} if name in owner else {}) | _lengths(network, "direct", i)
+        for i, name in enumerate(network.muscles)
+    }
+    bands = {
+        name: Band(
+            {_junction(owner[k]): 1.0} | _lengths(network, "connecting", k),
+            float(network.rest[k]),
+            float(network.stiffness[k]),
+        )
+        for k, name in enumerate(tendons)
+    }
+    junctions = tuple(_junction(name) for name in network.muscles if name in owner)
+    return HoodParts(
+        muscles, junctions, bands, {_square(j): Follower({j: 1.0}, SQUARE) for j in bent}
+    )
+
+
+def _lengths(network: Network, which: str, column: int) -> dict[str, float]:
+    """What shortens a tendon, with a minus, by joint and square."""
+    arms = getattr(network, which)
+    out = {}
+    for i, joint in enumerate(network.joints):
+        if arms.constant[i, column]:
+            out[joint] = -float(arms.constant[i, column])
+        if arms.slope[i, column]:
+            out[_square(joint)] = -float(arms.slope[i, column]) / 2
+    return out
+
+
+def _junction(muscle: str) -> str:
+    return f"{muscle}_junction"
+
+
+def _square(joint: str) -> str:
+    return f"{joint}_square"

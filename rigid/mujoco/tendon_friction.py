@@ -116,10 +116,8 @@ class GuideReadings(NamedTuple):
 
     def arms_by_grip(self, grip: Array) -> Array:
         """The derivatives (n, nq) m of a tendon's torques per N by the grip at each place."""
-        return self.turn[:, None] * self._beyond(self.factors(grip)[1][:, None] * self.part)
-
-    def _beyond(self, values: Array) -> Array:
-        return _sum_beyond(self.first, values)
+        by_part = self.factors(grip)[1][:, None] * self.part
+        return self.turn[:, None] * _sum_beyond(self.first, by_part)
 
 
 def _sum_beyond(first: Ints, values: Array) -> Array:

@@ -142,7 +142,8 @@ def law_of(
     if len(hard) > 1 or any(x.lower_stiffness != x.upper_stiffness for x in here.values()):
         raise InputError(
             "imported limits: our joint law has one stiffness, transition and damping for all, "
-            f"got {sorted(hard)} and the upper stiffnesses {_stiffnesses(here)}"
+            f"got {sorted(hard)} and the upper stiffnesses "
+            f"{sorted({x.upper_stiffness for x in here.values()})}"
         )
     stiffness, transition, damping = next(iter(hard), (LIMIT_STIFFNESS, LIMIT_TRANSITION, 0.0))
     return joint_law(
@@ -156,10 +157,6 @@ def law_of(
         limit_damping=damping,
         damping={name: x.damping for name, x in pulled.items()},
     )
-
-
-def _stiffnesses(limits: Mapping[str, CoordinateLimit]) -> list[float]:
-    return sorted({x.upper_stiffness for x in limits.values()})
 
 
 Force = TypeVar("Force", CoordinateLimit, Spring)

@@ -17,8 +17,8 @@ from cosim.hoods.kinds import KINDS, AnyHood
 from tests.helpers.folders import ROOT
 
 ADDED = {
-    "from cosim.hoods.shell import kind as shell\n": (
-        "from cosim.hoods.shell import kind as shell\nfrom cosim.hoods import string\n"
+    "from cosim.hoods.shell import variation as shell\n": (
+        "from cosim.hoods.shell import variation as shell\nfrom cosim.hoods import string\n"
     ),
     "        fmu.KIND,\n": "        fmu.KIND,\n        string.KIND,\n",
     "    | fmu.FmuHoodConfig\n": "    | fmu.FmuHoodConfig\n    | string.StringHood\n",

@@ -340,13 +340,13 @@ try:
 except Exception as error:
     assert "none" in str(error), error
 from pathlib import Path
-from cosim.kernels.file_lock import FileLock
+from cosim.kernels.disk_cache import FileLock
 (path,) = Path({folder!r}).glob("*.lock")
 print("released", subprocess.run([sys.executable, "-c", {take!r}, str(path)]).returncode)
 raise SystemExit
 """
     take = (
-        "import sys; from pathlib import Path; from cosim.kernels.file_lock import FileLock\n"
+        "import sys; from pathlib import Path; from cosim.kernels.disk_cache import FileLock\n"
         "raise SystemExit(not FileLock(Path(sys.argv[1])).acquire(0.0))"
     )
     before = "import subprocess\n" + fails.format(
@@ -360,15 +360,15 @@ raise SystemExit
 def test_where_no_turn_can_be_had_each_compiles(installation, fault):
     if fault == "no locks":
         before = """
-from cosim.kernels import file_lock
+from cosim.kernels import disk_cache
 def none(handle): raise OSError(37, "No locks available")
-file_lock._try_lock = none
+disk_cache._try_lock = none
 """
     else:
         before = """
-from cosim.kernels import file_lock
-file_lock._try_lock = lambda handle: False
-file_lock.FileLock.acquire.__defaults__ = (0.1,)
+from cosim.kernels import disk_cache
+disk_cache._try_lock = lambda handle: False
+disk_cache.FileLock.acquire.__defaults__ = (0.1,)
 """
     assert end(begin(installation, 0.0, before)) == (1, 0)
     assert call(installation) == [(0, 1, str(installation / "__pycache__"))]

@@ -107,7 +107,8 @@ def estimate(
         )
         asked, programme, solution = _aim(demand, wanted, reached, box, cost)
         gap, length = _gap(demand, asked, at), float(np.abs(solution.x - tension).max())
-        moved, is_free = _relative_change(tension, solution.x), length < 0.999 * region
+        moved = float(np.abs(solution.x - tension).max() / max(1.0, float(solution.x.max())))
+        is_free = length < 0.999 * region
         progress(f"round {rounds}: torques off by {gap:.1e}, tensions by {moved:.1e}")
         is_nearest = idle >= STALLED and asked is not wanted
         if is_nearest:
@@ -287,11 +288,6 @@ def _miss(demand: Demand, wanted: Array, at: Torques) -> float:
     need = demand.spread @ wanted
     missed = demand.rows @ (at.torque + demand.beside) - need
     return float(np.linalg.norm(missed) / max(float(np.linalg.norm(need)), 1e-6))
-
-
-def _relative_change(last: Array, new: Array) -> float:
-    """The tensions' change, relative to the largest tension, or to 1 N."""
-    return float(np.abs(new - last).max() / max(1.0, float(new.max())))
 
 
 def _out_of_reach(

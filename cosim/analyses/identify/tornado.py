@@ -119,7 +119,8 @@ def _note(every: Sequence[SensitivityBar], drawn: Sequence[SensitivityBar]) -> s
     runs = [run for bar in every for run in (bar.low, bar.high)]
     failed = [f"{r.variation} {r.set_to}" for r in runs if r.status == "failed"]
     refused = [f"{r.variation} {r.set_to}" for r in runs if r.status == "refused"]
-    weak = [bar.variation for bar in every if bar not in drawn and _has_value(bar)]
+    left = (bar for bar in every if bar not in drawn)
+    weak = [bar.variation for bar in left if any(change is not None for change in bar.changes)]
     absent = [bar.variation for bar in every if not _applies(bar.low) and not _applies(bar.high)]
     parts = (
         ("Did not converge", failed),
@@ -132,7 +133,3 @@ def _note(every: Sequence[SensitivityBar], drawn: Sequence[SensitivityBar]) -> s
 
 def _applies(run: Run) -> bool:
     return run.status != "does not apply"
-
-
-def _has_value(bar: SensitivityBar) -> bool:
-    return any(change is not None for change in bar.changes)

@@ -190,7 +190,7 @@ def in_mujoco(hood: NetworkHoodConfig, lesion: LesionConfig | None) -> MujocoHoo
     Raises InputError for shares that do not follow from forces."""
     if hood.reduced is not None:
         return _reduced_in_mujoco(potential(hood.reduced))
-    from rigid.mjcf.network import network_parts
+    from rigid.mjcf.hood import network_parts
 
     if hood.operating_force is not None:
         raise InputError(

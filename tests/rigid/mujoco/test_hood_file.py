@@ -24,8 +24,8 @@ from rigid.mjcf.hood import (
     HoodParts,
     add_hood,
     compile_model,
+    network_parts,
 )
-from rigid.mjcf.network import network_parts
 from rigid.mjcf.reduced import Lengths, Ridge, _first_bands, _Fit, _move, _parts, states_of
 
 JOINTS = ("MCP", "MCP_abduction", "PIP", "DIP")

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from cosim.errors import InputError
 from rigid.muscle import curves
 from rigid.muscle.curves import Curve, Knot, NotConverged, increasing_root
-from rigid.muscle.parameters import DAMPED, curves_with_damping, curves_without_damping
-from rigid.muscle.table import CurveTable
+from rigid.muscle.parameters import DAMPED, CurveTable, curves_with_damping, curves_without_damping
 
 ALL = {
     "active": DAMPED.active,
