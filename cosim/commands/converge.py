@@ -19,7 +19,7 @@ from cosim.analyses.converge import (
     to_json,
 )
 from cosim.case.file import load_case
-from cosim.commands.options import CaseName, Settings, Workers, to
+from cosim.commands.options import CaseName, Settings, Workers, option, to
 from cosim.commands.terminal import show_table, stages, warn_of_audits
 from cosim.files import check_file, check_folder, output_folder
 from cosim.processes import process_context
@@ -30,14 +30,11 @@ MARK = "converge.json"
 def converge(
     case: CaseName,
     settings: Settings = None,
-    meshes: Annotated[
-        int, typer.Option(min=2, max=MOST_MESHES, help="How many; an order takes three.")
-    ] = 3,
+    meshes: Annotated[int, option("How many; an order takes three.", min=2, max=MOST_MESHES)] = 3,
     out: Annotated[Path, to("Folder for the tables.", "FOLDER")] = Path("converge"),
     workers: Workers = 1,
     add_to: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Also add the errors to this JSON file, for a package."),
+        Path | None, option("Also add the errors to this JSON file, for a package.", metavar="FILE")
     ] = None,
 ) -> None:
     """Run a case on coarser and finer meshes of one family: order of convergence, limit, and the

@@ -34,7 +34,7 @@ from cosim.analyses.estimate.of_case import (
 )
 from cosim.analyses.estimate.tracking import Tracking, setup_to_follow, track
 from cosim.case.file import load_case
-from cosim.commands.options import CaseName, Settings, quantities, quantity, to
+from cosim.commands.options import CaseName, Settings, option, quantities, quantity, to
 from cosim.commands.terminal import print_table, say, warn_of_audits
 from cosim.errors import InputError
 from cosim.files import check_folder, shown_path
@@ -50,68 +50,63 @@ def estimate(
     case: CaseName,
     force: Annotated[
         str | None,
-        typer.Option(
-            metavar='"X Y Z"',
-            help='Fingertip force on the world along distal, radial and dorsal: "-1 N 0 N -2 N"; '
+        option(
+            'Fingertip force on the world along distal, radial and dorsal: "-1 N 0 N -2 N"; '
             '"free" leaves a component open.',
+            metavar='"X Y Z"',
         ),
     ] = None,
     torque: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="JOINT=TORQUE",
-            help='Torque of hood and muscles about a joint: MCP="0.1 N*m"; repeatable, joints not '
+        option(
+            'Torque of hood and muscles about a joint: MCP="0.1 N*m"; repeatable, joints not '
             "named bear none.",
+            metavar="JOINT=TORQUE",
         ),
     ] = None,
     motion: Annotated[
         Path | None,
-        typer.Option(
-            help="Joint angles over time, .sto, .mot or .csv (time, PIP_deg, ...), or markers, "
+        option(
+            "Joint angles over time, .sto, .mot or .csv (time, PIP_deg, ...), or markers, "
             ".trc; torques by inverse dynamics."
         ),
     ] = None,
     markers: Annotated[
         Path | None,
-        typer.Option(
-            help="Of a .trc: where its markers are on the straight finger, .csv (name, body, "
+        option(
+            "Of a .trc: where its markers are on the straight finger, .csv (name, body, "
             "distal_mm, radial_mm, dorsal_mm)."
         ),
     ] = None,
     cost: Annotated[
-        Literal["linear", "quadratic", "cubic"],
-        typer.Option(help="Power of the tensions in the cost."),
+        Literal["linear", "quadratic", "cubic"], option("Power of the tensions in the cost.")
     ] = "quadratic",
     weights: Annotated[
-        Literal["pcsa", "F0", "one"], typer.Option(help="What a tension is divided by.")
+        Literal["pcsa", "F0", "one"], option("What a tension is divided by.")
     ] = "pcsa",
     area: Annotated[
-        list[str] | None,
-        typer.Option(metavar='NAME="2 cm**2"', help="A muscle's area; repeatable."),
+        list[str] | None, option("A muscle's area; repeatable.", metavar='NAME="2 cm**2"')
     ] = None,
     most: Annotated[
-        list[str] | None,
-        typer.Option(metavar='NAME="80 N"', help="A muscle's greatest force; repeatable."),
+        list[str] | None, option("A muscle's greatest force; repeatable.", metavar='NAME="80 N"')
     ] = None,
     samples: Annotated[
-        int | None, typer.Option(min=2, max=100_000, help="Of a motion: times in equal steps.")
+        int | None, option("Of a motion: times in equal steps.", min=2, max=100_000)
     ] = None,
-    cutoff: Annotated[
-        str | None, typer.Option(metavar='"6 Hz"', help="Of a motion: low-pass filter.")
-    ] = None,
+    cutoff: Annotated[str | None, option("Of a motion: low-pass filter.", metavar='"6 Hz"')] = None,
     reserve: Annotated[
         str | None,
-        typer.Option(
+        option(
+            "Of a motion: torque that may be missing where tensions make no more.",
             metavar='"1 N*mm"',
-            help="Of a motion: torque that may be missing where tensions make no more.",
         ),
     ] = None,
     forward: Annotated[
         bool,
-        typer.Option(
-            "--forward",
-            help="Of a motion: move the finger forward along it, with the tensions planned anew "
+        option(
+            "Of a motion: move the finger forward along it, with the tensions planned anew "
             "every 10 ms, and write the case that runs under them.",
+            "--forward",
         ),
     ] = False,
     settings: Settings = None,

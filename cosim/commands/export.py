@@ -13,7 +13,7 @@ from cosim.case.file import load_case
 from cosim.commands.door import door
 from cosim.commands.febio import export as feb
 from cosim.commands.mjcf import attach, mjcf
-from cosim.commands.options import Settings, to
+from cosim.commands.options import Settings, option, to
 from cosim.commands.reduce import reduce
 from cosim.commands.terminal import stages
 from cosim.files import check_file, shown_path
@@ -25,13 +25,9 @@ from cosim.models.build import hood_mesh
 def fmu(
     case: str,
     out: Path,
-    part: Annotated[
-        Literal["hood", "finger", "coupled"], typer.Option(help="What goes into it.")
-    ] = "hood",
-    fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of the standard.")] = 2,
-    tangent: Annotated[
-        bool, typer.Option(help="Also exchange the derivatives of the hood's load.")
-    ] = True,
+    part: Annotated[Literal["hood", "finger", "coupled"], option("What goes into it.")] = "hood",
+    fmi: Annotated[int, option("Version of the standard.", min=2, max=3)] = 2,
+    tangent: Annotated[bool, option("Also exchange the derivatives of the hood's load.")] = True,
     settings: Settings = None,
 ) -> None:
     """A case's hood, finger or coupled finger, at rest or in motion, as an FMU."""
@@ -47,7 +43,7 @@ def mesh(
     case: str,
     out: Path,
     settings: Settings = None,
-    mesh: Annotated[bool, typer.Option("--mesh", help="Of a .feb the hood's mesh alone.")] = False,
+    mesh: Annotated[bool, option("Of a .feb the hood's mesh alone.", "--mesh")] = False,
 ) -> None:
     """The hood mesh of a case, in the format of the file's ending."""
     check_ending(out)

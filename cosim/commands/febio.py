@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 
 from cosim.case.file import load_case
-from cosim.commands.options import CaseName, Settings
+from cosim.commands.options import CaseName, Settings, option
 from cosim.commands.terminal import console, exit_on_error, stages
 from cosim.errors import ConvergenceError, InputError
 from cosim.files import check_file, check_folder
@@ -56,50 +56,42 @@ class ShellElement(StrEnum):
 def solve(
     model: Model,
     until: Annotated[
-        float | None, typer.Option(help="The last time; else the end of the file's last step.")
+        float | None, option("The last time; else the end of the file's last step.")
     ] = None,
-    states: Annotated[
-        int, typer.Option(min=1, help="States to keep of each step, beside must-points.")
-    ] = 1,
+    states: Annotated[int, option("States to keep of each step, beside must-points.", min=1)] = 1,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder of the result; else runs/MODEL.")
+        Path | None, option("Folder of the result; else runs/MODEL.", "--out", "-o")
     ] = None,
     penetration: Annotated[
         str | None,
-        typer.Option(
-            help='Largest penetration of contact, or "none" for a penalty alone; else 2 um with '
+        option(
+            'Largest penetration of contact, or "none" for a penalty alone; else 2 um with '
             "our own shell, none with q4ans."
         ),
     ] = None,
-    length_unit: Annotated[str, typer.Option(help="The file's unit of length.")] = "mm",
-    spacing: Annotated[
-        str, typer.Option(help="Spacing of the grids of the bodies' distances.")
-    ] = "0.25 mm",
+    length_unit: Annotated[str, option("The file's unit of length.")] = "mm",
+    spacing: Annotated[str, option("Spacing of the grids of the bodies' distances.")] = "0.25 mm",
     element: Annotated[
         ShellElement,
-        typer.Option(
-            help="FEBio's shell and contact as documented (q4ans), our own shell, or (auto) the "
+        option(
+            "FEBio's shell and contact as documented (q4ans), our own shell, or (auto) the "
             "first where it covers the model and finds its equilibrium."
         ),
     ] = ShellElement.AUTO,
     own_shell: Annotated[
-        bool,
-        typer.Option("--own-shell", help="As --element shell: bend and touch as thin sheets do."),
+        bool, option("As --element shell: bend and touch as thin sheets do.", "--own-shell")
     ] = False,
     increments: Annotated[
         bool,
-        typer.Option(
-            "--increments",
-            help="Take at least the file's time_steps of each step; else as few as it needs, but "
+        option(
+            "Take at least the file's time_steps of each step; else as few as it needs, but "
             "for friction, which remembers them.",
+            "--increments",
         ),
     ] = False,
     mid_surface: Annotated[
         bool,
-        typer.Option(
-            "--mid-surface",
-            help="Our own shell, with springs, ties and loads on its mid-surface.",
-        ),
+        option("Our own shell, with springs, ties and loads on its mid-surface.", "--mid-surface"),
     ] = False,
 ) -> None:
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
@@ -224,9 +216,7 @@ def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
 def export(
     case: CaseName,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="The FEBio file to write.")] = Path(
-        "hood.feb"
-    ),
+    out: Annotated[Path, option("The FEBio file to write.", "--out", "-o")] = Path("hood.feb"),
 ) -> None:
     """Write the shell hood of a case at its posture, under its tendons' tensions, for FEBio."""
     with exit_on_error():

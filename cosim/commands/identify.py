@@ -25,7 +25,7 @@ from cosim.analyses.identify.sensitivity import (
 )
 from cosim.analyses.identify.tornado import draw_tornado
 from cosim.case.file import base_name, load_case
-from cosim.commands.options import Settings, Workers, to
+from cosim.commands.options import Settings, Workers, option, to
 from cosim.commands.terminal import print_table, say, stages
 from cosim.errors import InputError
 from cosim.files import check_file, output_file, write_text
@@ -40,30 +40,30 @@ STRONGEST = 6
 def sensitivity(
     of: Annotated[
         str,
-        typer.Option(
+        option(
+            "How the results of this case depend on what it assumes.",
             "--sensitivity",
             metavar="CASE",
-            help="How the results of this case depend on what it assumes.",
         ),
     ],
     settings: Settings = None,
     out: Path = Path("sensitivity"),
     quantity: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="KEY",
-            help="Where summary.json has the number (slip_force_N.central), or A/B for a ratio; "
+        option(
+            "Where summary.json has the number (slip_force_N.central), or A/B for a ratio; "
             "repeatable. Without it: the usual forces, strains and arms.",
+            metavar="KEY",
         ),
     ] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Vary what has NAME in its name alone; repeatable."),
+        option("Vary what has NAME in its name alone; repeatable.", metavar="NAME"),
     ] = None,
     data: Annotated[
         Path | None,
-        typer.Option(
-            help="CSV of measured numbers, as `cosim show --data` takes them: their quantities "
+        option(
+            "CSV of measured numbers, as `cosim show --data` takes them: their quantities "
             "are included, and shown in the charts."
         ),
     ] = None,
@@ -150,8 +150,8 @@ def identify(
     ],
     targets: Annotated[
         Path,
-        typer.Option(
-            help="CSV of measured numbers, as `cosim show --data` takes them. A band counts if "
+        option(
+            "CSV of measured numbers, as `cosim show --data` takes them. A band counts if "
             "the model lies outside it; SDs are the weights, 1 unit if there is none. The column "
             "case says which case a row is for; empty: for each."
         ),
@@ -159,8 +159,8 @@ def identify(
     settings: Settings = None,
     free: Annotated[
         Path | None,
-        typer.Option(
-            help="TOML, a table for each parameter: low, high, start, unit, settings = "
+        option(
+            "TOML, a table for each parameter: low, high, start, unit, settings = "
             "['KEY={value}'] and, for a number of any sign, scale = 'linear'; of c1, toe, c4, "
             "modulus_across, shear_modulus the bounds alone. Without it: the parameters of the "
             "cases' laws. Tables [cases.NAME] with set = ['KEY=VALUE'] make several cases of the "
@@ -169,8 +169,8 @@ def identify(
     ] = None,
     held_out: Annotated[
         Path | None,
-        typer.Option(
-            help="CSV of rows that are compared and shown, but not fitted; so are rows of "
+        option(
+            "CSV of rows that are compared and shown, but not fitted; so are rows of "
             "--targets with yes in a column held_out."
         ),
     ] = None,
@@ -180,28 +180,28 @@ def identify(
     ] = None,
     profiles: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Hold each parameter on a grid while the others are fitted again, and write these "
+        option(
+            "Hold each parameter on a grid while the others are fitted again, and write these "
             "profile likelihoods as profiles.csv and profiles.png; a dozen fits a parameter.",
+            metavar="FOLDER",
         ),
     ] = None,
     allow_unidentified: Annotated[
         bool,
-        typer.Option(
+        option(
+            "Fit even where the rows cannot tell some of the parameters at the start.",
             "--allow-unidentified",
-            help="Fit even where the rows cannot tell some of the parameters at the start.",
         ),
     ] = False,
     most: Annotated[
         int,
-        typer.Option(
+        option(
+            "Evaluations of all cases in the search, at most; gradients and the last solves, "
+            "from scratch, come on top.",
             "--most",
             "--steps",
             min=1,
             max=1000,
-            help="Evaluations of all cases in the search, at most; gradients and the last solves, "
-            "from scratch, come on top.",
         ),
     ] = 30,
     workers: Workers = 2,

@@ -12,7 +12,7 @@ import typer
 from cosim.analyses.opensim.loads import Handover, mass_centres, write_loads
 from cosim.analyses.opensim.tensions import read_tensions, tensions_at, write_case
 from cosim.commands.door import door
-from cosim.commands.options import one_of, pairs_of, quantity, three_numbers, to
+from cosim.commands.options import one_of, option, pairs_of, quantity, three_numbers, to
 from cosim.errors import InputError
 from cosim.port import Array
 from cosim.schema import units
@@ -29,13 +29,13 @@ def import_model(
     files: list[Path],
     out: Path,
     tolerance: Annotated[
-        str, typer.Option(help="By how much the length of an imported muscle may be off OpenSim's.")
+        str, option("By how much the length of an imported muscle may be off OpenSim's.")
     ] = "0.1 mm",
     only: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
+            "Take this body, with what carries it, or this muscle; with * and ?.  Repeat it.",
             metavar="NAME",
-            help="Take this body, with what carries it, or this muscle; with * and ?.  Repeat it.",
         ),
     ] = None,
 ) -> None:
@@ -64,21 +64,18 @@ def tensions(
     files: list[Path],
     out: Path,
     extends: Annotated[
-        str, typer.Option(help="The case that the tensions are laid over: a file or packaged case.")
+        str, option("The case that the tensions are laid over: a file or packaged case.")
     ] = "base/index_finger.toml",
-    time: Annotated[
-        float | None, typer.Option(help="Time of the tensions, s; else the table's last.")
-    ] = None,
+    time: Annotated[float | None, option("Time of the tensions, s; else the table's last.")] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
+            "Column of a tendon's force, if it has not the tendon's name; repeatable.",
             metavar="TENDON=COLUMN",
-            help="Column of a tendon's force, if it has not the tendon's name; repeatable.",
         ),
     ] = None,
     over_time: Annotated[
-        bool,
-        typer.Option("--over-time", help="The columns as tensions over time, of a case in motion."),
+        bool, option("The columns as tensions over time, of a case in motion.", "--over-time")
     ] = False,
 ) -> None:
     """Write a case with the muscle forces of an OpenSim table as tendon tensions."""
@@ -103,50 +100,44 @@ def loads(
     out: Path,
     body: Annotated[
         list[str],
-        typer.Option(
+        option(
+            "FEBio's number of a rigid body and OpenSim's name of it; repeatable.",
             metavar="NUMBER=NAME",
-            help="FEBio's number of a rigid body and OpenSim's name of it; repeatable.",
         ),
     ],
     model: Annotated[
         Path | None,
-        typer.Option(
+        option(
+            "Where the forces act: at the centres of mass of this model's bodies.",
             metavar="MODEL.osim",
-            help="Where the forces act: at the centres of mass of this model's bodies.",
         ),
     ] = None,
     point: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
+            "Or at this point, m in OpenSim's frame of the body; repeatable.",
             metavar='NAME="X Y Z"',
-            help="Or at this point, m in OpenSim's frame of the body; repeatable.",
         ),
     ] = None,
     axes: Annotated[
-        str, typer.Option(help="OpenSim's x, y, z in FEBio's axes; the thesis's if not given.")
+        str, option("OpenSim's x, y, z in FEBio's axes; the thesis's if not given.")
     ] = "-x -z -y",
     mean: Annotated[
         tuple[float, float] | None,
-        typer.Option(
-            metavar="FROM TO", help="The mean between two times of FEBio, repeated for --duration."
-        ),
+        option("The mean between two times of FEBio, repeated for --duration.", metavar="FROM TO"),
     ] = None,
-    duration: Annotated[float, typer.Option(help="Time for which a mean is repeated, s.")] = 2.0,
+    duration: Annotated[float, option("Time for which a mean is repeated, s.")] = 2.0,
     opposite: Annotated[
         bool,
-        typer.Option(
+        option(
+            "The opposite of FEBio's reactions: what tissue and contact do to the bodies.",
             "--opposite",
-            help="The opposite of FEBio's reactions: what tissue and contact do to the bodies.",
         ),
     ] = False,
-    no_moments: Annotated[
-        bool, typer.Option("--no-moments", help="Forces alone, as in the thesis.")
-    ] = False,
-    force_unit: Annotated[ForceUnit, typer.Option(help="FEBio's.")] = "N",
-    length_unit: Annotated[LengthUnit, typer.Option(help="FEBio's, of moments.")] = "mm",
-    columns: Annotated[
-        str, typer.Option(help='Of records that are named otherwise: "Fx;Fy;Fz".')
-    ] = "",
+    no_moments: Annotated[bool, option("Forces alone, as in the thesis.", "--no-moments")] = False,
+    force_unit: Annotated[ForceUnit, option("FEBio's.")] = "N",
+    length_unit: Annotated[LengthUnit, option("FEBio's, of moments.")] = "mm",
+    columns: Annotated[str, option('Of records that are named otherwise: "Fx;Fy;Fz".')] = "",
 ) -> None:
     """Write the reactions of rigid bodies that FEBio logged as OpenSim's external loads."""
     names = _bodies(body)

@@ -11,6 +11,7 @@ import typer
 
 from cosim.array_cache import OFF, ArrayCache, Contents, user_cache
 from cosim.array_cache import VARIABLE as VARIABLE_OF_CACHE
+from cosim.commands.options import option
 from cosim.extras import DISTRIBUTIONS, EXTRAS, install_command, is_installed
 from cosim.files import shown_path
 from cosim.version import __version__
@@ -38,15 +39,14 @@ PURPOSES = {
 
 def info(
     clear_cache: Annotated[
-        bool,
-        typer.Option("--clear-cache", help="Empty the cache of arrays, and say what that freed."),
+        bool, option("Empty the cache of arrays, and say what that freed.", "--clear-cache")
     ] = False,
     warm: Annotated[
         bool,
-        typer.Option(
-            "--warm",
-            help="Compile the kernels and bake the distances of the bones of the shipped cases, so "
+        option(
+            "Compile the kernels and bake the distances of the bones of the shipped cases, so "
             "that no later run waits: after an installation, or while a container is built.",
+            "--warm",
         ),
     ] = False,
 ) -> None:

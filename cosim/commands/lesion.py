@@ -19,7 +19,7 @@ from cosim.analyses.repairs import (
 from cosim.analyses.repairs_page import repair_sentences, repairs_page
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.commands.options import Settings, Workers, to
+from cosim.commands.options import Settings, Workers, option, to
 from cosim.commands.terminal import show_table, stages, warn_of_audits
 from cosim.files import check_file, write_text
 from cosim.pipeline import run_each
@@ -46,18 +46,16 @@ def lesion(
     ],
     settings: Settings = None,
     page: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The report to write; else CASE.html.")
+        Path | None, option("The report to write; else CASE.html.", metavar="FILE")
     ] = None,
     form: Annotated[
-        Form, typer.Option("--format", help="A page, or its tables alone as csv, json or md.")
+        Form, option("A page, or its tables alone as csv, json or md.", "--format")
     ] = "html",
     out: Annotated[Path, to("Folder for the runs.")] = Path("runs"),
     workers: Workers = 2,
     repairs: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Compare the repairs that a TOML file states, or a packaged one."
-        ),
+        option("Compare the repairs that a TOML file states, or a packaged one.", metavar="FILE"),
     ] = None,
 ) -> None:
     """Solve a case without its lesion and with it, fingertip free and held, and report both:

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from cosim.case.file import json_schema, packaged_cases
 from cosim.commands.door import door
-from cosim.commands.options import to
+from cosim.commands.options import option, to
 from cosim.commands.terminal import console, print_table
 from cosim.errors import InputError, nearest_names
 from cosim.files import write_text
@@ -50,8 +50,7 @@ class Things(StrEnum):
 def list_things(
     what: Annotated[Things, typer.Argument(help="What to list.")] = Things.CASES,
     html: Annotated[
-        Path | None,
-        typer.Option(help="Of measured: a page with every number and its source."),
+        Path | None, option("Of measured: a page with every number and its source.")
     ] = None,
 ) -> None:
     """The packaged cases and studies, the trials of `cosim validate`, the kinds of finger, hood and
@@ -95,9 +94,7 @@ def tell_meaning(word: str = "") -> None:
 def tell_schema(
     schema: Annotated[
         bool,
-        typer.Option(
-            "--schema", help='The JSON Schema of a case file, or with the word "study" of a study.'
-        ),
+        option('The JSON Schema of a case file, or with the word "study" of a study.', "--schema"),
     ],
     word: str = "case",
     out: Annotated[Path | None, to("Write both schemas there instead.", "FOLDER")] = None,

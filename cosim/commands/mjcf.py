@@ -22,7 +22,7 @@ from cosim.analyses.mjcf_hood import (
 from cosim.analyses.mjcf_hood import attach as attach_hood
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.commands.options import Settings
+from cosim.commands.options import Settings, option
 from cosim.commands.terminal import print_table, stages
 from cosim.errors import InputError
 from cosim.files import check_file, write_text
@@ -36,7 +36,7 @@ from rigid.mjcf.read import part_names
 ATTACHED = "network_edc"
 """The case whose hood is attached where none is named."""
 HoodKind = Annotated[
-    HoodName | None, typer.Option(help="Write the case's hood too, which must be of this kind.")
+    HoodName | None, option("Write the case's hood too, which must be of this kind.")
 ]
 
 
@@ -65,24 +65,21 @@ def attach(
     out: Path,
     hand: Annotated[
         Path,
-        typer.Option(
+        option(
+            "Put the case's hood on a finger of this MuJoCo hand, in place of the fixed paths "
+            f"of its extensors; {ATTACHED}'s where no CASE is named.",
             "--attach",
             metavar="HAND.xml",
-            help="Put the case's hood on a finger of this MuJoCo hand, in place of the fixed paths "
-            f"of its extensors; {ATTACHED}'s where no CASE is named.",
         ),
     ],
     case: str = ATTACHED,
     settings: Settings = None,
     hood: HoodKind = "network",
-    finger: Annotated[
-        FingerName, typer.Option(help="The finger of the hand that gets the hood.")
-    ] = "index",
+    finger: Annotated[FingerName, option("The finger of the hand that gets the hood.")] = "index",
     names: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help='A TOML file of lines EDC = "EDCI", which part of the hand is which.',
+        option(
+            'A TOML file of lines EDC = "EDCI", which part of the hand is which.', metavar="FILE"
         ),
     ] = None,
 ) -> None:

@@ -17,7 +17,7 @@ from cosim.analyses.moment_arms import (
     sweep,
 )
 from cosim.case.file import load_case
-from cosim.commands.options import CaseName, Settings, to
+from cosim.commands.options import CaseName, Settings, option, to
 from cosim.commands.terminal import print_table, stages
 from cosim.files import check_file, output_file
 from cosim.fingers.kinds import joint_ranges
@@ -33,7 +33,7 @@ def moment_arms(
     case: CaseName,
     settings: Settings = None,
     out: Annotated[Path, to("Folder for table and plot.")] = Path("moment_arms"),
-    steps: Annotated[int, typer.Option(min=2, max=1000, help="Postures of each joint.")] = 9,
+    steps: Annotated[int, option("Postures of each joint.", min=2, max=1000)] = 9,
 ) -> None:
     """Moment arms of all tendons while each joint passes its range, beside published ones."""
     checked = load_case(case, settings or ())

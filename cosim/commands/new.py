@@ -17,7 +17,7 @@ from cosim.anatomy.people import EXAMPLE, new_people, read_people
 from cosim.anatomy.read import UserAnatomy
 from cosim.commands.door import door
 from cosim.commands.new_page import write_page
-from cosim.commands.options import pairs_of, quantity, three_numbers, to
+from cosim.commands.options import option, pairs_of, quantity, three_numbers, to
 from cosim.commands.terminal import say, stages
 from cosim.errors import InputError
 from cosim.port import Hand
@@ -39,84 +39,71 @@ def new_one(
     name: Name,
     hood: Annotated[
         Path | None,
-        typer.Option(help="The hood: quads with named sets, .feb, .vtu, .vtp, .vtk, .msh or .inp."),
+        option("The hood: quads with named sets, .feb, .vtu, .vtp, .vtk, .msh or .inp."),
     ] = None,
     bones: Annotated[
         Files | None,
-        typer.Option(
-            metavar="METACARPAL PROXIMAL MIDDLE DISTAL",
-            help="Four closed surfaces, STL or OBJ; ours if not given.  Without --hood and "
+        option(
+            "Four closed surfaces, STL or OBJ; ours if not given.  Without --hood and "
             "--finger they may lie anywhere, and our hood is laid on them.",
+            metavar="METACARPAL PROXIMAL MIDDLE DISTAL",
         ),
     ] = None,
     bone: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="BODY=FILE", help="One of the bones that a hood is laid on; repeatable."
-        ),
+        option("One of the bones that a hood is laid on; repeatable.", metavar="BODY=FILE"),
     ] = None,
     finger_kind: Annotated[
-        str, typer.Option(help="Whose bones they are: index, middle, ..., without --hood.")
+        str, option("Whose bones they are: index, middle, ..., without --hood.")
     ] = "index",
     hand: Annotated[
-        Hand, typer.Option(help="Of which hand the bones are; the case is of that hand.")
+        Hand, option("Of which hand the bones are; the case is of that hand.")
     ] = "right",
     landmarks: Annotated[
         Path | None,
-        typer.Option(
-            help="A CSV file of points on the bones, bone,landmark,x,y,z, which override."
-        ),
+        option("A CSV file of points on the bones, bone,landmark,x,y,z, which override."),
     ] = None,
     finger: Annotated[
         Path | None,
-        typer.Option(
-            help="A MuJoCo model (.xml) of the finger, with the .json that `cosim import` wrote "
+        option(
+            "A MuJoCo model (.xml) of the finger, with the .json that `cosim import` wrote "
             "beside it; our index finger if not given."
         ),
     ] = None,
-    unit: Annotated[Unit, typer.Option(help="Unit of the hood's file.")] = "mm",
+    unit: Annotated[Unit, option("Unit of the hood's file.")] = "mm",
     bone_unit: Annotated[
         Unit | None,
-        typer.Option(
-            help="Unit of the bones' files; if not given the hood's, or without a hood by their "
-            "lengths."
+        option(
+            "Unit of the bones' files; if not given the hood's, or without a hood by their lengths."
         ),
     ] = None,
     bone_frame: Annotated[
-        Frame,
-        typer.Option(help="body: each bone in its body's frame; hood: all in the hood's; myohand."),
+        Frame, option("body: each bone in its body's frame; hood: all in the hood's; myohand.")
     ] = "body",
     axes: Annotated[
-        str, typer.Option(help='Axes of the file that run distal, radial and dorsal, as "z -x y".')
+        str, option('Axes of the file that run distal, radial and dorsal, as "z -x y".')
     ] = "x y z",
     origin: Annotated[
-        str, typer.Option(help="The MCP's centre in the hood's file, in its unit and axes.")
+        str, option("The MCP's centre in the hood's file, in its unit and axes.")
     ] = "0 0 0",
     posture: Annotated[
         str | None,
-        typer.Option(
-            help="Flexion of MCP, PIP and DIP, deg, in which the hood was laid, 0 0 0 if not "
+        option(
+            "Flexion of MCP, PIP and DIP, deg, in which the hood was laid, 0 0 0 if not "
             "given; or of one scan of the bones that our hood is laid on."
         ),
     ] = None,
     thickness: Annotated[
-        str | None,
-        typer.Option(help="The sheet's, as \"0.65 mm\"; else the file's, or the base case's."),
+        str | None, option("The sheet's, as \"0.65 mm\"; else the file's, or the base case's.")
     ] = None,
-    length_scale: Annotated[
-        float, typer.Option(min=0.1, max=3.0, help="Scale of our index finger.")
-    ] = 1.0,
+    length_scale: Annotated[float, option("Scale of our index finger.", min=0.1, max=3.0)] = 1.0,
     set_name: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="OURS=YOURS", help="What a set, body, joint or tendon is called; repeatable."
-        ),
+        option("What a set, body, joint or tendon is called; repeatable.", metavar="OURS=YOURS"),
     ] = None,
     names: Annotated[
         Path | None,
-        typer.Option(
-            help='A TOML file of such names: end_central = "NSET_12"; or myohand, for MyoSuite\'s.'
-        ),
+        option('A TOML file of such names: end_central = "NSET_12"; or myohand, for MyoSuite\'s.'),
     ] = None,
     out: Out = None,
 ) -> None:
@@ -156,11 +143,11 @@ def new_from_table(
     name: Name,
     table: Annotated[
         Path,
-        typer.Option(
+        option(
+            f"A case for each row, and a study of all: {EXAMPLE}, if wanted metacarpal_mm and "
+            "widths (proximal_width_mm); or a folder of bones in a column bones.",
             "--from-table",
             metavar="PEOPLE.csv",
-            help=f"A case for each row, and a study of all: {EXAMPLE}, if wanted metacarpal_mm and "
-            "widths (proximal_width_mm); or a folder of bones in a column bones.",
         ),
     ],
     out: Out = None,

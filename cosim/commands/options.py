@@ -27,9 +27,15 @@ AsJsonLines = Annotated[
 ]
 
 
+def option(what: str, *names: str, **more: Any) -> Any:
+    """An option whose help is `what`, with its names and more where they are not as Typer has
+    them."""
+    return typer.Option(*names, help=what, **more)
+
+
 def to(what: str, metavar: str | None = None) -> Any:
     """The option --out, of a file or folder."""
-    return typer.Option("--out", "-o", metavar=metavar, help=what)
+    return option(what, "--out", "-o", metavar=metavar)
 
 
 def one_of(paths: Sequence[Path], what: str) -> Path:

@@ -13,7 +13,7 @@ from cosim.analyses.reduction.errors import errors
 from cosim.analyses.reduction.reduce import Reduction, read_grid, reduce_case
 from cosim.analyses.reduction.walks import SPREAD
 from cosim.case.file import base_name, load_case
-from cosim.commands.options import Settings, Workers
+from cosim.commands.options import Settings, Workers, option
 from cosim.commands.terminal import print_table, say
 from cosim.files import check_file, output_file
 
@@ -24,27 +24,27 @@ def reduce(
     settings: Settings = None,
     grid: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="JOINT=DEG,DEG,...",
-            help="Angles of a joint in the grid of postures, in deg; repeatable. A joint without "
+        option(
+            "Angles of a joint in the grid of postures, in deg; repeatable. A joint without "
             "any stays as in the case. Without it MCP=0,22,45, PIP=10,32,55 and DIP=5,20,35.",
+            metavar="JOINT=DEG,DEG,...",
         ),
     ] = None,
     spread: Annotated[
         int,
-        typer.Option(
+        option(
+            "Postures between the grid's points in which each tendon pulls alone; a third "
+            "more in which all pull. Fewer are quicker and less exact.",
             min=1,
             max=10_000,
-            help="Postures between the grid's points in which each tendon pulls alone; a third "
-            "more in which all pull. Fewer are quicker and less exact.",
         ),
     ] = SPREAD,
     samples: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.json",
-            help="Keep the hood's states in a file as they come; a call after one that was cut "
+        option(
+            "Keep the hood's states in a file as they come; a call after one that was cut "
             "off, or another fit of the same hood, uses them.",
+            metavar="FILE.json",
         ),
     ] = None,
     workers: Workers = 2,

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from cosim.commands.options import to
+from cosim.commands.options import option, to
 from cosim.commands.terminal import say
 from cosim.errors import InputError
 from cosim.files import check_file
@@ -32,17 +32,16 @@ def reproduce(
         ),
     ],
     only: Annotated[
-        list[str] | None,
-        typer.Option("--only", metavar="NAME", help="This study alone; repeatable."),
+        list[str] | None, option("This study alone; repeatable.", "--only", metavar="NAME")
     ] = None,
     out: Annotated[Path | None, to("Folder; reproduced/PAPER without it.")] = None,
     mi29: Annotated[
         Path | None,
-        typer.Option(
+        option(
+            "thesis: the hood that it started from, Verify/mi29.feb of FEBio's test suite, "
+            "which has no licence and is not shipped.",
             "--mi29",
             metavar="FILE",
-            help="thesis: the hood that it started from, Verify/mi29.feb of FEBio's test suite, "
-            "which has no licence and is not shipped.",
         ),
     ] = None,
 ) -> None:

@@ -17,7 +17,7 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.case.usual import unusual_values
 from cosim.commands.door import door
-from cosim.commands.options import AsJsonLines, Cases, Quiet, Settings, Workers, to
+from cosim.commands.options import AsJsonLines, Cases, Quiet, Settings, Workers, option, to
 from cosim.commands.terminal import (
     CODES,
     INCOMPLETE,
@@ -84,22 +84,20 @@ def begin(
     out: Annotated[Path, to("Folder for the results.")] = Path("runs"),
     workers: Workers = 1,
     pictures: Annotated[
-        bool, typer.Option("--pictures/--no-pictures", help="Draw each case's pictures, or none.")
+        bool, option("Draw each case's pictures, or none.", "--pictures/--no-pictures")
     ] = True,
     restart: Annotated[
-        bool, typer.Option("--restart", help="Begin motions anew, even if a part is kept.")
+        bool, option("Begin motions anew, even if a part is kept.", "--restart")
     ] = False,
     watch: Annotated[
         bool,
-        typer.Option(
-            "--watch", help="Show the run, of one case, in a page of your browser as it goes on."
-        ),
+        option("Show the run, of one case, in a page of your browser as it goes on.", "--watch"),
     ] = False,
     browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="With --watch: open the browser, or not.")
+        bool, option("With --watch: open the browser, or not.", "--browser/--no-browser")
     ] = True,
     profile: Annotated[
-        bool, typer.Option("--profile", help="Print where the time went; with --workers 1.")
+        bool, option("Print where the time went; with --workers 1.", "--profile")
     ] = False,
     quiet: Quiet = False,
     as_json: AsJsonLines = False,
@@ -312,11 +310,11 @@ def _check_unfinished(cases: Sequence[Case], out: Path, restart: bool) -> None:
 def resume(
     run: Annotated[
         Path,
-        typer.Option(
+        option(
+            "Go on with a motion that was stopped or killed, from its last checkpoint: the "
+            "folder of its run.",
             "--resume",
             metavar="RUN",
-            help="Go on with a motion that was stopped or killed, from its last checkpoint: the "
-            "folder of its run.",
         ),
     ],
     quiet: Quiet = False,

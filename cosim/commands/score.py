@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cosim.commands.options import Workers, quantity, to
+from cosim.commands.options import Workers, option, quantity, to
 from cosim.commands.terminal import console, show_table, stages
 from cosim.errors import InputError
 from cosim.files import check_file
@@ -37,26 +37,22 @@ def score(
     ),
     names: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="FILE",
-            help='A TOML file of lines EDC = "EDCI": which part is which; of one model of several '
+        option(
+            'A TOML file of lines EDC = "EDCI": which part is which; of one model of several '
             "MODEL=FILE.  Repeatable.",
+            metavar="FILE",
         ),
     ] = None,
     finger: Annotated[
         FingerName | None,
-        typer.Option(help="The finger to judge; else the index finger, where the model has one."),
+        option("The finger to judge; else the index finger, where the model has one."),
     ] = None,
     tolerance: Annotated[
-        str,
-        typer.Option(help="By how much a muscle's length may be off OpenSim's, of .osim files."),
+        str, option("By how much a muscle's length may be off OpenSim's, of .osim files.")
     ] = "0.1 mm",
     workers: Workers = 2,
     update: Annotated[
-        bool,
-        typer.Option(
-            "--update", help=f"Write the numbers into {REFERENCES} of a checkout as well."
-        ),
+        bool, option(f"Write the numbers into {REFERENCES} of a checkout as well.", "--update")
     ] = False,
 ) -> None:
     """Judge hand models by what was measured: moment arms, forces of a clamped fingertip, shares of

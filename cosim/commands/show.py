@@ -12,7 +12,7 @@ import typer
 
 import cosim
 from cosim.commands.door import door
-from cosim.commands.options import one_of, to
+from cosim.commands.options import one_of, option, to
 from cosim.commands.terminal import stages
 from cosim.errors import InputError
 from cosim.extras import require
@@ -21,13 +21,11 @@ from cosim.report.page import Form, write_report
 from cosim.results.film import FPS, WIDTH, check_film_file
 from cosim.results.sto import write_tables
 
-Against = Annotated[
-    Path | None, typer.Option(metavar="RUN", help="Run to subtract from every RUN.")
-]
+Against = Annotated[Path | None, option("Run to subtract from every RUN.", metavar="RUN")]
 Data = Annotated[
     Path | None,
-    typer.Option(
-        help="CSV of measured or published numbers, with the columns name, quantity (where "
+    option(
+        "CSV of measured or published numbers, with the columns name, quantity (where "
         "summary.json has it: slip_force_N.central), unit, reference, sd, low, high, source, "
         "kind; also case, geometry, fitted, note."
     ),
@@ -58,8 +56,7 @@ def _has_display() -> bool:
 def print_tables(
     runs: list[Path],
     form: Annotated[
-        Literal["csv", "json", "md"],
-        typer.Option("--format", help="Print the tables of a page instead."),
+        Literal["csv", "json", "md"], option("Print the tables of a page instead.", "--format")
     ],
     against: Against = None,
     data: Data = None,
@@ -88,15 +85,15 @@ def _report(
 def film(
     runs: list[Path],
     out: Path,
-    fps: Annotated[float, typer.Option(help="Pictures a second, 0.5 to 50.")] = FPS,
+    fps: Annotated[float, option("Pictures a second, 0.5 to 50.")] = FPS,
     speed: Annotated[
         float | None,
-        typer.Option(
-            help="How many times as fast as the motion was; without, every stored frame once.",
+        option(
+            "How many times as fast as the motion was; without, every stored frame once.",
             show_default=False,
         ),
     ] = None,
-    width: Annotated[int, typer.Option(help="Width in pixels.")] = WIDTH,
+    width: Annotated[int, option("Width in pixels.")] = WIDTH,
 ) -> None:
     """A film without a display: a motion, or states at rest in turn."""
     folder = one_of(runs, "a film")

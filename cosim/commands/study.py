@@ -11,7 +11,7 @@ import typer
 
 from cosim.commands.door import door
 from cosim.commands.identify import sensitivity
-from cosim.commands.options import Settings, to
+from cosim.commands.options import Settings, option, to
 from cosim.commands.terminal import print_table, say, warn
 from cosim.errors import InputError, span
 from cosim.extras import require
@@ -42,43 +42,37 @@ def solve_study(
         str, typer.Argument(metavar="STUDY", help="Study file, or name of a packaged study.")
     ],
     case: Annotated[
-        str | None,
-        typer.Option(metavar="CASE", help="Case file or name, in place of the study's own."),
+        str | None, option("Case file or name, in place of the study's own.", metavar="CASE")
     ] = None,
     settings: Settings = None,
     samples: Annotated[
-        int | None, typer.Option(min=2, max=2**22, help="Samples, in place of the study's own.")
+        int | None, option("Samples, in place of the study's own.", min=2, max=2**22)
     ] = None,
     over: Annotated[
         str | None,
-        typer.Option(
-            metavar="KEY=VALUES", help=f'Every sample at each value of a key: "{OVER}": curves.'
-        ),
+        option(f'Every sample at each value of a key: "{OVER}": curves.', metavar="KEY=VALUES"),
     ] = None,
     workers: Annotated[
-        int,
-        typer.Option(min=0, max=1024, help="Processes on this machine; 0: in this process alone."),
+        int, option("Processes on this machine; 0: in this process alone.", min=0, max=1024)
     ] = 2,
     scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="A Dask scheduler to use instead, tcp://host:8786."),
+        str | None, option("A Dask scheduler to use instead, tcp://host:8786.", metavar="ADDRESS")
     ] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Do failed runs again.")] = False,
+    retry: Annotated[bool, option("Do failed runs again.", "--retry")] = False,
     store: Annotated[
-        Path | None,
-        typer.Option(help="Folder of finished runs, which studies may share; else OUT/store."),
+        Path | None, option("Folder of finished runs, which studies may share; else OUT/store.")
     ] = None,
     surrogate: Annotated[
         Path | None,
-        typer.Option(
-            metavar="POINTS.csv",
-            help="Fit a Gaussian process to each output and let it answer these points, a column "
+        option(
+            "Fit a Gaussian process to each output and let it answer these points, a column "
             "for each parameter in the study's units: surrogate.csv, each answer with its SD. An "
             "output of which it explains less than 80 % of runs held out is refused.",
+            metavar="POINTS.csv",
         ),
     ] = None,
     allow_poor: Annotated[
-        bool, typer.Option("--allow-poor", help="Answer with a poor surrogate too.")
+        bool, option("Answer with a poor surrogate too.", "--allow-poor")
     ] = False,
     out: Annotated[Path, to("Folder of table and page; of --sensitivity: sensitivity.")] = Path(
         "studies"
@@ -224,10 +218,8 @@ def _show_fits(results: StudyResults) -> None:
 def status(
     folder: Annotated[
         Path,
-        typer.Option(
-            "--status",
-            metavar="STORE",
-            help="How far the studies of a folder of finished runs are.",
+        option(
+            "How far the studies of a folder of finished runs are.", "--status", metavar="STORE"
         ),
     ],
 ) -> None:

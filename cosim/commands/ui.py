@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cosim.case.file import load_case
-from cosim.commands.options import Settings, to
+from cosim.commands.options import Settings, option, to
 from cosim.commands.terminal import say
 from cosim.extras import require
 from cosim.processes import process_context
@@ -16,12 +16,8 @@ from cosim.ui.desk import Desk
 from cosim.ui.server import serving, wait_for_end
 
 FIRST_CASE = "isometric_edc"
-Port = Annotated[
-    int, typer.Option(min=0, max=65535, help="Port of this machine; 0: one that is free.")
-]
-Browser = Annotated[
-    bool, typer.Option("--browser/--no-browser", help="Open the page in the browser, or not.")
-]
+Port = Annotated[int, option("Port of this machine; 0: one that is free.", min=0, max=65535)]
+Browser = Annotated[bool, option("Open the page in the browser, or not.", "--browser/--no-browser")]
 
 
 def ui(
@@ -32,9 +28,9 @@ def ui(
     out: Annotated[Path, to("Folder for runs that you save.")] = Path("runs"),
     reduced: Annotated[
         str | None,
-        typer.Option(
+        option(
+            "The case with a reduced hood (`cosim export`), solved while a slider moves.",
             metavar="CASE.toml",
-            help="The case with a reduced hood (`cosim export`), solved while a slider moves.",
         ),
     ] = None,
     port: Port = 0,

@@ -10,7 +10,7 @@ import typer
 
 from cosim.analyses.mesh_series import MeshSeries, mesh_factors
 from cosim.commands.door import door
-from cosim.commands.options import to
+from cosim.commands.options import option, to
 from cosim.commands.terminal import console, print_table, say, show_table, warn_of_audits
 from cosim.commands.validate_curves import check_update, validate_curves
 from cosim.files import check_file
@@ -50,39 +50,36 @@ def validate_trials(
     out: Path = OUT,
     settings: list[str] | None = None,
     published: Annotated[
-        Path | None,
-        typer.Option(metavar="MI29.FEB", help="The published hood's file (FEBio's test suite)."),
+        Path | None, option("The published hood's file (FEBio's test suite).", metavar="MI29.FEB")
     ] = None,
     meshes: Annotated[
         int | None,
-        typer.Option(
+        option(
+            "Repeat on so many meshes of the family: order, limit and u_num of every number.",
             min=2,
             max=5,
-            help="Repeat on so many meshes of the family: order, limit and u_num of every number.",
         ),
     ] = None,
     samples: Annotated[
         int | None,
-        typer.Option(
+        option(
+            "Repeat at so many samples of the inputs (study input_uncertainty): u_input.",
             min=5,
             max=10000,
-            help="Repeat at so many samples of the inputs (study input_uncertainty): u_input.",
         ),
     ] = None,
     forms: Annotated[
         bool,
-        typer.Option(
-            "--forms", help="Repeat with every hood of the ladder and with friction: their spread."
-        ),
+        option("Repeat with every hood of the ladder and with friction: their spread.", "--forms"),
     ] = False,
     workers: int = 2,
     listed: bool = False,
     update: bool = False,
     against: Annotated[
         Path | None,
-        typer.Option(
+        option(
+            "Say what differs from an earlier board; exit code 1 where anything does.",
             metavar="SCOREBOARD.JSON",
-            help="Say what differs from an earlier board; exit code 1 where anything does.",
         ),
     ] = None,
 ) -> None:
@@ -241,29 +238,26 @@ def _print_meshes(series: Mapping[Key, MeshSeries]) -> None:
 def validate(
     only: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Only the group of this name, or the trials whose name contains it.",
+        option(
+            "Only the group of this name, or the trials whose name contains it.", metavar="NAME"
         ),
     ] = None,
     out: Annotated[Path, to("Folder for the runs and the page.")] = OUT,
     settings: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
+            "Replace a value of every trial; hood.mesh=MI29.FEB is --published.",
             "--set",
             metavar="KEY=VALUE",
-            help="Replace a value of every trial; hood.mesh=MI29.FEB is --published.",
         ),
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
-    listed: Annotated[
-        bool, typer.Option("--list", help="Name the trials by group, and run none.")
-    ] = False,
+    workers: Annotated[int, option("Processes.", min=1, max=64)] = 2,
+    listed: Annotated[bool, option("Name the trials by group, and run none.", "--list")] = False,
     update: Annotated[
         bool,
-        typer.Option(
+        option(
+            f"Write {PLACE}, the committed scoreboard, as well, with --curves the curves'.",
             "--update",
-            help=f"Write {PLACE}, the committed scoreboard, as well, with --curves the curves'.",
         ),
     ] = False,
 ) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from cosim.commands.options import option
 from cosim.commands.terminal import say, show_table
 from cosim.errors import InputError
 from cosim.files import check_file
@@ -32,18 +33,17 @@ PLACE = Path("cases") / FILE
 def validate_curves(
     curves: Annotated[
         bool,
-        typer.Option(
-            "--curves",
-            help="In place of the trials sweep postures by two degrees: how rough forces and "
+        option(
+            "In place of the trials sweep postures by two degrees: how rough forces and "
             "moment arms are, beside aims. Some 20 minutes.",
+            "--curves",
         ),
     ],
     only: str = "",
     out: Path = Path("runs/validation"),
     settings: Sequence[str] = (),
     full: Annotated[
-        bool,
-        typer.Option("--full", help="Every muscle over every joint, on other meshes. Hours."),
+        bool, option("Every muscle over every joint, on other meshes. Hours.", "--full")
     ] = False,
     workers: int = 2,
     listed: bool = False,

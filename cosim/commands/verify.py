@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import typer
 
 import cosim
+from cosim.commands.options import option
 from cosim.errors import InputError
 from cosim.extras import is_installed
 from cosim.files import check_file
@@ -29,11 +30,11 @@ def verify(
         ),
     ],
     only: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only the proofs whose name contains this.")
+        str | None, option("Only the proofs whose name contains this.", metavar="NAME")
     ] = None,
-    slow: Annotated[bool, typer.Option("--slow", help="Run the slow proofs too.")] = False,
+    slow: Annotated[bool, option("Run the slow proofs too.", "--slow")] = False,
     rows: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write the rows to this file.")
+        Path | None, option("Write the rows to this file.", "--json", metavar="FILE")
     ] = None,
 ) -> None:
     """Solve problems whose answers are known, and print the numbers beside them; exit code 1 where
