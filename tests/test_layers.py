@@ -47,7 +47,6 @@ ALLOWED = {
     "cosim.xml_tree": ("cosim.port", "cosim.number_text"),
     "cosim.vtu_child": (),
     "cosim.kernels": ("cosim.kernels",),
-    "cosim.checks": ("cosim.port",),
     "cosim.coupling.accelerators": ("cosim.port",),
     "cosim.coupling.state": ("cosim.port", "cosim.coupling.accelerators"),
     "cosim.coupling.schemes": (
@@ -73,12 +72,12 @@ ALLOWED = {
         "cosim.coupling.finger_equilibrium",
     ),
     "fe_solver": (
-        *("cosim.port", "cosim.files", "cosim.mesh_file", "cosim.processes", "cosim.checks"),
+        *("cosim.port", "cosim.files", "cosim.mesh_file", "cosim.processes"),
         *("cosim.xml_tree", "cosim.kernels", "cosim.array_cache", "cosim.content_key"),
         *("cosim.extras", "cosim.number_text", "cosim.stopwatch", "fe_solver"),
     ),
     "rigid": (
-        *("cosim.port", "cosim.coupling.finger_equilibrium", "cosim.files", "cosim.checks"),
+        *("cosim.port", "cosim.coupling.finger_equilibrium", "cosim.files"),
         *("cosim.xml_tree", "cosim.kernels", "cosim.number_text"),
         *("meshes.skeleton", "rigid"),
     ),
@@ -101,7 +100,7 @@ FLOORS = (
     },
     {"cosim.port", "cosim.extras", "cosim.files", "cosim.processes"},
     {"cosim.abaqus_file"},
-    {"cosim.schema", "cosim.checks", "cosim.mesh_file", "cosim.outcome"},
+    {"cosim.schema", "cosim.mesh_file", "cosim.outcome"},
     {"cosim.roughness"},
     {"cosim.content_key"},
     {"cosim.array_cache"},

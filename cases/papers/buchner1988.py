@@ -27,7 +27,7 @@ from cases.papers.models.buchner1988.coordination_findings import (
     table_sensitivity,
 )
 from cases.papers.models.buchner1988.flexion import cosine
-from cosim.checks import printed_values, read_printed
+from cases.papers.models.printed import printed_values, read_printed
 from cosim.report.figures import legend_below, line_chart, new_picture, show, style_axes
 from rigid.hoods.two_band import JOINTS, LONG_NAMES, MUSCLES, TABLE_1, coupled_dip, excursions
 

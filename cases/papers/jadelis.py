@@ -24,9 +24,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 
+from cases.papers.models.printed import REPRODUCED_WITHIN, State, printed_values, read_printed
 from cosim.analyses.opensim.loads import THESIS_AXES, axes_of
 from cosim.case.file import load_case
-from cosim.checks import REPRODUCED_WITHIN, State, printed_values, read_printed
 from cosim.hoods.shell.view import CENTRAL
 from cosim.pipeline import run_case
 from cosim.report.figures import legend_below, new_picture, show, style_axes

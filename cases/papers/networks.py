@@ -45,8 +45,8 @@ from cases.papers.models.networks.testbed_runs import (
     virtual_bed,
 )
 from cases.papers.models.networks.testbed_study import errors, trials
+from cases.papers.models.printed import printed_values
 from cosim.case.file import load_case
-from cosim.checks import printed_values
 from cosim.hoods.lumped.table import JOINTS
 from cosim.models.build import build
 from cosim.pipeline import run_case

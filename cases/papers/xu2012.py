@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 from matplotlib import colormaps
 
+from cases.papers.models.printed import read_printed
 from cases.papers.models.xu2012 import checks
 from cases.papers.models.xu2012.air_model import (
     AMPLITUDE,
@@ -39,7 +40,6 @@ from cases.papers.models.xu2012.air_model import (
 )
 from cases.papers.models.xu2012.excursions import MOST_RESIDUAL
 from cases.papers.models.xu2012.fan import fan
-from cosim.checks import read_printed
 from cosim.report.figures import legend_below, new_picture, show, style_axes
 from rigid.air.plant import Pneumatics, Valve
 from rigid.fingers.anatomy import RANGES

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.checks import Row
 from cosim.fingers.kinds import skeleton_of
 from cosim.measured import measured_at
 from cosim.pipeline import run_case
@@ -50,19 +49,6 @@ class Experiment:
     n: int | None
     source: str
     read: str
-
-    def row(self, model: str, computed: float) -> Row:
-        """The experiment beside what a model, which is named, computes."""
-        source = f"{self.source}; n {self.n}; {self.read}"
-        quantity = f"{self.measured}, {self.unit}"
-        if self.at_least is not None:
-            more = max(computed - self.at_least, 0.0)
-            text = f"{quantity}: at least"
-            return Row(model, text, self.at_least, computed, more, source, "comparison")
-        assert self.mean is not None  # it has no bound
-        if self.sd is None:
-            return Row(model, quantity, self.mean, computed, 0.0, source, "shown")
-        return Row(model, quantity, self.mean, computed, self.sd, source, "comparison")
 
 
 class Value(NamedTuple):

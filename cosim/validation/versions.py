@@ -40,9 +40,6 @@ Version = Callable[[Trial], Case]
 """The case of a trial in a version.  Raises InputError where the trial has none."""
 Key = tuple[str, str, str, str]
 """What a compared number is known by: its group, case, name and quantity."""
-LEFT_OUT = (
-    "experiments of several runs, and hoods whose mesh is a file of its own, have no versions"
-)
 
 
 def key_of(group: str, row: Comparison) -> Key:

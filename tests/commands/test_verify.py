@@ -7,15 +7,14 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from cosim.checks import Row
 from cosim.cli import app
 from cosim.commands import verify
-from tests.helpers.rows import record
+from tests.helpers.rows import Row, record
 
 pytest_plugins = ["pytester"]
 
 PROOF = """
-from cosim.checks import Row
+from tests.helpers.rows import Row
 from tests.helpers.rows import judge_of
 import pytest
 

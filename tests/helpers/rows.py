@@ -6,19 +6,67 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from rich import box
 from rich.table import Table
 
-from cosim.checks import Row
 from cosim.commands.terminal import console
 
 LEFT = "rows"
 """The property of a test's report that holds its rows."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A computed quantity beside its target.
+
+    `measure` says how the error is taken: relative to the target, as the absolute difference, or
+    "bound" for a quantity that must not exceed its target.  A "comparison" with an experiment is
+    absolute and never fails: its tolerance is the experiment's spread, and it says whether the
+    model lies within.  A row that is only "shown", as every time that a clock took, has a relative
+    error and no tolerance.
+    `order` is the measured order of convergence where two meshes were solved; `source` says where
+    the target is from."""
+
+    name: str
+    quantity: str
+    target: float
+    computed: float
+    tolerance: float
+    source: str
+    measure: Literal["relative", "absolute", "bound", "comparison", "shown"] = "relative"
+    order: float | None = None
+
+    @property
+    def error(self) -> float:
+        """Relative or absolute error; of a bound, what exceeds it (0 where nothing does)."""
+        difference = self.computed - self.target
+        if self.measure == "bound":
+            return max(difference, 0.0)
+        scale = abs(self.target) if self.measure in ("relative", "shown") else 1.0
+        return abs(difference) / scale
+
+    @property
+    def passed(self) -> bool:
+        """Whether the error is within the tolerance; NaN never is.  A comparison, or a row that is
+        only shown, needs only be computed."""
+        if self.measure in ("comparison", "shown"):
+            return math.isfinite(self.error)
+        return self.error <= self.tolerance
+
+    @property
+    def verdict(self) -> str:
+        """ "pass" or "FAIL"; "within" or "outside" for a comparison; "shown"."""
+        if self.measure == "comparison" and self.passed:
+            return "within" if self.error <= self.tolerance else "outside"
+        if self.measure == "shown" and self.passed:
+            return "shown"
+        return "pass" if self.passed else "FAIL"
+
 
 Judge = Callable[[Iterable[Row]], list[Row]]
 

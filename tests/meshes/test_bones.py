@@ -3,11 +3,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cases.measure_bones import MeasurementPlan, farthest_hits, fit_error, measure, read_stl, table
 from cosim.errors import InputError
 from fe_solver.surfaces.spline_distance import SplineDistance
 from fe_solver.surfaces.triangle_distance import check_surface
 from meshes.bones import bone_surface, load_bone, spline
-from meshes.measure_bones import MeasurementPlan, farthest_hits, fit_error, measure, read_stl, table
 from meshes.skeleton import BODIES, index_finger, myohand_finger
 
 # Width (radial) and depth (dorsal) in mm over 0-20, 40-60 and 80-100 % of the bone's length,

@@ -27,7 +27,7 @@ from cases.papers.models.buchner1988.coordination_findings import (
     table_sensitivity,
 )
 from cases.papers.models.buchner1988.flexion import DURATION, FULL
-from cosim.checks import printed_values
+from cases.papers.models.printed import printed_values
 from cosim.errors import ConvergenceError
 from rigid.hoods.two_band import TABLE_1, Entry, coupled_dip, excursions, two_band
 

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from cosim.checks import read_printed
+from cases.papers.models.printed import read_printed
 from cosim.cli import app
 from cosim.commands.reproduce import BY_SUBJECT, PaperName
 from cosim.errors import ConvergenceError, InputError

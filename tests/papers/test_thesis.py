@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from cases.papers.models.printed import Printed, Relation, State, printed_values, read_printed
 from cosim.case.file import load_case
-from cosim.checks import Printed, Relation, State, printed_values, read_printed
 from cosim.cli import app
 from cosim.report import gallery
 from cosim.report.gallery import open_paper

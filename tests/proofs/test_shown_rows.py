@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from cosim.checks import Row
+from tests.helpers.rows import Row
 from tests.proofs.coupling.fmu_rows import time_row
 from tests.proofs.hoods import hood_rows
 from tests.proofs.hoods import reduction_rows as reduction

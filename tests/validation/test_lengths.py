@@ -9,7 +9,7 @@ from cosim.case.file import load_case
 from cosim.report.lesion_page import NOT_KNOWN, insertion_forces, strength_of
 from cosim.results.quantities import is_known
 from meshes.hood_mesh import REGIONS
-from tests.proofs.studies.length_rows import rows
+from tests.proofs.studies.length_rows import row_of, rows
 
 CASES = (
     *("lengths_terminal_1mm", "lengths_terminal_4mm", "lengths_central_gap"),
@@ -29,10 +29,10 @@ def test_a_miss_is_shown_and_fails_nothing():
     gap, drop, about = (
         experiments()[name] for name in ("central_gap_pip", "terminal_4mm", "terminal_1mm")
     )
-    assert [gap.row("", x).verdict for x in (45.0, 47.0)] == ["outside", "within"]
-    assert [drop.row("", x).verdict for x in (59.0, 75.0)] == ["outside", "within"]
-    assert about.row("", 3.0).verdict == "shown"
-    assert all(e.row("", -1e3).passed for e in experiments().values())
+    assert [row_of(gap, "", x).verdict for x in (45.0, 47.0)] == ["outside", "within"]
+    assert [row_of(drop, "", x).verdict for x in (59.0, 75.0)] == ["outside", "within"]
+    assert row_of(about, "", 3.0).verdict == "shown"
+    assert all(row_of(e, "", -1e3).passed for e in experiments().values())
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -12,7 +12,6 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.checks import Row
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.fmu.finger import FmuFinger, FmuMovingFinger
 from cosim.fmu.hood import FmuHood
@@ -23,6 +22,7 @@ from cosim.models.motion import MovingModels, moving_models
 from cosim.pipeline import run_case
 from cosim.port import STATIC, AffineLoad, Array, Hood, Pair, PairState, Tensions
 from cosim.solve.solvers import solve
+from tests.helpers.rows import Row
 
 TOLERANCE = 1e-9
 """N, of the fingertip force."""

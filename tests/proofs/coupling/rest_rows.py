@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from cosim.case.file import load_case
-from cosim.checks import Row
 from cosim.coupling.motion import motion_states
 from cosim.errors import quiet
 from cosim.models.motion import moving_models
 from cosim.port import Array
 from cosim.solve.solvers import solve
+from tests.helpers.rows import Row
 
 COARSE = "hood.mesh.quads=120"
 AGREE = 1e-4

@@ -7,12 +7,12 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.checks import Row
 from cosim.coupling.accelerators import Aitken, QuasiNewton
 from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, Scheme, begin, step
 from cosim.coupling.state import CoupledState, Pulls
 from cosim.errors import ConvergenceError
 from cosim.port import Array, Hood, MovingFinger
+from tests.helpers.rows import Row
 from tests.proofs.coupling.pairs import (
     FULL,
     INERTIA,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from cases.papers.models.printed import printed_values
 from cosim.case.file import load_case
-from cosim.checks import Row, printed_values
 from cosim.solve.one_way import finger_pass, hood_pass
 from cosim.solve.session import Session
 from cosim.solve.solvers import solve
+from tests.helpers.rows import Row
 from tests.proofs.coupling.tip_bound import force_and_bound
 
 THESIS = "Jadelis, thesis, section 3.4: excess over Qiu's experiment, whose spread was not seen"

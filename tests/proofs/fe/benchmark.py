@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from cosim.checks import Row
 from cosim.port import Array
+from tests.helpers.rows import Row
 from tests.proofs.fe.paths import halving_order
 
 Solve = Callable[[int, int], Sequence[float] | Array]

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cosim.checks import Row
 from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_areas
+from tests.helpers.rows import Row
 from tests.proofs.fe.paths import error_order
 from tests.proofs.fe.sheets import clamp, grid, linear_response, mirror_plane, plate, sheet
 

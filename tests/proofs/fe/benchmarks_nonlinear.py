@@ -14,13 +14,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.linalg import norm
 
-from cosim.checks import Row
 from cosim.errors import ConvergenceError
 from cosim.port import Array, rotation_matrix
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton_step import factorise
 from fe_solver.solver.residual import residual_norm
+from tests.helpers.rows import Row
 from tests.proofs.fe.benchmark import Benchmark, Meshes
 from tests.proofs.fe.paths import Loading, error_order, follow, halving_order, watching
 from tests.proofs.fe.sheets import (

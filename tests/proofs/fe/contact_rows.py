@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.checks import Row
 from cosim.port import Array
 from fe_solver.forces.contact import contact_state
 from fe_solver.solver.augmented_contact import next_increment, solve_augmented
@@ -15,6 +14,7 @@ from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution
 from fe_solver.surfaces.shapes import Cylinder
+from tests.helpers.rows import Row
 from tests.proofs.fe import sheets
 from tests.proofs.fe.sheets import at_rest, clamp, guide, sheet
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cosim.checks import Row
 from cosim.port import Array, rotation_matrix
 from fe_solver.materials.linear import Isotropic, Law
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.solver.model import Configuration, ShellModel
+from tests.helpers.rows import Row
 from tests.proofs.fe import sheets
 from tests.proofs.fe.material_rows import LAWS
 from tests.proofs.fe.sheets import at_rest, clamp, disturb, plate, sheet, with_nine_nodes

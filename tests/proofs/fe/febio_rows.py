@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from cosim.checks import Row
 from fe_solver.materials.fibres import TransIsoMooneyRivlin
+from tests.helpers.rows import Row
 from tests.proofs.fe.material_points import fibre_tension, uniaxial
 
 MPA = 1e6

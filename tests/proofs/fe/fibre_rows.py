@@ -22,7 +22,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.checks import Row
 from fe_solver.forces.guides import Guides
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.materials.fibres import (
@@ -35,6 +34,7 @@ from fe_solver.materials.linear import Law, Orthotropic
 from fe_solver.sheet import even_sheet
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from tests.helpers.rows import Row
 from tests.proofs.fe.material_points import fibre_tension, uniaxial
 from tests.proofs.fe.sheets import NO_TENSION, at_rest, plate
 

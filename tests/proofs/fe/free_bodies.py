@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.checks import Row
 from cosim.port import Array, rotation_vector
 from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, NodalForce, PrescribedDisplacement, RigidLoad, Step
@@ -18,6 +17,7 @@ from fe_solver.materials.linear import Isotropic
 from fe_solver.q4ans.solve import solve_solid
 from fe_solver.sheet import plate
 from fe_solver.supports import WALL, Body, Given, Tied
+from tests.helpers.rows import Row
 
 LENGTH, WIDTH, THICK, E = 20e-3, 4e-3, 0.2e-3, 100e6
 BENDING = E * WIDTH * THICK**3 / 12

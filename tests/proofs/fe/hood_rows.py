@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.checks import Row
 from cosim.port import Array, HoodJacobian, Motion, rotation_matrix
 from fe_solver.forces.contact import contact_state, partition
 from fe_solver.forces.springs import Springs
@@ -18,6 +17,7 @@ from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.surfaces.shapes import Capsule, HalfSpace
+from tests.helpers.rows import Row
 from tests.proofs.fe import sheets
 from tests.proofs.fe.sheets import at_rest, clamp, guide, sheet
 

@@ -17,11 +17,11 @@ from functools import partial
 
 import numpy as np
 
-from cosim.checks import Row
 from cosim.port import Array, rotation_matrix
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.materials.linear import Law
 from fe_solver.materials.tension_field import TensionField
+from tests.helpers.rows import Row
 from tests.proofs.fe import fibre_rows, manufactured_solid
 from tests.proofs.fe.element_rows import halve
 from tests.proofs.fe.manufactured import (

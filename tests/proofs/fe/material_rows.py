@@ -8,11 +8,11 @@ from itertools import product
 
 import numpy as np
 
-from cosim.checks import Row
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean, Potential
 from fe_solver.materials.linear import Isotropic, Law, Orthotropic
 from fe_solver.materials.tension_field import TensionField
+from tests.helpers.rows import Row
 from tests.proofs.fe import febio_rows
 from tests.proofs.fe.material_points import (
     axes,

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from cosim import extras
-from cosim.checks import Row
 from cosim.errors import ConvergenceError, CosimError
 from cosim.port import Array
 from fe_solver.solver.linear_algebra import backend_name
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, solve
+from tests.helpers.rows import Row
 from tests.proofs.fe import sheets
 from tests.proofs.fe.json_command import python, run_json_command, threads
 from tests.proofs.fe.paths import error_order, limit

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cosim.checks import Row
 from fe_solver.materials.linear import Orthotropic
+from tests.helpers.rows import Row
 from tests.proofs.fe.paths import error_order
 from tests.proofs.fe.sheets import (
     linear_response,

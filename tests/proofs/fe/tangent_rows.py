@@ -9,7 +9,6 @@ from functools import partial
 
 import numpy as np
 
-from cosim.checks import Row
 from cosim.port import Array, rotation_matrix
 from fe_solver.forces.contact import Contact, Grip, contact_forces
 from fe_solver.forces.guides import Ropes
@@ -26,6 +25,7 @@ from fe_solver.solver.model import ShellModel
 from fe_solver.surfaces.ellipsoid import Ellipsoid
 from fe_solver.surfaces.shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
 from fe_solver.surfaces.spline_distance import SplineDistance, Surface
+from tests.helpers.rows import Row
 from tests.proofs.fe import sheets
 from tests.proofs.fe.element_rows import OWN, SIDE, THICK, distort
 from tests.proofs.fe.element_rows import tangent_error as model_error

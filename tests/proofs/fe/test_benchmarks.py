@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.checks import Row
 from cosim.errors import ConvergenceError
+from tests.helpers.rows import Row
 from tests.proofs.fe.beams import rectangle_torsion, straight_beam
 from tests.proofs.fe.benchmark import Benchmark, Meshes
 from tests.proofs.fe.limit_loads import buckling_load

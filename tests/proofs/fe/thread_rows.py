@@ -8,11 +8,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cosim.checks import Row
 from cosim.errors import CosimError
 from fe_solver.elements.kernels import PAYS, thread_count
 from fe_solver.solver.linear_algebra import VARIABLE, backend_name
 from fe_solver.solver.newton import NewtonOptions, solve
+from tests.helpers.rows import Row
 from tests.proofs.fe import sheets
 from tests.proofs.fe.json_command import python, run_json_command, threads
 from tests.proofs.fe.peers import strip

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from cosim.checks import Row
 from cosim.coupling.finger_equilibrium import at_rest
 from cosim.port import Array
 from meshes.skeleton import JOINTS, index_finger
@@ -21,6 +20,7 @@ from rigid.mujoco.dynamics import ConstantTension, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage, Device, Shell, TipContact, wrench
 from tests.helpers.folders import TEST_DATA
+from tests.helpers.rows import Row
 from tests.proofs.fingers.forward import Simulation, simulate
 from tests.proofs.fingers.thesis_twin import LIMIT_DAMPING, POSTURE, TENSIONS, twin_law, twin_model
 

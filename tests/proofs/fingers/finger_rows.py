@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from cosim.checks import Row
 from cosim.coupling.finger_equilibrium import at_rest
 from cosim.port import Array
 from meshes.skeleton import index_finger
@@ -19,6 +18,7 @@ from rigid.fingers.middle import finger_model as middle_model
 from rigid.mjcf.write import mjcf_xml
 from rigid.model import FingerModel
 from rigid.mujoco.finger import MujocoFinger
+from tests.helpers.rows import Row
 
 APPENDIX = "Buchner, Hines and Hemami 1988, J Biomech 21, equation 7, appendix and table 2"
 SYNEK = "Synek et al. 2019, PeerJ 7:e7470, raw data: mean and SD of three specimens"

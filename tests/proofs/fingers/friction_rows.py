@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from cosim.checks import Row
 from cosim.port import Array
 from meshes.skeleton import index_finger
 from rigid.chain.kinematics import body_jacobian
@@ -16,6 +15,7 @@ from rigid.fingers.robot import robot_finger
 from rigid.model import FingerModel, Hinge, Segment, Strand, Tendon, Via, WrapCylinder
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tendon_friction import FrictionStep, TendonFriction
+from tests.helpers.rows import Row
 
 CAPSTAN = "Euler 1762: T exp(-mu theta)"
 MU, RADIUS, TENSION = 0.15, 0.01, 6.0

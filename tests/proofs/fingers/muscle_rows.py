@@ -7,13 +7,13 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from cosim.checks import Row
 from cosim.port import Array
 from rigid.muscle.curves import Curve
 from rigid.muscle.dynamics import at_rest, fibre_velocity, step
 from rigid.muscle.millard import equilibrium, path_length
 from rigid.muscle.parameters import DAMPED
 from tests.helpers.folders import TEST_DATA
+from tests.helpers.rows import Row
 from tests.proofs.fingers import opensim_reference
 from tests.proofs.fingers.index_muscles import index_muscles
 

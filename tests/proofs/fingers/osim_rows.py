@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from cosim.checks import Row
 from cosim.port import Array
 from rigid.opensim.osim import Imported, import_osim
 from tests.helpers.folders import CASE_DATA, TEST_DATA
+from tests.helpers.rows import Row
 
 NAME = "OpenSim file, imported"
 EXACT = 1e-9

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from cosim.checks import Row
 from cosim.port import Array, Ints, rotation_matrix
 from fe_solver.forces.cables import Cables, cable_forces, cable_state
 from fe_solver.forces.contact import Contact, partition
@@ -17,6 +16,7 @@ from fe_solver.hood.build import Net
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.surfaces.shapes import Capsule, Cylinder
+from tests.helpers.rows import Row
 from tests.proofs.fe import hood_rows
 from tests.proofs.fe.sheets import NO_TENSION, at_rest, clamp, guide
 

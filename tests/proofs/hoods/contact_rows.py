@@ -8,11 +8,11 @@ import numpy as np
 
 from cases.papers.models.networks.human_network import MUSCLES, STIFFNESS, TENDONS, human_finger
 from cases.papers.models.networks.point_contact import best_share, distal_torque, settle
-from cosim.checks import Row
 from cosim.port import Array
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.network import Network
 from rigid.hoods.two_band import TABLE_1, coupled_dip
+from tests.helpers.rows import Row
 
 PAPER = (
     "Development and Validation of Modeling Framework for Interconnected Tendon Networks in "

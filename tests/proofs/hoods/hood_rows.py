@@ -9,7 +9,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cases.papers.models.networks.human_network import OPERATING_FORCE, TENDONS, human_finger
-from cosim.checks import Row
 from cosim.port import STATIC, Array, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.fingers.index import finger_model
@@ -25,6 +24,7 @@ from rigid.hoods.two_band import (
     shift_difference,
     two_band,
 )
+from tests.helpers.rows import Row
 
 NETWORKS = (
     "Development and Validation of Modeling Framework for Interconnected Tendon Networks in "

@@ -40,8 +40,8 @@ from cases.papers.models.networks.testbed_study import (
     errors,
     trials,
 )
-from cosim.checks import Row
 from cosim.port import Array
+from tests.helpers.rows import Row
 
 PAPER = (
     "Development and Validation of Modeling Framework for Interconnected Tendon Networks in "

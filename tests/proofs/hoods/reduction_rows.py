@@ -13,9 +13,9 @@ from cosim.analyses.reduction.reduce import reduce_case
 from cosim.analyses.reduction.samples import FREE, Walk, on_models
 from cosim.analyses.reduction.walks import GRID
 from cosim.case.file import find_case, load_case
-from cosim.checks import Row
 from cosim.hoods.lumped.build import Sample, reduce_hood, stack
 from cosim.models.build import build
+from tests.helpers.rows import Row
 
 SPRINGS = ("edc_ulnar", "edc_slip", "edc_radial", "lum_slip", "lum_lateral", "fpi_slip")
 SOFT = [f'hood.connecting.{name}.stiffness="{1 + 0.2 * i} N/mm"' for i, name in enumerate(SPRINGS)]

@@ -25,11 +25,12 @@ from cases.papers.models.buchner1988.flexion import (
     torques,
 )
 from cases.papers.models.buchner1988.force_sharing import Sharing, linear, quadratic
-from cosim.checks import Row, read_printed
+from cases.papers.models.printed import read_printed
 from cosim.port import Array
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import ELASTICITY, MUSCLES, TABLE_1, Entry, coupled_dip, two_band
 from rigid.muscle.least_cost import ACCURATE, Power, Programme, least
+from tests.helpers.rows import Row
 
 PAPER = "Buchner, Hines and Hemami 1988, J Biomech 21, section III, figures 8-14"
 ABOUT = 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cosim.checks import Row
+from tests.helpers.rows import Row
 from tests.proofs.hoods import (
     cable_rows,
     contact_rows,

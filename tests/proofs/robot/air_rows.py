@@ -17,7 +17,6 @@ from cases.papers.models.xu2012.air_model import (
     r_squared,
     steps,
 )
-from cosim.checks import Row
 from cosim.port import Array
 from rigid.air.plant import (
     GAMMA,
@@ -34,6 +33,7 @@ from rigid.air.plant import (
     resting_voltage,
     step,
 )
+from tests.helpers.rows import Row
 
 FIRST_LAW = "closed form: balance of mass and energy, sonic flow of ISO 6358-1"
 PAPER = "Xu et al. 2012, section IV"

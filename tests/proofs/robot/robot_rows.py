@@ -9,9 +9,9 @@ import numpy as np
 
 from cases.papers.models.xu2012 import checks
 from cases.papers.models.xu2012.tracking import SETTLED, STEP_SECONDS, StepResponse
-from cosim.checks import Row
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, TABLE_III, TENDONS
+from tests.helpers.rows import Row
 
 PAPER = "Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints"
 POSTURES = 40

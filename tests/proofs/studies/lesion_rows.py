@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from cosim.analyses.lesion import SIDES, both_sides
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.checks import Row
 from cosim.pipeline import run_case
+from tests.helpers.rows import Row
 
 LEAST = 0.1
 """deg, of a change that is one."""

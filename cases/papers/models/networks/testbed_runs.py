@@ -20,7 +20,7 @@ from cases.papers.models.networks.excursion_fit import MeasuredKinematics
 from cases.papers.models.networks.robotic_finger import LENGTH, MUSCLES, robotic_finger
 from cases.papers.models.networks.share_models import ShareFinger, forward
 from cases.papers.models.networks.virtual_testbed import Bed, Course, hold_posture, simulate
-from cosim.checks import printed_values
+from cases.papers.models.printed import printed_values
 from cosim.port import Array
 from rigid.hoods.network import Network
 from rigid.hoods.two_band import coupled_dip

@@ -43,7 +43,7 @@ from cases.papers.models.networks.testbed_runs import (
     poses,
     virtual_bed,
 )
-from cosim.checks import printed_values
+from cases.papers.models.printed import printed_values
 from cosim.port import Array
 
 RAMP_STEPS, CIRCLE_STEPS = 20, 100

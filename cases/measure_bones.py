@@ -1,6 +1,6 @@
 """Measure bone surfaces into the tables of `meshes/bones` (a developer's tool).
 
-    python -m meshes.measure_bones FINGER FOLDER
+    python -m cases.measure_bones FINGER FOLDER
 
 FOLDER holds 2mc.stl, 2proxph.stl, 2midph.stl and 2distph.stl (3mc.stl ... of the middle finger,
 4mc.stl ... of the ring finger, 5mc.stl ... of the little finger) of MyoHub/myo_sim at 2cef885
@@ -61,7 +61,7 @@ HEADER = """\
 Cross-sections of the {finger} finger's {name} bone: distance from a centre to the surface.
 Unit: mm (tilt: deg). Frame: the body frame of meshes/skeleton.py: x distal, y radial, z dorsal.
 Source: measured on {file} of MyoHub/myo_sim at 2cef885 (Apache-2.0) by casting rays from centres
-on the bone's midline (python -m meshes.measure_bones); the farthest crossing is kept.
+on the bone's midline (python -m cases.measure_bones); the farthest crossing is kept.
 Tilt: angle of the rays from +x; 90: plane section; 180 and 0: the proximal and the distal end.
 Radii: at {angles} equal angles about x, the first dorsal (+z), increasing towards radial (+y).
 x, y, z of the centre, tilt, radii"""
@@ -176,7 +176,7 @@ def main() -> None:
         triangles = read_stl(given.folder / plan.file)
         triangles = skeleton.from_source(name, triangles.reshape(-1, 3)).reshape(-1, 3, 3)
         text = table(measure(name, plan, triangles), plan, given.finger)
-        path = Path(__file__).parent / "bones" / given.finger / f"{name}.csv"
+        path = Path(__file__).parents[1] / "meshes" / "bones" / given.finger / f"{name}.csv"
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
         error = fit_error(triangles, parse_table(name, text)) * 1e3
