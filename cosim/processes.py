@@ -125,18 +125,6 @@ def prepare_process() -> None:
     os.environ.setdefault("MUJOCO_GL", "off")  # it loads its windows else, of which we open none
 
 
-def peak_mb() -> float:
-    """Largest memory of this process so far, MB (1e6 bytes)."""
-    if sys.platform == "win32":
-        import psutil
-
-        return float(psutil.Process().memory_info().peak_wset) / 1e6
-    import resource
-
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
-
-
 T = TypeVar("T")
 R = TypeVar("R")
 Memory = dict[str, Any]

@@ -56,8 +56,8 @@ class Body:
     rotation: tuple[Drive, Drive, Drive] = STILL
     """The rotation vector's components, rad."""
     surface: Surface | None = None
-    """Its surface by signed distance in its frame, as a sphere's or an ellipsoid's; contact then
-    needs no triangles."""
+    """Its surface by signed distance in its frame, as a sphere's or a cone's; contact then needs
+    no triangles."""
     free: tuple[bool, ...] = (False,) * 6
     """Which of its displacements along x, y, z and its turns about them equilibrium finds."""
     motions: tuple[tuple[Drive | Given, ...], ...] = ()

@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import Array
 from meshes.cover import FLEXION, Joint
 from meshes.hood_mesh import HoodMesh, display_quads
 from meshes.hull import DIP, PIP, SmoothSurface, along
@@ -148,13 +147,4 @@ def coarse_rows(mesh: HoodMesh, skeleton: Skeleton, over: list[Arc]) -> list[Row
         if coarse:
             first, last, length = zip(*coarse, strict=True)
             out.append(Rows(arc, min(first), max(last), max(length)))
-    return out
-
-
-def aspect_ratios(mesh: HoodMesh) -> Array:
-    """Return how much longer than wide (or wider than long) each four-node quad is, (m,)."""
-    p = mesh.points[display_quads(mesh.quads)]
-    sides = np.linalg.norm(np.roll(p, -1, axis=1) - p, axis=2)
-    along_it, across = sides[:, [0, 2]].mean(axis=1), sides[:, [1, 3]].mean(axis=1)
-    out: Array = np.maximum(along_it, across) / np.minimum(along_it, across)
     return out

@@ -11,9 +11,7 @@ from collections.abc import Iterator
 from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import SimpleNamespace
 
-import psutil
 import pytest
 
 from cosim import files
@@ -22,7 +20,7 @@ from cosim.case import file
 from cosim.case.file import load_case
 from cosim.errors import CosimError, InputError
 from cosim.files import replace_folder
-from cosim.processes import ProcessEndedError, WorkerProcess, peak_mb
+from cosim.processes import ProcessEndedError, WorkerProcess
 from cosim.study.plan import read_plan
 from cosim.validation.plan import groups
 from cosim.validation.run import folder_name
@@ -223,15 +221,6 @@ def test_a_process_that_crashed_on_windows_is_known_by_its_exit_code(monkeypatch
     monkeypatch.setattr(json_command.subprocess, "run", lambda *_, **__: done)
     with pytest.raises(CosimError, match="crashed: 0xc0000005"):
         json_command.run_json_command([], {})
-
-
-def test_the_peak_memory_is_known_without_the_module_resource(monkeypatch):
-    memory = SimpleNamespace(peak_wset=5e6)
-    with monkeypatch.context() as patch:
-        patch.setattr(psutil, "Process", lambda: SimpleNamespace(memory_info=lambda: memory))
-        patch.setattr(sys, "platform", "win32")
-        peak = peak_mb()
-    assert peak == 5.0
 
 
 def test_a_case_on_another_drive_is_named_by_its_whole_path(tmp_path, monkeypatch):

@@ -19,8 +19,9 @@ from cases.hood_gallery.literature import (
     dip_on_coupling,
 )
 from cases.hood_gallery.poses import JOINTS, Posture, SolvedPose, posture_name
-from cosim.report.figures import legend_below, new_picture, style_axes
+from cosim.report.figures import legend_below, style_axes
 from cosim.results.looks import look
+from cosim.results.picture import new_picture
 
 if TYPE_CHECKING:
     import pandas as pd

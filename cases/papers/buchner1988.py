@@ -28,7 +28,8 @@ from cases.papers.models.buchner1988.coordination_findings import (
 )
 from cases.papers.models.buchner1988.flexion import cosine
 from cases.papers.models.printed import printed_values, read_printed
-from cosim.report.figures import legend_below, line_chart, new_picture, show, style_axes
+from cosim.report.figures import legend_below, show, style_axes
+from cosim.results.picture import new_picture
 from rigid.hoods.two_band import JOINTS, LONG_NAMES, MUSCLES, TABLE_1, coupled_dip, excursions
 
 MUSCLE_COLOURS = ("#0b5394", "#b45309", "#2e7d4f", "#8e3b8a", "0.45")
@@ -36,6 +37,21 @@ ANGLE = np.radians(np.linspace(0.0, 110.0, 111))
 PARABOLA = np.degrees(ANGLE), np.degrees(coupled_dip(ANGLE))
 
 closed_loop = cache(flexion)
+
+
+def line_chart(lines, x, y, size=(7.0, 4.5)):
+    """Curves in one panel: by name the abscissa, the ordinate and matplotlib's style of each."""
+    picture = new_picture(*size)
+    axes = picture.subplots()
+    for name, (at, value, style) in lines.items():
+        axes.plot(at, value, label=name, **{"lw": 1.8, **style})
+    style_axes(axes, x, y)
+    low, high = axes.dataLim.y0, axes.dataLim.y1
+    room = 0.06 * (high - low or 1.0)
+    axes.set_ylim(low - room if low < 0 else min(0.0, low), high + room)
+    if len(lines) > 1:
+        legend_below(picture, min(3, len(lines)))
+    return picture
 
 
 def over_time(lines, unit):

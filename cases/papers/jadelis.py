@@ -29,7 +29,8 @@ from cosim.analyses.opensim.loads import THESIS_AXES, axes_of
 from cosim.case.file import load_case
 from cosim.hoods.shell.view import CENTRAL
 from cosim.pipeline import run_case
-from cosim.report.figures import legend_below, new_picture, show, style_axes
+from cosim.report.figures import legend_below, show, style_axes
+from cosim.results.picture import new_picture
 from fe_solver.febio.published_hood import qian_moduli, solve_published_hood
 from meshes.hood_mesh import REGIONS
 

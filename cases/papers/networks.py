@@ -51,7 +51,8 @@ from cosim.hoods.lumped.table import JOINTS
 from cosim.models.build import build
 from cosim.pipeline import run_case
 from cosim.port import STATIC
-from cosim.report.figures import legend_below, new_picture, show, style_axes
+from cosim.report.figures import legend_below, show, style_axes
+from cosim.results.picture import new_picture
 from rigid.chain.kinematics import body_jacobian, tip_jacobian
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import coupled_dip, lateral_band, middle_band

@@ -40,11 +40,12 @@ from cases.papers.models.xu2012.air_model import (
 )
 from cases.papers.models.xu2012.excursions import MOST_RESIDUAL
 from cases.papers.models.xu2012.fan import fan
-from cosim.report.figures import legend_below, new_picture, show, style_axes
+from cosim.report.figures import legend_below, show, style_axes
+from cosim.results.picture import new_picture
 from rigid.air.plant import Pneumatics, Valve
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger
-from rigid.fingers.robot_tables import JOINTS, SMALLEST, TABLE_III, TENDONS
+from rigid.fingers.robot_tables import JOINTS, TABLE_III, TENDONS
 from rigid.mujoco.finger import MujocoFinger
 
 COLOURS = ("#0b5394", "#b45309", "#7a9cc6", "#3f7d3f", "#8e4585", "0.25")
@@ -75,7 +76,7 @@ for i, (axes, joint) in enumerate(zip(panels, JOINTS, strict=True)):
     part.insert(1, "angle_deg", np.degrees(angle))
     parts.append(part)
     for name, printed, colour in zip(TENDONS, TABLE_III[i], COLOURS, strict=False):
-        if part[name].abs().max() >= SMALLEST:
+        if part[name].abs().max() >= checks.SMALLEST:
             axes.plot(part.angle_deg, part[name], color=colour, lw=1.8, label=name)
             axes.plot(0.0, printed, "o", color=colour, ms=6, mfc="white", mew=1.5)
     style_axes(axes, f"{LABELS[i]}, deg", "")

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.analyses.repairs import MEASURES, Compared, RepairTable, table_of_repairs
-from cosim.report.figures import new_picture, style_axes
+from cosim.report.figures import style_axes
 from cosim.report.templates import html_page
 from cosim.results.compare import number
-from cosim.results.picture import picture_address
+from cosim.results.picture import new_picture, picture_address
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,6 @@ from cosim.port import Array, Balance, Load, Motion, OpenFinger, State
 
 MOST_TURN = np.deg2rad(8.0)
 """A finger's joint moves at most so far in one round."""
-MOST_ROUNDS = 50
 MOST_STEPS = 30
 MOST_RELAXING = 500
 RELAXING_TURN = np.deg2rad(0.5)
@@ -168,23 +167,3 @@ def _relax(
         step = step + move
         r = residual(step)
     return step
-
-
-def at_rest(
-    finger: OpenFinger, state: State, tension: Array, tolerance: float = 1e-9
-) -> tuple[State, Balance]:
-    """The stable equilibrium of a finger with its own tendons' tensions (N) and no hood.
-
-    Raises ConvergenceError."""
-    bodies = finger.bodies
-    none = Load(bodies, ("hood",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
-    follows = np.zeros((6 * len(bodies), 6 * len(bodies)))
-    for _ in range(MOST_ROUNDS):
-        aim, balance = _solve_balance(finger, state, lambda _: none, tension, follows, tolerance)
-        if balance.relative <= tolerance:
-            return aim, balance
-        state = aim
-    raise ConvergenceError(
-        f"the finger did not come to rest in {MOST_ROUNDS} rounds: its relative residual is "
-        f"{balance.relative:.1e}. Try smaller tensions, stiffer passive joints or tighter limits."
-    )

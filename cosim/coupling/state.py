@@ -153,6 +153,25 @@ def advance_state(
     dt: float,
 ) -> CoupledState:
     """The state with the finger `moved` to `point` under `applied` (nb, 6), and the books kept."""
+    e, last_answer, last = state.energy, state.answer, state.point
+    q, then = finger.angles(moved), finger.angles(state.finger)
+    turned = finger.motion(then).twist_to(finger.motion(q))
+    tendons = 0.5 * (state.tension[0] + pulls[0]) * (point.excursion - last.excursion)
+    shorter = finger.path_lengths(then) - finger.path_lengths(q)
+    native_work = 0.5 * (state.tension[1] + pulls[1]) * shorter
+    passed = 0.5 * (last.wrench + point.wrench) * last.motion.twist_to(point.motion)
+    asked = last_answer.motion.twist_to(answer.motion)
+    beyond = last_answer.predict_from_twist(asked, answer.tension) - answer.response.load.total()
+    hood = e.hood + float(passed.sum())
+    energy = Energy(
+        tendons=e.tendons + float(tendons.sum()),
+        own=e.own + float(native_work.sum()),
+        effort=e.effort + float(np.abs(tendons).sum() + np.abs(native_work).sum()),
+        load=e.load + float((applied * turned).sum()),
+        hood=hood,
+        most=max(e.most, hood),
+        predicted=e.predicted + float((beyond * asked).sum()),
+    )
     return replace(
         state,
         finger=moved,
@@ -161,7 +180,7 @@ def advance_state(
         time=state.time + dt,
         applied=applied,
         tension=pulls,
-        energy=_update_energy(finger, state, moved, answer, point, applied, pulls),
+        energy=energy,
     )
 
 
@@ -174,34 +193,4 @@ def hood_point(answer: HoodAnswer, motion: Motion) -> HoodPoint:
     moved = answer.tangent.excursion_motion @ twist.ravel()
     return HoodPoint(
         motion, answer.predict_from_twist(twist, answer.tension), response.excursion + moved
-    )
-
-
-def _update_energy(
-    finger: MovingFinger,
-    state: CoupledState,
-    moved: State,
-    answer: HoodAnswer,
-    point: HoodPoint,
-    applied: Array,
-    pulls: tuple[Array, Array],
-) -> Energy:
-    e, last_answer, last = state.energy, state.answer, state.point
-    q, then = finger.angles(moved), finger.angles(state.finger)
-    turned = finger.motion(then).twist_to(finger.motion(q))
-    tendons = 0.5 * (state.tension[0] + pulls[0]) * (point.excursion - last.excursion)
-    shorter = finger.path_lengths(then) - finger.path_lengths(q)
-    native_work = 0.5 * (state.tension[1] + pulls[1]) * shorter
-    passed = 0.5 * (last.wrench + point.wrench) * last.motion.twist_to(point.motion)
-    asked = last_answer.motion.twist_to(answer.motion)
-    beyond = last_answer.predict_from_twist(asked, answer.tension) - answer.response.load.total()
-    hood = e.hood + float(passed.sum())
-    return Energy(
-        tendons=e.tendons + float(tendons.sum()),
-        own=e.own + float(native_work.sum()),
-        effort=e.effort + float(np.abs(tendons).sum() + np.abs(native_work).sum()),
-        load=e.load + float((applied * turned).sum()),
-        hood=hood,
-        most=max(e.most, hood),
-        predicted=e.predicted + float((beyond * asked).sum()),
     )

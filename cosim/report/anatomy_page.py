@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.port import Array, Triangles
-from cosim.report.figures import legend_below, new_picture, style_axes
+from cosim.report.figures import legend_below, style_axes
+from cosim.results.picture import new_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.report.figures import new_picture, style_axes
+from cosim.report.figures import style_axes
 from cosim.report.templates import packed_picture
 from cosim.results.compare import Comparison, ForceVector, force_vectors, value_of
 from cosim.results.looks import look
-from cosim.results.picture import as_png
+from cosim.results.picture import as_png, new_picture
 from cosim.results.result import Result
 
 if TYPE_CHECKING:

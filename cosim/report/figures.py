@@ -15,7 +15,7 @@ import pandas as pd
 from cosim.errors import InputError, Progress
 from cosim.files import output_folder
 from cosim.report.templates import html_page
-from cosim.results.picture import as_png, data_address, new_picture, picture_address
+from cosim.results.picture import as_png, data_address, picture_address
 from cosim.results.table import Cell, ReportTable
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ MARK = "index.html"
 DPI = 150
 MOST_ROWS, MOST_COLUMNS = 16, 8
 """A table that is no larger is shown on the page too."""
-HEADROOM = 0.06
-"""The part of a line chart's range that is left above and below its lines."""
 
 
 @dataclass(frozen=True)
@@ -200,23 +198,3 @@ def legend_below(picture: Picture, columns: int, axes: Axes | None = None, **sty
     """One legend under all panels, of the curves of `axes` alone where they are given."""
     handles = () if axes is None else axes.get_legend_handles_labels()
     picture.legend(*handles, loc="outside lower center", ncols=columns, frameon=False, **style)
-
-
-def line_chart(
-    lines: Mapping[str, tuple[Any, Any, Mapping[str, Any]]],
-    x: str,
-    y: str,
-    size: tuple[float, float] = (7.0, 4.5),
-) -> Picture:
-    """Curves in one panel: by name the abscissa, the ordinate and matplotlib's style of each."""
-    picture = new_picture(*size)
-    axes = picture.subplots()
-    for name, (at, value, style) in lines.items():
-        axes.plot(at, value, label=name, **{"lw": 1.8, **style})
-    style_axes(axes, x, y)
-    low, high = axes.dataLim.y0, axes.dataLim.y1
-    room = HEADROOM * (high - low or 1.0)
-    axes.set_ylim(low - room if low < 0 else min(0.0, low), high + room)
-    if len(lines) > 1:
-        legend_below(picture, min(3, len(lines)))
-    return picture

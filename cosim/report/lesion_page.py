@@ -18,12 +18,11 @@ from cosim.measured import Measured, measured_of_kind
 from cosim.port import Array
 from cosim.report import drawings, words
 from cosim.report.clinical_signs import Sign, clinical_signs
-from cosim.report.figures import new_picture
 from cosim.report.templates import html_page
 from cosim.report.views import BoneSurface, Sheet, SheetField, View, limits, view_of
 from cosim.results.compare import number, unit_of, value_of
 from cosim.results.looks import colour_map
-from cosim.results.picture import picture_address
+from cosim.results.picture import new_picture, picture_address
 from cosim.results.quantities import key_quantities
 from cosim.results.result import Result
 from cosim.results.table import Cell, ReportTable

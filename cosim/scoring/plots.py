@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.report.figures import new_picture, style_axes
+from cosim.report.figures import style_axes
 from cosim.results.compare import Comparison
 from cosim.results.looks import look
+from cosim.results.picture import new_picture
 from cosim.scoring.groups import row_words
 from cosim.scoring.run import HandScore, groups_of, score_of
 

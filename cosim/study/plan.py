@@ -252,14 +252,6 @@ def _word(value: Word) -> str:
     return str(value) if isinstance(value, str) else json.dumps(value)
 
 
-def scale_setting(base: Mapping[str, Any], key: str, factor: float) -> Iterator[str]:
-    """KEY=VALUE with what `base` has at the key (a `*` stands for every name) times the factor.
-
-    Raises InputError where no number is there."""
-    for path, value in numbers_at(base, key, "scale"):
-        yield f"{path}={_toml(_changed(value, lambda v, _: factor * v, f'scale: {key}'))}"
-
-
 def numbers_at(base: Mapping[str, Any], key: str, word: str) -> list[tuple[str, Any]]:
     """What `base` has at a key, with where; `word`: what it is asked for.  Raises InputError where
     nothing is there."""

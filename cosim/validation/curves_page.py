@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim.files import write_text
-from cosim.report.figures import new_picture, style_axes
+from cosim.report.figures import style_axes
 from cosim.report.templates import html_page
 from cosim.results.compare import number
 from cosim.results.looks import look
-from cosim.results.picture import picture_address
+from cosim.results.picture import new_picture, picture_address
 from cosim.results.table import MISS, Cell, ReportTable
 from cosim.roughness import WINDOW
 from cosim.validation.curves import (

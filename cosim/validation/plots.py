@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.report.figures import new_picture, style_axes
+from cosim.report.figures import style_axes
 from cosim.results.compare import Comparison, Verdict
+from cosim.results.picture import new_picture
 from cosim.schema.types import TENDONS
 from cosim.validation.run import SPLIT, Board
 from cosim.validation.scoreboard import JudgedBoard

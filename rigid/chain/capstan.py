@@ -4,10 +4,7 @@
 
 with the slide counted towards the muscle and `s` the presliding distance, over which friction turns
 from none to all (Prandtl 1928; Dahl 1968).  What a step takes up of the slide before the tendon
-glides is s dg; the rest rubs.  Round a cycle of slides between two places 2 a apart, 2 a > 2 s,
-under a constant T_before, all that is lost is
-
-    4 (a - s) T_before sinh(mu theta).
+glides is s dg; the rest rubs.
 """
 
 from __future__ import annotations
@@ -38,15 +35,3 @@ def held_length(turn: Array, before: Array, after: Array) -> Array:
     change = tension_ratio(turn, after) - tension_ratio(turn, before)
     straight = after - before
     return straight + np.divide(change, turn, out=-straight, where=turn > 0)
-
-
-def rounded_grip(free: Array, corner: float) -> Array:
-    """The grip between its limits with rounded corners, for the sake of Newton's method with
-    differences."""
-    return np.asarray(0.5 * (np.hypot(free + 1.0, corner) - np.hypot(free - 1.0, corner)))
-
-
-def cycle_loss(turn: float, tension: float, half_way: float, presliding: float) -> float:
-    """The energy (J) that one guide takes round a cycle of slides `half_way` m to either side,
-    under a constant tension (N) of the muscle."""
-    return 4 * max(half_way - presliding, 0.0) * tension * float(np.sinh(turn))

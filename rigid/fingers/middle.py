@@ -16,9 +16,8 @@ from typing import Literal
 import numpy as np
 
 from meshes.skeleton import Skeleton
-from rigid.fingers.anatomy import CENTRAL, Row
+from rigid.fingers.anatomy import Row
 from rigid.fingers.normative import BOTH, NormativeFinger
-from rigid.model import FingerModel
 
 O2O3 = 0.02363
 """m."""
@@ -107,14 +106,3 @@ def record(interosseous: Source = "myohand", terminal: Source = "myohand") -> No
     mcp = {**ROWS["MCP"], "RI": RADIAL_INTEROSSEOUS[interosseous]}
     dip = {**ROWS["DIP"], "TE": TERMINAL_SLIP[terminal]}
     return replace(MIDDLE, rows={**ROWS, "MCP": mcp, "DIP": dip})
-
-
-def finger_model(
-    scale: float = 1.0,
-    central: float = CENTRAL,
-    interosseous: Source = "myohand",
-    terminal: Source = "myohand",
-) -> FingerModel:
-    """The finger, all lengths times `scale`."""
-    finger = record(interosseous, terminal)
-    return finger.scaled_model(finger.strands(central), scale)

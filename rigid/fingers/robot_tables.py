@@ -31,13 +31,9 @@ TABLE_III = np.array(
 )
 """mm: lengthening of each of `TENDONS` (columns) per rad of each of `JOINTS` (rows) in the default
 posture, here taken for all angles zero, with flexion and (radial) abduction positive."""
-SMALLEST = 0.1
-"""mm: an entry of table III below this is a zero, whose sign means nothing."""
 
 LONG, SHORT = 0.5, 0.25
 """The extensor pulley's weights (section V)."""
-MOST_FORCE = 40.0
-"""N: section VII."""
 
 Arms = tuple[tuple[float, ...], ...]
 

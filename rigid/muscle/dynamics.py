@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
 from rigid.muscle.curves import NotConverged, increasing_root
-from rigid.muscle.millard import along, balance, equilibrium, pull, solve_balance
+from rigid.muscle.millard import along, equilibrium, pull, solve_balance
 from rigid.muscle.parameters import Muscles
 
 
@@ -41,14 +41,6 @@ class MuscleStep(NamedTuple):
     """N, in the tendon."""
     stiffness: Array
     """N/m, d force / d path length at the end of the step."""
-
-
-def activation_rate(muscles: Muscles, activation: Array, excitation: Array) -> Array:
-    """1/s, d activation / dt (Thelen 2003, J Biomech Eng 125:70; as OpenSim's muscle): the time
-    constant is t_a (0.5 + 1.5 a) rising, t_d / (0.5 + 1.5 a) falling.  Both are raised to the
-    smallest activation."""
-    a, u = muscles.effective(activation), muscles.effective(excitation)
-    return (u - a) * _quickness(muscles, a, u > a)
 
 
 def _quickness(muscles: Muscles, activation: Array, rising: NDArray[np.bool_]) -> Array:
@@ -111,26 +103,6 @@ def _velocity_in_balance(muscles: Muscles, active: Array, wanted: Array) -> Arra
         raise ConvergenceError(
             f"muscle {muscles.first(error.where)}: its fibre velocity did not converge"
         ) from error
-
-
-def rigid_force(
-    muscles: Muscles, activation: ArrayLike, path: ArrayLike, path_rate: ArrayLike
-) -> Array:
-    """The tendon forces (..., n) N over a rigid tendon while the path lengthens at `path_rate`
-    (m/s).
-
-    Raises InputError for muscles with elastic tendons, and as `equilibrium` does."""
-    if not muscles.rigid_tendon:
-        raise InputError("rigid force: the muscles have elastic tendons; see fibre_velocity, step")
-    largest = np.finfo(float).max
-    rate = muscles.check("path rate", path_rate, -largest, largest)
-    raised = muscles.effective(muscles.check("activation", activation, 0.0, 1.0))
-    total = muscles.check("path length", path, 0.0, largest)
-    s = np.maximum(total - muscles.tendon_slack_length, muscles.shortest_along)
-    s, rate = np.broadcast_arrays(s, rate)
-    length = np.sqrt(s * s + muscles.scales.width2)
-    at = balance(muscles, raised, total, s, length - rate * s / length, 1.0)
-    return pull(muscles, at, s)[0]
 
 
 def at_rest(muscles: Muscles, activation: ArrayLike, path: ArrayLike) -> MuscleState:

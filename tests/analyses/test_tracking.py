@@ -50,12 +50,6 @@ def finger_setup(name):
     return setup(cosim.load(name).replace(FREE), "pcsa", 2, {}, {})
 
 
-def planner_of(path, rate=20.0):
-    s = finger_setup("split_edc")
-    motion = read_motion(path, s.models.finger.joints, s.models.posture)
-    return Planner(s, WantedMotion(motion), rate)
-
-
 @settings(max_examples=30)
 @given(
     error=st.lists(st.floats(-0.2, 0.2), min_size=4, max_size=4),

@@ -22,7 +22,6 @@ from cases.papers.models.xu2012.tracking import MARKERS, NOISE, poses
 from cosim.analyses.mjcf_hood import hood_file
 from cosim.case.file import load_case
 from cosim.commands.terminal import stages
-from cosim.coupling.finger_equilibrium import at_rest
 from cosim.extras import require
 from cosim.models.build import mjcf_of
 from cosim.port import Array
@@ -32,6 +31,7 @@ from rigid.mjcf.hood import steps_per_second
 from rigid.mujoco.dynamics import ConstantTension, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage
+from tests.helpers.fingers import at_rest
 from tests.proofs.fingers.dynamics_rows import ALONE, pull_of, settling_index_finger
 from tests.proofs.fingers.dynamics_rows import POSTURE as HELD
 from tests.proofs.fingers.forward import simulate

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cosim.errors import InputError, Progress, quiet
-from cosim.processes import Memory, ProcessEndedError, peak_mb, process_pool
+from cosim.processes import Memory, ProcessEndedError, process_pool
 from fe_solver.solver import model
 from fe_solver.solver.assembly import Pattern
 from tests.benches.pulls import (
@@ -26,6 +26,7 @@ from tests.benches.pulls import (
     measure_pulls,
     read_pulls,
 )
+from tests.proofs.fe.json_command import peak_mb
 
 CASE, TENDON = "isometric_edc", "EDC"
 QUADS = {

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
+from cosim.coupling.finger_equilibrium import balance_finger
 from cosim.port import Array, Balance, Finger, Load, Pair, PairState, Tensions
 from meshes.skeleton import JOINTS, Skeleton, index_finger
 from rigid.chain import hinge
@@ -45,6 +46,19 @@ def mujoco_finger(support: Support, central: float | None = None) -> MujocoFinge
         support=support,
         gravity=(1.0, -2.0, -9.0),
     )
+
+
+def at_rest(finger: ChainFinger, state: FingerState, tension: Array) -> tuple[FingerState, Balance]:
+    """The stable equilibrium of a finger with its own tendons' tensions (N) and no hood."""
+    n = len(finger.bodies)
+    none = Load(finger.bodies, ("hood",), np.zeros((n, 1, 6)), np.zeros((0, 6)))
+    for _ in range(50):
+        state, balance = balance_finger(
+            finger, state, none, tension, np.zeros((6 * n, 6 * n)), 1e-9
+        )
+        if balance.relative <= 1e-9:
+            return state, balance
+    raise AssertionError(f"no rest: a relative residual of {balance.relative:.1e}")
 
 
 def random_load(bodies: tuple[str, ...]) -> Load:

@@ -107,25 +107,6 @@ def one_of(patch) -> np.ndarray:
     return Section((patch,)).linear[0, 0]
 
 
-def rod_job(across: int) -> tuple[Job, float]:
-    """A sheet on a cylinder of 8 mm, normals outwards, and the rise of its facets over chords."""
-
-    def shape(uv):
-        a = (uv[:, 1] - 0.5) * 15 / 8
-        return np.column_stack([LENGTH * uv[:, 0], 8e-3 * np.sin(a), 8e-3 * np.cos(a)])
-
-    X, _ = map_grid(6, across, shape)
-    job = strip(6, across, points=X)
-    chord = 2 * 8e-3 * np.sin(15 / 16 / across)
-    return job, chord**2 / (8 * 8e-3)
-
-
-def job_normal_up(job: Job) -> bool:
-    from fe_solver.elements.mesh_geometry import node_directors
-
-    return bool(node_directors(job.sheet.points, job.sheet.quads)[:, 2].mean() > 0)
-
-
 def rod_hood(springs=(), eyelet=None, turned=False) -> tuple[ShellHood, dict]:
     """A sheet over a rod, tied, sprung, touching it and pulled by one tendon; `turned`: its normals
     point the other way."""

@@ -129,7 +129,8 @@ SCRIPT = """\
 # %%
 import pandas as pd
 
-from cosim.report.figures import new_picture, show
+from cosim.report.figures import show
+from cosim.results.picture import new_picture
 
 MOST = 2.0
 

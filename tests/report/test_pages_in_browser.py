@@ -12,8 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import app
-from cosim.report.figures import Figure, FigurePage, FigureStudy, new_picture, write_figures
+from cosim.report.figures import Figure, FigurePage, FigureStudy, write_figures
 from cosim.report.page import write_report
+from cosim.results.picture import new_picture
 from tests.helpers.browser import Browser, check_look, look_at, open_browser
 from tests.helpers.fixed_posture import HELD
 from tests.helpers.report_runs import run_into

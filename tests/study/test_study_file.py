@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.study.file import read_file
-from cosim.study.plan import applicable_settings, read_plan, scale_setting
+from cosim.study.plan import applicable_settings, read_plan
 from tests.helpers.fixed_posture import HELD
 from tests.helpers.folders import ROOT
 
@@ -74,15 +74,6 @@ def test_scale_multiplies_what_the_case_says(made):
     for name, joint in base.finger.passive.items():
         assert case.finger.passive[name].stiffness == pytest.approx(2 * joint.stiffness)
     assert case.tendons["EDC"].max_force == pytest.approx(2 * base.tendons["EDC"].max_force)
-
-
-def test_scale_takes_numbers_lists_and_texts():
-    base = {"a": {"b": 3, "c": ["1 mm", "2 mm"]}, "d": "word"}
-    assert list(scale_setting(base, "a.b", 0.5)) == ["a.b=1.5"]
-    assert list(scale_setting(base, "a.c", 2)) == ['a.c=["2.0 mm", "4.0 mm"]']
-    for key in ("a.x", "*.y", "d"):
-        with pytest.raises(InputError, match="scale"):
-            list(scale_setting(base, key, 2))
 
 
 def test_shift_adds_to_what_the_case_says_in_its_unit_and_not_below_the_least(made):

@@ -35,8 +35,6 @@ from tests.helpers.jobs import (
 
 FACES = {"below": -1, "above": 1}
 """Where the body is, and the face of the strip that it comes to."""
-FRONT = {"below": 2, "above": -1}
-"""Of the block's facets, those nearest to the strip by their normal along z."""
 
 
 def raised(surface: Body, way: float, where: str = "below", friction: float = 0.0, **more):

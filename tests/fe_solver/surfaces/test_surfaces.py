@@ -6,9 +6,9 @@ from scipy.spatial import ConvexHull
 
 from cosim.errors import InputError
 from cosim.port import rotation_matrix
-from fe_solver.surfaces.ellipsoid import Ellipsoid
 from fe_solver.surfaces.shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
 from fe_solver.surfaces.spline_distance import SplineDistance
+from tests.proofs.fe.ellipsoid import Ellipsoid
 
 RADIUS = 5e-3
 SPHERE = Sphere(np.array([1e-3, -2e-3, 0.5e-3]), RADIUS)

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import CosimError, InputError
-from cosim.processes import peak_mb
 from fe_solver.febio.read import read_feb
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
@@ -23,6 +22,7 @@ from fe_solver.job.results import displacement
 from fe_solver.job.solve import JobResult, JobState, solve_job
 from fe_solver.q4ans.solve import solve_solid
 from tests.proofs.fe.febio_figures import PUBLISHED, REFERENCE_S, Published
+from tests.proofs.fe.json_command import peak_mb
 
 TOLERANCE = 0.03
 REFERENCE_JOB = "reference_job.py"

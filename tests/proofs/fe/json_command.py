@@ -59,3 +59,15 @@ def _reason(complaint: str) -> str:
     lines = [line.strip() for line in complaint.splitlines() if line.strip()]
     first = next((i for i, line in enumerate(lines) if "Error" in line), max(len(lines) - 1, 0))
     return " ".join(lines[first : first + 2]) or "no reason given"
+
+
+def peak_mb() -> float:
+    """Largest memory of this process so far, MB (1e6 bytes)."""
+    if sys.platform == "win32":
+        import psutil
+
+        return float(psutil.Process().memory_info().peak_wset) / 1e6
+    import resource
+
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6

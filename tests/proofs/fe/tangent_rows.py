@@ -22,13 +22,13 @@ from fe_solver.forces.springs import (
     spring_forces,
 )
 from fe_solver.solver.model import ShellModel
-from fe_solver.surfaces.ellipsoid import Ellipsoid
 from fe_solver.surfaces.shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
 from fe_solver.surfaces.spline_distance import SplineDistance, Surface
 from tests.helpers.rows import Row
 from tests.proofs.fe import sheets
 from tests.proofs.fe.element_rows import OWN, SIDE, THICK, distort
 from tests.proofs.fe.element_rows import tangent_error as model_error
+from tests.proofs.fe.ellipsoid import Ellipsoid
 from tests.proofs.fe.sheets import clamp, guide, mirror_plane
 
 Part = Callable[[ShellModel], ShellModel]

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from cosim.coupling.finger_equilibrium import at_rest
 from cosim.port import Array
 from meshes.skeleton import JOINTS, index_finger
 from rigid.chain.joint_torques import joint_law
@@ -19,6 +18,7 @@ from rigid.fingers.index import finger_model
 from rigid.mujoco.dynamics import ConstantTension, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage, Device, Shell, TipContact, wrench
+from tests.helpers.fingers import at_rest
 from tests.helpers.folders import TEST_DATA
 from tests.helpers.rows import Row
 from tests.proofs.fingers.forward import Simulation, simulate

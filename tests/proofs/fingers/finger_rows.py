@@ -7,17 +7,17 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from cosim.coupling.finger_equilibrium import at_rest
 from cosim.port import Array
 from meshes.skeleton import index_finger
 from rigid.chain.joint_torques import JointLaw, joint_law
 from rigid.chain.planar_chain import BUCHNER
 from rigid.chain.support import CLAMPED, FREE
 from rigid.fingers.index import finger_model as index_model
-from rigid.fingers.middle import finger_model as middle_model
+from rigid.fingers.middle import MIDDLE
 from rigid.mjcf.write import mjcf_xml
 from rigid.model import FingerModel
 from rigid.mujoco.finger import MujocoFinger
+from tests.helpers.fingers import at_rest
 from tests.helpers.rows import Row
 
 APPENDIX = "Buchner, Hines and Hemami 1988, J Biomech 21, equation 7, appendix and table 2"
@@ -78,7 +78,7 @@ def planar_rows() -> Iterator[Row]:
 
 def single_tendon_rows() -> Iterator[Row]:
     """The middle finger under one tendon at a time, its tip clamped; nothing was fitted."""
-    finger = MujocoFinger(middle_model(), support=CLAMPED)
+    finger = MujocoFinger(MIDDLE.scaled_model(MIDDLE.strands(0.5), 1.0), support=CLAMPED)
     misses = []
     for posture, muscle, tension, mean, spread in SINGLE_TENDON:
         name = f"middle finger {'/'.join(map(str, posture))} deg, {muscle} {tension} N"

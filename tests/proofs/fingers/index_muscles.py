@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.port import Array
+from rigid.muscle.millard import balance, pull
 from rigid.muscle.parameters import Muscles
 
 TABLE_2 = {
@@ -36,3 +38,22 @@ def index_muscles(*names: str, rigid_tendon: bool = False) -> Muscles:
             raise InputError(f"muscle {name!r}: expected one of {', '.join(TABLE_2)}")
     force, fibre, slack, degrees = np.array([TABLE_2[name] for name in chosen]).T
     return Muscles(chosen, force, fibre, slack, np.deg2rad(degrees), rigid_tendon=rigid_tendon)
+
+
+def activation_rate(muscles: Muscles, activation: Array, excitation: Array) -> Array:
+    """1/s, d activation / dt (Thelen 2003, J Biomech Eng 125:70; as OpenSim's muscle): the time
+    constant is t_a (0.5 + 1.5 a) rising, t_d / (0.5 + 1.5 a) falling."""
+    a, u = muscles.effective(activation), muscles.effective(excitation)
+    factor = 0.5 + 1.5 * a
+    rise, fall = muscles.activation_time * factor, muscles.deactivation_time / factor
+    return (u - a) / np.where(u > a, rise, fall)
+
+
+def rigid_force(muscles: Muscles, activation: Array, path: Array, path_rate: Array) -> Array:
+    """The tendon forces (..., n) N over a rigid tendon while the path lengthens at `path_rate`
+    (m/s)."""
+    s = np.maximum(path - muscles.tendon_slack_length, muscles.shortest_along)
+    s, rate = np.broadcast_arrays(s, path_rate)
+    length, raised = np.sqrt(s * s + muscles.scales.width2), muscles.effective(activation)
+    at = balance(muscles, raised, path, s, length - rate * s / length, 1.0)
+    return pull(muscles, at, s)[0]

@@ -22,8 +22,8 @@ from rigid.chain.support import FREE, HELD
 from rigid.fingers.anatomy import _distance
 from rigid.fingers.index import INDEX, INTRINSIC_ROWS, O2O3, finger_model
 from rigid.fingers.little import LITTLE
+from rigid.fingers.middle import MIDDLE
 from rigid.fingers.middle import O2O3 as MIDDLE_O2O3
-from rigid.fingers.middle import finger_model as middle_finger
 from rigid.fingers.ring import RING
 from rigid.mjcf.write import mjcf_xml
 from rigid.model import FingerModel
@@ -39,8 +39,7 @@ from tests.helpers.fingers import (
 
 FINGERS = [
     finger_model(index_finger(), central=0.5),
-    middle_finger(),
-    *(finger.scaled_model(finger.strands(0.5), 1.0) for finger in (RING, LITTLE)),
+    *(finger.scaled_model(finger.strands(0.5), 1.0) for finger in (MIDDLE, RING, LITTLE)),
 ]
 
 
@@ -161,7 +160,11 @@ def test_a_sheathed_flexor_takes_the_shortest_way_inside_its_ring(degrees: float
 
 
 @pytest.mark.parametrize(
-    ("model", "o2o3"), [(finger_model(straight_skeleton()), O2O3), (middle_finger(), MIDDLE_O2O3)]
+    ("model", "o2o3"),
+    [
+        (finger_model(straight_skeleton()), O2O3),
+        (FINGERS[1], MIDDLE_O2O3),
+    ],
 )
 def test_a_flexor_s_arm_is_bounded_by_its_sheath(model: FingerModel, o2o3: float) -> None:
     """At the PIP FDS lies dorsal of FDP wherever that bends, at the MCP palmar of it up to 60 deg;

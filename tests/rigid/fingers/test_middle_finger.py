@@ -11,7 +11,7 @@ from cosim.fingers.kinds import FINGERS
 from cosim.models.build import build
 from cosim.port import Array
 from meshes.skeleton import JOINTS
-from rigid.fingers.middle import LENGTHS, O2O3, RADIAL_INTEROSSEOUS, finger_model
+from rigid.fingers.middle import LENGTHS, O2O3, RADIAL_INTEROSSEOUS, record
 from rigid.mujoco.finger import MujocoFinger
 
 # MyoHub/myo_sim at 2cef885, third ray, m: joint centres in their parents, axis and points of RI3.
@@ -35,7 +35,8 @@ def test_the_radial_interosseous_is_myohands_from_joint_to_joint() -> None:
 
 def at_mcp(muscle: str, source: str, degrees: float) -> Array:
     """mm, flexion and radial abduction."""
-    finger = MujocoFinger(finger_model(interosseous=source))  # type: ignore[arg-type]
+    middle = record(source)  # type: ignore[arg-type]
+    finger = MujocoFinger(middle.scaled_model(middle.strands(0.5), 1.0))
     q = np.radians(degrees) * np.eye(4)[JOINTS.index("MCP")]
     return 1e3 * finger.moment_arms(q)[finger.tendons.index(muscle), :2]
 

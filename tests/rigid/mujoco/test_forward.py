@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from cosim.coupling.finger_equilibrium import at_rest
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array, State
 from meshes.skeleton import JOINTS
@@ -19,7 +18,7 @@ from rigid.model import FingerModel, Hinge, Segment
 from rigid.mujoco.dynamics import ConstantTension, DynamicPull, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage, Device, Shell, TipContact
-from tests.helpers.fingers import POSTURE, straight_skeleton
+from tests.helpers.fingers import POSTURE, at_rest, straight_skeleton
 from tests.proofs.fingers.forward import (
     RestCriterion,
     Simulation,

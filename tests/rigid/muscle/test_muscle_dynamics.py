@@ -15,16 +15,14 @@ from cosim.errors import ConvergenceError, InputError
 from rigid.muscle import curves, millard
 from rigid.muscle.dynamics import (
     MuscleState,
-    activation_rate,
     advance_activation,
     at_rest,
     fibre_velocity,
-    rigid_force,
     step,
 )
 from rigid.muscle.millard import equilibrium, path_length
 from rigid.muscle.parameters import DAMPED, Muscles, curves_without_damping
-from tests.proofs.fingers.index_muscles import index_muscles
+from tests.proofs.fingers.index_muscles import activation_rate, index_muscles, rigid_force
 
 INDEX = index_muscles()
 RIGID = index_muscles(rigid_tendon=True)
@@ -45,21 +43,6 @@ def tendon_force(muscles: Muscles, path: np.ndarray, length: np.ndarray) -> np.n
     """The tendon's pull over F0, by the exact curve."""
     s = np.sqrt(length**2 - muscles.width**2)
     return muscles.curves.tendon.value((path - s) / muscles.tendon_slack_length)
-
-
-@pytest.mark.parametrize(
-    ("activation", "excitation", "rate"),
-    [
-        (0.2, 0.7, 0.5 / (0.010 * 0.8)),
-        (0.7, 0.2, -0.5 * 1.55 / 0.040),
-        (0.5, 0.5, 0.0),
-        (0.01, 0.0, 0.0),  # at the smallest activation
-    ],
-)
-def test_activation_rate_is_the_published_one(
-    activation: float, excitation: float, rate: float
-) -> None:
-    assert activation_rate(INDEX, activation, excitation) == pytest.approx(rate, abs=1e-12)
 
 
 def test_deactivation_follows_its_closed_form_to_second_order() -> None:
@@ -243,8 +226,6 @@ FDS = np.arange(8) == 1
         (lambda: step(INDEX, STATE, STATE[0], np.where(FDS, np.nan, PATH), 1), "FDS, path length"),
         (lambda: fibre_velocity(RIGID, 0.1, PATH, PATH), "with a rigid tendon it follows"),
         (lambda: fibre_velocity(INDEX, 0.1, np.full(8, np.nan), PATH), "FDP, fibre length"),
-        (lambda: rigid_force(INDEX, 0.1, PATH, 0.0), "the muscles have elastic tendons"),
-        (lambda: rigid_force(RIGID, 0.1, PATH, np.inf), "FDP, path rate"),
     ],
 )
 def test_bad_input_is_named(wrong: Callable[[], object], said: str) -> None:

@@ -9,11 +9,11 @@ import pytest
 
 from rigid.muscle import curves
 from rigid.muscle.curves import Curve
-from rigid.muscle.dynamics import activation_rate, fibre_velocity, rigid_force
+from rigid.muscle.dynamics import fibre_velocity
 from rigid.muscle.millard import equilibrium
 from rigid.muscle.parameters import DAMPED, Muscles, curves_without_damping
 from tests.proofs.fingers import opensim_reference as reference
-from tests.proofs.fingers.index_muscles import index_muscles
+from tests.proofs.fingers.index_muscles import activation_rate, index_muscles, rigid_force
 
 opensim = pytest.importorskip("opensim")
 pytestmark = pytest.mark.opensim

@@ -23,7 +23,7 @@ from cases.papers.models.networks.point_contact import VISCOSITY
 from cases.papers.models.networks.share_models import tip_jacobians
 from cosim.errors import ConvergenceError
 from cosim.port import Array
-from rigid.chain.capstan import free_grip, grip_after, rounded_grip, tension_ratio
+from rigid.chain.capstan import free_grip, grip_after, tension_ratio
 from rigid.hoods.network import Network
 
 BALANCED = 1e-7
@@ -235,7 +235,8 @@ def _rub(bed: Bed, before: Array, slid: Array, beyond: Array, bend: Array) -> _R
     turn by `bend` rad, under tensions `beyond` N, from the grip `before`."""
     turn = bed.friction * np.abs(bend)
     free = free_grip(before, slid, bed.sticking)
-    ratio = tension_ratio(turn, rounded_grip(free, 2 * ROUNDED))
+    rounded = 0.5 * (np.hypot(free + 1.0, 2 * ROUNDED) - np.hypot(free - 1.0, 2 * ROUNDED))
+    ratio = tension_ratio(turn, rounded)
     return _Rub(beyond / ratio - beyond, grip_after(before, slid, bed.sticking))
 
 

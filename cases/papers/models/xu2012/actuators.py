@@ -8,8 +8,9 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from cosim.port import Array
-from rigid.fingers.robot_tables import MOST_FORCE
 
+MOST_FORCE = 40.0
+"""N: section VII."""
 PERIOD = 0.01
 """s: the paper's control loop."""
 LATENCY = 0.05

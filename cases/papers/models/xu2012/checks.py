@@ -26,9 +26,12 @@ from cases.papers.models.xu2012.tracking import Bench, StepResponse, poses
 from cosim.port import Array
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger
-from rigid.fingers.robot_tables import JOINTS, SMALLEST, TABLE_III
+from rigid.fingers.robot_tables import JOINTS, TABLE_III
 from rigid.model import FingerModel
 from rigid.mujoco.finger import MujocoFinger
+
+SMALLEST = 0.1
+"""mm: an entry of table III below this is a zero, whose sign means nothing."""
 
 COUNTS = (13, 8, 12, 8)
 """Postures of each joint over table II."""

@@ -20,11 +20,10 @@ from dataclasses import dataclass
 import daqp
 import numpy as np
 
-from cases.papers.models.xu2012.actuators import PERIOD
+from cases.papers.models.xu2012.actuators import MOST_FORCE, PERIOD
 from cases.papers.models.xu2012.plant import RELAXATION, STIFFNESS
 from cosim.errors import ConvergenceError
 from cosim.port import Array
-from rigid.fingers.robot_tables import MOST_FORCE
 
 ARM = 0.01
 """m: torques are taken in units of this arm times 1 N."""
