@@ -14,7 +14,13 @@ from cosim.hoods.lesion import SLIPS
 from cosim.hoods.view import Field
 from cosim.port import Array, State
 from fe_solver.forces.contact import coulomb_defects
-from fe_solver.forces.springs import node_spring_state, spring_state
+from fe_solver.forces.springs import (
+    Axial,
+    node_spring_directions,
+    node_spring_state,
+    spring_directions,
+    spring_state,
+)
 from fe_solver.hood.build import heights
 from fe_solver.hood.shell_hood import RETRIES
 from fe_solver.hood.shell_hood import ShellHood as FeHood
@@ -232,10 +238,26 @@ def repair_forces(hood: FeHood, state: State) -> dict[str, float]:
     return {name: float(total[i]) for i, name in enumerate(hood.groups) if name.startswith(REPAIRS)}
 
 
+def spring_pulls(hood: FeHood, state: State) -> dict[str, tuple[Axial, Array]]:
+    """By set, what its springs do along themselves, (k,), and the unit directions (k, 3) in which
+    they stretch, in the world frame; those to bodies come first."""
+    m, c = hood.model, state.configuration
+    placed = (c.x, c.position, c.rotation)
+    ends = (*spring_state(m.springs, *placed), spring_directions(m.springs, *placed))
+    between = (*node_spring_state(m.links, c.x), node_spring_directions(m.links, c.x))
+    out = {}
+    for i, s in enumerate(hood.springs):
+        on, off = m.springs.group == i, m.links.group == i
+        both = zip(ends, between, strict=True)
+        *axial, along = (np.concatenate([a[on], b[off]]) for a, b in both)
+        out[s.name] = Axial(*axial), along
+    return out
+
+
 def repair_stretches(hood: FeHood, state: State) -> dict[str, float]:
     """How much longer than at rest each suture and graft is where it is most so, m."""
-    pulls = zip(hood.springs, hood.pulls(state), strict=True)
-    return {s.name: float(p.stretch.max()) for s, (p, _) in pulls if s.name.startswith(REPAIRS)}
+    pulls = spring_pulls(hood, state).items()
+    return {name: float(p.stretch.max()) for name, (p, _) in pulls if name.startswith(REPAIRS)}
 
 
 def slip_forces(hood: FeHood, state: State) -> dict[str, float]:

@@ -11,11 +11,12 @@ import numpy as np
 
 from cosim.coupling.events import Bearing, Schedule
 from cosim.errors import InputError, nearest_names
-from cosim.hoods.fe_view import REPAIRS, stored_energy
+from cosim.hoods.fe_view import REPAIRS, spring_pulls, stored_energy
 from cosim.hoods.give_way import GiveWayConfig
 from cosim.hoods.kind import BuiltHood
 from cosim.port import Array, Hood, HoodJacobian, Ints, Mask, Motion, Response
 from fe_solver.hood.shell_hood import HoodState, ShellHood
+from fe_solver.supports import SpringSet, links_of, springs_of
 
 Forces = Mapping[str, Callable[[Any, Any], float]]
 """N that parts without springs bear, of a hood and its state, by name."""
@@ -88,8 +89,8 @@ def bearing_of(
 ) -> Bearing:
     """Return what the units bear in a solved state of the hood; of one that relaxed its stretches
     count from the lengths of the `whole` one, and what it stored is not known."""
-    laid = dict(zip((s.name for s in hood.springs), (whole or hood).pulls(state), strict=True))
-    sets = {s.name: (s, *pull) for s, pull in zip(hood.springs, hood.pulls(state), strict=True)}
+    laid, pulls = spring_pulls(whole or hood, state), spring_pulls(hood, state)
+    sets = {s.name: (s, *pulls[s.name]) for s in hood.springs}
     rows = []
     for unit in units:
         i, when, force, stretch, energy = unit.springs, unit.when, 0.0, 0.0, 0.0
@@ -165,7 +166,7 @@ class GivingFeHood:
         """The state with other shares (k,), not in equilibrium; units that `begin` (k,) are free of
         stress in its shape."""
         length, hood = state.length.copy(), self.hood_of(state)
-        pulls = dict(zip((s.name for s in hood.springs), hood.pulls(state.hood), strict=True))
+        pulls = spring_pulls(hood, state.hood)
         for i in np.flatnonzero(begin):
             unit = self.units[i]
             stretch = pulls[unit.part][0].stretch
@@ -207,7 +208,7 @@ class GivingFeHood:
             own = slice(self._first[s.name], self._first[s.name] + len(s.nodes))
             law = replace(s.law, stiffness=share[own] * s.law.stiffness)
             sets.append(replace(s, law=law, length=state.length[own]))
-        return base.with_springs(sets)
+        return with_springs(base, sets)
 
     def built_of(self, state: GivingState) -> BuiltHood:
         """What there is to know of a state's hood, which takes `state.hood`."""
@@ -225,6 +226,13 @@ class GivingFeHood:
         laid = self.whole.start(self.whole.rest)
         bare = GivingState(laid, inner.pop("left"), inner.pop("length"))
         return replace(bare, hood=self.hood_of(bare).from_arrays(inner))
+
+
+def with_springs(hood: ShellHood, springs: Sequence[SpringSet]) -> ShellHood:
+    """Return the hood with other laws and rest lengths of its springs: the same sets, with the same
+    ends."""
+    model = hood.model.with_changes(springs=springs_of(springs), links=links_of(springs))
+    return replace(hood, model=model, springs=tuple(springs))
 
 
 class VaryingHood(Hood, Protocol):

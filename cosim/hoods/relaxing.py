@@ -8,7 +8,8 @@ from typing import cast
 
 import numpy as np
 
-from cosim.hoods.giving import with_variants
+from cosim.hoods.fe_view import spring_pulls
+from cosim.hoods.giving import with_springs, with_variants
 from cosim.hoods.kind import BuiltHood
 from cosim.port import Array, Hood, HoodJacobian, Motion, Response
 from fe_solver.forces.cables import Cables, cable_state
@@ -139,7 +140,7 @@ def borne(hood: ShellHood, state: HoodState) -> Array:
     along themselves, set by set, and of its cables without their residual tension."""
     model = hood.model
     sheet = model.section.response(hood.strain(state)).force
-    springs = [axial.force for axial, _ in hood.pulls(state)]
+    springs = [axial.force for axial, _ in spring_pulls(hood, state).values()]
     cables = cable_state(model.cables, state.configuration.x)
     residual = model.cables.residual * (1 + cables.strain)
     return np.concatenate([sheet.ravel(), *springs, cables.force - residual])
@@ -159,7 +160,7 @@ def relaxed(hood: ShellHood, factor: float, held: Array) -> ShellHood:
         shorter = np.divide(held[own], stiffness, out=np.zeros(len(s.nodes)), where=stiffness > 0)
         law = replace(s.law, stiffness=stiffness)
         sets.append(replace(s, law=law, length=s.length - shorter))
-    made = hood.with_springs(sets)
+    made = with_springs(hood, sets)
     model = made.model.with_changes(
         section=section.relaxed(factor, sheet),
         cables=_relaxed_cables(hood.model.cables, factor, held[first:]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -14,13 +14,6 @@ from cosim.errors import ConvergenceError, InputError, say
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
 from cosim.stopwatch import timed
 from fe_solver.forces.contact import compression
-from fe_solver.forces.springs import (
-    Axial,
-    node_spring_directions,
-    node_spring_state,
-    spring_directions,
-    spring_state,
-)
 from fe_solver.hood.version import KNOWN, solver_version
 from fe_solver.sheet import Sheet
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
@@ -31,7 +24,7 @@ from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, is_equilibrium, solve
 from fe_solver.solver.relaxation import relax
 from fe_solver.solver.residual import residual_norm
-from fe_solver.supports import SpringSet, links_of, springs_of
+from fe_solver.supports import SpringSet
 from fe_solver.vectors import cross
 
 TIE = "terminal_slip"
@@ -56,11 +49,7 @@ NO_TURN, NO_WAY = 1e-7, 1e-12
 DETOUR_TENSION = 6.0
 """Added to every tension (N) on a detour: a sheet that folds in a joint when slack is then taut."""
 IN_STEPS = "in steps"
-BY_DETOUR, IN_HALVES, BY_DAMPING = RETRIES = (
-    "by a taut detour",
-    "in halves",
-    "by a damped motion",
-)
+BY_DETOUR, IN_HALVES, BY_DAMPING = RETRIES = "by a taut detour", "in halves", "by a damped motion"
 """Attempts that follow one that failed."""
 SOFT_START = NewtonOptions(tolerance=1e-2)
 """Options for the equilibrium on softer contact that leads to the one that is sought."""
@@ -227,27 +216,6 @@ class ShellHood:
         evaluation = m.evaluate(c, tension, tangent=True)
         solution = Solution(m, c, evaluation, tension, 1, 1, residual_norm(m, evaluation)[0])
         return HoodState(state.motion, c, solution, state.iterations + 1)
-
-    def with_springs(self, springs: Sequence[SpringSet]) -> ShellHood:
-        """The same hood with other laws and rest lengths of its springs: the same sets, with the
-        same ends."""
-        model = self.model.with_changes(springs=springs_of(springs), links=links_of(springs))
-        return replace(self, model=model, springs=tuple(springs))
-
-    def pulls(self, state: HoodState) -> list[tuple[Axial, Array]]:
-        """What the springs of each set do along themselves, (k,), and the unit directions (k, 3) in
-        which they stretch, in the world frame; those to bodies come first."""
-        m, c = self.model, state.configuration
-        placed = (c.x, c.position, c.rotation)
-        ends = (*spring_state(m.springs, *placed), spring_directions(m.springs, *placed))
-        between = (*node_spring_state(m.links, c.x), node_spring_directions(m.links, c.x))
-        out = []
-        for i in range(len(self.springs)):
-            on, off = m.springs.group == i, m.links.group == i
-            both = zip(ends, between, strict=True)
-            *axial, along = (np.concatenate([a[on], b[off]]) for a, b in both)
-            out.append((Axial(*axial), along))
-        return out
 
     def linearised(self, state: HoodState, motion: Motion) -> HoodState:
         """The state at poses nearby under the same tensions, to first order in the poses."""
