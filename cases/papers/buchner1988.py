@@ -30,8 +30,15 @@ from cases.papers.models.buchner1988.flexion import cosine
 from cases.papers.models.printed import printed_values, read_printed
 from cosim.report.figures import legend_below, show, style_axes
 from cosim.results.picture import new_picture
-from rigid.hoods.two_band import JOINTS, LONG_NAMES, MUSCLES, TABLE_1, coupled_dip, excursions
+from rigid.hoods.two_band import JOINTS, MUSCLES, TABLE_1, coupled_dip, excursions
 
+LONG_NAMES = {
+    "ED": "extensor digitorum",
+    "FDP": "flexor profundus",
+    "FDS": "flexor superficialis",
+    "Int": "interossei",
+    "Lum": "lumbrical",
+}
 MUSCLE_COLOURS = ("#0b5394", "#b45309", "#2e7d4f", "#8e3b8a", "0.45")
 ANGLE = np.radians(np.linspace(0.0, 110.0, 111))
 PARABOLA = np.degrees(ANGLE), np.degrees(coupled_dip(ANGLE))

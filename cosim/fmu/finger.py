@@ -109,6 +109,9 @@ class _UnitFinger(ABC, Generic[FingerState]):
             return self.kinematics.at(np.zeros(len(self.joints))).motion
         return self._first_motion
 
+    def angles(self, state: FingerState) -> Array:
+        return state.angles
+
     @abstractmethod
     def _state(self, values: Mapping[str, Array]) -> FingerState:
         """The state that the unit is in, by the values of ANSWERS there."""
@@ -142,9 +145,6 @@ class FmuFinger(_UnitFinger[FmuFingerState]):
     def start(self, posture: Mapping[str, float]) -> FmuFingerState:
         """The unit as it was initialised, in its own posture."""
         return self._begin
-
-    def angles(self, state: FmuFingerState) -> Array:
-        return state.angles
 
     def motion(self, state: FmuFingerState) -> Motion:
         return state.motion
@@ -225,9 +225,6 @@ class FmuMovingFinger(_UnitFinger[FmuMovingState]):
             raise InputError(f"{self.unit.opened.path}: this FMU begins in a posture of its own")
         # As the native finger's: no load has been given when a motion begins.
         return replace(self._begin, tip=np.zeros(6))
-
-    def angles(self, state: FmuMovingState) -> Array:
-        return state.angles
 
     def rates(self, state: FmuMovingState) -> Array:
         return state.rates

@@ -60,13 +60,6 @@ TABLE_1: Mapping[tuple[str, str], Entry] = {
     ("Lum", "DIP"): Entry(3.5e-3, 0.0, LIKELY),
 }
 MUSCLES = ("ED", "FDP", "FDS", "Int", "Lum")
-LONG_NAMES: Mapping[str, str] = {
-    "ED": "extensor digitorum",
-    "FDP": "flexor profundus",
-    "FDS": "flexor superficialis",
-    "Int": "interossei",
-    "Lum": "lumbrical",
-}
 
 
 def arms(columns: Sequence[Mapping[str, tuple[float, float]]]) -> Arms:

@@ -18,13 +18,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
-from rigid.mujoco.implicit_step import device_response
 from rigid.mujoco.step_data import CAGE, FREE, SHELL, DeviceData
 
 
@@ -78,17 +77,6 @@ class TipContact:
         )
 
 
-class Wrench(NamedTuple):
-    """What a device does to the sphere, with its exact derivatives."""
-
-    wrench: Array
-    """(6,) N and N m about the sphere's centre."""
-    by_position: Array
-    """(6, 3)."""
-    by_twist: Array
-    """(6, 6)."""
-
-
 class Device(Protocol):
     """Anything that pushes a sphere about the fingertip."""
 
@@ -100,12 +88,6 @@ class Device(Protocol):
     def energy(self, position: Array) -> float:
         """The energy, J, stored elastically at a position (3,) m."""
         ...
-
-
-def wrench(device: Device, position: Array, twist: Array) -> Wrench:
-    """The wrench on the sphere at a position (3,) m and twist (6,) in the device's axes."""
-    place, motion = np.asarray(position, dtype=float), np.asarray(twist, dtype=float)
-    return Wrench(*device_response(device.surface, place, motion, True))
 
 
 @dataclass(frozen=True)
@@ -121,23 +103,33 @@ class Nothing:
 
 
 @dataclass(frozen=True)
-class Cage:
-    """A cube of six walls about a sphere (thesis: 9 mm wide, sphere of 8 mm), Hunt-Crossley.
-
-    Hertz's law between a sphere of radius R and a half-space of the same modulus E reads in
-    Simbody  f_e = 4/3 E* sqrt(R) x^(3/2)  with  E* = (E^(2/3) / 2)^(3/2) = E / 2^(3/2)."""
+class _Hollow:
+    """A space about the sphere."""
 
     contact: TipContact = TipContact()
     width: float = 0.009
-    """Distance between opposite walls, m."""
+    """m, between opposite walls, or the inner diameter."""
 
     def __post_init__(self) -> None:
-        _check("cage", self.gap)
+        if not 0 < self.gap < np.inf:
+            raise InputError(
+                f"fingertip {type(self).__name__.lower()}: its width must exceed the sphere's "
+                f"diameter by a gap that is positive and finite, got a gap of {self.gap} m; choose "
+                "it wider"
+            )
 
     @property
     def gap(self) -> float:
         """The distance, m, that the sphere's centre can move before it touches."""
         return self.width / 2 - self.contact.radius
+
+
+@dataclass(frozen=True)
+class Cage(_Hollow):
+    """A cube of six walls about a sphere (thesis: 9 mm wide, sphere of 8 mm), Hunt-Crossley.
+
+    Hertz's law between a sphere of radius R and a half-space of the same modulus E reads in
+    Simbody  f_e = 4/3 E* sqrt(R) x^(3/2)  with  E* = (E^(2/3) / 2)^(3/2) = E / 2^(3/2)."""
 
     @property
     def hertz(self) -> float:
@@ -154,7 +146,7 @@ class Cage:
 
 
 @dataclass(frozen=True)
-class Shell:
+class Shell(_Hollow):
     """A hollow sphere about a sphere (thesis: 9 mm inside, sphere of 8 mm), elastic foundation.
 
     Springs of stiffness k per area cover the hollow sphere (radius R_o); each points at the centre
@@ -165,18 +157,6 @@ class Shell:
 
     Dissipation and friction act on the resultant at the sphere's outermost point, where Simbody
     takes them spring by spring: equal at rest, and while the patch is small."""
-
-    contact: TipContact = TipContact()
-    width: float = 0.009
-    """Inner diameter, m."""
-
-    def __post_init__(self) -> None:
-        _check("shell", self.gap)
-
-    @property
-    def gap(self) -> float:
-        """The distance, m, that the sphere's centre can move before it touches."""
-        return self.width / 2 - self.contact.radius
 
     @property
     def surface(self) -> DeviceData:
@@ -191,11 +171,3 @@ class Shell:
             return 0.0
         outer = self.width / 2
         return pi * self.contact.stiffness * outer / d * x**3 * (self.contact.radius / 3 - x / 4)
-
-
-def _check(kind: str, gap: float) -> None:
-    if not 0 < gap < np.inf:
-        raise InputError(
-            f"fingertip {kind}: its width must exceed the sphere's diameter by a gap that is "
-            f"positive and finite, got a gap of {gap} m; choose it wider"
-        )

@@ -35,29 +35,13 @@ class MuscleCurves:
         return CurveTable.of([self.active, self.passive, self.velocity, self.tendon])
 
 
-def curves_with_damping() -> MuscleCurves:
-    """The default curves of OpenSim's muscle with fibre damping (f_AL falls to 0)."""
-    return MuscleCurves(
-        curves.active_force_length(),
-        curves.passive_force_length(),
-        curves.force_velocity(),
-        curves.tendon_force_length(),
-    )
-
-
-def curves_without_damping() -> MuscleCurves:
-    """Those of OpenSim's muscle without damping over an elastic tendon: f_AL at least 0.1, and f_V
-    with half of its slopes near the largest velocities at them, so that each force has a
-    velocity."""
-    return MuscleCurves(
-        curves.active_force_length(minimum=0.1),
-        curves.passive_force_length(),
-        curves.force_velocity(concentric=(0.125, 0.25), eccentric=(0.075, 0.15)),
-        curves.tendon_force_length(),
-    )
-
-
-DAMPED = curves_with_damping()
+DAMPED = MuscleCurves(
+    curves.active_force_length(),
+    curves.passive_force_length(),
+    curves.force_velocity(),
+    curves.tendon_force_length(),
+)
+"""The default curves of OpenSim's muscle with fibre damping (f_AL falls to 0)."""
 POSITIVE = (
     "max_force",
     "optimal_fibre_length",

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from importlib.util import find_spec
 from math import pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from rigid.chain.joint_torques import joint_law
 from rigid.fingers.index import finger_model
 from rigid.mujoco.dynamics import ConstantTension, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
-from rigid.mujoco.tip_device import Cage, Device, Shell, TipContact, wrench
+from rigid.mujoco.implicit_step import device_response
+from rigid.mujoco.tip_device import Cage, Device, Shell, TipContact
 from tests.helpers.fingers import at_rest
 from tests.helpers.folders import TEST_DATA
 from tests.helpers.rows import Row
@@ -159,3 +160,19 @@ def pull_of(finger: MujocoFinger, muscles: tuple[str, ...]) -> Array:
 def _simulate(finger: MujocoFinger, muscles: tuple[str, ...], device: Device | None) -> Simulation:
     pull = ConstantTension(pull_of(finger, muscles))
     return simulate(FingerDynamics(finger, finger.start(POSTURE), pull, device))
+
+
+class Wrench(NamedTuple):
+    """What a device does to the sphere, with its exact derivatives."""
+
+    wrench: Array
+    """(6,) N and N m about the sphere's centre."""
+    by_position: Array
+    """(6, 3)."""
+    by_twist: Array
+    """(6, 6)."""
+
+
+def wrench(device: Device, position: Array, twist: Array) -> Wrench:
+    """The wrench on the sphere at a position (3,) m and twist (6,) in the device's axes."""
+    return Wrench(*device_response(device.surface, position, twist, True))

@@ -8,13 +8,23 @@ It states neither a path nor a fibre length in a posture: see `millard.path_leng
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
+from rigid.muscle import curves
 from rigid.muscle.millard import balance, pull
-from rigid.muscle.parameters import Muscles
+from rigid.muscle.parameters import DAMPED, Muscles
 
+WITHOUT_DAMPING = replace(
+    DAMPED,
+    active=curves.active_force_length(minimum=0.1),
+    velocity=curves.force_velocity(concentric=(0.125, 0.25), eccentric=(0.075, 0.15)),
+)
+"""The curves of OpenSim's muscle without damping over an elastic tendon: f_AL at least 0.1, and f_V
+with half of its slopes near the largest velocities at them, so that each force has a velocity."""
 TABLE_2 = {
     # N, m, m, degrees
     "FDP": (79.12, 0.075, 0.26812, 7.0),

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from cosim.errors import InputError
 from cosim.port import Array
 from rigid.mujoco.implicit_step import friction
-from rigid.mujoco.tip_device import Cage, Device, Nothing, Shell, TipContact, wrench
+from rigid.mujoco.tip_device import Cage, Device, Nothing, Shell, TipContact
+from tests.proofs.fingers.dynamics_rows import wrench
 
 STILL = np.zeros(6)
 DEVICES = (Cage(), Shell())

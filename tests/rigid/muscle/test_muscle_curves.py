@@ -10,14 +10,15 @@ from hypothesis import strategies as st
 from cosim.errors import InputError
 from rigid.muscle import curves
 from rigid.muscle.curves import Curve, Knot, NotConverged, increasing_root
-from rigid.muscle.parameters import DAMPED, CurveTable, curves_with_damping, curves_without_damping
+from rigid.muscle.parameters import DAMPED, CurveTable
+from tests.proofs.fingers.index_muscles import WITHOUT_DAMPING
 
 ALL = {
     "active": DAMPED.active,
-    "active above 0.1": curves_without_damping().active,
+    "active above 0.1": WITHOUT_DAMPING.active,
     "passive": DAMPED.passive,
     "velocity": DAMPED.velocity,
-    "velocity with slopes": curves_without_damping().velocity,
+    "velocity with slopes": WITHOUT_DAMPING.velocity,
     "tendon": DAMPED.tendon,
     "soft tendon": curves.tendon_force_length(0.1, 15.0, 0.5, 0.8),
 }
@@ -83,7 +84,7 @@ def test_active_curve_is_greatest_at_optimal_length_and_shares_its_tails() -> No
     assert y.min() == 0.0
     assert y.max() == pytest.approx(1.0, abs=1e-9)
     assert x[np.argmax(y)] == pytest.approx(1.0, abs=1e-3)
-    raised = curves_without_damping().active.value(np.array([0.2, 1.0, 1.9]))
+    raised = WITHOUT_DAMPING.active.value(np.array([0.2, 1.0, 1.9]))
     assert raised == pytest.approx([0.1, 1.0, 0.1], abs=1e-12)
 
 
@@ -96,7 +97,7 @@ def test_published_stiffness_defaults() -> None:
 
 
 def test_the_undamped_force_velocity_curve_has_half_its_near_slopes_at_its_ends() -> None:
-    assert curves_without_damping().velocity.end_slopes == pytest.approx([0.25 / 2, 0.15 / 2])
+    assert WITHOUT_DAMPING.velocity.end_slopes == pytest.approx([0.25 / 2, 0.15 / 2])
     assert DAMPED.velocity.end_slopes.tolist() == [0.0, 0.0]
 
 
@@ -144,7 +145,7 @@ def test_table_holds_what_it_says() -> None:
 
 
 def test_table_stays_straight_far_away() -> None:
-    table = curves_with_damping().table
+    table = DAMPED.table
     far = np.full((4, 1), 1e4)
     values, slopes = table(far)
     assert values[3] == pytest.approx(1.0 + 1.375 / 0.049 * (1e4 - 1.049), rel=1e-12)

@@ -21,12 +21,17 @@ from rigid.muscle.dynamics import (
     step,
 )
 from rigid.muscle.millard import equilibrium, path_length
-from rigid.muscle.parameters import DAMPED, Muscles, curves_without_damping
-from tests.proofs.fingers.index_muscles import activation_rate, index_muscles, rigid_force
+from rigid.muscle.parameters import DAMPED, Muscles
+from tests.proofs.fingers.index_muscles import (
+    WITHOUT_DAMPING,
+    activation_rate,
+    index_muscles,
+    rigid_force,
+)
 
 INDEX = index_muscles()
 RIGID = index_muscles(rigid_tendon=True)
-UNDAMPED = replace(INDEX, damping=0.0, curves=curves_without_damping())
+UNDAMPED = replace(INDEX, damping=0.0, curves=WITHOUT_DAMPING)
 PATH = path_length(INDEX, 1.0, 0.1)
 levels = st.floats(0.01, 1.0)
 

@@ -11,15 +11,20 @@ from rigid.muscle import curves
 from rigid.muscle.curves import Curve
 from rigid.muscle.dynamics import fibre_velocity
 from rigid.muscle.millard import equilibrium
-from rigid.muscle.parameters import DAMPED, Muscles, curves_without_damping
+from rigid.muscle.parameters import DAMPED, Muscles
 from tests.proofs.fingers import opensim_reference as reference
-from tests.proofs.fingers.index_muscles import activation_rate, index_muscles, rigid_force
+from tests.proofs.fingers.index_muscles import (
+    WITHOUT_DAMPING,
+    activation_rate,
+    index_muscles,
+    rigid_force,
+)
 
 opensim = pytest.importorskip("opensim")
 pytestmark = pytest.mark.opensim
 
 INDEX = index_muscles()
-UNDAMPED = replace(INDEX, damping=0.0, curves=curves_without_damping())
+UNDAMPED = replace(INDEX, damping=0.0, curves=WITHOUT_DAMPING)
 PAIRS = {
     "ActiveForceLengthCurve": (curves.active_force_length(minimum=0.1), (0.2, 2.1)),
     "FiberForceLengthCurve": (DAMPED.passive, (0.5, 2.5)),
