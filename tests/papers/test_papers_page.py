@@ -22,10 +22,10 @@ from cosim.report.figures import (
     FigurePage,
     FigureStudy,
     choose_studies,
-    new_picture,
     write_figures,
 )
 from cosim.report.gallery import Script, open_paper
+from cosim.results.picture import new_picture
 from tests.helpers.folders import ROOT
 
 
