@@ -333,7 +333,7 @@ def test_a_shape_on_the_way_counts_as_the_end_does() -> None:
     view = SimpleNamespace(audit=lambda: seen[2])
     end = SimpleNamespace(coupled=SimpleNamespace(hood=None))
     moved = SimpleNamespace(
-        models=SimpleNamespace(view=lambda hood: view),
+        models=SimpleNamespace(built=SimpleNamespace(view=lambda hood: view)),
         history=SimpleNamespace(shapes=shapes, moment=end),
     )
     assert _largest_of_hood(moved) == {"max_penetration_mm": 0.3}
