@@ -100,7 +100,9 @@ def things_shown(result: cosim.Result) -> int:
     return count
 
 
-@pytest.mark.parametrize("name", ["network_edc", "cable_edc", "motion"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("network_edc", marks=pytest.mark.slow), "cable_edc", "motion"]
+)
 def test_a_run_opened_shows_what_the_fresh_one_does(tmp_path, monkeypatch, name):
     pyvista = pytest.importorskip("pyvista")
     monkeypatch.setattr(pyvista, "OFF_SCREEN", True)
