@@ -186,9 +186,9 @@ def moved_toml(text: str, folder: Path) -> str:
     """The text of a whole case as it lies in a folder: paths are relative to it, so that no path of
     a machine stands there and the folders can be moved together."""
     values = tomllib.loads(text)
-    for table, key in _paths(values):
+    for table, key in (paths := [*_paths(values)]):
         table[key] = relative_path(Path(table[key]), folder)
-    return _whole_toml(values)
+    return _whole_toml(values) if paths else text
 
 
 def _whole_toml(values: Mapping[str, Any]) -> str:
