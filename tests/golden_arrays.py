@@ -11,6 +11,7 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -92,6 +93,7 @@ def _parts(pattern: str) -> list[str]:
     return re.split(r"(\*)", pattern)
 
 
+@cache
 def _pattern(pattern: str) -> re.Pattern[str]:
     return re.compile("".join("(.*)" if p == "*" else re.escape(p) for p in _parts(pattern)))
 

@@ -72,7 +72,7 @@ def test_importing_it_and_checking_a_case_load_nothing_heavy():
 def test_a_run_loads_nothing_that_only_reading_needs(tmp_path):
     run = f"app(['run', 'split_edc', '--out', {str(tmp_path)!r}], standalone_mode=False)"
     said = python(f"import sys\nfrom cosim.cli import app\n{run}\nprint(*sys.modules)")
-    assert {"h5netcdf", "matplotlib", "mujoco"} <= set(said.split())
+    assert {"h5py", "matplotlib", "mujoco"} <= set(said.split())
     assert not set(said.split()) & {"xarray", "pandas", "pyvista"}
 
 
@@ -100,7 +100,9 @@ def things_shown(result: cosim.Result) -> int:
     return count
 
 
-@pytest.mark.parametrize("name", ["network_edc", "cable_edc", "motion"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("network_edc", marks=pytest.mark.slow), "cable_edc", "motion"]
+)
 def test_a_run_opened_shows_what_the_fresh_one_does(tmp_path, monkeypatch, name):
     pyvista = pytest.importorskip("pyvista")
     monkeypatch.setattr(pyvista, "OFF_SCREEN", True)

@@ -210,7 +210,13 @@ CACHES = (read_measured, all_measured, experiments, data)
 
 
 @pytest.fixture
-def doubled(monkeypatch):
+def before():
+    """The references as they are."""
+    return references()
+
+
+@pytest.fixture
+def doubled(before, monkeypatch):
     """The collection with every number two or three times as large."""
 
     def grown(m: Measured) -> Measured:
@@ -230,16 +236,13 @@ def doubled(monkeypatch):
         of.cache_clear()
 
 
-BEFORE = references()
-
-
-def test_no_measured_number_of_the_boards_is_typed_in_the_program(doubled):
+def test_no_measured_number_of_the_boards_is_typed_in_the_program(before, doubled):
     """Each changes with the collection, but zeros and what is an assumption of our own."""
     after = references()
-    assert after.keys() == BEFORE.keys()
-    stay = [name for name, numbers in BEFORE.items() if after[name] == numbers and any(numbers)]
+    assert after.keys() == before.keys()
+    stay = [name for name, numbers in before.items() if after[name] == numbers and any(numbers)]
     ours = ("force lost as the IP joints flex", "movement of the terminal slip as the")
-    assert len(BEFORE) > 300
+    assert len(before) > 300
     assert [name for name in stay if not any(words in name for words in ours)] == []
 
 

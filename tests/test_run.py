@@ -34,13 +34,13 @@ ISOMETRIC = [name for name in PACKAGED if name.startswith("isometric")]
 HOODED = [name for name in PACKAGED if name.startswith(("hood_", "ring_", "little_"))]
 KINDS = (
     *("hood_", "lesion", "fingertip_", "strain_lee2008", "thesis_"),
-    *("cable_", "cuts_", "forward_", "free_", "lengths_", "isometric_", "muscle_"),
+    *("cable_", "cuts_", "forward_", "free_", "held_", "lengths_", "isometric_", "muscle_"),
     *("ring_", "little_"),
 )
 OFTEN = (
     *("cable_edc", "cuts_sagittal_bands", "fingertip_isotropic_edc", "free_split_"),
     *("lengths_terminal_1mm", "lesion_mallet", "strain_lee2008_soft_iso", "thesis_one_way_edc"),
-    *("isometric_edc", "isometric_fdp", "fingertip_fibres_edc", "forward_edc"),
+    *("isometric_edc", "isometric_fdp", "fingertip_fibres_edc"),
 )
 """Of the kinds above only these are in the default run of the tests."""
 GOLDEN, CONFIG = golden.read_golden(), read_config(golden.CONFIG)

@@ -6,6 +6,7 @@ import os
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
+from functools import cache
 from importlib import resources
 from pathlib import Path, PurePath
 from typing import Any
@@ -62,7 +63,12 @@ def layers_of(overrides: Sequence[str]) -> list[Layer]:
 
 def packaged_cases() -> dict[str, Path]:
     """The files of the packaged cases by name; each lies in the folder of its family."""
-    files = sorted(_packaged_folder().glob("*/*.toml"))
+    return dict(_cases_in(_packaged_folder()))
+
+
+@cache
+def _cases_in(folder: Path) -> dict[str, Path]:
+    files = sorted(folder.glob("*/*.toml"))
     return {path.stem: path for path in files if path.parent.name not in NO_FAMILIES}
 
 
@@ -74,7 +80,7 @@ def find_case(path_or_name: str | Path, beside: Path | None = None) -> Path:
     for place in ((beside or Path.cwd()) / text, packaged / text, packaged / f"{text}.toml"):
         if os.path.isfile(place):
             return Path(os.path.realpath(place))
-    cases = packaged_cases()
+    cases = _cases_in(packaged)
     if text in cases:
         return Path(os.path.realpath(cases[text]))
     name = PurePath(text).stem
@@ -180,9 +186,9 @@ def moved_toml(text: str, folder: Path) -> str:
     """The text of a whole case as it lies in a folder: paths are relative to it, so that no path of
     a machine stands there and the folders can be moved together."""
     values = tomllib.loads(text)
-    for table, key in _paths(values):
+    for table, key in (paths := [*_paths(values)]):
         table[key] = relative_path(Path(table[key]), folder)
-    return _whole_toml(values)
+    return _whole_toml(values) if paths else text
 
 
 def _whole_toml(values: Mapping[str, Any]) -> str:

@@ -183,18 +183,12 @@ def _check_digest(path: Path, key: str) -> None:
 
 
 def _arrays(path: Path) -> Arrays:
-    import h5py
-    import xarray
-
     _check_digest(path, DIGEST)
-    with h5py.File(path, "r") as file:  # h5netcdf prints a traceback where this fails
-        dict(file.attrs)
-    data = xarray.load_dataset(path, engine="h5netcdf")
-    if not {"time", "state"} & set(data.dims):
+    arrays = Arrays.read(path)
+    if not {"time", "state"} & arrays.dims:
         raise ValueError("its arrays have neither an axis state nor time")
-    if not {"angle", "tip_force"} <= set(data):
+    if not {"angle", "tip_force"} <= set(arrays.variables):
         raise ValueError("it has no angle or no tip_force")
-    arrays = Arrays.from_dataset(data)
     _check_arrays(arrays)
     return arrays
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -194,18 +194,24 @@ def _arms_of_hand(
     phalanx's axes."""
     differences: dict[tuple[str, str], float] = {}
     for trial in trials:
-        case = load_case(trial.case)
+        points, posture, tension = _chain_of(trial.case)
         mine = [t for t in forces if t.case == trial.name]
         parts = {t.quantity.rpartition(".")[2]: t.reference or 0.0 for t in mine}
         distal, radial, palmar = (parts[a] for a in ("distal", "radial", "palmar"))
         on_phalanx = np.array([distal, radial, -palmar])
-        finger = case.native_finger()
-        posture = [np.degrees(finger.posture.angles()[j]) for j in ("MCP", "PIP", "DIP")]
-        points = chain_points(skeleton_of(finger).length[1:], posture)
-        tension = sum(t.tension for t in case.tendons.values() if t.tension)
         arms = arm_differences(points, to_world(on_phalanx, posture), tension)
         differences |= {(trial.name, q): v for q, v in numbers_of({"difference": arms}).items()}
     return differences
+
+
+@cache
+def _chain_of(name: str) -> tuple[Array, list[float], float]:
+    """The joints' points, the posture (deg) and the tension (N) of a packaged case."""
+    case = load_case(name)
+    finger = case.native_finger()
+    posture = [np.degrees(finger.posture.angles()[j]) for j in ("MCP", "PIP", "DIP")]
+    points = chain_points(skeleton_of(finger).length[1:], posture)
+    return points, posture, sum(t.tension for t in case.tendons.values() if t.tension)
 
 
 def _arm_targets(

@@ -17,6 +17,7 @@ minus the gradient of what lifts the links, theta = 0 pointing up.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -72,12 +73,12 @@ class PlanarChain:
         """The mass of the links after each, kg."""
         return np.cumsum(self.mass[::-1])[::-1] - self.mass
 
-    @property
+    @cached_property
     def first_moment(self) -> Array:
         """The links' first moments (n,) kg m: m_i k_i + d_i sum_l>i m_l."""
         return self.mass * self.centre + self.length * self._beyond
 
-    @property
+    @cached_property
     def coupling(self) -> Array:
         """The inertial coupling a_ij, (n, n) kg m2."""
         a = np.triu(self.length[:, None] * self.first_moment, 1)

@@ -169,8 +169,13 @@ def test_a_figure_is_within_its_bound_up_to_there(name, most):
     assert missed_bounds({name: float("nan")}) == [name]
 
 
-@pytest.mark.parametrize("name", [*MOST, *ADVICE])
-@pytest.mark.parametrize("voice", [(), ("--quiet",), ("--json",)])
+@pytest.mark.parametrize(
+    ("name", "voice"),
+    [
+        *((name, ()) for name in (*MOST, *ADVICE)),
+        *(("reciprocity", (voice,)) for voice in ("--quiet", "--json")),
+    ],
+)
 def test_a_missed_audit_is_said_last_and_is_an_exit_code(solver, tmp_path, name, voice):
     figures = {} if name in ADVICE else {name: MOST[name] + 1}
     solver.summary = SUMMARY | {"audit": figures, "audit_missed": [name]}

@@ -186,8 +186,13 @@ def test_a_masters_step_is_cut_into_the_cases_own(written, part):
     assert np.abs(ends[3] - ends[0]).max() > 1e-9  # of five steps
 
 
-@pytest.mark.parametrize("part", ["finger", "coupled"])
-@BOTH
+@pytest.mark.parametrize(
+    ("fmi", "part"),
+    [
+        *((2, "coupled"), (3, "coupled"), (3, "finger")),
+        pytest.param(2, "finger", marks=pytest.mark.slow),  # whose 1000 names FMPy parses slowly
+    ],
+)
 def test_fmpy_finds_no_problem_and_runs_it(written, fmi, part):
     run_in_fmpy(written[part, fmi], 0.1)
 

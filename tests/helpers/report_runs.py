@@ -14,6 +14,7 @@ import xarray
 
 from cosim.case.file import load_case
 from cosim.pipeline import run_case
+from cosim.results.arrays import Arrays
 from tests.helpers.folders import forget_digest
 
 DATA = """\
@@ -69,7 +70,7 @@ def write_swinging_run(run: Path, folder: Path) -> Path:
 
 def _write_motion(data: xarray.Dataset, folder: Path) -> None:
     """The arrays of a motion in place of those of the equilibrium that `folder` is a copy of."""
-    data.to_netcdf(folder / "results.nc", engine="h5netcdf")
+    Arrays.from_dataset(data).write(folder / "results.nc")
     forget_digest(folder)
     ledger, times = folder / "ledger.csv", data.time.values
     text = ledger.read_text(encoding="utf-8")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -25,11 +24,6 @@ from cases.papers.models.networks.virtual_testbed import Course, hold_posture, s
 from cosim.errors import ConvergenceError
 
 PULL = np.array([1.0, 1.0, 5.0, 4.0])
-
-
-@cache
-def two_trials():
-    return trials(2)
 
 
 def test_without_friction_it_settles_as_the_point_contact():
@@ -97,7 +91,7 @@ def test_a_finger_that_cannot_be_held_is_told():
 @pytest.mark.slow
 def test_the_interconnected_model_beats_the_static_one():
     """In all three by the paper's ratios, which `verify` holds to over ten seeds."""
-    found = errors(two_trials())
+    found = errors(trials(2))
     for name, each in found.items():
         assert (each[:, 0] < each[:, 1]).all(), name
     assert found["forward"][:, 0].mean() < 0.68 * found["forward"][:, 1].mean()
@@ -106,10 +100,8 @@ def test_the_interconnected_model_beats_the_static_one():
 
 
 def test_a_finger_that_leaves_the_coupling_curve_is_seen():
-    both = two_trials()
-    assert constrain_to_curve(both).all()
-    angle = both[1].circle.measured.angle.copy()
+    (trial,) = trials(1)
+    angle = trial.circle.measured.angle.copy()
     angle[60, 1] += np.radians(15.0)
-    circle = both[1].circle
-    away = replace(circle, measured=circle.measured._replace(angle=angle))
-    assert constrain_to_curve((both[0], both[1]._replace(circle=away))).tolist() == [True, False]
+    away = replace(trial.circle, measured=trial.circle.measured._replace(angle=angle))
+    assert constrain_to_curve((trial, trial._replace(circle=away))).tolist() == [True, False]

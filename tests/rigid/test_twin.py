@@ -55,7 +55,7 @@ def test_device_sensitivity() -> None:
 
 @pytest.mark.opensim
 @pytest.mark.parametrize(
-    "muscles", [("EDC", "FDS"), pytest.param(tuple(TENSIONS), marks=pytest.mark.slow)]
+    "muscles", [("EDC",), pytest.param(tuple(TENSIONS), marks=pytest.mark.slow)]
 )
 def test_live_opensim(monkeypatch: pytest.MonkeyPatch, muscles: tuple[str, ...]) -> None:
     pytest.importorskip("opensim")

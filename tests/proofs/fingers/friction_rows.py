@@ -25,7 +25,7 @@ LEAD = np.pi / 3
 TURNED = (0.3, 1.2)
 """rad, between which the joint turns to and fro."""
 PRESLIDING = 1e-6
-STEPS = 2000
+STEPS = 250
 
 
 def wheel_finger() -> FingerModel:
