@@ -86,18 +86,8 @@ class Variable(NamedTuple):
     attributes: Mapping[str, str]
 
 
-OF_FORMAT = {
-    *("CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_Netcdf4Dimid", "_Netcdf4Coordinates"),
-    *("_FillValue", "_NCProperties", "coordinates"),
-}
-"""Attributes of a netCDF file that are of the format or say what `Arrays` has elsewhere."""
-BARE_AXIS = "This is a netCDF dimension but not a netCDF variable"
-CLASHING = "_nc4_non_coord_"
-"""In a file, before the name of an array that an axis has which the array does not lie along."""
-
-
-def _names(attributes: Mapping[str, Any]) -> list[str]:
-    return str(attributes.get("coordinates", "")).split()
+def _stated(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: v for k, v in attributes.items() if k not in ("_FillValue", "coordinates")}
 
 
 @dataclass(frozen=True)
@@ -129,47 +119,26 @@ class Arrays:
         )
 
     @classmethod
-    def from_dataset(cls, data: xarray.Dataset) -> Arrays:
-        """The same arrays."""
-
-        def bare(given: Mapping[Any, xarray.DataArray]) -> dict[str, Variable]:
-            return {
-                str(k): Variable(tuple(map(str, v.dims)), v.values, v.attrs)
-                for k, v in given.items()
-            }
-
-        return cls(bare(data.data_vars), bare(data.coords), data.attrs)
-
-    @classmethod
     def read(cls, path: Path) -> Arrays:
-        """The arrays that `write` wrote to a file, without xarray, which takes far longer.  Raises
-        ValueError where an axis has two lengths, and what HDF5 raises of a spoilt file."""
-        import h5py
+        """The arrays that `write` wrote, without the imports of xarray.  Raises what HDF5 raises of
+        a spoilt file."""
+        import h5netcdf
 
-        found: dict[str, Variable] = {}
-        sizes: dict[str, int] = {}
-        with h5py.File(path, "r") as file:
-            beside = {*_names(file.attrs)}
-            for key, stored in file.items():
-                if BARE_AXIS in str(stored.attrs.get("NAME")):
-                    continue
-                name = key.removeprefix(CLASHING)
-                dims = (name,) * stored.ndim
-                if (axes := stored.attrs.get("DIMENSION_LIST")) is not None:
-                    dims = tuple(h5py.h5r.get_name(a[0], file.id).decode()[1:] for a in axes)
-                for dim, size in zip(dims, stored.shape, strict=True):
-                    if sizes.setdefault(dim, size) != size:
-                        raise ValueError(f"its axis {dim} has two lengths")
-                values = np.asarray(stored[()])
-                if h5py.check_string_dtype(stored.dtype) is not None:
-                    values = np.asarray(stored.asstr()[()], dtype=str)
-                stated = {k: v for k, v in stored.attrs.items() if k not in OF_FORMAT}
-                beside |= {*_names(stored.attrs), *({name} & {*dims})}
-                found[name] = Variable(dims, values, stated)
-            whole = {k: v for k, v in file.attrs.items() if k not in OF_FORMAT}
+        def plain(values: np.ndarray) -> np.ndarray:
+            return values.astype(str) if values.dtype.kind == "O" else values
+
+        with h5netcdf.File(path, "r") as file:
+            places = [file.attrs, *(v.attrs for v in file.variables.values())]
+            beside = {name for at in places for name in str(at.get("coordinates", "")).split()}
+            beside |= {name for name, v in file.variables.items() if name in v.dimensions}
+            every = {
+                name: Variable(v.dimensions, plain(np.asarray(v[...])), _stated(v.attrs))
+                for name, v in file.variables.items()
+            }
+            whole = _stated(file.attrs)
         return cls(
-            {k: v for k, v in found.items() if k not in beside},
-            {k: v for k, v in found.items() if k in beside},
+            {name: v for name, v in every.items() if name not in beside},
+            {name: v for name, v in every.items() if name in beside},
             whole,
         )
 
@@ -191,59 +160,33 @@ class Arrays:
 
     def content(self) -> bytes:
         """The netCDF-4 file that `to_dataset().to_netcdf(path)` would, without the imports of
-        xarray, pandas and dask, and without h5netcdf, which looks each axis up again and again.
+        xarray: pandas and, where it is installed, the whole of dask.
 
         It is made in memory: HDF5 crashes on a full disk."""
+        import h5netcdf
         import h5py
 
-        every = {**self.variables, **self.coordinates}
-        sizes = {d: n for v in every.values() for d, n in zip(v.dims, v.values.shape, strict=True)}
-        number = {dim: np.int32(k) for k, dim in enumerate(sizes)}
         beside = {k: set(v.dims) for k, v in self.coordinates.items() if k not in v.dims}
         named: set[str] = set()
-        attached: list[tuple[h5py.Dataset, tuple[str, ...]]] = []
         content = BytesIO()
-        with h5py.File(content, "w", track_order=True) as file:
-            for dim, size in sizes.items():
-                if dim not in every or every[dim].dims != (dim,):
-                    scale = file.create_dataset(
-                        dim, (size,), ">f4", maxshape=(size or None,), track_order=True
-                    )
-                    scale.make_scale(f"{BARE_AXIS}.{size:10d}")
-                    scale.attrs["_Netcdf4Dimid"] = number[dim]
-            for name, (dims, values, attributes) in every.items():
-                is_scale = dims == (name,)
-                key = f"{CLASHING}{name}" if name in sizes and not is_scale else name
-                fill = np.nan if values.dtype.kind == "f" else None
-                is_text = values.dtype.kind == "U"
-                stored = file.create_dataset(
-                    key,
-                    values.shape,
-                    h5py.string_dtype() if is_text else values.dtype,
-                    values.astype(object) if is_text else values,
-                    fillvalue=fill,
-                    track_order=True,
-                    maxshape=tuple(n or None for n in values.shape) if 0 in values.shape else None,
-                )
-                if is_scale:
-                    stored.make_scale(name)
-                elif dims:
-                    attached.append((stored, dims))
-                if dims:
-                    stored.attrs["_Netcdf4Coordinates"] = np.array([number[d] for d in dims])
-                    stored.attrs["_Netcdf4Dimid"] = number[dims[0]]
-                if fill is not None:
-                    stored.attrs["_FillValue"] = np.array([fill], values.dtype)
+        with h5netcdf.File(content, "w") as file:
+            for variable in (*self.variables.values(), *self.coordinates.values()):
+                for dim, size in zip(variable.dims, variable.values.shape, strict=True):
+                    if dim not in file.dimensions:
+                        file.dimensions[dim] = size
+            for name, (dims, values, attributes) in {**self.variables, **self.coordinates}.items():
+                if values.dtype.kind == "U":
+                    written = file.create_variable(name, dims, h5py.string_dtype())
+                    values = values.astype(object)
+                else:
+                    fill = np.nan if values.dtype.kind == "f" else None
+                    written = file.create_variable(name, dims, values.dtype, fillvalue=fill)
+                written[...] = values
                 of_this = sorted(k for k, along in beside.items() if along <= set(dims))
                 if name in self.variables and of_this:
                     attributes = {**attributes, "coordinates": " ".join(of_this)}
                     named.update(of_this)
-                stored.attrs.update(attributes)
-            for stored, dims in attached:
-                for k, dim in enumerate(dims):
-                    stored.dims[k].attach_scale(file[dim])
+                written.attrs.update(attributes)
             rest = " ".join(sorted(beside.keys() - named))
             file.attrs.update({**self.attributes, **({"coordinates": rest} if rest else {})})
-            made = f"version=2,h5py={h5py.__version__},hdf5={h5py.version.hdf5_version}"
-            file.attrs["_NCProperties"] = np.bytes_(made)
         return content.getvalue()

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import h5netcdf
 import numpy as np
-import pytest
 import xarray
 
 from cosim.results.arrays import Arrays
@@ -42,11 +41,17 @@ def test_the_file_is_the_one_that_xarray_writes(tmp_path: Path):
             }, name
 
 
-@pytest.mark.parametrize("again", [False, True])
-def test_arrays_are_those_of_the_data_set(tmp_path: Path, again):
+def test_what_was_written_is_read_back(tmp_path: Path):
+    arrays = Arrays.of(VARIABLES, COORDINATES, title="a", frame="world")
+    arrays.write(file := tmp_path / "results.nc")
+    read = Arrays.read(file)
+    assert read.attributes == arrays.attributes
+    assert read.coordinates.keys() == COORDINATES.keys()
+    xarray.testing.assert_identical(read.to_dataset(), xarray.load_dataset(file, engine="h5netcdf"))
+
+
+def test_arrays_are_those_of_the_data_set():
     arrays = Arrays.of(VARIABLES, COORDINATES, title="a")
     data = xarray.Dataset(VARIABLES, COORDINATES, {"title": "a"})
-    if again:
-        arrays = Arrays.from_dataset(data)
     xarray.testing.assert_identical(arrays.to_dataset(), data)
     assert arrays.dims == set(map(str, data.dims))

@@ -16,7 +16,6 @@ from cosim.case.file import load_case, resolved_toml
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.hoods.view import STRAIN, HoodField
-from cosim.results.arrays import Arrays
 from cosim.results.audit import describe_misses
 from cosim.results.conventions import FRAME, by_axis
 from cosim.results.looks import BONE
@@ -26,6 +25,7 @@ from cosim.results.result import Result
 from cosim.results.scene import MOST_TRIANGLES, decimate
 from cosim.results.scene_plot import VIEWS, draw
 from cosim.results.write import with_nan
+from tests.helpers.report_runs import arrays_of
 
 
 def tube(radius: float = 5e-3, length: float = 40e-3, around: int = 24, along: int = 20):
@@ -63,7 +63,7 @@ def result() -> Result:
     )
     summary = {"case": "isometric_edc", "fingertip_force_N": by_axis((0.1, 0.2, 0.0))}
     text = resolved_toml(load_case("isometric_edc"))
-    return Result(summary, Arrays.from_dataset(dataset), (row,), scene, text, "isometric_edc")
+    return Result(summary, arrays_of(dataset), (row,), scene, text, "isometric_edc")
 
 
 def test_a_result_reads_back(tmp_path: Path, result):
