@@ -169,7 +169,7 @@ class Contact:
 
     def gap(self, x: Array, position: Array, rotation: Array) -> Array:
         """The gaps (k,) m of the points, negative where one penetrates."""
-        return self.surface.values(self.local(x, position, rotation)) - self.offset
+        return self.surface.slopes(self.local(x, position, rotation))[0] - self.offset
 
 
 def friction_of(contact: Contact, grip: Grip, local: Array) -> Friction:
@@ -198,14 +198,14 @@ def contact_forces(
     p, R = position[contact.body], rotation[contact.body]
     at = contact.at(x)
     local = (at - p) @ R
-    depth = contact.offset - contact.surface.values(local) + contact.shift
+    value, gradient = contact.surface.slopes(local)
+    depth = contact.offset - value + contact.shift
     watched = depth > -max(REACH, contact.smoothing)
     if contact.grip is not None:
         watched |= contact.grip.limit > 0
     near = np.flatnonzero(watched)
     # what acts on them, in the body's frame
-    place, depth = local.take(near, axis=0), depth[near]
-    _, normal = contact.surface.slopes(place)
+    place, normal, depth = local.take(near, axis=0), gradient.take(near, axis=0), depth[near]
     if contact.layer is None:
         made = _press_penalty(contact, near, depth, normal)
     else:
@@ -389,7 +389,7 @@ def normal_pressure(contact: Contact, local: Array, depth: Array) -> Array:
     m."""
     if contact.layer is None:
         return np.asarray(contact.stiffness * ramp(depth, contact.smoothing)[1])
-    h, modulus = (f.values(local) for f in (contact.layer.thickness, contact.layer.modulus))
+    h, modulus = (f.slopes(local)[0] for f in (contact.layer.thickness, contact.layer.modulus))
     return np.asarray(contact.layer.share * layer_response(depth, h, modulus).slopes[:, 0])
 
 
@@ -399,8 +399,8 @@ def compression(contact: Contact, x: Array, position: Array, rotation: Array) ->
     if contact.layer is None:
         return np.zeros(len(contact.nodes))
     local = contact.local(x, position, rotation)
-    depth = contact.offset - contact.surface.values(local)
-    return np.asarray(np.maximum(depth, 0.0) / contact.layer.thickness.values(local))
+    depth = contact.offset - contact.surface.slopes(local)[0]
+    return np.asarray(np.maximum(depth, 0.0) / contact.layer.thickness.slopes(local)[0])
 
 
 def contact_state(contact: Contact, x: Array, position: Array, rotation: Array) -> ContactState:

@@ -111,13 +111,13 @@ def _equal_energy(hood: ShellHood, state: HoodState, contact: Contact, half: Arr
     def over(x: Array) -> Array:
         depth: Array | float = 0.0
         if layer is not None and energy:
-            h, modulus = (f.values(x) for f in (layer.thickness, layer.modulus))
+            h, modulus = (f.slopes(x)[0] for f in (layer.thickness, layer.modulus))
             depth = h * np.interp(energy / (modulus * h), pressure_law(SHARES)[0], SHARES)
-        return np.asarray(surface.values(x) + depth - level)
+        return np.asarray(surface.slopes(x)[0] + depth - level)
 
     laid = (hood.model.reference - hood.rest.position[b]) @ hood.rest.rotation[b]
     there = np.concatenate([laid, (c.x - c.position[b]) @ c.rotation[b]])
-    near = there[surface.values(there) < level + NEAR_LEVEL]
+    near = there[surface.slopes(there)[0] < level + NEAR_LEVEL]
     if not len(near):
         near = there
     step, last = surface.spacing, np.array(surface.coefficients.shape) - 3
@@ -145,8 +145,8 @@ def _mean_energy(contact: Contact, x: Array, position: Array, rotation: Array) -
     if layer is None:
         return 0.0
     local = contact.local(x, position, rotation)
-    depth = np.maximum(contact.offset - contact.surface.values(local), 0.0)
-    h, modulus = (f.values(local) for f in (layer.thickness, layer.modulus))
+    depth = np.maximum(contact.offset - contact.surface.slopes(local)[0], 0.0)
+    h, modulus = (f.slopes(local)[0] for f in (layer.thickness, layer.modulus))
     made = layer_response(depth, h, modulus)
     force = contact.weight * made.slopes[:, 0]
     return float(force @ made.energy / force.sum()) if force.any() else 0.0
@@ -233,7 +233,7 @@ def _pressed(state: HoodState, contact: Contact, half: Array, surface: Surface) 
     usual, begins = np.full(len(depth), contact.stiffness), depth
     slope = usual * (depth > 0)
     if layer is not None:
-        h, modulus = (f.values(local) for f in (layer.thickness, layer.modulus))
+        h, modulus = (f.slopes(local)[0] for f in (layer.thickness, layer.modulus))
         slope = layer_response(np.maximum(depth, 0.0), h, modulus).second[:, 0, 0] * (depth > 0)
         usual, begins = modulus / h, depth - TOE * h
     known = (value < contact.surface.outside) & (over < surface.outside)

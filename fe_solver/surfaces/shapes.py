@@ -38,10 +38,6 @@ class Surface(Protocol):
         """Signed distance, gradient and Hessian at points (n, 3) of the body frame."""
         ...
 
-    def values(self, points: Array) -> Array:
-        """The signed distances (n,) alone."""
-        return self.distance(points).value
-
     def slopes(self, points: Array) -> tuple[Array, Array]:
         """The signed distances (n,) and gradients (n, 3) alone."""
         return self.distance(points)[:2]

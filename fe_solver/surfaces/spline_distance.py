@@ -18,7 +18,7 @@ from cosim.errors import InputError
 from cosim.port import Array
 from fe_solver.elements import kernels
 from fe_solver.surfaces.shapes import Distance, Sphere, Surface, positive
-from fe_solver.surfaces.spline_kernel import spline_at, spline_slopes, spline_values
+from fe_solver.surfaces.spline_kernel import spline_at, spline_slopes
 from fe_solver.surfaces.triangle_distance import check_surface, distances_on_grid
 
 __all__ = ["Sphere", "SplineDistance", "Surface"]
@@ -93,14 +93,6 @@ class SplineDistance:
         value[inside], gradient[inside] = v, g.T / self.spacing
         hessian[inside] = (h / self.spacing**2)[SYMMETRIC].transpose(2, 0, 1)
         return Distance(value, gradient, hessian)
-
-    def values(self, points: Array) -> Array:
-        """The signed distances (n,) alone: a third of the work."""
-        if not kernels.COMPILED:
-            return self.distance(points).value
-        value = np.empty(len(points))
-        spline_values(*self._grid, points, value)
-        return value
 
     def slopes(self, points: Array) -> tuple[Array, Array]:
         """The signed distances (n,) and gradients (n, 3) alone."""
