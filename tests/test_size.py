@@ -10,8 +10,8 @@ import re
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
-PRODUCT = 112412
-TESTS = 74892
+PRODUCT = 111918
+TESTS = 75145
 
 
 def _lines(*packages: str) -> int:
