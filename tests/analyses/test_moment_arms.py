@@ -161,7 +161,7 @@ def test_where_the_hood_is_lost_is_said_with_its_direction() -> None:
         def advance(self, *_: object) -> None:
             raise ConvergenceError("no equilibrium")
 
-    object.__setattr__(models, "hood", Lost())
+    object.__setattr__(models.built, "hood", Lost())
     tension, _ = tensions(case, models)
     _, lost = sweep(models, tension, {"PIP": (0.0, 1.5)}, 3)
     assert [text.split(":")[0] for text in lost] == [

@@ -57,7 +57,7 @@ def bench_motion(
     """Means over the steps of a coupled motion, s, and their ratio; assembly and factorisation of
     the hood's own tangent are measured between its steps."""
     progress("building the models")
-    tangent = build(case).linear
+    tangent = build(case).built.linear
     if tangent is None:
         raise InputError(f"{case.name}: bench needs a hood of finite elements")
     both = moving_models(case, forward)
