@@ -149,7 +149,7 @@ class OutputConfig(Table):
     """What is written besides the numbers."""
 
     picture: Switch = True
-    """Draw picture.png."""
+    """Draw picture.png, ledger.png and, of a motion, history.png."""
     frames: Annotated[Count, Field(ge=0, le=1000)] = 50
     """Shapes of the hood kept over a motion, besides its start."""
 

@@ -61,7 +61,7 @@ def lesion(
     """Solve a case without its lesion and with it, fingertip free and held, and report both:
     posture, slip forces, fingertip force, strain maps.  With --repairs report each repair beside
     them, ranked by how near it comes to the intact finger."""
-    checked = load_case(case, settings or ())
+    checked = load_case(case, ["output.picture=false", *(settings or ())])
     if repairs is not None:
         _compare_repairs(checked, repairs, page, form, out, workers)
         return

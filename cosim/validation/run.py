@@ -237,8 +237,8 @@ def _outcomes(
 
 
 def _case(trial: Trial, settings: Sequence[str]) -> Case:
-    """The case of a trial.  Raises InputError."""
-    case = load_case(trial.case, [*trial.settings, *settings])
+    """The case of a trial, whose run is drawn where the settings say so.  Raises InputError."""
+    case = load_case(trial.case, ["output.picture=false", *trial.settings, *settings])
     return case.model_copy(update={"name": folder_name(trial.name)})
 
 
