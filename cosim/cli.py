@@ -6,6 +6,7 @@ Exit codes: 0 done, 1 a solve did not converge, 2 the input is at fault, 3 a run
 
 from __future__ import annotations
 
+import gc
 import sys
 import warnings
 from importlib import import_module
@@ -233,6 +234,8 @@ def main() -> None:
             raise
         clear_again()
         raise SystemExit(exit_code(getattr(ended, "code", None))) from None
+    finally:
+        gc.freeze()  # a last search for garbage among all objects takes half a second
 
 
 def _show_warning(
