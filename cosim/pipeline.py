@@ -11,7 +11,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cosim.case.schema import Case
-from cosim.errors import ConvergenceError, CosimError, Progress, quiet, relay_progress
+from cosim.errors import (
+    ConvergenceError,
+    CosimError,
+    PatienceError,
+    Progress,
+    quiet,
+    relay_progress,
+)
 from cosim.files import shown_path
 from cosim.json_text import json_text
 from cosim.models.build import mesh_advice
@@ -48,9 +55,10 @@ def run_case(case: Case, session: Session | None = None, progress: Progress = qu
         try:
             solved = solve_case(case, session, progress)
         except ConvergenceError as error:
-            if advice := mesh_advice(case):
-                raise ConvergenceError(f"{error} {advice}", error.reached) from error
-            raise
+            out_of_time = isinstance(error.__cause__, PatienceError)
+            if out_of_time or not (advice := mesh_advice(case)):
+                raise
+            raise ConvergenceError(f"{str(error).rstrip('.')}. {advice}", error.reached) from error
         progress("summing up")
         result = observe(case, solved, time.perf_counter() - started)
         if not result.summary["converged"]:

@@ -179,7 +179,8 @@ def compare_repairs(
     repair, fingertip free and held, in every condition; the runs lie in `folder`.
 
     Raises InputError for a case without an injury and a condition that it does not have, and where
-    the intact or the injured finger has none of the numbers that are ranked."""
+    the intact or the injured finger has none of the numbers that are ranked; ConvergenceError where
+    it has none since it was not solved."""
     if file.injury is None:
         both_sides(case)
     ways = _ways(file)
@@ -205,7 +206,9 @@ def compare_repairs(
     rows = {name: _compared(name, title, found, len(ways)) for name, title in titles.items()}
     for name in (INTACT, INJURED):
         if not np.isfinite(rows[name].values[file.rank]).all():
-            raise InputError(f"{case.name}: the {name} finger has no answer: {rows[name].failure}")
+            failed = [o.error for (of, *_), o in found.items() if of == name and o.error]
+            error = type(failed[0]) if failed else InputError
+            raise error(f"{case.name}: the {name} finger has no answer: {rows[name].failure}")
     intact, injured, *repairs = rows.values()
     repairs.sort(key=lambda row: row.off(file.rank, intact))
     words = (

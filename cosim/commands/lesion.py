@@ -21,6 +21,7 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.commands.options import Settings, Workers, option, to
 from cosim.commands.terminal import show_table, stages, warn_of_audits
+from cosim.errors import InputError
 from cosim.files import check_file, write_text
 from cosim.pipeline import run_each
 from cosim.report.clinical_signs import sign_sentences
@@ -65,8 +66,7 @@ def lesion(
     if repairs is not None:
         _compare_repairs(checked, repairs, page, form, out, workers)
         return
-    where = page or Path(f"{checked.name}.{form}")
-    check_file(where)
+    where = _page_file(page, checked.name, form)
     pairs = _solve_runs(checked, out, workers)
     tables = _write(checked, pairs, where, form)
     for text in (*freed_text(checked), *limit_sentences(pairs)):
@@ -80,12 +80,20 @@ def lesion(
     raise typer.Exit(warn_of_audits({run.name: list(describe_misses(run.summary)) for run in runs}))
 
 
+def _page_file(page: Path | None, name: str, form: Form) -> Path:
+    """The file of the report.  Raises InputError."""
+    where = page or Path(f"{name}.{form}")
+    check_file(where)
+    if where.suffix.lower() != f".{form}":
+        raise InputError(f"--page {where}: expected a name that ends in .{form}, as --format says")
+    return where
+
+
 def _compare_repairs(
     case: Case, source: Path, page: Path | None, form: Form, out: Path, workers: int
 ) -> None:
     file = read_repairs(source)
-    where = page or Path(f"{case.name}_repairs.{form}")
-    check_file(where)
+    where = _page_file(page, f"{case.name}_repairs", form)
     check_target(out, case.name)
     with stages(case.name) as progress:
         found = compare_repairs(

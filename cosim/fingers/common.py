@@ -216,7 +216,8 @@ class TieConfig(Table):
     """Where on each: distal, radial and dorsal of its proximal joint (of the metacarpal: its distal
     one), along its own axes."""
     stiffness: Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e5 N/mm")]
-    """The whole strand's: its modulus times its section over its length."""
+    """The whole strand's: its modulus times its section over its length.  In the first 0.2 mm of
+    stretch it is softer, as its fibres come taut one after the other."""
     taut: dict[Annotated[str, name_of("joint", JOINTS)], JointAngle] = Field(default_factory=dict)
     """Angles of joints at which it comes taut; those that are not named stand as in the posture."""
     slack: Annotated[float, quantity(units.LENGTH, least="-10 mm", most="50 mm")] = 0.0

@@ -6,13 +6,19 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from cosim.port import AXES, Array
+from cosim.port import AXES, Array, Hand
 from cosim.version import __version__
 
 OPPOSITE = {"proximal": "distal", "ulnar": "radial", "palmar": "dorsal"}
 """The name of each axis's other way: the palmar component is minus the dorsal one."""
 FRAME = "world, fixed to the metacarpal: x distal, y radial, z dorsal; right-handed"
 LEFT_FRAME = "world of a left hand, fixed to the metacarpal: x distal, y ulnar, z dorsal"
+BY_DIRECTION: dict[Hand, str] = {
+    "right": FRAME,
+    "left": "world of a left hand, fixed to the metacarpal: x distal, y radial, z dorsal; "
+    "left-handed, moments by the left hand's rule",
+}
+"""The frame of what is said by direction: of a left hand the mirror image of its own."""
 COMPONENTS = tuple(f"{kind}_{axis}" for kind in ("force", "moment") for axis in AXES)
 """The components of a wrench, in the order of the port."""
 SOURCES = {
@@ -40,7 +46,7 @@ def by_axis(vector: Iterable[float]) -> dict[str, float]:
     return by_name(AXES, vector)
 
 
-def attributes(title: str, case: str) -> dict[str, str]:
+def attributes(title: str, case: str, hand: Hand) -> dict[str, str]:
     """What a file of arrays says of itself (CF conventions 1.11, and the frame)."""
     return {
         "Conventions": "CF-1.11",
@@ -48,7 +54,7 @@ def attributes(title: str, case: str) -> dict[str, str]:
         "source": f"cosim {__version__}, case {case}",
         "case": case,
         "version": __version__,
-        "frame": FRAME,
+        "frame": BY_DIRECTION[hand],
     }
 
 

@@ -299,7 +299,7 @@ def _arrays(case: Case, t: MovingModels, kept: MotionHistory, scene: Scene) -> A
         every |= along("frame", {"tendon_line": lines})
         coords["frame"] = ("frame", [time for time, _ in scene.frames], {"units": "s"})
         coords["line_tendon"] = names
-    return Arrays.of(every, coords, **attributes(case.title, case.name))
+    return Arrays.of(every, coords, **attributes(case.title, case.name, case.finger.side()))
 
 
 def _ledger(t: MovingModels, kept: MotionHistory) -> Iterator[LedgerRow]:

@@ -15,7 +15,7 @@ from cosim.hoods.view import HoodField
 from cosim.json_text import json_text
 from cosim.port import Array, Finger, Hand, Hood, MovingFinger, mirror
 from cosim.results.arrays import Arrays
-from cosim.results.conventions import COMPONENTS, FRAME, by_axis, by_name
+from cosim.results.conventions import BY_DIRECTION, COMPONENTS, by_axis, by_name
 from cosim.version import __version__
 
 if TYPE_CHECKING:
@@ -115,7 +115,8 @@ def joint_forces(
 
 def head_block(case: Case, converged: bool, wall: float) -> dict[str, Any]:
     """Say of what case and version a summary is, and in which frame; `wall`: s."""
-    head = {"case": case.name, "version": __version__, "frame": FRAME}
+    frame = BY_DIRECTION[case.finger.side()]
+    head = {"case": case.name, "version": __version__, "frame": frame}
     return {**head, "converged": converged, "wall_s": round(wall, 4)}
 
 

@@ -408,4 +408,4 @@ def arrays(
         coords |= view.coordinates()
     over_time, times = held_arrays(held)
     data, coords = data | over_time, coords | times
-    return Arrays.of(data, coords, **attributes(case.title, case.name))
+    return Arrays.of(data, coords, **attributes(case.title, case.name, case.finger.side()))

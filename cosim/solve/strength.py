@@ -18,7 +18,8 @@ from cosim.tendons.table import TendonConfig
 MOST_SCALED, MOST_LOAD = 8, 20.0
 """Equilibria under other loads, and times the loads up to which it is looked for."""
 SHARE_TOLERANCE = 1e-3
-"""How far the first part may be off what it can bear, as a share of that."""
+"""How far the first part may be off what it can bear, as a share of that, in the last equilibrium;
+the answer is a secant further, which leaves the square of it."""
 
 
 @dataclass(frozen=True)
@@ -57,21 +58,25 @@ def first_to_give_way(
     solve: Callable[[Case, Equilibrium], Equilibrium],
 ) -> Strength:
     """What the parts bear in the `loaded` state, and which gives way first as all loads grow, or
-    shrink, together: by the secant method, each equilibrium solved from the last."""
+    shrink, together: by the secant method, each equilibrium solved from the last.  The first step
+    takes what a part bears for proportional to the loads, and where none bears anything loads are
+    tripled."""
     at, load, tried = loaded, 1.0, (0.0, 0.0)
     answer = partial(Strength, units, bearing(loaded))
     active = max((t.activation or 0.0 for t in case.tendons.values() if t.muscle), default=0.0)
     for _ in range(MOST_SCALED):
         share = bearing(at).share
         unit, now = int(share.argmax()), float(share.max())
-        if abs(now - 1.0) <= SHARE_TOLERANCE:
-            return answer(unit, load)
-        if now == tried[1]:
+        if now == tried[1] and now > 0.0:
             return answer(unit, None, "what it bears does not follow the loads")
-        wanted = load + (1.0 - now) * (load - tried[0]) / (now - tried[1])
+        rise = (now - tried[1]) / (load - tried[0])
+        wanted = load + (1.0 - now) / rise if rise else np.inf
+        if abs(now - 1.0) <= (SHARE_TOLERANCE if tried[0] else SHARE_TOLERANCE**2):
+            return answer(unit, wanted)
         tried, load = (load, now), float(np.clip(wanted, load / 3, 3 * load))
         if load > MOST_LOAD:
-            return answer(unit, None, f"not below {MOST_LOAD:g} times the loads")
+            most = f"not below {MOST_LOAD:g}" if now else f"they bear nothing at {tried[0]:g}"
+            return answer(unit, None, f"{most} times the loads")
         if load * active > 1.0:
             return answer(unit, None, "not before a muscle is fully active")
         try:

@@ -434,7 +434,7 @@ def _crushed_place(model: ShellModel, c: Configuration) -> str:
     place = f"at {model.node_name(model.quads[quad, 0])}"
     if model.regions:
         place += f" in the region {model.regions[quad]}"
-    return f"{place}. Try smaller steps of posture or tension, or a coarser mesh."
+    return f"{place}. Try smaller steps of posture or tension, or another mesh."
 
 
 def _check_ropes(model: ShellModel, c: Configuration) -> None:

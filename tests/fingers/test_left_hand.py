@@ -120,6 +120,14 @@ def test_the_page_is_sent_a_left_hand_in_its_own_frame(pair):
     assert right.in_own_frame() is right
 
 
+def test_what_is_said_by_direction_tells_its_frame(pair):
+    """In left-handed axes of a left hand, so that nobody takes r x F of its figures."""
+    for result, axes in zip(pair, ("right-handed", "left-handed"), strict=True):
+        assert result.summary["frame"] == result.data.attrs["frame"]
+        assert axes in result.summary["frame"]
+    assert "y radial" in pair[1].summary["frame"]
+
+
 @pytest.mark.parametrize("case", ["network_edc", "middle_majorflex_edc"])
 def test_a_mirrored_finger_moves_as_the_mirror_shows(case):
     right = model_of(case)

@@ -9,6 +9,7 @@ import pytest
 
 import cosim
 from cosim.case.file import load_case
+from cosim.coupling.events import Bearing
 from cosim.coupling.state_arrays import flatten, rebuild
 from cosim.errors import InputError
 from cosim.fmu_export.motion_parts import moving_part
@@ -16,7 +17,7 @@ from cosim.models.build import build, build_hood, case_finger, site_of
 from cosim.pipeline import run_case
 from cosim.results.answer import answer
 from cosim.solve.session import Session
-from cosim.solve.strength import scaled
+from cosim.solve.strength import first_to_give_way, scaled
 from tests.coupling.test_motion import cut_off
 from tests.helpers.motions import FREE, PLAIN, identical
 
@@ -71,9 +72,42 @@ def test_statics_name_the_part_that_would_give_way_first_and_its_load(loaded):
     first = loaded.summary["first_to_give_way"]
     assert first["part"] == "terminal_slip"
     at_it = cosim.run(scaled(load_case("isometric_edc", SUTURED), first["at_times_the_loads"]))
-    assert at_it.slips["terminal"] == pytest.approx(2, rel=2e-3)
+    assert at_it.slips["terminal"] == pytest.approx(2, rel=1e-4)
     said = next(line for line in answer(loaded.summary) if "first" in line)
     assert said.startswith("The terminal slip would give way first: it bears 8")
+
+
+LAWS = {
+    "in proportion": lambda load: load,
+    "prestressed": lambda load: 0.3 + load,
+    "stiffening": lambda load: load + 0.2 * load**2,
+    "slack up to 2.9 times": lambda load: max(load - 2.9, 0.0),
+}
+"""N that a part bears, by times the loads."""
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_load_is_a_curve_of_what_a_part_can_bear(law):
+    """Through the strength that it just bears, too, and of one that is slack under the loads."""
+    case, bears = load_case("pulley_edc", ["tendons.EDC.tension=5 N"]), LAWS[law]
+    pull = case.tendons["EDC"].tension
+
+    def load_at(strength: float) -> float:
+        def bearing(load: float) -> Bearing:
+            zero = np.zeros(1)
+            return Bearing(zero, zero, zero, np.array([bears(load) / strength]), zero)
+
+        def solve(at: cosim.Case, _: float) -> float:
+            return at.tendons["EDC"].tension / pull
+
+        found = first_to_give_way(case, (), 1.0, bearing, solve)
+        assert found.load is not None, found.reason
+        return found.load
+
+    strengths = np.linspace(0.99, 1.01, 21) * (bears(1.0) or 0.4)
+    loads = np.array([load_at(s) for s in strengths])
+    assert [bears(load) for load in loads] == pytest.approx(strengths, rel=1e-5)
+    assert np.diff(loads).min() > 0
 
 
 def test_a_part_that_the_hood_has_not_is_refused_with_those_that_it_has():

@@ -18,7 +18,7 @@ from cosim.analyses.repairs import (
 )
 from cosim.analyses.repairs_page import repair_sentences, repairs_page
 from cosim.case.file import load_case
-from cosim.errors import InputError
+from cosim.errors import ConvergenceError, InputError
 from cosim.fingers.kinds import anatomy_of, skeleton_of
 from cosim.hoods.lesion import apply_lesion_to_mesh
 from cosim.hoods.repairs import suture
@@ -247,6 +247,14 @@ def test_a_case_without_a_lesion_and_a_file_that_is_not_there_are_told(tmp_path)
     assert (told.exit_code, "has no table [lesion]" in told.output) == (2, True)
     with pytest.raises(InputError, match="packaged are: boutonniere, claw"):
         read_repairs(tmp_path / "none.toml")
+
+
+def test_a_finger_that_was_not_solved_is_no_fault_of_the_input(tmp_path):
+    hurried = ['lesion.lengthen.terminal_slip="1 mm"', QUICK, 'solve.patience="1 us"']
+    (tmp_path / "r.toml").write_text(NETWORK)
+    repairs = read_repairs(tmp_path / "r.toml")
+    with pytest.raises(ConvergenceError, match="the intact finger has no answer"):
+        compare_repairs(load_case("network_edc", hurried), repairs, tmp_path / "runs")
 
 
 PACKAGED = {

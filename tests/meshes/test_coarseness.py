@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from typer.testing import CliRunner
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.cli import app
-from cosim.errors import ConvergenceError
+from cosim.errors import ConvergenceError, PatienceError
 from cosim.fingers.kinds import anatomy_of
 from cosim.hoods.fe_supports import head_arcs
 from cosim.models.build import hood_mesh, mesh_advice, mesh_warnings
@@ -135,14 +136,16 @@ def test_a_solve_that_fails_on_a_coarse_mesh_says_so(monkeypatch: pytest.MonkeyP
     assert "write hood.mesh.quads = 416 or more" in advice
     assert mesh_advice(load_case("little_edc")) == mesh_advice(load_case("split_edc")) == ""
 
-    def fail(*_: object) -> None:
-        raise ConvergenceError("no equilibrium.")
+    def fail(said: str, cause: Exception | None, *_: object) -> None:
+        raise ConvergenceError(said) from cause
 
-    monkeypatch.setattr("cosim.pipeline.solve_case", fail)
-    for case, words in (
-        (coarse, f"no equilibrium. {advice}"),
-        (load_case("split_edc"), "no equilibrium."),
+    for case, said, cause, words in (
+        (coarse, "no equilibrium.", None, f"no equilibrium. {advice}"),
+        (coarse, "no equilibrium", None, f"no equilibrium. {advice}"),
+        (coarse, "no time", PatienceError("over"), "no time"),
+        (load_case("split_edc"), "no equilibrium.", None, "no equilibrium."),
     ):
+        monkeypatch.setattr("cosim.pipeline.solve_case", partial(fail, said, cause))
         with pytest.raises(ConvergenceError) as error:
             run_case(case)
         assert str(error.value) == words

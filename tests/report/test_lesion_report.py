@@ -217,6 +217,14 @@ def test_the_tables_are_the_same_for_any_number_of_workers(tmp_path):
     assert texts[0] == texts[1]
 
 
+@pytest.mark.parametrize(("form", "name"), [("json", "page.html"), ("html", "page.csv")])
+@pytest.mark.parametrize("more", [(), ("--repairs", "mallet")])
+def test_a_name_that_tells_another_form_is_refused(tmp_path, form, name, more):
+    given = ("lesion_mallet", "--format", form, "--page", str(tmp_path / name), *more)
+    assert f"expected a name that ends in .{form}" in lesion(tmp_path, *given, code=2)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_case_without_a_lesion_is_refused(tmp_path):
     assert "has no table [lesion]" in lesion(tmp_path, "split_edc", code=2)
     assert not (tmp_path / "page.html").exists()

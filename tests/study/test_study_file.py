@@ -34,6 +34,12 @@ def made(tmp_path):
     return make
 
 
+def test_the_file_in_the_guide_is_a_study(tmp_path):
+    guide = (ROOT / "cosim" / "study" / "README.md").read_text(encoding="utf-8")
+    (file := tmp_path / "s.toml").write_text(guide.split("```toml\n")[1].split("```")[0])
+    assert read_plan(file).count > 1
+
+
 def test_a_grid_walks_every_combination(made):
     plan = read_plan(
         made(
