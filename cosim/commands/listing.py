@@ -207,9 +207,9 @@ def describe_key(whole: Schema, key: str) -> Iterator[tuple[str, str, Rows]]:
         text = "" if one is whole else str(one.get("description", "")) or _leaf(whole, one)
         if "properties" in one:
             yield heading, text, [_row(whole, k, v) for k, v in one["properties"].items()]
-        elif "additionalProperties" in one:
+        elif named := _named(one):
             names = one.get("propertyNames", {}).get("enum", ["NAME"])
-            rows = [_row(whole, "NAME", one["additionalProperties"])]
+            rows = [_row(whole, "NAME", named)]
             what = str(one.get("description", "tables"))
             yield heading, f"{what.removesuffix('.')}, by name: {', '.join(names)}", rows
         else:
@@ -237,8 +237,8 @@ def _nodes(whole: Schema, key: str) -> list[tuple[Schema, list[str]]]:
                 names = one.get("propertyNames", {}).get("enum")
                 known += [*one.get("properties", ()), *(names or ())]
                 child = one.get("properties", {}).get(part)
-                if child is None and (names is None or part in names):
-                    child = one.get("additionalProperties")
+                if child is None and (names is None or part in (*names, "NAME")):
+                    child = _named(one)
                 if not child:
                     continue
                 same = next((kinds for there, kinds in children if there == child), None)
@@ -270,6 +270,12 @@ def _alternatives(whole: Schema, node: Schema) -> Iterator[tuple[str, Schema]]:
             yield from _alternatives(whole, choice)
 
 
+def _named(one: Schema) -> Schema | None:
+    """What a table holds under every name, be its names stated by a pattern or not."""
+    stated: Schema | None = one.get("additionalProperties")
+    return stated or next(iter(one.get("patternProperties", {}).values()), None)
+
+
 def _kind(one: Schema) -> str:
     kind = one.get("properties", {}).get("kind", {}).get("const", "")
     return f'kind = "{kind}"' if kind else ""
@@ -292,7 +298,7 @@ def _leaf(whole: Schema, one: Schema) -> str:
         return ", ".join(f'"{word}"' for word in one["enum"])
     if "properties" in one:
         return _kind(one) or "a table"
-    if "additionalProperties" in one:
+    if _named(one):
         return str(one.get("title", "a table"))
     text = str(one.get("title") or one.get("type", "a value"))
     bounds = {"exclusiveMinimum": "above", "minimum": "at least", "exclusiveMaximum": "below"}

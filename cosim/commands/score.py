@@ -124,7 +124,7 @@ def _show_losses(hand: HandScore) -> None:
         typer.echo(f"  and {' and '.join(tail)}, on the page")
     found = ", ".join(f"{ours} = {theirs}" for ours, theirs in model.matched.tendons.items())
     typer.echo(f"  muscles: {found}")
-    if model.missing:
-        typer.echo(
-            f"  NO MUSCLE FOUND OR READ for {', '.join(model.missing)}; name them by --names FILE"
-        )
+    if model.unread:
+        typer.echo(f"  FOUND, BUT DROPPED (see above and the page): {', '.join(model.unread)}")
+    if unfound := [m for m in model.missing if m not in model.unread]:
+        typer.echo(f"  NO MUSCLE FOUND for {', '.join(unfound)}; name them by --names FILE")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from cosim.errors import InputError, nearest_names
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Switch, Table
@@ -56,3 +58,15 @@ class GiveWayConfig(Table):
         if self.time is not None and self.time <= (self.begins or 0.0):
             raise fault("time: must be after 0 s and after begins")
         return self
+
+
+def check_parts(stated: Mapping[str, GiveWayConfig], known: Collection[str]) -> None:
+    """Check that every part that gives way is among `known`.  Raises InputError."""
+    for name in stated:
+        if name not in known:
+            near = nearest_names(name, known)
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise InputError(
+                f"gives_way: the hood has no part {name!r} that could; {hint}known: "
+                f"{', '.join(known)}"
+            )

@@ -10,9 +10,9 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from cosim.coupling.events import Bearing, Schedule
-from cosim.errors import InputError, nearest_names
+from cosim.errors import InputError
 from cosim.hoods.fe_view import REPAIRS, spring_pulls, stored_energy
-from cosim.hoods.give_way import GiveWayConfig
+from cosim.hoods.give_way import GiveWayConfig, check_parts
 from cosim.hoods.kind import BuiltHood
 from cosim.port import Array, Hood, HoodJacobian, Ints, Mask, Motion, Response
 from fe_solver.hood.shell_hood import HoodState, ShellHood
@@ -53,16 +53,9 @@ def units_of(
     """Return what gives way of a hood, with its parts without springs.  Raises InputError for parts
     that it has not, and for what those without springs cannot do."""
     sets = {s.name: s for s in hood.springs}
-    known = [*sets, *others]
+    check_parts(stated, [*sets, *others])
     out: list[Unit] = []
     for name, when in stated.items():
-        if name not in known:
-            near = nearest_names(name, known)
-            hint = f"did you mean {near[0]}? " if near else ""
-            raise InputError(
-                f"gives_way: the hood has no part {name!r} that could; {hint}known: "
-                f"{', '.join(known)}"
-            )
         wrong = [key for key in OF_SPRINGS if getattr(when, key)] if name not in sets else []
         if wrong:
             raise InputError(

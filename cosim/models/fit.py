@@ -5,11 +5,13 @@ from __future__ import annotations
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fingers.kinds import native_tendons, tip_support_kind, with_mass
+from cosim.hoods.give_way import check_parts
 from cosim.hoods.kinds import fitting_kinds
 from cosim.models.double_count import pairs_of_case, refuse
 from cosim.tendons.air import check_air
 from cosim.tendons.motor import check_motors
 from cosim.tendons.signals import factor_of
+from meshes.skeleton import BODIES
 
 
 def check_fit(case: Case) -> None:
@@ -37,6 +39,7 @@ def check_fit(case: Case) -> None:
     _check_excursions(case)
     _check_tip(case)
     _check_unit(case)
+    _check_parts(case)
     _check_scheme(case)
     native = native_tendons(case.finger, case.hood.left_to_finger)
     hooded = case.hood.tendon_names(finger)
@@ -124,6 +127,19 @@ def _check_unit(case: Case) -> None:
                 f"tendons.{name}: with a finger in an FMU an equilibrium takes tensions or "
                 "activations, and neither muscle nor excursion"
             )
+
+
+def _check_parts(case: Case) -> None:
+    """What no mesh of the hood has of parts that give way; what its own lacks shows once built."""
+    if case.gives_way is None:
+        return
+    lesion, parts = case.lesion, case.hood.parts()
+    known = [*getattr(case.hood, "springs", ()), *(parts.joined if parts else ())]
+    if lesion is not None:
+        known += [*(f"suture_{part}" for part in lesion.suture)]
+        known += [*(f"graft_{name}" for name in lesion.graft)]
+        known += [f"adhesion_{part}_{body}" for part in lesion.adhere for body in BODIES]
+    check_parts(case.gives_way, dict.fromkeys(known))
 
 
 def _check_scheme(case: Case) -> None:

@@ -70,6 +70,12 @@ class HandModel:
         return tuple(m for m in wanted if not set(HEADS.get(m, (m,))) & set(self.tendons))
 
     @property
+    def unread(self) -> tuple[str, ...]:
+        """Those of `missing` that were found by name and then dropped."""
+        found = {} if self.matched is None else self.matched.how
+        return tuple(m for m in self.missing if set(HEADS.get(m, (m,))) & set(found))
+
+    @property
     def losses_of_finger(self) -> tuple[str, ...]:
         """What was lost of the finger itself."""
         return tuple(line for line in self.lost if not OF_OTHERS.search(line))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -93,7 +93,9 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
     """The equilibrium with every tendon at its resting tension, then the loaded one.
 
     Raises InputError and ConvergenceError."""
-    models, unloaded = session.models(case, progress), session.unloaded_equilibrium(case, progress)
+    models = session.models(case, progress)
+    _units(case, models)
+    unloaded = session.unloaded_equilibrium(case, progress)
     near, second = session.start_near(case, models, loaded=True), None
     if near is not None and is_solved_both_ways(case):
         second = _from_nearby(case, models, unloaded, near, progress)
@@ -119,6 +121,16 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
     return models, States(unloaded, loaded, gap, pull, None, second, ways, strength, held)
 
 
+def _units(case: Case, models: Models) -> Sequence[Any]:
+    """What gives way of the case's hood.  Raises InputError."""
+    if case.gives_way is None:
+        return ()
+    from cosim.hoods.giving import units_of
+
+    hood: Any = models.hood  # of finite elements, by the schema
+    return units_of(hood, case.gives_way, models.built.others())
+
+
 def _strength(
     case: Case,
     models: Models,
@@ -131,11 +143,10 @@ def _strength(
     it relaxed.  Raises InputError."""
     if case.gives_way is None:
         return None
-    from cosim.hoods.giving import bearing_of, units_of
+    from cosim.hoods.giving import bearing_of
 
-    hood: Any = models.hood  # of finite elements, by the schema
-    others = models.built.others()
-    units = units_of(hood, case.gives_way, others)
+    hood: Any = models.hood
+    units, others = _units(case, models), models.built.others()
 
     def bearing(e: Equilibrium) -> Bearing:
         return bearing_of(hood, units, e.response.state, others, at_once)

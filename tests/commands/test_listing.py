@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -35,20 +37,38 @@ def test_the_cases_are_listed_with_their_titles():
     assert all(row[2] for row in rows)
 
 
+def keys_of(schema: dict, key: str, node: dict) -> Iterator[str]:
+    """Every key of a schema, those under free names with NAME."""
+    if "$ref" in node:
+        node = schema["$defs"][node["$ref"].rpartition("/")[2]]
+    yield key
+    for choice in [*node.get("anyOf", ()), *node.get("oneOf", ())]:
+        if choice is not True:
+            yield from keys_of(schema, key, choice)
+    named = [node.get("additionalProperties"), *node.get("patternProperties", {}).values()]
+    children = [*node.get("properties", {}).items(), *(("NAME", n) for n in named if n)]
+    for name, child in children:
+        yield from keys_of(schema, f"{key}.{name}".lstrip("."), child)
+
+
 def test_every_key_of_the_schema_can_be_explained():
-    """Down to the leaves, along the first name of each table of names."""
-    schema, seen, waiting = json_schema(), set(), [""]
-    while waiting:
-        key = waiting.pop()
-        for _, text, rows in describe_key(schema, key):
+    """Down to the leaves, under free names too; a table with its keys."""
+    schema = json_schema()
+    keys = sorted(set(keys_of(schema, "", schema)))
+    assert {"hood.contact.stiffness", "gives_way.NAME.force", "lesion.graft.NAME.end"} <= {*keys}
+    holding = {key.rpartition(".")[0] for key in keys}
+    for key in keys:
+        told = list(describe_key(schema, key))
+        assert told, key
+        assert any(rows for *_, rows in told) == (key in holding), key
+        for _, text, rows in told:
             assert text or rows or not key, key
-            for name, what, _ in rows:
-                assert what, (key, name)
-                inner = f"{key}.{name}".lstrip(".")
-                if name != "NAME" and inner not in seen and inner.count(".") < 5:
-                    seen.add(inner)
-                    waiting.append(inner)
-    assert {"hood.contact.stiffness", "finger.tip.kind", "solve.tolerance"} <= seen
+            assert all(what and what != "object" for _, what, _ in rows), key
+
+
+def test_what_is_told_of_a_table_by_name_holds():
+    assert "NAME" in said("explain", "finger.splint")
+    assert "stiffness" in said("explain", "finger.splint.NAME")
 
 
 def test_a_key_is_explained_with_its_unit_and_range():

@@ -14,6 +14,7 @@ from cosim.coupling.state_arrays import flatten, rebuild
 from cosim.errors import InputError
 from cosim.fmu_export.motion_parts import moving_part
 from cosim.models.build import build, build_hood, case_finger, site_of
+from cosim.models.fit import check_fit
 from cosim.pipeline import run_case
 from cosim.results.answer import answer
 from cosim.solve.session import Session
@@ -110,13 +111,42 @@ def test_the_load_is_a_curve_of_what_a_part_can_bear(law):
     assert np.diff(loads).min() > 0
 
 
-def test_a_part_that_the_hood_has_not_is_refused_with_those_that_it_has():
-    case = load_case("isometric_edc", [*SUTURED, 'gives_way.suture_centralslip={force="1 N"}'])
-    with pytest.raises(InputError, match="did you mean suture_central_slip"):
-        cosim.run(case)
-    tied = load_case("isometric_edc", [*SUTURED, 'gives_way.terminal_slip={stretch="1 mm"}'])
-    with pytest.raises(InputError, match=r"terminal_slip\.stretch: it has no springs"):
-        cosim.run(tied)
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        ("suture_centralslip={force='1 N'}", "did you mean suture_central_slip"),
+        ("central_slip={force='1 N'}", "no part 'central_slip'"),  # cut, which the mesh says
+        ("terminal_slip={stretch='1 mm'}", r"terminal_slip\.stretch: it has no springs"),
+    ],
+)
+def test_a_part_that_cannot_give_way_is_refused_before_anything_is_solved(part, words, monkeypatch):
+    monkeypatch.setattr("cosim.solve.session.solve_equilibrium", pytest.fail)
+    with pytest.raises(InputError, match=words):
+        cosim.run(load_case("isometric_edc", [*SUTURED, f"gives_way.{part}"]))
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("isometric_edc", COARSE[:2]),
+        (
+            "isometric_edc",
+            [
+                *SUTURED,
+                'lesion.graft.strand={start="central_band",end="terminal_slip",stiffness="9 N/mm"}',
+                'lesion.adhere=["lateral_band_radial"]',
+            ],
+        ),
+        ("cable_edc", ['lesion.adhere=["central_band"]']),
+    ],
+)
+def test_a_check_knows_all_parts_that_the_built_hood_has_and_refuses_others(name, settings):
+    built = build(load_case(name, settings)).built
+    parts = [*(s.name for s in built.hood.springs), *built.others()]
+    stated = [f'gives_way.{part}.force="1 N"' for part in parts]
+    check_fit(load_case(name, [*settings, *stated]))
+    with pytest.raises(InputError, match="the hood has no part 'foo'"):
+        check_fit(load_case(name, [*settings, *stated, 'gives_way.foo.force="1 N"']))
 
 
 def test_the_intact_finger_has_no_suture_that_could_give_way():

@@ -13,6 +13,7 @@ import pandas
 import pytest
 
 import cosim
+from cosim.commands.score import _show_losses
 from cosim.errors import InputError
 from cosim.results.compare import Comparison, Target
 from cosim.scoring import names as score_names
@@ -29,7 +30,7 @@ from cosim.scoring.groups import (
     trials_of,
 )
 from cosim.scoring.model import read_hand
-from cosim.scoring.names import FINGERS, match_names, read_names, shipped_names
+from cosim.scoring.names import FINGERS, Matched, match_names, read_names, shipped_names
 from cosim.scoring.run import judge
 from cosim.scoring.scores import Scores
 from cosim.text_tables import read_toml
@@ -147,6 +148,29 @@ def test_what_a_model_lacks_is_left_out_and_said(scores: Scores) -> None:
     assert "no slips" in by_name["slips: terminal over central"].why_not
     assert len(scores.table) == len(list(scores.records()))
     assert set(scores.summary.model) == {"straight", "split_edc"}
+
+
+def test_names_are_asked_for_muscles_that_were_not_found_and_no_others(
+    scores: Scores, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A sum of joint angles has no path and is dropped; what the importer of an OpenSim model drops
+    has lost its name, and not how it was found."""
+    path = tmp_path / "fixed.xml"
+    angles = '<fixed name="EDC2"><joint joint="2pm_flexion" coef=".01"/></fixed>'
+    path.write_text(re.sub('<spatial name="EDC2">.*?</spatial>', angles, finger_xml()))
+    fixed = read_hand(path, tmp_path / "work")
+    imported = replace(fixed, matched=Matched({}, {"LUM": "given", "FDIl": "given"}))
+    for model, dropped, unfound in (
+        (scores.hands[0].model, "", "EI, LUM, FPI, FDI"),
+        (fixed, "EDC", "EI, LUM, FPI, FDI"),
+        (imported, "LUM, FDI", "EDC, EI, FPI"),
+        (replace(imported, tendons=("EDC", "EI", "FPI", "FDP", "FDS")), "LUM, FDI", ""),
+        (replace(fixed, tendons=("EDC", "EI", "LUM", "FPI", "FDP", "FDS", "FDIm")), "", ""),
+    ):
+        _show_losses(replace(scores.hands[0], model=model))
+        told = capsys.readouterr().out
+        assert re.findall("DROPPED.*: (.*)", told) == [dropped][: bool(dropped)]
+        assert re.findall("NO MUSCLE FOUND for (.*); name them", told) == [unfound][: bool(unfound)]
 
 
 def test_a_page_says_first_what_reading_lost(scores: Scores, tmp_path: Path) -> None:
