@@ -12,7 +12,7 @@ from typing import cast
 import numpy as np
 
 from cosim.anatomy.bones import read_surface
-from cosim.anatomy.register import Fit, cloud_of, lay, register
+from cosim.anatomy.register import Fit, lay, register
 from cosim.case.file import load_case
 from cosim.errors import InputError, Progress
 from cosim.fingers.common import Extensor
@@ -39,8 +39,7 @@ EITHER_WAY = 1.25
 """Over which the other end first fits worse."""
 FLAT = 0.6
 """Share of a bone's mean section, the largest flat face at an end beyond which the bone was cut
-there: ours and those of another hand have 0.1 to 0.5, one cut by a tenth of its length 0.6 and
-more."""
+there: ours have 0.1 to 0.5, cut by a tenth of their length 0.7 and more (a distal's tip less)."""
 ROUGH = 0.04e-3
 """m, mean distance after the spline from which a surface is rough: 0.01 to 0.03 of smooth ones,
 0.05 to 0.08 with noise of 0.3 mm."""
@@ -139,9 +138,8 @@ def lay_bones(
         progress(f"laying our {body} on yours")
         fits[body] = register(template.bones[body], surface)
         report.append(_fit_words(body, fits[body]))
-        told = []
-        if body == "metacarpal":
-            told = _metacarpal_faults(surface, fits[body], template, hand)
+        is_first = body == "metacarpal"
+        told = is_first and _metacarpal_faults(surface, fits[body], template, hand)
         faults += told or _shape_faults(body, surface, fits[body], files[body])
     faults += _side_faults(fits, landmarks, hand)
     _refuse(faults)
@@ -155,17 +153,19 @@ def lay_bones(
                 f"{body}: {why}; the hood lies on ours as the spline bends it, with the distance "
                 "told above"
             )
-    ratios = {body: _ratios(template.bones[body], *size) for body, size in sizes.items()}
+    ours = template.bones
+    ratios = {b: (x / span(ours[b]), y / width_of(ours[b])) for b, (x, y) in sizes.items()}
     stretch = np.array(
         [*(fit.stretch for fit in fits.values()), *([x, y, y] for x, y in ratios.values())]
     )
     along, across = float(stretch[:, 0].mean()), float(stretch[:, 1:].mean())
     for body in BODIES:
         if body not in surfaces:
-            points, faces = template.bones[body]
+            points, faces = ours[body]
             longer, wider = ratios.get(body, (along, across))
             surfaces[body] = points * (scale := np.array([longer, wider, wider])), faces
-            fits[body] = _scaled(points, scale)
+            some = points[:: max(1, len(points) // 300)]
+            fits[body] = Fit(np.diag(scale), np.zeros(3), {}, np.inf, points, some, some * scale)
             how = "as stated" if body in sizes else "not given"
             report.append(f"{body}: {how}; ours, {longer:.3f} as long and {wider:.3f} as wide")
     return LaidBones(surfaces, fits, tuple(files), landmarks, tuple(report))
@@ -182,15 +182,6 @@ def width_of(surface: Triangles) -> float:
     return float(np.ptp(surface[0][:, 1]))
 
 
-def _ratios(ours: Triangles, length: float, width: float) -> tuple[float, float]:
-    return length / span(ours), width / width_of(ours)
-
-
-def _scaled(points: Array, scale: Array) -> Fit:
-    some = points[:: max(1, len(points) // 300)]
-    return Fit(np.diag(scale), np.zeros(3), {}, np.inf, points, some, some * scale)
-
-
 def span(surface: Triangles) -> float:
     """The length of a bone along its longest principal axis, in its unit."""
     points = surface[0]
@@ -198,21 +189,29 @@ def span(surface: Triangles) -> float:
     return float(np.ptp(points @ axis))
 
 
-def flat_end(surface: Triangles, count: int = 6000) -> float:
-    """The largest flat face at an end of a bone, over its mean section."""
-    points, faces = surface
-    cloud = cloud_of(surface, count)
-    a, b, c = points[faces].transpose(1, 0, 2)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-    section = abs(np.einsum("nk,nk->", a, np.cross(b, c))) / 6 / span(surface)
-    axis = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
-    most = 0
-    at_end = np.flatnonzero(np.abs(cloud.normals @ axis) > 0.7)
-    for i in at_end[:: max(1, len(at_end) // 150)]:
-        off = np.abs((cloud.points - cloud.points[i]) @ cloud.normals[i])
-        alike = cloud.normals @ cloud.normals[i] > 0.99
-        most = max(most, int((alike & (off < 0.2e-3)).sum()))
-    return float(most / count * area / section)
+def flat_end(surface: Triangles) -> float:
+    """The largest flat face at an end of a bone, over its mean section; normals are means over
+    neighbours that face alike, so that the cut of a rough bone is flat."""
+    from scipy.sparse import csr_array
+    from scipy.spatial import cKDTree
+
+    points = surface[0] - surface[0].mean(axis=0)
+    a, b, c = points[surface[1]].transpose(1, 0, 2)
+    middle, normal = (a + b + c) / 3, np.cross(b - a, c - a)
+    area, tree = np.linalg.norm(normal, axis=1) / 2, cKDTree(middle)
+    reach = np.sqrt(24 * area.sum() / np.pi / max(6000, len(area)))
+    pairs = tree.sparse_distance_matrix(tree, reach, output_type="ndarray")
+    i, j, near = pairs["i"], pairs["j"], 1 - (pairs["v"] / reach) ** 2
+    alike = np.maximum(np.einsum("nk,nk->n", normal[i], normal[j]), 0) / area[j]
+    normal = csr_array((near * alike, (i, j))) @ normal
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    ends = np.flatnonzero(np.abs(normal @ np.linalg.svd(points, full_matrices=False)[2][0]) > 0.7)
+    ends = ends[np.linalg.norm(middle[ends], axis=1).argsort()]  # in no file's order
+    section, most = abs(np.einsum("nk,nk->", a, np.cross(b, c))) / 6 / span(surface), 0.0
+    for k in ends[:: max(1, len(ends) // 300)]:
+        off = np.abs((middle - middle[k]) @ normal[k])
+        most = max(most, area[(normal @ normal[k] > 0.99) & (off < 0.2e-3)].sum())
+    return float(most / section)
 
 
 def _unit(
@@ -263,8 +262,7 @@ def _fit_words(body: str, fit: Fit) -> str:
 
 
 def _cut_faults(body: str, surface: Triangles, path: Path) -> list[str]:
-    flat = flat_end(surface)
-    if flat < FLAT:
+    if (flat := flat_end(surface)) < FLAT:
         return []
     return [
         f"{body} ({path.name}): ends in a flat face ({100 * flat:.0f} % of its mean section), as "
