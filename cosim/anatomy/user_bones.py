@@ -40,6 +40,8 @@ EITHER_WAY = 1.25
 FLAT = 0.6
 """Share of a bone's mean section, the largest flat face at an end beyond which the bone was cut
 there: ours have 0.1 to 0.5, cut by a tenth of their length 0.7 and more (a distal's tip less)."""
+MOST_NEAR = 48
+"""Triangles beside each over which its normal is a mean, at most."""
 ROUGH = 0.04e-3
 """m, mean distance after the spline from which a surface is rough: 0.01 to 0.03 of smooth ones,
 0.05 to 0.08 with noise of 0.3 mm."""
@@ -192,19 +194,18 @@ def span(surface: Triangles) -> float:
 def flat_end(surface: Triangles) -> float:
     """The largest flat face at an end of a bone, over its mean section; normals are means over
     neighbours that face alike, so that the cut of a rough bone is flat."""
-    from scipy.sparse import csr_array
     from scipy.spatial import cKDTree
 
     points = surface[0] - surface[0].mean(axis=0)
     a, b, c = points[surface[1]].transpose(1, 0, 2)
     middle, normal = (a + b + c) / 3, np.cross(b - a, c - a)
-    area, tree = np.linalg.norm(normal, axis=1) / 2, cKDTree(middle)
+    area, tree = np.maximum(np.linalg.norm(normal, axis=1) / 2, 1e-30), cKDTree(middle)
     reach = np.sqrt(24 * area.sum() / np.pi / max(6000, len(area)))
-    pairs = tree.sparse_distance_matrix(tree, reach, output_type="ndarray")
-    i, j, near = pairs["i"], pairs["j"], 1 - (pairs["v"] / reach) ** 2
-    alike = np.maximum(np.einsum("nk,nk->n", normal[i], normal[j]), 0) / area[j]
-    normal = csr_array((near * alike, (i, j))) @ normal
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    away, near = tree.query(middle, np.arange(1, MOST_NEAR + 1), distance_upper_bound=reach)
+    at = normal[near := np.minimum(near, len(area) - 1)]  # those beyond reach weigh nothing
+    alike = np.maximum(np.einsum("nk,nmk->nm", normal, at), 0) / area[near]
+    normal = np.einsum("nm,nmk->nk", np.maximum(1 - (away / reach) ** 2, 0) * alike, at)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     ends = np.flatnonzero(np.abs(normal @ np.linalg.svd(points, full_matrices=False)[2][0]) > 0.7)
     ends = ends[np.linalg.norm(middle[ends], axis=1).argsort()]  # in no file's order
     section, most = abs(np.einsum("nk,nk->", a, np.cross(b, c))) / 6 / span(surface), 0.0
