@@ -10,8 +10,8 @@ import re
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
-PRODUCT = 111918
-TESTS = 75145
+PRODUCT = 111999
+TESTS = 75289
 
 
 def _lines(*packages: str) -> int:
