@@ -420,12 +420,7 @@ def _halo(size: float) -> dict[str, Any]:
     return {"fontsize": size, "path_effects": [withStroke(linewidth=2.2, foreground="white")]}
 
 
-def _write_names(
-    ax: Axes,
-    scene: Scene,
-    view: PlotView,
-    line: float,
-) -> None:
+def _write_names(ax: Axes, scene: Scene, view: PlotView, line: float) -> None:
     """Names of bones and joints at their places, and of the tendons that pull in a column beside
     the finger, with lines to where they are pulled; `line`: mm that a line of text takes."""
     middle: Any = {"ha": "center", "va": "center"}
@@ -461,6 +456,8 @@ def _write_names(
     room = LETTER / LINE * line * max(map(len, order), default=0)
     first, last = ax.get_xlim()
     left = last + room if view.sign[0] < 0 else first + line / 4
+    style = {"arrowstyle": "-", "lw": 1.0, "color": TENDON, "shrinkA": 1, "shrinkB": 0}
+    style["relpos"] = (float(view.sign[0] > 0), 0.5)  # the label's edge that faces the finger
     for words, height in zip(order, heights, strict=True):
         ax.annotate(
             words,
@@ -469,7 +466,7 @@ def _write_names(
             va="center",
             fontsize=SMALL_TEXT,
             color=TENDON,
-            arrowprops={"arrowstyle": "-", "lw": 1.0, "color": TENDON, "shrinkA": 1, "shrinkB": 0},
+            arrowprops=style,
             zorder=6,
         )
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from matplotlib.text import Text
 
 from cosim.face import load, run
 from cosim.hoods.kinds import COLOURS, colours_of
@@ -126,6 +127,23 @@ def test_names_are_those_of_bones_joints_and_the_tendons_that_pull(result):
     names = {text.get_text() for text in draw(result.scene, "x").axes[0].texts}
     assert {"metacarpal", "proximal", "middle", "distal", "MCP", "PIP", "DIP"} <= names
     assert {name for name in names if name.endswith(" N")} == {"EDC 3.47 N"}
+
+
+@pytest.mark.parametrize("hand", ["right", "left"])
+def test_the_line_of_a_label_starts_beside_it_and_crosses_no_other(result, hand):
+    pulled = {name: 1.0 for name, _ in result.scene.tendons} | {"EDC": 1.0, "EI": 2.0}
+    figure = draw(replace(result.scene, pulled=pulled, hand=hand), "x")
+    figure.draw_without_rendering()
+    labels = [text for text in figure.axes[0].texts if text.get_text().endswith(" N")]
+    boxes = [Text.get_window_extent(text) for text in labels]
+    assert len(labels) > 6
+    for text, box in zip(labels, boxes, strict=True):
+        line = text.arrow_patch.get_transform().transform(text.arrow_patch.get_path().vertices)
+        beside = box.x0 - line[0, 0] if hand == "right" else line[0, 0] - box.x1
+        assert 0 < beside < box.height
+        assert box.y0 < line[0, 1] < box.y1
+        along = line[0] + np.linspace(0, 1, 50)[:, None] * (line[-1] - line[0])
+        assert not any(other.count_contains(along) for other in boxes)
 
 
 def test_the_colour_bar_says_which_strain_in_the_words_of_the_report(result):
