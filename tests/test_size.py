@@ -10,8 +10,8 @@ import re
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
-PRODUCT = 111999
-TESTS = 75289
+PRODUCT = 111996
+TESTS = 75306
 
 
 def _lines(*packages: str) -> int:
