@@ -10,7 +10,7 @@ import re
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
-PRODUCT = 111996
+PRODUCT = 112001
 TESTS = 75306
 
 

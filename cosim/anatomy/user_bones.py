@@ -40,8 +40,9 @@ EITHER_WAY = 1.25
 FLAT = 0.6
 """Share of a bone's mean section, the largest flat face at an end beyond which the bone was cut
 there: ours have 0.1 to 0.5, cut by a tenth of their length 0.7 and more (a distal's tip less)."""
-MOST_NEAR = 48
-"""Triangles beside each over which its normal is a mean, at most."""
+USUAL_NEAR, MOST_NEAR = 24, 48
+"""Triangles beside each over which its normal is a mean: with 12 a face with noise of 0.3 mm is no
+longer flat."""
 ROUGH = 0.04e-3
 """m, mean distance after the spline from which a surface is rough: 0.01 to 0.03 of smooth ones,
 0.05 to 0.08 with noise of 0.3 mm."""
@@ -140,8 +141,9 @@ def lay_bones(
         progress(f"laying our {body} on yours")
         fits[body] = register(template.bones[body], surface)
         report.append(_fit_words(body, fits[body]))
-        is_first = body == "metacarpal"
-        told = is_first and _metacarpal_faults(surface, fits[body], template, hand)
+        told = []
+        if body == "metacarpal":
+            told = _metacarpal_faults(surface, fits[body], template, hand)
         faults += told or _shape_faults(body, surface, fits[body], files[body])
     faults += _side_faults(fits, landmarks, hand)
     _refuse(faults)
@@ -200,9 +202,10 @@ def flat_end(surface: Triangles) -> float:
     a, b, c = points[surface[1]].transpose(1, 0, 2)
     middle, normal = (a + b + c) / 3, np.cross(b - a, c - a)
     area, tree = np.maximum(np.linalg.norm(normal, axis=1) / 2, 1e-30), cKDTree(middle)
-    reach = np.sqrt(24 * area.sum() / np.pi / max(6000, len(area)))
+    reach = np.sqrt(USUAL_NEAR * area.sum() / np.pi / max(6000, len(area)))
     away, near = tree.query(middle, np.arange(1, MOST_NEAR + 1), distance_upper_bound=reach)
-    at = normal[near := np.minimum(near, len(area) - 1)]  # those beyond reach weigh nothing
+    near = np.minimum(near, len(area) - 1)  # what stands for those beyond reach weighs nothing
+    at = normal[near]
     alike = np.maximum(np.einsum("nk,nmk->nm", normal, at), 0) / area[near]
     normal = np.einsum("nm,nmk->nk", np.maximum(1 - (away / reach) ** 2, 0) * alike, at)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
@@ -263,7 +266,8 @@ def _fit_words(body: str, fit: Fit) -> str:
 
 
 def _cut_faults(body: str, surface: Triangles, path: Path) -> list[str]:
-    if (flat := flat_end(surface)) < FLAT:
+    flat = flat_end(surface)
+    if flat < FLAT:
         return []
     return [
         f"{body} ({path.name}): ends in a flat face ({100 * flat:.0f} % of its mean section), as "

@@ -130,7 +130,8 @@ def _check_unit(case: Case) -> None:
 
 
 def _check_parts(case: Case) -> None:
-    """What no mesh of the hood has of parts that give way; what its own lacks shows once built."""
+    """Check that some mesh of the hood has the parts that give way; what its own lacks shows once
+    it is built.  Raises InputError."""
     if case.gives_way is None:
         return
     lesion, parts = case.lesion, case.hood.parts()

@@ -94,7 +94,7 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
 
     Raises InputError and ConvergenceError."""
     models = session.models(case, progress)
-    _units(case, models)
+    units = _units(case, models)
     unloaded = session.unloaded_equilibrium(case, progress)
     near, second = session.start_near(case, models, loaded=True), None
     if near is not None and is_solved_both_ways(case):
@@ -111,7 +111,7 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
         second = _second_start(case, models, unloaded, progress, first.draw)
     ways = _both_ways(case, models, unloaded, first, progress)
     at_once = None if held is None else whole
-    strength = _strength(case, models, unloaded, first, progress, at_once)
+    strength = _strength(case, models, units, unloaded, first, progress, at_once)
     if not models.hood.tendons or loaded.balance is None or case.hood.has_friction:
         return models, States(unloaded, loaded, None, pull, None, second, ways, strength, held)
     progress("auditing reciprocity")
@@ -134,19 +134,20 @@ def _units(case: Case, models: Models) -> Sequence[Any]:
 def _strength(
     case: Case,
     models: Models,
+    units: Sequence[Any],
     unloaded: Equilibrium,
     loaded: Loaded,
     progress: Progress,
     at_once: Any = None,
 ) -> Strength | None:
-    """What gives way first of a case that lets parts of its hood do so; `at_once`: the hood before
-    it relaxed.  Raises InputError."""
-    if case.gives_way is None:
+    """What gives way first of the `units` of a case that lets parts of its hood do so; `at_once`:
+    the hood before it relaxed."""
+    if not units:
         return None
     from cosim.hoods.giving import bearing_of
 
     hood: Any = models.hood
-    units, others = _units(case, models), models.built.others()
+    others = models.built.others()
 
     def bearing(e: Equilibrium) -> Bearing:
         return bearing_of(hood, units, e.response.state, others, at_once)

@@ -75,8 +75,8 @@ def first_to_give_way(
             return answer(unit, wanted)
         tried, load = (load, now), float(np.clip(wanted, load / 3, 3 * load))
         if load > MOST_LOAD:
-            most = f"not below {MOST_LOAD:g}" if now else f"they bear nothing at {tried[0]:g}"
-            return answer(unit, None, f"{most} times the loads")
+            why = f"not below {MOST_LOAD:g}" if now else f"they bear nothing at {tried[0]:g}"
+            return answer(unit, None, f"{why} times the loads")
         if load * active > 1.0:
             return answer(unit, None, "not before a muscle is fully active")
         try:
